@@ -1,0 +1,3 @@
+//! The command `strivec`.
+
+fn main() {}

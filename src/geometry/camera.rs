@@ -1,0 +1,101 @@
+//! Pinhole cameras: the one place that fixes the camera's axes and where a pixel's centre is.
+
+use glam::{DMat3, DVec3};
+
+use super::{Ray, Similarity};
+
+/// A pinhole camera in OpenGL's and Blender's axes: x to the right, y up, looking along −z.
+///
+/// Pixel (column, row) counts from the top left; its centre is (column + ½, row + ½).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Focal lengths in pixels, along columns and rows.
+    pub focal: [f64; 2],
+    /// The principal point in pixels from the top left corner of the picture.
+    pub principal: [f64; 2],
+    /// Orthonormal, right-handed: its columns are the camera's x, y and z axes in the world.
+    pub world_from_camera: DMat3,
+    /// Where the camera stands in the world.
+    pub position: DVec3,
+}
+
+impl Camera {
+    /// The focal length in pixels of a picture `extent` pixels across that spans `angle` radians.
+    pub fn focal_of_angle(extent: u32, angle: f64) -> f64 {
+        0.5 * f64::from(extent) / (0.5 * angle).tan()
+    }
+
+    /// A camera at `position` that looks at `target` with `up` upwards, its principal point in the middle.
+    /// `up` must not be parallel to the line of sight.
+    pub fn looking_at(size: [u32; 2], focal: f64, position: DVec3, target: DVec3, up: DVec3) -> Self {
+        let back = (position - target).normalize();
+        let right = up.cross(back).normalize();
+        Self {
+            width: size[0],
+            height: size[1],
+            focal: [focal, focal],
+            principal: [0.5 * f64::from(size[0]), 0.5 * f64::from(size[1])],
+            world_from_camera: DMat3::from_cols(right, back.cross(right), back),
+            position,
+        }
+    }
+
+    /// The ray from the camera through the picture point (x, y), in pixels from the top left corner.
+    pub fn ray_through(&self, x: f64, y: f64) -> Ray {
+        let in_camera =
+            DVec3::new((x - self.principal[0]) / self.focal[0], -(y - self.principal[1]) / self.focal[1], -1.0);
+        Ray { origin: self.position, direction: (self.world_from_camera * in_camera).normalize() }
+    }
+
+    /// The ray through the centre of pixel (`column`, `row`).
+    pub fn ray(&self, column: u32, row: u32) -> Ray {
+        self.ray_through(f64::from(column) + 0.5, f64::from(row) + 0.5)
+    }
+
+    /// The same view in the space that `map` leads to.
+    pub fn mapped(&self, map: &Similarity) -> Self {
+        Self {
+            world_from_camera: DMat3::from_quat(map.rotation) * self.world_from_camera,
+            position: map.point(self.position),
+            ..*self
+        }
+    }
+
+    /// The camera of the same view in a picture `factor` times smaller in both directions, whose size is rounded
+    /// down: what is left of the last columns and rows lies outside it.
+    pub fn downscaled(&self, factor: u32) -> Self {
+        let f = f64::from(factor);
+        Self {
+            width: self.width / factor,
+            height: self.height / factor,
+            focal: self.focal.map(|v| v / f),
+            principal: self.principal.map(|v| v / f),
+            ..*self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn middle_of_the_picture_looks_at_the_target_and_columns_grow_to_the_right() {
+        let camera = Camera::looking_at([4, 2], 3.0, DVec3::new(0.0, -5.0, 0.0), DVec3::ZERO, DVec3::Z);
+        assert!((camera.ray_through(2.0, 1.0).direction - DVec3::Y).length() < 1e-15);
+        assert!(camera.ray(3, 0).direction.x > 0.0, "columns grow to the right");
+        assert!(camera.ray(3, 0).direction.z > 0.0, "rows grow downwards");
+    }
+
+    #[test]
+    fn downscaled_pixel_centre_is_the_middle_of_its_block() {
+        let camera = Camera::looking_at([8, 8], 5.0, DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
+        let small = camera.downscaled(4);
+        let difference = small.ray(1, 0).direction - camera.ray_through(6.0, 2.0).direction;
+        assert!(difference.length() < 1e-15);
+    }
+}

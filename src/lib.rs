@@ -1,0 +1,33 @@
+//! Strivec: sparse tri-vector radiance fields (ICCV 2023) as a compact, versioned file and the toolkit around it.
+//!
+//! Layers, each importing only from those above it in this list (`tests/import_order.rs` checks it):
+//!
+//! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
+//! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
+//! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `prior`: where the scene
+//!    is, and placing tensors there. `field`: the fast field that rendering and training share.
+//! 3. `render`: pictures of a scene. `train`: a scene from photographs.
+//! 4. `measure`: PSNR, SSIM.
+//! 5. `cli`: the commands.
+//!
+//! With `default-features = false` only layers 0, 1 and `container` are built.
+
+pub mod container;
+pub mod geometry;
+pub mod model;
+
+#[cfg(feature = "toolkit")]
+pub mod dataset;
+#[cfg(feature = "toolkit")]
+pub mod field;
+#[cfg(feature = "toolkit")]
+pub mod measure;
+#[cfg(feature = "toolkit")]
+pub mod prior;
+#[cfg(feature = "toolkit")]
+pub mod render;
+#[cfg(feature = "toolkit")]
+pub mod train;
+
+#[cfg(feature = "cli")]
+pub mod cli;

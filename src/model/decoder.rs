@@ -1,0 +1,78 @@
+//! From appearance features and a direction to a colour: the shared matrices and the MLP.
+
+use super::BrokenInvariant;
+
+/// The P×R matrix that every tensor of a scale shares (paper, section "Local tri-vector tensors"; no bias).
+#[derive(Clone, Debug, PartialEq)]
+pub struct AppearanceMatrix {
+    /// P, the length of the feature vector.
+    pub features: u32,
+    /// R, the scale's appearance rank.
+    pub rank: u32,
+    /// \[P\]\[R\], row-major.
+    pub weights: Vec<f32>,
+}
+
+/// A fully connected layer y = W·x + b.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear {
+    /// Length of x.
+    pub inputs: u32,
+    /// Length of y.
+    pub outputs: u32,
+    /// \[outputs\]\[inputs\], row-major.
+    pub weights: Vec<f32>,
+    /// \[outputs\].
+    pub bias: Vec<f32>,
+}
+
+/// Where along the ray the decoder is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DecoderMode {
+    /// At every sample that counts; colours are composited (the paper).
+    PerSample,
+    /// Once a ray, on composited features.
+    PerRay,
+}
+
+/// The MLP. Its input is \[features, direction, PE(features), PE(direction)\], where PE takes every element times
+/// 1, 2, 4, … (no π): all sines first, then all cosines, the frequency running fastest within each. ReLU between the
+/// layers, a sigmoid at the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoder {
+    /// Where it is called.
+    pub mode: DecoderMode,
+    /// Frequencies of PE(features): 2 gives 1 and 2.
+    pub feature_frequencies: u32,
+    /// Frequencies of PE(direction).
+    pub direction_frequencies: u32,
+    /// First to last; the last has 3 outputs.
+    pub layers: Vec<Linear>,
+}
+
+impl Decoder {
+    /// The length of the input for `features` appearance features.
+    pub fn input_len(&self, features: u32) -> u32 {
+        features * (1 + 2 * self.feature_frequencies) + 3 * (1 + 2 * self.direction_frequencies)
+    }
+
+    /// Number of weights and biases.
+    pub fn parameter_count(&self) -> u64 {
+        self.layers.iter().map(|l| (l.weights.len() + l.bias.len()) as u64).sum()
+    }
+
+    pub(super) fn check(&self, features: u32) -> Result<(), BrokenInvariant> {
+        let mut width = self.input_len(features);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let place = |what: &str| format!("decoder layer {i} {what}");
+            BrokenInvariant::unless_equal(|| place("inputs"), width, layer.inputs)?;
+            let weights = u64::from(layer.inputs) * u64::from(layer.outputs);
+            BrokenInvariant::unless_equal(|| place("weights"), weights, layer.weights.len() as u64)?;
+            BrokenInvariant::unless_equal(|| place("bias"), layer.outputs as usize, layer.bias.len())?;
+            BrokenInvariant::unless_finite(|| place("weights"), &layer.weights)?;
+            BrokenInvariant::unless_finite(|| place("bias"), &layer.bias)?;
+            width = layer.outputs;
+        }
+        BrokenInvariant::unless_equal(|| "decoder outputs".into(), 3, width)
+    }
+}

@@ -1,0 +1,62 @@
+//! The tensors' numbers.
+
+use super::BrokenInvariant;
+
+/// How a tensor is factorised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactorKind {
+    /// CP: three vectors a component (paper, equations 4 and 5).
+    Cp,
+    /// VM: a matrix and a vector a component, as TensoRF's.
+    Vm,
+}
+
+/// The factors of one scale's tensors.
+///
+/// `density` and `appearance` have the same layout, each with its own rank R: \[tensor\]\[axis\]\[vertex\]\[component\],
+/// where axis a has resolution\[a\] + 1 vertices. The component runs fastest, so that interpolation between two
+/// vertices reads two adjacent rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Factors {
+    /// How the numbers are to be read.
+    pub kind: FactorKind,
+    /// Density components a tensor.
+    pub density_rank: u32,
+    /// Appearance components a tensor.
+    pub appearance_rank: u32,
+    /// Density vectors.
+    pub density: Vec<f32>,
+    /// Appearance vectors.
+    pub appearance: Vec<f32>,
+}
+
+impl Factors {
+    /// Rows (vertices of all three axes) of a tensor whose resolution in cells is `resolution`.
+    pub fn rows(resolution: [u32; 3]) -> usize {
+        resolution.iter().map(|&d| d as usize + 1).sum()
+    }
+
+    /// The first row of each axis within a tensor.
+    pub fn axis_rows(resolution: [u32; 3]) -> [usize; 3] {
+        [0, resolution[0] as usize + 1, resolution[0] as usize + resolution[1] as usize + 2]
+    }
+
+    /// Number of factor entries.
+    pub fn parameter_count(&self) -> u64 {
+        (self.density.len() + self.appearance.len()) as u64
+    }
+
+    pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), BrokenInvariant> {
+        if self.kind != FactorKind::Cp {
+            return Err(BrokenInvariant::new(format!("{place} factor kind"), "cp", "vm, which no renderer here knows"));
+        }
+        let expected = |rank: u32| tensors as u128 * Self::rows(resolution) as u128 * u128::from(rank);
+        for (name, rank, values) in
+            [("density", self.density_rank, &self.density), ("appearance", self.appearance_rank, &self.appearance)]
+        {
+            BrokenInvariant::unless_equal(|| format!("{place} {name} factors"), expected(rank), values.len() as u128)?;
+            BrokenInvariant::unless_finite(|| format!("{place} {name} factors"), values)?;
+        }
+        Ok(())
+    }
+}

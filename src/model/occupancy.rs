@@ -1,0 +1,155 @@
+//! Where samples count at all.
+
+use glam::{DVec3, UVec3};
+
+use super::BrokenInvariant;
+use crate::geometry::Aabb;
+
+/// One bit a vertex of a regular grid whose outermost vertices lie on the faces of `bounds`.
+///
+/// A point counts where the trilinear interpolation of the bits is positive: in the box, and where a vertex of
+/// non-zero weight is set (DESIGN, section 2.10).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Occupancy {
+    /// What the grid spans, in model units.
+    pub bounds: Aabb,
+    /// Vertices along x, y and z, at least 2 each.
+    pub vertices: UVec3,
+    /// Bit (z·Y + y)·X + x of the whole, 64 to a word, least significant first; unused bits are 0.
+    pub words: Vec<u64>,
+}
+
+impl Occupancy {
+    /// A grid of unset vertices.
+    pub fn empty(bounds: Aabb, vertices: UVec3) -> Self {
+        let bits = vertices.x as usize * vertices.y as usize * vertices.z as usize;
+        Self { bounds, vertices, words: vec![0; bits.div_ceil(64)] }
+    }
+
+    /// The bit number of `vertex`.
+    pub fn index(&self, vertex: UVec3) -> usize {
+        let [x, y, z] = vertex.to_array().map(|v| v as usize);
+        (z * self.vertices.y as usize + y) * self.vertices.x as usize + x
+    }
+
+    /// Whether `vertex` is set.
+    pub fn get(&self, vertex: UVec3) -> bool {
+        let bit = self.index(vertex);
+        self.words[bit / 64] >> (bit % 64) & 1 == 1
+    }
+
+    /// Sets `vertex`.
+    pub fn set(&mut self, vertex: UVec3) {
+        let bit = self.index(vertex);
+        self.words[bit / 64] |= 1 << (bit % 64);
+    }
+
+    /// The position of `vertex`.
+    pub fn position(&self, vertex: UVec3) -> DVec3 {
+        self.bounds.min + vertex.as_dvec3() / (self.vertices.as_dvec3() - 1.0) * self.bounds.size()
+    }
+
+    /// Edge lengths of a cell between vertices.
+    pub fn cell_size(&self) -> DVec3 {
+        self.bounds.size() / (self.vertices.as_dvec3() - 1.0)
+    }
+
+    /// Number of set vertices.
+    pub fn count(&self) -> u64 {
+        self.words.iter().map(|w| u64::from(w.count_ones())).sum()
+    }
+
+    /// The set vertices, in storage order.
+    pub fn iter(&self) -> impl Iterator<Item = UVec3> + '_ {
+        let (x, y) = (self.vertices.x as usize, self.vertices.y as usize);
+        self.words.iter().enumerate().flat_map(move |(i, &word)| {
+            (0..64).filter(move |b| word >> b & 1 == 1).map(move |b| {
+                let bit = i * 64 + b;
+                UVec3::new((bit % x) as u32, (bit / x % y) as u32, (bit / (x * y)) as u32)
+            })
+        })
+    }
+
+    /// The position of `point` in cells from the first vertex, per axis from 0 to vertices − 1 within the bounds.
+    pub fn cell_coordinates(&self, point: DVec3) -> DVec3 {
+        (point - self.bounds.min) / self.bounds.size() * (self.vertices.as_dvec3() - 1.0)
+    }
+
+    /// Whether `point` counts.
+    pub fn contains(&self, point: DVec3) -> bool {
+        if !self.bounds.contains(point) {
+            return false;
+        }
+        let at = self.cell_coordinates(point);
+        let first = at.floor().as_uvec3().min(self.vertices - 2);
+        let fraction = at - first.as_dvec3();
+        corners().any(|corner| {
+            let weight = (0..3).map(|a| if corner[a] == 1 { fraction[a] } else { 1.0 - fraction[a] }).product::<f64>();
+            weight > 0.0 && self.get(first + corner)
+        })
+    }
+
+    /// Whether any of the eight vertices of the cell with the smallest vertex `cell` is set: the decision for the
+    /// cell's interior. Cells outside the grid are not occupied.
+    pub fn cell_is_occupied(&self, cell: glam::IVec3) -> bool {
+        let inside = cell.cmpge(glam::IVec3::ZERO).all() && cell.cmplt(self.vertices.as_ivec3() - 1).all();
+        inside && corners().any(|corner| self.get(cell.as_uvec3() + corner))
+    }
+
+    pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
+        if !self.bounds.is_solid() {
+            let found = format!("{:?}", self.bounds);
+            return Err(BrokenInvariant::new("occupancy bounds", "a finite box of positive size", found));
+        }
+        if self.vertices.min_element() < 2 {
+            return Err(BrokenInvariant::new("occupancy vertices", "at least 2 per axis", self.vertices));
+        }
+        let bits = self.vertices.to_array().iter().map(|&v| u128::from(v)).product::<u128>();
+        BrokenInvariant::unless_equal(|| "occupancy words".into(), bits.div_ceil(64), self.words.len() as u128)?;
+        let used = (bits % 64) as u32;
+        if used != 0 && self.words.last().is_some_and(|w| w >> used != 0) {
+            return Err(BrokenInvariant::new("occupancy words", "unused bits 0", "a set bit past the last vertex"));
+        }
+        Ok(())
+    }
+}
+
+fn corners() -> impl Iterator<Item = UVec3> {
+    (0..8).map(|c| UVec3::new(c & 1, c >> 1 & 1, c >> 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one_vertex() -> Occupancy {
+        let mut grid = Occupancy::empty(Aabb { min: DVec3::ZERO, max: DVec3::splat(4.0) }, UVec3::splat(5));
+        grid.set(UVec3::new(2, 2, 2));
+        grid
+    }
+
+    #[test]
+    fn a_vertex_counts_in_the_open_cells_around_it() {
+        let grid = one_vertex();
+        assert!(grid.contains(DVec3::splat(2.0)));
+        assert!(grid.contains(DVec3::new(1.001, 2.999, 2.0)));
+        assert!(!grid.contains(DVec3::new(1.0, 2.0, 2.0)), "weight 0 on the far face");
+        assert!(!grid.contains(DVec3::new(3.0, 2.0, 2.0)));
+        assert!(!grid.contains(DVec3::splat(-1.0)));
+    }
+
+    #[test]
+    fn set_vertices_are_iterated_with_their_coordinates() {
+        let mut grid = one_vertex();
+        grid.set(UVec3::new(4, 0, 4));
+        assert_eq!(grid.iter().collect::<Vec<_>>(), [UVec3::new(2, 2, 2), UVec3::new(4, 0, 4)]);
+        assert_eq!(grid.count(), 2);
+    }
+
+    #[test]
+    fn a_bit_past_the_last_vertex_is_named() {
+        let mut grid = one_vertex();
+        *grid.words.last_mut().unwrap() |= 1 << 63;
+        assert_eq!(grid.check().unwrap_err().place, "occupancy words");
+    }
+}

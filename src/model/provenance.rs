@@ -1,0 +1,16 @@
+//! Where a scene came from.
+
+/// What made the scene, for people: nothing is computed from it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Provenance {
+    /// The dataset's name.
+    pub dataset: String,
+    /// The preset's name.
+    pub preset: String,
+    /// Training steps.
+    pub steps: u64,
+    /// The random generator's seed.
+    pub seed: u64,
+    /// The tool and its version.
+    pub tool: String,
+}

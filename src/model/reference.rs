@@ -1,0 +1,386 @@
+//! The reference field: what a scene means, in f64, as plainly as it can be said. Every other implementation is
+//! compared with this one, so nothing here is shared with them.
+//!
+//! Besides its value, each query returns its *decision margin*: the smallest displacement of the point, per axis and
+//! in model units, at which a discrete decision (which tensors cover it, which are nearest, whether it is occupied)
+//! would come out differently. Implementations in lower precision must agree where the margin exceeds their own
+//! position error.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3};
+
+use super::{Aggregation, Coverage, Decoder, Occupancy, Reduction, Rules, Scale, Scene};
+
+/// Margins are exact below this, in model units, and reported as at least this above it.
+pub const MARGIN_HORIZON: f64 = 1e-3;
+
+/// One of the tensors that a point aggregates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbour {
+    /// Its number in the scale.
+    pub tensor: usize,
+    /// The point's distance to its centre.
+    pub distance: f64,
+    /// Its weight, normalised as the scene's aggregation says.
+    pub weight: f64,
+}
+
+/// A point with its neighbours.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Where.
+    pub position: DVec3,
+    /// For each scale its neighbours, nearest first; empty where the scale does not cover the point.
+    pub neighbours: Vec<Vec<Neighbour>>,
+    /// Whether the point is in the model.
+    pub covered: bool,
+    /// The decision margin of coverage and ranking.
+    pub margin: f64,
+}
+
+/// The density feature at a point and how it changes with the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DensityAt {
+    /// f, before shift and softplus.
+    pub feature: f64,
+    /// ∂f/∂position.
+    pub gradient: DVec3,
+}
+
+/// max(x, 0) + ln(1 + exp(−|x|)).
+pub fn softplus(x: f64) -> f64 {
+    x.max(0.0) + (-x.abs()).exp().ln_1p()
+}
+
+/// 1/(1 + exp(−x)), the derivative of [`softplus`].
+pub fn sigmoid(x: f64) -> f64 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+/// 1 − exp(−`optical_depth`).
+pub fn alpha(optical_depth: f64) -> f64 {
+    -(-optical_depth).exp_m1()
+}
+
+/// A scene ready to be queried. The scene must have passed [`Scene::check`].
+pub struct ReferenceField<'a> {
+    scene: &'a Scene,
+    buckets: Vec<Buckets>,
+}
+
+/// The tensors of a scale by the cells, one edge length wide, that they reach (and reach within the margin horizon).
+struct Buckets {
+    width: DVec3,
+    tensors: HashMap<IVec3, Vec<usize>>,
+}
+
+impl Buckets {
+    fn new(scale: &Scale) -> Self {
+        let width = 2.0 * scale.cloud.half;
+        let mut tensors = HashMap::<IVec3, Vec<usize>>::new();
+        for (n, center) in scale.cloud.centers().enumerate() {
+            let reach = scale.cloud.half + 2.0 * MARGIN_HORIZON;
+            let first = ((center - reach) / width).floor().as_ivec3();
+            let last = ((center + reach) / width).floor().as_ivec3();
+            for z in first.z..=last.z {
+                for y in first.y..=last.y {
+                    for x in first.x..=last.x {
+                        tensors.entry(IVec3::new(x, y, z)).or_default().push(n);
+                    }
+                }
+            }
+        }
+        Self { width, tensors }
+    }
+
+    /// Every tensor that covers `position` or would after a displacement within the horizon, ascending.
+    fn near(&self, position: DVec3) -> &[usize] {
+        let cell = (position / self.width).floor().as_ivec3();
+        self.tensors.get(&cell).map_or(&[], Vec::as_slice)
+    }
+}
+
+impl<'a> ReferenceField<'a> {
+    /// Prepares `scene` for queries.
+    pub fn new(scene: &'a Scene) -> Self {
+        Self { scene, buckets: scene.scales.iter().map(Buckets::new).collect() }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// Which tensors make up the field at `position` (DESIGN, sections 2.1, 2.2 and 2.4).
+    pub fn locate(&self, position: DVec3) -> Point {
+        let mut margin = MARGIN_HORIZON;
+        let neighbours: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
+            .map(|(scale, buckets)| {
+                let (neighbours, scale_margin) = self.nearest(scale, buckets.near(position), position);
+                margin = margin.min(scale_margin);
+                neighbours
+            })
+            .collect();
+        let covered = match self.scene.rules.coverage {
+            Coverage::All => neighbours.iter().all(|n| !n.is_empty()),
+            Coverage::Any => neighbours.iter().any(|n| !n.is_empty()),
+        };
+        Point { position, neighbours, covered, margin }
+    }
+
+    fn nearest(&self, scale: &Scale, near: &[usize], position: DVec3) -> (Vec<Neighbour>, f64) {
+        let top_k = scale.top_k as usize;
+        let half = scale.cloud.half;
+        // (distance, tensor, how far the point is from a face of the box: positive outside, at most 0 inside)
+        let mut candidates: Vec<(f64, usize, f64)> = near
+            .iter()
+            .map(|&n| {
+                let offset = position - scale.cloud.center(n);
+                (offset.length(), n, (offset.abs() - half).max_element())
+            })
+            .collect();
+        // Centres are stored ascending by (z, y, x), so the smaller number is the lexicographically smaller centre.
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let covering: Vec<_> = candidates.iter().filter(|c| c.2 <= 0.0).copied().collect();
+        let nearest = &covering[..covering.len().min(top_k)];
+
+        // A tensor whose box begins or ends here matters if it is, or would be, among the nearest.
+        let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 2.0 * MARGIN_HORIZON } else { f64::INFINITY };
+        let mut margin = candidates.iter().filter(|c| c.0 <= reach).map(|c| c.2.abs()).fold(f64::INFINITY, f64::min);
+        if let Some(next) = covering.get(top_k) {
+            // A displacement by e changes a difference of two distances by at most 2e.
+            margin = margin.min(0.5 * (next.0 - nearest[top_k - 1].0));
+        }
+
+        let weights = aggregation_weights(self.scene.rules.aggregation, nearest.iter().map(|c| c.0));
+        let neighbours = (nearest.iter().zip(weights))
+            .map(|(&(distance, tensor, _), weight)| Neighbour { tensor, distance, weight })
+            .collect();
+        (neighbours, margin)
+    }
+
+    /// Whether samples at `position` count, by the occupancy, and the decision's margin (DESIGN, section 2.10).
+    pub fn occupied(&self, position: DVec3) -> (bool, f64) {
+        match &self.scene.occupancy {
+            None => (true, MARGIN_HORIZON),
+            Some(occupancy) => (occupancy.contains(position), occupancy_margin(occupancy, position)),
+        }
+    }
+
+    /// The density feature at a point of the model (DESIGN, sections 2.3 to 2.5).
+    pub fn density_feature(&self, point: &Point) -> DensityAt {
+        let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO };
+        let mut scales = 0;
+        for (scale, neighbours) in self.scene.scales.iter().zip(&point.neighbours) {
+            if neighbours.is_empty() {
+                continue;
+            }
+            scales += 1;
+            for n in neighbours {
+                let offset = point.position - scale.cloud.center(n.tensor);
+                let (value, slope) = density_of(scale, n.tensor, offset);
+                sum.feature += n.weight * value;
+                sum.gradient += n.weight * slope;
+                if n.distance > 0.0 && neighbours.len() > 1 {
+                    // w = u/Σu with u = 1/d: ∂f/∂x gains ∇u·(G − f_scale)/Σu, where f_scale is Σ w G.
+                    let direct = offset / n.distance;
+                    let mean: f64 = neighbours
+                        .iter()
+                        .map(|m| {
+                            m.weight * density_of(scale, m.tensor, point.position - scale.cloud.center(m.tensor)).0
+                        })
+                        .sum();
+                    sum.gradient -= direct * (n.weight / n.distance) * (value - mean);
+                }
+            }
+        }
+        if self.scene.rules.density_reduction == Reduction::Mean {
+            sum.feature /= f64::from(scales);
+            sum.gradient /= f64::from(scales);
+        }
+        sum
+    }
+
+    /// σ for a density feature (DESIGN, section 2.6).
+    pub fn density(&self, feature: f64) -> f64 {
+        softplus(feature + self.scene.rules.density_shift)
+    }
+
+    /// The P appearance features at a point of the model (DESIGN, section 2.7).
+    pub fn appearance_features(&self, point: &Point) -> Vec<f64> {
+        let mut features = vec![0.0; self.scene.features() as usize];
+        let mut scales = 0;
+        for (scale, neighbours) in self.scene.scales.iter().zip(&point.neighbours) {
+            if neighbours.is_empty() {
+                continue;
+            }
+            scales += 1;
+            let rank = scale.factors.appearance_rank as usize;
+            let mut components = vec![0.0; rank];
+            for n in neighbours {
+                let offset = point.position - scale.cloud.center(n.tensor);
+                let interpolation = Interpolation::at(scale, offset);
+                for (r, component) in components.iter_mut().enumerate() {
+                    let [x, y, z] = interpolation.values(&scale.factors.appearance, rank, n.tensor, r);
+                    *component += n.weight * x * y * z;
+                }
+            }
+            for (feature, row) in features.iter_mut().zip(scale.appearance_matrix.weights.chunks_exact(rank)) {
+                *feature += row.iter().zip(&components).map(|(&b, a)| f64::from(b) * a).sum::<f64>();
+            }
+        }
+        if self.scene.rules.appearance_reduction == Reduction::Mean {
+            features.iter_mut().for_each(|f| *f /= f64::from(scales));
+        }
+        features
+    }
+
+    /// The colour, in [0, 1], of `features` seen along the unit vector `direction` (DESIGN, section 2.7).
+    pub fn decode(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
+        let mut values = decoder_input(&self.scene.decoder, features, direction);
+        let layers = &self.scene.decoder.layers;
+        for (i, layer) in layers.iter().enumerate() {
+            let mut outputs: Vec<f64> = layer.bias.iter().map(|&b| f64::from(b)).collect();
+            for (output, row) in outputs.iter_mut().zip(layer.weights.chunks_exact(layer.inputs as usize)) {
+                *output += row.iter().zip(&values).map(|(&w, v)| f64::from(w) * v).sum::<f64>();
+            }
+            if i + 1 < layers.len() {
+                outputs.iter_mut().for_each(|v| *v = v.max(0.0));
+            }
+            values = outputs;
+        }
+        [sigmoid(values[0]), sigmoid(values[1]), sigmoid(values[2])]
+    }
+}
+
+/// Weights of tensors at these distances, nearest first (DESIGN, section 2.4).
+fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let Some(nearest) = distances.clone().next() else { return Vec::new() };
+    let (raw, divisor): (Vec<f64>, f64) = match aggregation {
+        // The limit at a centre: that tensor alone counts. Two centres never coincide.
+        Aggregation::Normalised if nearest == 0.0 => {
+            (distances.enumerate().map(|(i, _)| if i == 0 { 1.0 } else { 0.0 }).collect(), 1.0)
+        }
+        Aggregation::Normalised => {
+            let raw: Vec<f64> = distances.map(|d| nearest / d).collect();
+            let sum = raw.iter().sum();
+            (raw, sum)
+        }
+        Aggregation::Clamped => {
+            let raw: Vec<f64> = distances.map(|d| 1.0 / (d + 1e-6)).collect();
+            let sum: f64 = raw.iter().sum();
+            (raw, sum.max(1.0))
+        }
+    };
+    raw.into_iter().map(|w| w / divisor).collect()
+}
+
+/// Where an offset from a tensor's centre falls on its three vertex rows.
+struct Interpolation {
+    /// The row of the lower vertex within the tensor, per axis.
+    rows: [usize; 3],
+    /// Position between it and the next, in [0, 1].
+    fractions: [f64; 3],
+    /// Rows of a whole tensor.
+    tensor_rows: usize,
+    /// Cells per model unit.
+    cells_per_unit: DVec3,
+}
+
+impl Interpolation {
+    fn at(scale: &Scale, offset: DVec3) -> Self {
+        use super::Factors;
+        let resolution = scale.cloud.resolution;
+        let first = Factors::axis_rows(resolution);
+        let cells_per_unit = 1.0 / scale.cloud.cell_size();
+        let mut rows = [0; 3];
+        let mut fractions = [0.0; 3];
+        for a in 0..3 {
+            let cells = f64::from(resolution[a]);
+            let u = (offset[a] + scale.cloud.half[a]) / (2.0 * scale.cloud.half[a]) * cells;
+            let lower = u.floor().clamp(0.0, cells - 1.0);
+            rows[a] = first[a] + lower as usize;
+            fractions[a] = u - lower;
+        }
+        Self { rows, fractions, tensor_rows: Factors::rows(resolution), cells_per_unit }
+    }
+
+    /// The two vertices of component `r` on `axis`.
+    fn vertices(&self, factors: &[f32], rank: usize, tensor: usize, r: usize, axis: usize) -> [f64; 2] {
+        let lower = (tensor * self.tensor_rows + self.rows[axis]) * rank + r;
+        [f64::from(factors[lower]), f64::from(factors[lower + rank])]
+    }
+
+    /// Component `r` interpolated on x, y and z.
+    fn values(&self, factors: &[f32], rank: usize, tensor: usize, r: usize) -> [f64; 3] {
+        [0, 1, 2].map(|a| {
+            let [lower, upper] = self.vertices(factors, rank, tensor, r, a);
+            (1.0 - self.fractions[a]) * lower + self.fractions[a] * upper
+        })
+    }
+
+    /// Its slopes on x, y and z, per model unit.
+    fn slopes(&self, factors: &[f32], rank: usize, tensor: usize, r: usize) -> [f64; 3] {
+        [0, 1, 2].map(|a| {
+            let [lower, upper] = self.vertices(factors, rank, tensor, r, a);
+            (upper - lower) * self.cells_per_unit[a]
+        })
+    }
+}
+
+/// A tensor's density feature at `offset` from its centre, and its gradient.
+fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3) {
+    let interpolation = Interpolation::at(scale, offset);
+    let rank = scale.factors.density_rank as usize;
+    let mut value = 0.0;
+    let mut gradient = DVec3::ZERO;
+    for r in 0..rank {
+        let [x, y, z] = interpolation.values(&scale.factors.density, rank, tensor, r);
+        let [dx, dy, dz] = interpolation.slopes(&scale.factors.density, rank, tensor, r);
+        value += x * y * z;
+        gradient += DVec3::new(dx * y * z, x * dy * z, x * y * dz);
+    }
+    (value, gradient)
+}
+
+/// [features, direction, PE(features), PE(direction)].
+fn decoder_input(decoder: &Decoder, features: &[f64], direction: DVec3) -> Vec<f64> {
+    let direction = direction.to_array();
+    let mut input = [features, &direction].concat();
+    for (values, frequencies) in [(features, decoder.feature_frequencies), (&direction, decoder.direction_frequencies)]
+    {
+        let angles = || values.iter().flat_map(move |v| (0..frequencies).map(move |k| v * f64::from(1u32 << k)));
+        input.extend(angles().map(f64::sin));
+        input.extend(angles().map(f64::cos));
+    }
+    input
+}
+
+/// The smallest displacement per axis that takes `position` into an occupancy cell of the other kind.
+fn occupancy_margin(occupancy: &Occupancy, position: DVec3) -> f64 {
+    let at = occupancy.cell_coordinates(position);
+    let cell = at.floor().as_ivec3();
+    let here = occupancy.cell_is_occupied(cell);
+    let size = occupancy.cell_size();
+    let mut margin = MARGIN_HORIZON;
+    for code in 0..27 {
+        let step = IVec3::new(code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1);
+        if occupancy.cell_is_occupied(cell + step) != here {
+            let displacement = (0..3).map(|a| match step[a] {
+                -1 => (at[a] - f64::from(cell[a])) * size[a],
+                1 => (f64::from(cell[a]) + 1.0 - at[a]) * size[a],
+                _ => 0.0,
+            });
+            margin = margin.min(displacement.fold(0.0, f64::max));
+        }
+    }
+    margin
+}
+
+impl Rules {
+    /// The optical depth σ·δ·distance_scale of a sample of density `sigma`.
+    pub fn optical_depth(&self, sigma: f64) -> f64 {
+        sigma * self.step * self.distance_scale
+    }
+}

@@ -1,0 +1,38 @@
+//! One scale of a scene.
+
+use super::{AppearanceMatrix, BrokenInvariant, Factors, TensorCloud};
+
+/// A cloud of tensors of one size, their factors, and the appearance matrix they share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scale {
+    /// Where the tensors are and what they cover.
+    pub cloud: TensorCloud,
+    /// M: how many of the covering tensors a point aggregates.
+    pub top_k: u32,
+    /// The tensors' vectors.
+    pub factors: Factors,
+    /// Shared by all tensors of the scale.
+    pub appearance_matrix: AppearanceMatrix,
+}
+
+impl Scale {
+    /// Number of factor entries and appearance weights.
+    pub fn parameter_count(&self) -> u64 {
+        self.factors.parameter_count() + self.appearance_matrix.weights.len() as u64
+    }
+
+    pub(super) fn check(&self, place: &str, features: u32) -> Result<(), BrokenInvariant> {
+        self.cloud.check(place)?;
+        if self.top_k == 0 {
+            return Err(BrokenInvariant::new(format!("{place} top_k"), "at least 1", 0));
+        }
+        self.factors.check(place, self.cloud.len(), self.cloud.resolution)?;
+        let matrix = &self.appearance_matrix;
+        let name = || format!("{place} appearance matrix");
+        BrokenInvariant::unless_equal(|| name() + " features", features, matrix.features)?;
+        BrokenInvariant::unless_equal(|| name() + " rank", self.factors.appearance_rank, matrix.rank)?;
+        let weights = u64::from(matrix.features) * u64::from(matrix.rank);
+        BrokenInvariant::unless_equal(|| name() + " weights", weights, matrix.weights.len() as u64)?;
+        BrokenInvariant::unless_finite(name, &matrix.weights)
+    }
+}

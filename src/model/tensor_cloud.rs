@@ -1,0 +1,108 @@
+//! Where the tensors of one scale are.
+
+use glam::{DVec3, UVec3};
+
+use super::BrokenInvariant;
+use crate::geometry::{Aabb, Lattice};
+
+/// The centres, in canonical order: strictly ascending by (z, y, x), so that an answer that depends on the order
+/// (a tie between neighbours, the order of a sum) does not depend on who wrote the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Placement {
+    /// The centres of these cells of a lattice.
+    Lattice {
+        /// The lattice.
+        lattice: Lattice,
+        /// Occupied cells.
+        cells: Vec<UVec3>,
+    },
+    /// These points.
+    Explicit {
+        /// Centres in model units.
+        centers: Vec<DVec3>,
+    },
+}
+
+/// Tensors of one size: tensor n covers the closed box center(n) ± `half`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TensorCloud {
+    /// The centres.
+    pub placement: Placement,
+    /// Half the edge lengths, per axis, in model units.
+    pub half: DVec3,
+    /// D, cells along each axis; a factor has D + 1 vertices from −half to half.
+    pub resolution: [u32; 3],
+}
+
+impl TensorCloud {
+    /// Number of tensors.
+    pub fn len(&self) -> usize {
+        match &self.placement {
+            Placement::Lattice { cells, .. } => cells.len(),
+            Placement::Explicit { centers } => centers.len(),
+        }
+    }
+
+    /// Whether there are no tensors.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The centre of tensor `n`.
+    pub fn center(&self, n: usize) -> DVec3 {
+        match &self.placement {
+            Placement::Lattice { lattice, cells } => lattice.center(cells[n].as_ivec3()),
+            Placement::Explicit { centers } => centers[n],
+        }
+    }
+
+    /// All centres, in order.
+    pub fn centers(&self) -> impl Iterator<Item = DVec3> + '_ {
+        (0..self.len()).map(|n| self.center(n))
+    }
+
+    /// The box around everything the cloud covers; [`Aabb::EMPTY`] for no tensors.
+    pub fn bounds(&self) -> Aabb {
+        let centers = Aabb::of_points(self.centers());
+        if self.is_empty() { centers } else { centers.grown(self.half) }
+    }
+
+    /// Edge lengths of a cell of a factor's grid.
+    pub fn cell_size(&self) -> DVec3 {
+        2.0 * self.half / UVec3::from_array(self.resolution).as_dvec3()
+    }
+
+    pub(super) fn check(&self, place: &str) -> Result<(), BrokenInvariant> {
+        if !(self.half.is_finite() && self.half.min_element() > 0.0) {
+            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", self.half));
+        }
+        if self.resolution.contains(&0) {
+            let found = format!("{:?}", self.resolution);
+            return Err(BrokenInvariant::new(format!("{place} resolution"), "at least 1 cell per axis", found));
+        }
+        if self.is_empty() {
+            return Err(BrokenInvariant::new(format!("{place} tensors"), "at least one", 0));
+        }
+        if let Placement::Lattice { lattice, cells } = &self.placement {
+            if !(lattice.origin.is_finite() && lattice.pitch.is_finite() && lattice.pitch.min_element() > 0.0) {
+                let found = format!("{lattice:?}");
+                return Err(BrokenInvariant::new(format!("{place} lattice"), "finite, of positive pitch", found));
+            }
+            if let Some(cell) = cells.iter().find(|c| c.max_element() > i32::MAX as u32) {
+                return Err(BrokenInvariant::new(format!("{place} cells"), "coordinates below 2^31", cell));
+            }
+        }
+        let mut previous: Option<DVec3> = None;
+        for (n, center) in self.centers().enumerate() {
+            if !center.is_finite() {
+                return Err(BrokenInvariant::new(format!("{place} center {n}"), "finite numbers", center));
+            }
+            if previous.is_some_and(|p| [p.z, p.y, p.x] >= [center.z, center.y, center.x]) {
+                let place = format!("{place} center {n}");
+                return Err(BrokenInvariant::new(place, "centers strictly ascending by (z, y, x)", center));
+            }
+            previous = Some(center);
+        }
+        Ok(())
+    }
+}
