@@ -1,1 +1,21 @@
-//! Placeholder.
+//! How good a picture is: PSNR, SSIM, reports of them, and the PNG files that show pictures and their errors.
+//!
+//! In: colours as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
+//! \[columns, rows\]. Out: numbers, and the bytes of PNG files. Files are opened and terminals written to elsewhere.
+#![forbid(unsafe_code)]
+
+mod error;
+mod error_map;
+mod png;
+mod psnr;
+mod report;
+mod sheet;
+mod ssim;
+
+pub use error::Error;
+pub use error_map::error_map;
+pub use png::{color_png, depth_png, opacity_png};
+pub use psnr::{mse, psnr, psnr_of_mse};
+pub use report::{Report, ViewReport};
+pub use sheet::{Canvas, side_by_side, stacked};
+pub use ssim::{SSIM_WINDOW, ssim};

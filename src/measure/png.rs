@@ -1,0 +1,64 @@
+//! Colours, opacities and depths as the bytes of PNG files.
+
+use std::io::Cursor;
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::Error;
+
+/// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up; what lies outside is clamped, and what is
+/// no number is 0.
+fn quantized(value: f64, full: f64) -> f64 {
+    (value.clamp(0.0, 1.0) * full + 0.5).floor()
+}
+
+/// A colour as 8-bit sRGB.
+pub(super) fn color_bytes(color: [f32; 3]) -> [u8; 3] {
+    color.map(|v| quantized(f64::from(v), 255.0) as u8)
+}
+
+/// An 8-bit sRGB PNG of `colors` of `size` (columns, rows).
+///
+/// # Errors
+///
+/// Where `colors` are not as many as `size` says, or there are none.
+pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> {
+    let bytes: Vec<u8> = colors.iter().flat_map(|&color| color_bytes(color)).collect();
+    encoded(size, colors.len(), &bytes, ExtendedColorType::Rgb8)
+}
+
+/// An 8-bit grey PNG of `opacities` in \[0, 1\] of `size` (columns, rows).
+///
+/// # Errors
+///
+/// As [`color_png`].
+pub fn opacity_png(size: [u32; 2], opacities: &[f32]) -> Result<Vec<u8>, Error> {
+    let bytes: Vec<u8> = opacities.iter().map(|&v| quantized(f64::from(v), 255.0) as u8).collect();
+    encoded(size, opacities.len(), &bytes, ExtendedColorType::L8)
+}
+
+/// A 16-bit grey PNG of `depths` of `size` (columns, rows): a value v stands for the depth v·`unit`, up to
+/// 65535·`unit`. `unit` must be positive.
+///
+/// # Errors
+///
+/// As [`color_png`].
+pub fn depth_png(size: [u32; 2], depths: &[f64], unit: f64) -> Result<Vec<u8>, Error> {
+    let full = f64::from(u16::MAX);
+    // The encoder takes 16-bit samples in the machine's byte order.
+    let bytes: Vec<u8> =
+        depths.iter().flat_map(|&depth| (quantized(depth / unit / full, full) as u16).to_ne_bytes()).collect();
+    encoded(size, depths.len(), &bytes, ExtendedColorType::L16)
+}
+
+fn encoded(size: [u32; 2], pixels: usize, bytes: &[u8], color: ExtendedColorType) -> Result<Vec<u8>, Error> {
+    Error::unless_size(size, pixels)?;
+    if pixels == 0 {
+        return Err(Error::Empty);
+    }
+    let mut png = Cursor::new(Vec::new());
+    PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::Adaptive)
+        .write_image(bytes, size[0], size[1], color)?;
+    Ok(png.into_inner())
+}

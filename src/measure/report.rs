@@ -1,0 +1,59 @@
+//! What an evaluation found: a line a view, and the means that papers print.
+
+use serde::Serialize;
+
+use super::{Error, psnr_of_mse, ssim};
+
+/// How close one rendered view is to its photograph. In JSON an infinite PSNR (identical pictures) is `null`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// The view's name.
+    pub name: String,
+    /// Mean squared error over pixels and channels.
+    pub mse: f64,
+    /// In decibels.
+    pub psnr: f64,
+    /// Absent where the picture is smaller than the window.
+    pub ssim: Option<f64>,
+}
+
+impl ViewReport {
+    /// Compares the picture `rendered` with the photograph `truth`, both of `size` (columns, rows).
+    ///
+    /// # Errors
+    ///
+    /// Where the two are not of that size.
+    pub fn new(name: &str, size: [u32; 2], rendered: &[[f32; 3]], truth: &[[f32; 3]]) -> Result<Self, Error> {
+        Error::unless_size(size, rendered.len())?;
+        let mse = super::mse(rendered, truth)?;
+        let ssim = match ssim(size, rendered, truth) {
+            Err(Error::SmallerThanWindow { .. }) => None,
+            other => Some(other?),
+        };
+        Ok(Self { name: name.to_owned(), mse, psnr: psnr_of_mse(mse), ssim })
+    }
+}
+
+/// Several views together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The mean of the views' PSNR in decibels, as papers print it (not the PSNR of the mean error).
+    pub psnr: f64,
+    /// The mean of the views' SSIM; absent where a view has none.
+    pub ssim: Option<f64>,
+    /// In the order of the dataset.
+    pub views: Vec<ViewReport>,
+}
+
+impl Report {
+    /// The means of `views`; `None` for no views.
+    pub fn new(views: Vec<ViewReport>) -> Option<Self> {
+        if views.is_empty() {
+            return None;
+        }
+        let count = views.len() as f64;
+        let psnr = views.iter().map(|v| v.psnr).sum::<f64>() / count;
+        let ssim = views.iter().map(|v| v.ssim).sum::<Option<f64>>().map(|sum| sum / count);
+        Some(Self { psnr, ssim, views })
+    }
+}
