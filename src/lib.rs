@@ -3,6 +3,7 @@
 //! Layers, each importing only from those above it in this list (`tests/import_order.rs` checks it):
 //!
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
+//!    [`random`]: counter-based random numbers.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `prior`: where the scene
 //!    is, and placing tensors there. `field`: the fast field that rendering and training share.
@@ -15,6 +16,7 @@
 pub mod container;
 pub mod geometry;
 pub mod model;
+pub mod random;
 
 #[cfg(feature = "toolkit")]
 pub mod dataset;

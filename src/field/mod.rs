@@ -1,1 +1,88 @@
-//! Placeholder.
+//! The fast field: the same numbers as [`crate::model::ReferenceField`], arranged for speed. Rendering and training on
+//! the CPU share it, generic over the precision: f32 for work, f64 to check the very same code.
+//!
+//! Positions are relative to the centre of the scene's bounds, so that f32 keeps its precision far from the origin.
+
+mod cells;
+mod decoder;
+mod index;
+mod march;
+mod matrix;
+mod real;
+mod scale;
+
+pub use cells::OccupancyCells;
+pub use decoder::{Activations, Dense, FieldDecoder};
+pub use index::CellIndex;
+pub use march::{Pair, Samples};
+pub use matrix::{Matrix, MatrixMut, multiply};
+pub use real::Real;
+pub use scale::{FieldScale, Nearest, TensorRows};
+
+use glam::DVec3;
+
+use crate::geometry::Aabb;
+use crate::model::{Rules, Scene};
+
+/// Runs `work` compiled for the best instruction set that this machine has. What `work` calls takes part only where it
+/// is inlined into it.
+#[inline(always)]
+pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(work)
+}
+
+/// A scene's numbers, ready for fast evaluation.
+#[derive(Clone, Debug)]
+pub struct Field<T> {
+    /// What positions are relative to, in model units.
+    pub origin: DVec3,
+    /// Where rays march, in model units.
+    pub bounds: Aabb,
+    /// Where rays begin and end, in model units.
+    pub near_far: [f64; 2],
+    /// The rules of the field and the march.
+    pub rules: Rules,
+    /// The colour behind everything.
+    pub background: [T; 3],
+    /// Coarsest first.
+    pub scales: Vec<FieldScale<T>>,
+    /// From components to colour.
+    pub decoder: FieldDecoder<T>,
+    /// Where samples count.
+    pub occupancy: Option<OccupancyCells<T>>,
+}
+
+impl<T: Real> Field<T> {
+    /// Prepares `scene`, which must have passed [`Scene::check`].
+    pub fn new(scene: &Scene) -> Self {
+        let origin = scene.bounds.center();
+        let mut first_tensor = 0;
+        let scales = (scene.scales.iter())
+            .map(|scale| {
+                let prepared = FieldScale::new(scale, origin, first_tensor);
+                first_tensor += scale.cloud.len() as u32;
+                prepared
+            })
+            .collect();
+        Self {
+            origin,
+            bounds: scene.bounds,
+            near_far: [scene.frame.near, scene.frame.far],
+            rules: scene.rules.clone(),
+            background: scene.frame.background.map(T::of_f32),
+            scales,
+            decoder: FieldDecoder::new(scene),
+            occupancy: scene.occupancy.as_ref().map(|o| OccupancyCells::new(o, origin)),
+        }
+    }
+
+    /// Number of tensors over all scales.
+    pub fn tensor_count(&self) -> usize {
+        self.scales.iter().map(FieldScale::len).sum()
+    }
+
+    /// ΣR, the appearance components over all scales: a sample's row in the decoder's first product.
+    pub fn component_count(&self) -> usize {
+        self.scales.iter().map(|s| s.appearance_rank).sum()
+    }
+}

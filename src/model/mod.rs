@@ -19,6 +19,6 @@ pub use occupancy::Occupancy;
 pub use provenance::Provenance;
 pub use reference::{DensityAt, MARGIN_HORIZON, Neighbour, Point, ReferenceField, alpha, sigmoid, softplus};
 pub use rules::{Aggregation, Coverage, Reduction, Rules};
-pub use scale::Scale;
+pub use scale::{MAX_TOP_K, Scale};
 pub use scene::{BrokenInvariant, Scene};
 pub use tensor_cloud::{Placement, TensorCloud};

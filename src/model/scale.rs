@@ -2,6 +2,9 @@
 
 use super::{AppearanceMatrix, BrokenInvariant, Factors, TensorCloud};
 
+/// The largest [`Scale::top_k`].
+pub const MAX_TOP_K: u32 = 16;
+
 /// A cloud of tensors of one size, their factors, and the appearance matrix they share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
@@ -23,8 +26,9 @@ impl Scale {
 
     pub(super) fn check(&self, place: &str, features: u32) -> Result<(), BrokenInvariant> {
         self.cloud.check(place)?;
-        if self.top_k == 0 {
-            return Err(BrokenInvariant::new(format!("{place} top_k"), "at least 1", 0));
+        if !(1..=MAX_TOP_K).contains(&self.top_k) {
+            let expected = format!("1 to {MAX_TOP_K}");
+            return Err(BrokenInvariant::new(format!("{place} top_k"), expected, self.top_k));
         }
         self.factors.check(place, self.cloud.len(), self.cloud.resolution)?;
         let matrix = &self.appearance_matrix;

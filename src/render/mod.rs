@@ -1,5 +1,11 @@
 //! Pictures of a scene, behind one small trait.
 
+mod cpu;
+mod reference;
+
+pub use cpu::CpuRenderer;
+pub use reference::{ReferenceRenderer, Trace};
+
 use crate::geometry::{Camera, Ray};
 
 /// What a ray sees.

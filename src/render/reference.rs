@@ -1,0 +1,117 @@
+//! The reference renderer: one ray after another, in f64, on the reference field.
+
+use rayon::prelude::*;
+
+use super::{Pixel, Renderer};
+use crate::geometry::Ray;
+use crate::model::{MARGIN_HORIZON, ReferenceField, Scene, alpha, sigmoid};
+
+/// What a ray sees, in f64, and how close it came to seeing something else.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trace {
+    /// sRGB, composited on the scene's background.
+    pub color: [f64; 3],
+    /// 1 − the transmittance that is left at the end of the ray.
+    pub opacity: f64,
+    /// Σ w·t / Σ w in model units; 0 where no sample counted.
+    pub depth: f64,
+    /// The smallest displacement of a sample, per axis and in model units, that changes a decision of this ray:
+    /// coverage, ranking, occupancy, a threshold, or the number of samples. At most [`MARGIN_HORIZON`].
+    pub margin: f64,
+}
+
+/// Renders a scene as DESIGN, section 2, defines it.
+pub struct ReferenceRenderer<'a> {
+    field: ReferenceField<'a>,
+}
+
+impl<'a> ReferenceRenderer<'a> {
+    /// Prepares `scene`, which must have passed [`Scene::check`].
+    pub fn new(scene: &'a Scene) -> Self {
+        Self { field: ReferenceField::new(scene) }
+    }
+
+    /// Marches one ray (DESIGN, section 2.9).
+    pub fn trace_one(&self, ray: &Ray) -> Trace {
+        let scene = self.field.scene();
+        let rules = &scene.rules;
+        let mut color = [0.0; 3];
+        let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
+        let mut transmittance = 1.0;
+        let mut margin = MARGIN_HORIZON;
+        // By how much ln(transmittance) can change for a displacement of all samples so far by 1 per axis.
+        let mut sensitivity = 0.0;
+
+        if let Some((entry, exit)) = scene.bounds.intersect(ray) {
+            let start = entry.max(scene.frame.near);
+            let end = exit.min(scene.frame.far);
+            for k in 0.. {
+                let t = start + f64::from(k) * rules.step;
+                // One sample more or less at the far end of the span.
+                margin = margin.min((t - end).abs());
+                if t >= end {
+                    break;
+                }
+                let position = ray.at(t);
+                let (occupied, occupancy_margin) = self.field.occupied(position);
+                let point = self.field.locate(position);
+                // Where one of the two conditions fails for certain, the other does not matter.
+                if !occupied && (!point.covered || occupancy_margin > point.margin) {
+                    margin = margin.min(if point.covered { occupancy_margin } else { occupancy_margin.max(point.margin) });
+                    continue;
+                }
+                if !point.covered {
+                    margin = margin.min(if occupied { point.margin } else { occupancy_margin.max(point.margin) });
+                    continue;
+                }
+                margin = margin.min(occupancy_margin);
+                if !occupied {
+                    continue;
+                }
+                margin = margin.min(point.margin);
+
+                let density = self.field.density_feature(&point);
+                let depth = rules.optical_depth(self.field.density(density.feature));
+                let slope = rules.optical_depth(sigmoid(density.feature + rules.density_shift))
+                    * density.gradient.abs().element_sum();
+                let sample_alpha = alpha(depth);
+                let weight = transmittance * sample_alpha;
+                let after = transmittance * (1.0 - sample_alpha);
+
+                let weight_sensitivity = weight * sensitivity + after * slope;
+                margin = margin.min((weight - rules.min_weight).abs() / weight_sensitivity);
+                if weight > rules.min_weight {
+                    let features = self.field.appearance_features(&point);
+                    let sample_color = self.field.decode(&features, ray.direction);
+                    color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
+                }
+                weight_sum += weight;
+                distance_sum += weight * t;
+
+                transmittance = after;
+                sensitivity += slope;
+                margin =
+                    margin.min((transmittance - rules.min_transmittance).abs() / (transmittance * sensitivity));
+                if transmittance < rules.min_transmittance {
+                    break;
+                }
+            }
+        }
+        for (c, &background) in color.iter_mut().zip(&scene.frame.background) {
+            *c += transmittance * f64::from(background);
+        }
+        let depth = if weight_sum > 0.0 { distance_sum / weight_sum } else { 0.0 };
+        Trace { color, opacity: 1.0 - transmittance, depth, margin }
+    }
+}
+
+impl Renderer for ReferenceRenderer<'_> {
+    fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
+        let pixel = |ray| {
+            let trace = self.trace_one(ray);
+            let color = trace.color.map(|c| c as f32);
+            Pixel { color, opacity: trace.opacity as f32, depth: trace.depth as f32 }
+        };
+        rays.par_iter().map(pixel).collect()
+    }
+}
