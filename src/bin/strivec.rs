@@ -1,3 +1,7 @@
 //! The command `strivec`.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    strivec::cli::main()
+}

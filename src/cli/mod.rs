@@ -1,1 +1,143 @@
-//! Placeholder.
+//! The command `strivec`: one file a command, each with its arguments and one `run`.
+//!
+//! Results go to standard output, progress and messages to standard error. What the layers below return as errors
+//! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
+
+mod console;
+mod demo;
+mod error;
+mod eval;
+mod info;
+mod output;
+mod picture_size;
+mod progress;
+mod render;
+mod scale_table;
+mod scene_file;
+mod synth;
+mod table;
+mod train;
+mod view_selection;
+mod viewpoints;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use console::Console;
+pub use error::Error;
+pub use output::{check_output, write_atomically};
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 anything else.
+Results go to standard output, progress and messages to standard error.";
+
+/// Sparse tri-vector radiance fields: from photographs to a small file and its pictures.
+#[derive(Debug, Parser)]
+#[command(name = "strivec", version, after_help = EXIT_CODES, arg_required_else_help = true)]
+struct Cli {
+    #[command(flatten)]
+    globals: Globals,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command understands.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Options of every command")]
+struct Globals {
+    /// Threads to compute with [default: one a core]; results do not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    threads: Option<u16>,
+    /// No progress and no messages but errors
+    #[arg(long, short, global = true)]
+    quiet: bool,
+    /// Results as JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// Overwrite files that exist
+    #[arg(long, global = true)]
+    force: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Make a small synthetic scene, train it, and show the result
+    Demo(demo::Args),
+    /// Turn photographs into a scene
+    Train(train::Args),
+    /// Take pictures of a scene
+    Render(render::Args),
+    /// Compare a scene's pictures with photographs
+    Eval(eval::Args),
+    /// Say what is in a scene file
+    Info(info::Args),
+    /// Make a synthetic dataset whose geometry is known exactly
+    Synth(synth::Args),
+}
+
+/// What a command works with besides its own arguments.
+struct Session {
+    console: Console,
+    /// Whether files that exist are overwritten.
+    force: bool,
+}
+
+/// Runs the command that the process's arguments name, and reports how it ended.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and the version are results; a reader that has left is no failure.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { error::USAGE } else { 0 });
+        }
+    };
+    let session = Session { console: Console::new(cli.globals.quiet, cli.globals.json), force: cli.globals.force };
+    match start(&cli, &session) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            session.console.fail(&error);
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn start(cli: &Cli, session: &Session) -> Result<(), Error> {
+    if let Some(threads) = cli.globals.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
+    }
+    match &cli.command {
+        Command::Demo(args) => demo::run(args, session),
+        Command::Train(args) => train::run(args, session),
+        Command::Render(args) => render::run(args, session),
+        Command::Eval(args) => eval::run(args, session),
+        Command::Info(args) => info::run(args, session),
+        Command::Synth(args) => synth::run(args, session),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent_and_every_command_has_an_example() {
+        let mut command = Cli::command();
+        command.clone().debug_assert();
+        for sub in command.get_subcommands_mut() {
+            let name = sub.get_name().to_owned();
+            let help = sub.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let example = help.lines().find(|line| line.trim_start().starts_with("strivec"));
+            let example = example.unwrap_or_else(|| panic!("{name} has no example")).trim();
+            let words = example.split_whitespace();
+            assert_eq!(words.clone().nth(1), Some(name.as_str()), "{example}");
+            Cli::try_parse_from(words).unwrap_or_else(|e| panic!("{example}: {e}"));
+        }
+    }
+}

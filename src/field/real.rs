@@ -87,8 +87,8 @@ impl Real for f32 {
         let r = r.clamp(-1.0, 1.0);
         let r2 = r * r;
         let sine = r + r * r2 * (-1.0 / 6.0 + r2 * (1.0 / 120.0 + r2 * (-1.0 / 5040.0 + r2 * (1.0 / 362_880.0))));
-        let cosine =
-            1.0 + r2 * (-0.5 + r2 * (1.0 / 24.0 + r2 * (-1.0 / 720.0 + r2 * (1.0 / 40320.0 - r2 * (1.0 / 3_628_800.0)))));
+        let cosine = 1.0
+            + r2 * (-0.5 + r2 * (1.0 / 24.0 + r2 * (-1.0 / 720.0 + r2 * (1.0 / 40320.0 - r2 * (1.0 / 3_628_800.0)))));
         let swap = quadrant & 1 != 0;
         let (s, c) = if swap { (cosine, sine) } else { (sine, cosine) };
         let sign_s = (quadrant & 2) << 30;

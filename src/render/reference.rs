@@ -57,7 +57,8 @@ impl<'a> ReferenceRenderer<'a> {
                 let point = self.field.locate(position);
                 // Where one of the two conditions fails for certain, the other does not matter.
                 if !occupied && (!point.covered || occupancy_margin > point.margin) {
-                    margin = margin.min(if point.covered { occupancy_margin } else { occupancy_margin.max(point.margin) });
+                    margin =
+                        margin.min(if point.covered { occupancy_margin } else { occupancy_margin.max(point.margin) });
                     continue;
                 }
                 if !point.covered {
@@ -90,8 +91,7 @@ impl<'a> ReferenceRenderer<'a> {
 
                 transmittance = after;
                 sensitivity += slope;
-                margin =
-                    margin.min((transmittance - rules.min_transmittance).abs() / (transmittance * sensitivity));
+                margin = margin.min((transmittance - rules.min_transmittance).abs() / (transmittance * sensitivity));
                 if transmittance < rules.min_transmittance {
                     break;
                 }

@@ -1,0 +1,70 @@
+//! Standard output and standard error: who prints what where.
+
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::Serialize;
+
+use super::Error;
+
+/// The process's two streams.
+pub(super) struct Console {
+    quiet: bool,
+    json: bool,
+    /// Whether the reader of standard output has left, as `head` does.
+    closed: AtomicBool,
+}
+
+impl Console {
+    /// Without messages where `quiet`; with results as JSON where `json`.
+    pub(super) fn new(quiet: bool, json: bool) -> Self {
+        Self { quiet, json, closed: AtomicBool::new(false) }
+    }
+
+    pub(super) fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Prints `result`: as JSON where that was asked for, else the text that `text` makes of it.
+    ///
+    /// Fails where standard output cannot be written. A reader that has left is no failure: the command goes on, as
+    /// its files may still be wanted, and prints nothing more.
+    pub(super) fn result<T: Serialize>(&self, result: &T, text: impl FnOnce(&T) -> String) -> Result<(), Error> {
+        let text = if self.json {
+            serde_json::to_string_pretty(result).map_err(|e| Error::Runtime(format!("JSON: {e}")))?
+        } else {
+            text(result)
+        };
+        self.print(&text)
+    }
+
+    /// Prints `text` and a line feed where it has none, whatever the form of results; as [`Console::result`].
+    pub(super) fn print(&self, text: &str) -> Result<(), Error> {
+        if self.closed.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let mut stdout = io::stdout().lock();
+        let end = if text.ends_with('\n') { "" } else { "\n" };
+        match write!(stdout, "{text}{end}").and_then(|()| stdout.flush()) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                self.closed.store(true, Ordering::Relaxed);
+                Ok(())
+            }
+            other => other.map_err(|e| Error::Io(format!("standard output: cannot write to it: {e}"))),
+        }
+    }
+
+    /// A message for people; nothing where quiet.
+    pub(super) fn say(&self, message: &str) {
+        if !self.quiet {
+            // There is nowhere left to complain to.
+            let _ = writeln!(io::stderr().lock(), "{message}");
+        }
+    }
+
+    /// The one line that a command fails with.
+    pub(super) fn fail(&self, error: &Error) {
+        let line = error.to_string().lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ");
+        let _ = writeln!(io::stderr().lock(), "strivec: {line}");
+    }
+}

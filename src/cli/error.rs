@@ -1,0 +1,67 @@
+//! How a command can fail, by who has to act.
+
+use std::fmt::Display;
+use std::io;
+use std::path::Path;
+
+use crate::{dataset, measure};
+
+/// The exit code of [`Error::Usage`].
+pub(super) const USAGE: u8 = 1;
+
+/// Why a command ended early: one line that names the file, the place in it, what was expected and what was found.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The caller: an argument that makes no sense, a file that would be overwritten. Exit code 1.
+    #[error("{0}")]
+    Usage(String),
+    /// The system: a file cannot be read or written. Exit code 2.
+    #[error("{0}")]
+    Io(String),
+    /// The input's author: a file holds something else than it should. Exit code 3.
+    #[error("{0}")]
+    Malformed(String),
+    /// Anything else. Exit code 4.
+    #[error("{0}")]
+    Runtime(String),
+}
+
+impl Error {
+    /// What the process returns.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => USAGE,
+            Self::Io(_) => 2,
+            Self::Malformed(_) => 3,
+            Self::Runtime(_) => 4,
+        }
+    }
+
+    /// For `map_err` after an attempt to `verb` (as in "write") `path`.
+    pub(super) fn io(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Io(format!("{}: cannot {verb} it: {source}", path.display()))
+    }
+
+    /// For `map_err` where what `path` holds was refused.
+    pub(super) fn malformed<E: Display>(path: &Path) -> impl FnOnce(E) -> Self {
+        move |error| Self::Malformed(format!("{}: {error}", path.display()))
+    }
+}
+
+impl From<dataset::Error> for Error {
+    fn from(error: dataset::Error) -> Self {
+        let message = error.to_string();
+        match error.kind() {
+            dataset::ErrorKind::Io => Self::Io(message),
+            dataset::ErrorKind::Malformed | dataset::ErrorKind::Limit => Self::Malformed(message),
+            dataset::ErrorKind::Argument => Self::Usage(message),
+        }
+    }
+}
+
+impl From<measure::Error> for Error {
+    /// Commands measure only pictures that they made to fit, so this is nobody's input.
+    fn from(error: measure::Error) -> Self {
+        Self::Runtime(error.to_string())
+    }
+}

@@ -1,0 +1,127 @@
+//! `strivec eval`: how close a scene's pictures are to photographs.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::output::{check_outputs, make_folder};
+use super::progress::Progress;
+use super::render::{RendererKind, colors};
+use super::table::Table;
+use super::view_selection::ViewSelection;
+use super::{Error, Session, scene_file, write_atomically};
+use crate::dataset::{self, LoadOptions, View};
+use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec eval lego.strivec lego --split test
+  strivec eval lego.strivec lego --split test --downscale 4 --every 10 --sheets sheets --json
+
+The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).";
+/// The difference that is brightest in an error picture.
+const ERROR_FULL: f32 = 0.2;
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The scene
+    file: PathBuf,
+    /// Folder of the dataset
+    dataset: PathBuf,
+    /// Which photographs: the S of transforms_S.json
+    #[arg(long, value_name = "S", default_value = "test")]
+    split: String,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    #[command(flatten)]
+    selection: ViewSelection,
+    /// Folder for a picture a view: photograph, rendering and where they differ (brightest from 0.2 on)
+    #[arg(long, value_name = "DIR")]
+    sheets: Option<PathBuf>,
+    /// What computes the pictures
+    #[arg(long, value_enum, default_value_t)]
+    renderer: RendererKind,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Evaluation<'a> {
+    file: &'a Path,
+    bytes: u64,
+    dataset: &'a str,
+    split: &'a str,
+    downscale: u32,
+    renderer: RendererKind,
+    /// Rendering alone, the mean of all views.
+    seconds_per_view: f64,
+    #[serde(flatten)]
+    report: measure::Report,
+}
+
+/// Renders the split's views and compares them.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (scene, bytes) = scene_file::read(&args.file)?;
+    let options = LoadOptions { downscale: args.downscale, background: scene.frame.background };
+    let dataset = dataset::load_blender(&args.dataset, &args.split, &options)?;
+    let views = args.selection.of(dataset.views)?;
+    let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
+    if let Some(folder) = &args.sheets {
+        make_folder(folder)?;
+        let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, view)).collect();
+        check_outputs(&planned, session.force)?;
+    }
+
+    let renderer = args.renderer.of(&scene);
+    let progress = Progress::start(&session.console, "eval", views.len() as u64);
+    let mut reports: Vec<ViewReport> = Vec::new();
+    let mut seconds = 0.0;
+    for view in &views {
+        let start = Instant::now();
+        let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
+        seconds += start.elapsed().as_secs_f64();
+        let size = [picture.width, picture.height];
+        let rendered = colors(&picture);
+        let report = ViewReport::new(&view.name, size, &rendered, &view.pixels)?;
+        if let Some(folder) = &args.sheets {
+            let difference = error_map(&rendered, &view.pixels, ERROR_FULL)?;
+            let pictures = [view.pixels.clone(), rendered, difference].map(|colors| Canvas { size, colors });
+            let joined = side_by_side(&pictures);
+            write_atomically(&sheet(folder, view), &color_png(joined.size, &joined.colors)?, session.force)?;
+        }
+        reports.push(report);
+        progress.set(reports.len() as u64, || {
+            let mean = reports.iter().map(|r| r.psnr).sum::<f64>() / reports.len() as f64;
+            format!("mean {mean:.2} dB")
+        });
+    }
+    let seconds_per_view = seconds / views.len() as f64;
+    progress.finish(&format!("{seconds_per_view:.2} s a view"));
+
+    let report = measure::Report::new(reports)
+        .ok_or_else(|| Error::Malformed(format!("{}: expected views, found none", args.dataset.display())))?;
+    let evaluation = Evaluation {
+        file: &args.file,
+        bytes,
+        dataset: &dataset.name,
+        split: &args.split,
+        downscale: args.downscale,
+        renderer: args.renderer,
+        seconds_per_view,
+        report,
+    };
+    session.console.result(&evaluation, |evaluation| text(&evaluation.report))
+}
+
+fn text(report: &measure::Report) -> String {
+    let mut table = Table::new(["view", "PSNR", "SSIM"]);
+    let ssim = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
+    for view in &report.views {
+        table.row([view.name.clone(), format!("{:.2}", view.psnr), ssim(view.ssim)]);
+    }
+    table.row([format!("mean of {}", report.views.len()), format!("{:.3}", report.psnr), ssim(report.ssim)]);
+    table.text()
+}

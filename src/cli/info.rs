@@ -1,0 +1,114 @@
+//! `strivec info`: what is in a scene file.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::scale_table::ScaleRow;
+use super::table::grouped;
+use super::{Error, Session, scale_table, scene_file};
+use crate::model::{Coverage, DecoderMode, Scene};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec info lego.strivec
+  strivec info lego.strivec --json";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The scene
+    file: PathBuf,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Info {
+    file: PathBuf,
+    bytes: u64,
+    parameters: u64,
+    scales: Vec<ScaleRow>,
+    /// Weights and biases.
+    decoder_parameters: u64,
+    decoder_mode: &'static str,
+    coverage: &'static str,
+    /// Smallest and largest corner in model units.
+    bounds: [[f64; 3]; 2],
+    /// Model units a dataset unit.
+    scale: f64,
+    /// In model units.
+    near_far: [f64; 2],
+    /// In model units.
+    step: f64,
+    background: [f32; 3],
+    /// Vertices per axis, and how many of all are set.
+    occupancy: Option<([u32; 3], u64)>,
+    dataset: String,
+    preset: String,
+    steps: u64,
+    seed: u64,
+    tool: String,
+}
+
+/// Prints what the file holds.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (scene, bytes) = scene_file::read(&args.file)?;
+    let info = Info::new(args.file.clone(), bytes, &scene);
+    session.console.result(&info, |info| info.text(&scene))
+}
+
+impl Info {
+    fn new(file: PathBuf, bytes: u64, scene: &Scene) -> Self {
+        let provenance = scene.provenance.clone();
+        Self {
+            file,
+            bytes,
+            parameters: scene.parameter_count(),
+            scales: scale_table::rows(scene),
+            decoder_parameters: scene.decoder.parameter_count(),
+            decoder_mode: match scene.decoder.mode {
+                DecoderMode::PerSample => "per sample",
+                DecoderMode::PerRay => "per ray",
+            },
+            coverage: match scene.rules.coverage {
+                Coverage::All => "all scales",
+                Coverage::Any => "any scale",
+            },
+            bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
+            scale: scene.frame.model_from_dataset.scale,
+            near_far: [scene.frame.near, scene.frame.far],
+            step: scene.rules.step,
+            background: scene.frame.background,
+            occupancy: scene.occupancy.as_ref().map(|grid| (grid.vertices.to_array(), grid.count())),
+            dataset: provenance.dataset,
+            preset: provenance.preset,
+            steps: provenance.steps,
+            seed: provenance.seed,
+            tool: provenance.tool,
+        }
+    }
+
+    fn text(&self, scene: &Scene) -> String {
+        let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
+        let occupancy = match &self.occupancy {
+            Some(([x, y, z], set)) => format!("{x}x{y}x{z} vertices, {} set", grouped(*set)),
+            None => "none".to_owned(),
+        };
+        let [near, far] = self.near_far;
+        let lines = [
+            ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
+            ("made by", format!("{}, preset {}, {} steps, seed {}", self.tool, self.preset, self.steps, self.seed)),
+            ("dataset", self.dataset.clone()),
+            ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
+            ("scale", format!("{} model units a dataset unit", self.scale)),
+            ("march", format!("{near} to {far}, step {:.5}, where {} cover", self.step, self.coverage)),
+            ("background", format!("{:?}", self.background)),
+            ("occupancy", occupancy),
+            ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
+            ("parameters", grouped(self.parameters)),
+        ];
+        let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
+        format!("{head}\n{}", scale_table::text(scene))
+    }
+}

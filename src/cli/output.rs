@@ -1,0 +1,119 @@
+//! The one way in which files are written: whole or not at all.
+//!
+//! The bytes go to a hidden file beside the destination (`.NAME.….partial`), reach the disk, and only then take the
+//! destination's name. Whoever is killed on the way, the destination is the old file or the new one.
+
+use std::collections::HashSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use super::Error;
+
+/// Checks, before any work is done, that [`write_atomically`] could write `path`: its folder exists and can be
+/// written, and nothing is in the way that `force` does not cover.
+///
+/// # Errors
+///
+/// [`Error::Usage`] where a file would be overwritten without `force`, or something is there that is no regular file;
+/// [`Error::Io`] where the folder cannot be written.
+pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
+    let destination = destination(path, force)?;
+    partial_file(path, &destination).map(drop)
+}
+
+/// Writes `bytes` as the whole content of `path`, durably; see the module's description.
+///
+/// A symbolic link is followed and kept. Without `force` a file that exists is left alone, also one that appeared
+/// since the check.
+///
+/// # Errors
+///
+/// As [`check_output`], and [`Error::Io`] where the disk is full or fails; the destination is then as it was.
+pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), Error> {
+    let destination = destination(path, force)?;
+    let mut partial = partial_file(path, &destination)?;
+    let failed = || Error::io("write", path);
+    partial.write_all(bytes).map_err(failed())?;
+    partial.as_file().sync_all().map_err(failed())?;
+    let persisted = if force { partial.persist(&destination) } else { partial.persist_noclobber(&destination) };
+    persisted.map_err(|error| match error.error.kind() {
+        io::ErrorKind::AlreadyExists => would_overwrite(path),
+        _ => failed()(error.error),
+    })?;
+    sync_folder(folder_of(&destination)).map_err(failed())
+}
+
+/// [`check_output`] of each of `paths`, which must differ.
+pub(super) fn check_outputs<'a>(paths: impl IntoIterator<Item = &'a PathBuf>, force: bool) -> Result<(), Error> {
+    let mut seen = HashSet::new();
+    for path in paths {
+        if !seen.insert(path) {
+            let message = format!("{}: expected one picture of this name, found two", path.display());
+            return Err(Error::Malformed(message));
+        }
+        check_output(path, force)?;
+    }
+    Ok(())
+}
+
+/// Makes the folder `path`, with its parents, where it is absent.
+pub(super) fn make_folder(path: &Path) -> Result<(), Error> {
+    fs::create_dir_all(path).map_err(Error::io("make", path))
+}
+
+fn would_overwrite(path: &Path) -> Error {
+    Error::Usage(format!("{}: expected no file of this name, found one: --force overwrites it", path.display()))
+}
+
+/// Where `path` leads, links followed, if it may be written.
+fn destination(path: &Path, force: bool) -> Result<PathBuf, Error> {
+    let metadata = match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(path.to_path_buf()),
+        other => other.map_err(Error::io("write", path))?,
+    };
+    if metadata.is_symlink() {
+        // Renaming over a link would replace the link, not what it stands for.
+        return destination(&fs::canonicalize(path).map_err(Error::io("follow", path))?, force);
+    }
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a folder" } else { "a device, a pipe or the like" };
+        return Err(Error::Usage(format!("{}: expected a regular file or none, found {found}", path.display())));
+    }
+    if force { Ok(path.to_path_buf()) } else { Err(would_overwrite(path)) }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn partial_file(path: &Path, destination: &Path) -> Result<NamedTempFile, Error> {
+    let Some(name) = destination.file_name() else {
+        return Err(Error::Usage(format!("{}: expected the name of a file, found none", path.display())));
+    };
+    let folder = folder_of(destination);
+    let mut builder = tempfile::Builder::new();
+    let prefix = format!(".{}.", name.to_string_lossy());
+    // Opened here, not by the builder, for the permissions of any other new file.
+    let open = |partial: &Path| OpenOptions::new().write(true).create_new(true).open(partial);
+    builder.prefix(&prefix).suffix(".partial").make_in(folder, open).map_err(|source| {
+        Error::Io(format!("{}: cannot write to the folder {}: {source}", path.display(), folder.display()))
+    })
+}
+
+/// Makes a rename in `folder` durable, where the system can.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    if cfg!(not(unix)) {
+        return Ok(());
+    }
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        // Some file systems cannot, and the file itself is on the disk already.
+        Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
+        other => other,
+    }
+}

@@ -1,0 +1,67 @@
+//! How far a long task is, on standard error: a bar on a terminal, a line now and then elsewhere.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::console::Console;
+
+/// The time between two lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+const BAR: &str = "{prefix} {wide_bar} {pos}/{len}{msg}, {eta} left";
+
+/// The progress of one task.
+pub(super) struct Progress<'a> {
+    console: &'a Console,
+    task: String,
+    bar: ProgressBar,
+    /// When the last line was printed; absent where there is a bar or nothing is to be seen.
+    last_line: Option<Mutex<Instant>>,
+}
+
+impl<'a> Progress<'a> {
+    /// Begins to show `task` of `total` steps; shows nothing where the console is quiet.
+    pub(super) fn start(console: &'a Console, task: &str, total: u64) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let shown = terminal && !console.is_quiet();
+        let target = if shown { ProgressDrawTarget::stderr_with_hz(5) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(total), target);
+        bar.set_style(ProgressStyle::with_template(BAR).expect("a valid template").progress_chars("=> "));
+        bar.set_prefix(task.to_owned());
+        let last_line = (!terminal && !console.is_quiet()).then(|| Mutex::new(Instant::now()));
+        Self { console, task: task.to_owned(), bar, last_line }
+    }
+
+    /// Shows that `done` steps are done, and what `detail` says (as in "41000 rays/s, train 28.31 dB").
+    pub(super) fn set(&self, done: u64, detail: impl FnOnce() -> String) {
+        self.bar.set_position(done);
+        if !self.bar.is_hidden() {
+            self.bar.set_message(with_comma(&detail()));
+        } else if let Some(last_line) = &self.last_line {
+            let mut last = last_line.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            if last.elapsed() >= LINE_EVERY {
+                *last = Instant::now();
+                let total = self.bar.length().unwrap_or(done);
+                let left = HumanDuration(self.bar.eta());
+                self.console.say(&format!("{}: {done}/{total}{}, {left} left", self.task, with_comma(&detail())));
+            }
+        }
+    }
+
+    /// A message that does not disturb the bar.
+    pub(super) fn say(&self, message: &str) {
+        self.bar.suspend(|| self.console.say(message));
+    }
+
+    /// Ends the task, removes the bar, and leaves a message.
+    pub(super) fn finish(self, message: &str) {
+        self.bar.finish_and_clear();
+        self.say(message);
+    }
+}
+
+fn with_comma(detail: &str) -> String {
+    if detail.is_empty() { String::new() } else { format!(", {detail}") }
+}

@@ -1,0 +1,170 @@
+//! `strivec render`: pictures of a scene.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::output::{check_outputs, make_folder};
+use super::progress::Progress;
+use super::viewpoints::Viewpoints;
+use super::{Error, Session, scene_file, write_atomically};
+use crate::measure::{color_png, depth_png, opacity_png};
+use crate::model::Scene;
+use crate::render::{CpuRenderer, Picture, ReferenceRenderer, Renderer};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec render lego.strivec --orbit 60 --size 400x400 --out orbit
+  strivec render lego.strivec --cameras lego/transforms_test.json --out frames --depth
+  strivec render lego.strivec --pose 1,0,0,0,0,1,0,0,0,0,1,4,0,0,0,1 --out one
+
+Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
+folder says how much a grey value of 1 stands for. 0 is where there is nothing.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The scene
+    file: PathBuf,
+    #[command(flatten)]
+    viewpoints: Viewpoints,
+    /// Folder for the pictures; made where it is absent
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What computes the pictures
+    #[arg(long, value_enum, default_value_t)]
+    renderer: RendererKind,
+    /// Also write NAME_depth.png, the expected depth
+    #[arg(long)]
+    depth: bool,
+    /// Also write NAME_opacity.png
+    #[arg(long)]
+    opacity: bool,
+}
+
+/// The renderers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum RendererKind {
+    /// Fast, in 32-bit floating point
+    #[default]
+    Cpu,
+    /// Slow, in 64-bit floating point: what the numbers mean
+    Reference,
+}
+
+impl RendererKind {
+    /// This renderer, for `scene`.
+    pub(super) fn of(self, scene: &Scene) -> Box<dyn Renderer + '_> {
+        match self {
+            Self::Cpu => Box::new(CpuRenderer::new(scene)),
+            Self::Reference => Box::new(ReferenceRenderer::new(scene)),
+        }
+    }
+}
+
+/// What was rendered.
+#[derive(Serialize)]
+struct Report {
+    renderer: RendererKind,
+    seconds: f64,
+    /// What a grey value of 1 stands for, in the dataset's units.
+    depth_unit: Option<f64>,
+    /// In the order of the cameras.
+    files: Vec<PathBuf>,
+}
+
+/// What `depth.json` says.
+#[derive(Serialize)]
+struct DepthScale {
+    depth: &'static str,
+    unit: f64,
+}
+
+/// Renders every viewpoint.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (scene, _) = scene_file::read(&args.file)?;
+    let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
+    let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
+
+    make_folder(&args.out)?;
+    let scale_file = args.out.join("depth.json");
+    let mut kinds = vec![""];
+    kinds.extend(args.depth.then_some("_depth"));
+    kinds.extend(args.opacity.then_some("_opacity"));
+    let mut planned: Vec<PathBuf> =
+        cameras.iter().flat_map(|camera| kinds.iter().map(|kind| file(&camera.name, kind))).collect();
+    planned.extend(args.depth.then(|| scale_file.clone()));
+    check_outputs(&planned, session.force)?;
+    let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
+    if let Some(unit) = depth_unit {
+        let depth = "distance along the ray in the dataset's units is grey value times unit; 0 where there is nothing";
+        let json = serde_json::to_string_pretty(&DepthScale { depth, unit }).expect("plain data") + "\n";
+        write_atomically(&scale_file, json.as_bytes(), session.force)?;
+    }
+
+    let renderer = args.renderer.of(&scene);
+    let progress = Progress::start(&session.console, "render", cameras.len() as u64);
+    let start = Instant::now();
+    let mut files = Vec::new();
+    let mut write = |path: PathBuf, bytes: Vec<u8>| -> Result<(), Error> {
+        write_atomically(&path, &bytes, session.force)?;
+        files.push(path);
+        Ok(())
+    };
+    for (done, named) in cameras.iter().enumerate() {
+        let picture = renderer.render(&named.camera.mapped(&scene.frame.model_from_dataset));
+        let size = [picture.width, picture.height];
+        write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
+        if let Some(unit) = depth_unit {
+            let scale = scene.frame.model_from_dataset.scale;
+            let depths: Vec<f64> = picture.pixels.iter().map(|p| f64::from(p.depth) / scale).collect();
+            write(file(&named.name, "_depth"), depth_png(size, &depths, unit)?)?;
+        }
+        if args.opacity {
+            let opacities: Vec<f32> = picture.pixels.iter().map(|p| p.opacity).collect();
+            write(file(&named.name, "_opacity"), opacity_png(size, &opacities)?)?;
+        }
+        progress
+            .set(done as u64 + 1, || format!("{:.2} s a picture", start.elapsed().as_secs_f64() / (done + 1) as f64));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    progress.finish(&format!("{} pictures in {seconds:.1} s", cameras.len()));
+    let report = Report { renderer: args.renderer, seconds, depth_unit, files };
+    session
+        .console
+        .result(&report, |report| report.files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())
+}
+
+/// The colours of a picture, in its order.
+pub(super) fn colors(picture: &Picture) -> Vec<[f32; 3]> {
+    picture.pixels.iter().map(|p| p.color).collect()
+}
+
+/// The smallest of 1, 2 and 5 times a power of ten of which 65535 reach `far`.
+fn unit_reaching(far: f64) -> f64 {
+    let least = far / f64::from(u16::MAX);
+    let exponent = least.log10().floor() as i32;
+    let candidate = |digit: u32, exponent: i32| -> f64 {
+        // Through decimal text, so that the unit is the nearest number to what it prints as.
+        format!("{digit}e{exponent}").parse().expect("a number")
+    };
+    let candidates = [candidate(1, exponent), candidate(2, exponent), candidate(5, exponent)];
+    candidates.into_iter().find(|&unit| unit >= least).unwrap_or_else(|| candidate(1, exponent + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_units_are_round_and_reach_the_far_end() {
+        for (far, unit) in [(6.0, 0.0001), (6.5535, 0.0001), (6.6, 0.0002), (100.0, 0.002), (0.3, 5e-6), (1e9, 20000.0)]
+        {
+            assert_eq!(unit_reaching(far), unit, "{far}");
+        }
+    }
+}

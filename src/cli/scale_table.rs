@@ -1,0 +1,71 @@
+//! The table that says per scale what a scene is made of.
+
+use serde::Serialize;
+
+use super::table::{Table, grouped};
+use crate::model::{Placement, Scene};
+
+/// One scale.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct ScaleRow {
+    pub(super) tensors: u64,
+    /// `lattice` or `explicit`.
+    pub(super) placement: &'static str,
+    /// Per axis, in model units.
+    pub(super) edges: [f64; 3],
+    /// Cells per axis.
+    pub(super) resolution: [u32; 3],
+    pub(super) density_rank: u32,
+    pub(super) appearance_rank: u32,
+    pub(super) top_k: u32,
+    /// Factors and appearance matrix.
+    pub(super) parameters: u64,
+    /// In memory, as 32-bit floating point.
+    pub(super) bytes: u64,
+}
+
+/// A row a scale, coarsest first.
+pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
+    let row = |scale: &crate::model::Scale| ScaleRow {
+        tensors: scale.cloud.len() as u64,
+        placement: match scale.cloud.placement {
+            Placement::Lattice { .. } => "lattice",
+            Placement::Explicit { .. } => "explicit",
+        },
+        edges: (2.0 * scale.cloud.half).to_array(),
+        resolution: scale.cloud.resolution,
+        density_rank: scale.factors.density_rank,
+        appearance_rank: scale.factors.appearance_rank,
+        top_k: scale.top_k,
+        parameters: scale.parameter_count(),
+        bytes: 4 * scale.parameter_count(),
+    };
+    scene.scales.iter().map(row).collect()
+}
+
+/// The rows for people.
+pub(super) fn text(scene: &Scene) -> String {
+    let mut table =
+        Table::new(["scale", "tensors", "placement", "edges", "resolution", "ranks", "parameters", "bytes"]);
+    for (n, row) in rows(scene).iter().enumerate() {
+        table.row([
+            n.to_string(),
+            grouped(row.tensors),
+            row.placement.to_owned(),
+            per_axis(row.edges),
+            per_axis(row.resolution),
+            format!("{}+{}", row.density_rank, row.appearance_rank),
+            grouped(row.parameters),
+            grouped(row.bytes),
+        ]);
+    }
+    table.text()
+}
+
+/// One number where all axes have it, else three.
+fn per_axis<T: PartialEq + ToString>(values: [T; 3]) -> String {
+    if values.iter().all(|v| *v == values[0]) {
+        return values[0].to_string();
+    }
+    values.map(|v| v.to_string()).join("x")
+}

@@ -1,0 +1,60 @@
+//! Tables on the terminal.
+
+/// Text in columns: the first aligned to the left, the others to the right.
+pub(super) struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table with the headings `columns` and no rows.
+    pub(super) fn new<const N: usize>(columns: [&str; N]) -> Self {
+        Self { rows: vec![columns.map(str::to_owned).to_vec()] }
+    }
+
+    /// Adds a row of as many cells as there are columns.
+    pub(super) fn row<const N: usize>(&mut self, cells: [String; N]) {
+        debug_assert_eq!(N, self.rows[0].len());
+        self.rows.push(cells.to_vec());
+    }
+
+    /// One line a row, two blanks between columns.
+    pub(super) fn text(&self) -> String {
+        let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.rows[0].len()).map(width).collect();
+        let line = |row: &Vec<String>| {
+            let cell = |(i, text): (usize, &String)| match i {
+                0 => format!("{text:<0$}", widths[0]),
+                _ => format!("{text:>0$}", widths[i]),
+            };
+            row.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+        };
+        self.rows.iter().map(line).collect()
+    }
+}
+
+/// A whole number with its thousands apart, as in 1 234 567.
+pub(super) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let start = digits.len() % 3;
+    let mut groups: Vec<&str> = if start > 0 { vec![&digits[..start]] } else { Vec::new() };
+    groups.extend((start..digits.len()).step_by(3).map(|i| &digits[i..i + 3]));
+    groups.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_as_wide_as_their_widest_cell() {
+        let mut table = Table::new(["view", "PSNR"]);
+        table.row(["r_10".into(), "7.1".into()]);
+        table.row(["mean".into(), "31.25".into()]);
+        assert_eq!(table.text(), "view   PSNR\nr_10    7.1\nmean  31.25\n");
+    }
+
+    #[test]
+    fn thousands_are_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1 000", "1 234 567"]);
+    }
+}

@@ -1,0 +1,223 @@
+//! Where pictures are taken from: the cameras of a dataset, an orbit, or one pose. All in the dataset's space.
+
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+
+use glam::{DMat4, DVec3};
+
+use super::{Error, picture_size};
+use crate::dataset::{self, NamedCamera};
+use crate::geometry::{Aabb, Camera};
+use crate::model::{Frame, UpAxis};
+
+/// One way to say where pictures are taken from, and what they are like.
+#[derive(Clone, Debug, clap::Args)]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("viewpoint").required(true).args(["cameras", "orbit", "pose"]))]
+pub(super) struct Viewpoints {
+    /// The cameras of a dataset's JSON file, as in transforms_test.json
+    #[arg(long, value_name = "JSON")]
+    cameras: Option<PathBuf>,
+    /// N cameras on a circle around the scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    orbit: Option<u32>,
+    /// One camera: 16 numbers, a row-major camera-to-world matrix as in transforms_test.json; as --pose=N,N,… where
+    /// the first is negative
+    #[arg(long, value_name = "NUMBER", num_args = 1..=16, value_delimiter = ',', allow_negative_numbers = true)]
+    pose: Option<Vec<f64>>,
+    /// Pictures N times smaller than the dataset's
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["orbit", "pose"],
+        value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    /// Size of the pictures [default: the dataset's, else 800x800]
+    #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
+    size: Option<[u32; 2]>,
+    /// Degrees that a picture spans from left to right, with --orbit and --pose
+    #[arg(long, value_name = "DEGREES", default_value_t = 40.0, conflicts_with = "cameras",
+        value_parser = angle(1.0, 170.0))]
+    fov: f64,
+    /// Degrees above the horizon, with --orbit
+    #[arg(long, value_name = "DEGREES", default_value_t = 30.0, allow_negative_numbers = true,
+        conflicts_with_all = ["cameras", "pose"],
+        value_parser = angle(-89.0, 89.0))]
+    elevation: f64,
+    /// Distance from the scene's centre in the dataset's units, with --orbit [default: the whole scene is seen]
+    #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
+    radius: Option<f64>,
+}
+
+fn angle(min: f64, max: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| match text.parse() {
+        Ok(value) if (min..=max).contains(&value) => Ok(value),
+        _ => Err(format!("expected {min} to {max} degrees, found {text:?}")),
+    }
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err(format!("expected a positive length, found {text:?}")),
+    }
+}
+
+impl Viewpoints {
+    /// At least one camera, for the scene of this `frame` whose `bounds` are in model units.
+    pub(super) fn cameras(&self, frame: &Frame, bounds: &Aabb) -> Result<Vec<NamedCamera>, Error> {
+        if let Some(json) = &self.cameras {
+            return Ok(dataset::load_blender_cameras(json, self.size, self.downscale)?);
+        }
+        let size = self.size.unwrap_or([800, 800]);
+        let focal = Camera::focal_of_angle(size[0], self.fov.to_radians());
+        match (self.orbit, &self.pose) {
+            (Some(count), _) => Ok(self.orbit(frame, bounds, count, size, focal)),
+            (None, Some(pose)) => Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, focal)? }]),
+            (None, None) => Err(Error::Usage("expected one of --cameras, --orbit and --pose, found none".into())),
+        }
+    }
+
+    fn orbit(&self, frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2], focal: f64) -> Vec<NamedCamera> {
+        let dataset_from_model = frame.model_from_dataset.inverse();
+        let target = dataset_from_model.point(bounds.center());
+        let radius = self.radius.unwrap_or_else(|| orbit_radius(frame, bounds, size, focal));
+        // The first two span the horizon, the third points up.
+        let [ahead, aside, up] = match frame.up {
+            UpAxis::X => [DVec3::Y, DVec3::Z, DVec3::X],
+            UpAxis::Y => [DVec3::Z, DVec3::X, DVec3::Y],
+            UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
+        };
+        let (rise, level) = self.elevation.to_radians().sin_cos();
+        let digits = (count - 1).to_string().len().max(3);
+        let camera = |n: u32| {
+            let (sin, cos) = (TAU * f64::from(n) / f64::from(count)).sin_cos();
+            let direction = level * (cos * ahead + sin * aside) + rise * up;
+            Camera::looking_at(size, focal, target + radius * direction, target, up)
+        };
+        (0..count).map(|n| NamedCamera { name: format!("orbit_{n:0digits$}"), camera: camera(n) }).collect()
+    }
+}
+
+/// In the dataset's units: from where the sphere around the scene's bounds fits into the picture, but no nearer and
+/// no farther than leaves the bounds between the scene's near and far, where that is possible.
+fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64 {
+    let reach = 0.5 * bounds.size().length();
+    let half_angle = (0.5 * f64::from(size[0].min(size[1])) / focal).atan();
+    let (nearest, farthest) = (frame.near + reach, frame.far - reach);
+    let radius = if nearest <= farthest {
+        (reach / half_angle.sin()).clamp(nearest, farthest)
+    } else {
+        0.5 * (frame.near + frame.far)
+    };
+    radius / frame.model_from_dataset.scale
+}
+
+/// The camera of the row-major camera-to-world matrix `pose`.
+fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Camera, Error> {
+    let rows: [f64; 16] =
+        pose.try_into().map_err(|_| Error::Usage(format!("--pose: expected 16 numbers, found {}", pose.len())))?;
+    let matrix = DMat4::from_cols_array(&rows).transpose();
+    let refused = |expected: &str| Error::Usage(format!("--pose: expected {expected}, found {pose:?}"));
+    if !matrix.is_finite() {
+        return Err(refused("finite numbers"));
+    }
+    if !matrix.row(3).abs_diff_eq(glam::DVec4::W, 1e-3) {
+        return Err(refused("the last row 0 0 0 1"));
+    }
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|column| column.truncate());
+    let gram = [x.dot(x) - 1.0, y.dot(y) - 1.0, z.dot(z) - 1.0, x.dot(y), x.dot(z), y.dot(z)];
+    if !gram.iter().all(|v| v.abs() <= 1e-3) || x.cross(y).dot(z) < 0.0 {
+        return Err(refused("a right-handed rotation within 0.001 and a translation"));
+    }
+    let position = matrix.w_axis.truncate();
+    // The axes made exactly orthonormal: z and then y are kept as far as possible.
+    Ok(Camera::looking_at(size, focal, position, position - z, y)).map(|camera| Camera { position, ..camera })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use glam::DQuat;
+
+    use super::*;
+    use crate::geometry::Similarity;
+    use crate::model::ColorSpace;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        viewpoints: Viewpoints,
+    }
+
+    fn cameras(arguments: &[&str], up: UpAxis) -> Result<Vec<NamedCamera>, Error> {
+        let command = Command::try_parse_from([&["command"], arguments].concat()).unwrap();
+        let (frame, bounds) = scene(up);
+        command.viewpoints.cameras(&frame, &bounds)
+    }
+
+    /// A scene around (2, 0, 0) in the dataset's space, whose model space is half as large.
+    fn scene(up: UpAxis) -> (Frame, Aabb) {
+        let (scale, rotation) = (0.5, DQuat::from_rotation_z(1.0));
+        let translation = -scale * (rotation * DVec3::new(2.0, 0.0, 0.0));
+        let model_from_dataset = Similarity { scale, rotation, translation };
+        let (metres_per_unit, background, color_space) = (None, [1.0; 3], ColorSpace::Srgb);
+        let frame = Frame { model_from_dataset, up, metres_per_unit, near: 2.0, far: 6.0, background, color_space };
+        (frame, Aabb::around(DVec3::ZERO, DVec3::ONE))
+    }
+
+    #[test]
+    fn an_orbit_looks_at_the_middle_from_one_height_and_distance() {
+        for (up, axis) in [(UpAxis::X, DVec3::X), (UpAxis::Y, DVec3::Y), (UpAxis::Z, DVec3::Z)] {
+            let arguments = ["--orbit", "7", "--radius", "5", "--elevation", "30", "--size", "40x20"];
+            let cameras = cameras(&arguments, up).unwrap();
+            assert_eq!(cameras.len(), 7);
+            assert_eq!(cameras[6].name, "orbit_006");
+            let turn = |n: usize| (cameras[n].camera.position - DVec3::new(2.0, 0.0, 0.0)).reject_from(axis);
+            assert!(turn(0).cross(turn(1)).dot(axis) > 0.0, "counterclockwise, seen from above");
+            for NamedCamera { camera, .. } in &cameras {
+                let from_target = camera.position - DVec3::new(2.0, 0.0, 0.0);
+                assert!((from_target.length() - 5.0).abs() < 1e-12);
+                assert!((from_target.dot(axis) - 2.5).abs() < 1e-12);
+                assert!((camera.ray_through(20.0, 10.0).direction + from_target / 5.0).length() < 1e-12);
+                assert!(camera.ray_through(20.0, 0.0).direction.dot(axis) > -0.5, "up is up");
+            }
+        }
+    }
+
+    #[test]
+    fn by_default_an_orbit_keeps_the_scene_between_near_and_far() {
+        // The sphere around the bounds, of radius √3, fits at √3/sin(20°) = 5.06; far allows 6 − √3 = 4.27.
+        let radius = |arguments: &[&str]| {
+            let cameras = cameras(&[&["--orbit", "1"], arguments].concat(), UpAxis::Z).unwrap();
+            0.5 * (cameras[0].camera.position - DVec3::new(2.0, 0.0, 0.0)).length()
+        };
+        let reach = 3f64.sqrt();
+        assert!((radius(&[]) - (6.0 - reach)).abs() < 1e-12);
+        assert!((radius(&["--fov", "120"]) - (2.0 + reach)).abs() < 1e-12);
+        assert!((radius(&["--fov", "50"]) - reach / 25f64.to_radians().sin()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_pose_is_the_matrix_as_datasets_write_it() {
+        let pose = "--pose=0,0,-1,-4,1,0,0,2,0,-1,0,3,0,0,0,1";
+        let camera = cameras(&[pose, "--size", "30x20"], UpAxis::Z).unwrap()[0].camera;
+        assert_eq!(camera.position, DVec3::new(-4.0, 2.0, 3.0));
+        let columns = camera.world_from_camera.to_cols_array_2d();
+        let expected = [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]];
+        assert!(columns.as_flattened().iter().zip(expected.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!((camera.focal[0] - 15.0 / 20f64.to_radians().tan()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_pose_is_refused() {
+        for (pose, expected) in [
+            ("1,0,0,0,0,1,0,0,0,0,1,0,0,0,0", "16 numbers"),
+            ("1,0,0,0,0,1,0,0,0,0,1,0,0,0,1,1", "last row"),
+            ("1,0,0,0,0,1,0,0,0,0,-1,0,0,0,0,1", "right-handed"),
+            ("1,0,0,0,0,2,0,0,0,0,1,0,0,0,0,1", "rotation"),
+            ("1,0,0,NaN,0,1,0,0,0,0,1,0,0,0,0,1", "finite"),
+        ] {
+            let error = cameras(&["--pose", pose], UpAxis::Z).unwrap_err();
+            assert_eq!(error.exit_code(), 1);
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The command's manners: exit codes, which stream says what, one line an error.
+#![cfg(feature = "cli")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use tempfile::TempDir;
+
+fn strivec(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    strivec(folder, arguments).output().unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("the command ends by itself")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// Checks that the command failed with `code` and one line on standard error, which is returned.
+fn failure(output: &Output, expected: i32) -> String {
+    let message = text(&output.stderr);
+    assert_eq!(code(output), expected, "{message}");
+    assert!(message.starts_with("strivec: "), "{message}");
+    assert_eq!(message.lines().count(), 1, "{message}");
+    assert!(output.stdout.is_empty(), "{}", text(&output.stdout));
+    message
+}
+
+#[test]
+fn help_and_version_are_results() {
+    let folder = TempDir::new().unwrap();
+    for arguments in [&["--help"][..], &["--version"], &["render", "--help"], &["help", "eval"]] {
+        let output = run(folder.path(), arguments);
+        assert_eq!(code(&output), 0, "{arguments:?}");
+        assert!(!output.stdout.is_empty() && output.stderr.is_empty(), "{arguments:?}");
+    }
+    assert_eq!(text(&run(folder.path(), &["--version"]).stdout), concat!("strivec ", env!("CARGO_PKG_VERSION"), "\n"));
+}
+
+#[test]
+fn wrong_usage_is_1_and_says_so_on_standard_error() {
+    let folder = TempDir::new().unwrap();
+    for arguments in [
+        &[][..],
+        &["nonsense"],
+        &["info"],
+        &["info", "a", "b"],
+        &["--threads", "0", "info", "a"],
+        &["render", "a", "--out", "b"],
+        &["render", "a", "--out", "b", "--orbit", "0"],
+        &["render", "a", "--out", "b", "--orbit", "3", "--pose", "1"],
+        &["render", "a", "--out", "b", "--orbit", "3", "--downscale", "2"],
+        &["render", "a", "--out", "b", "--orbit", "3", "--size", "0x5"],
+        &["render", "a", "--out", "b", "--orbit", "3", "--elevation", "90"],
+        &["eval", "a", "b", "--views", "5"],
+        &["train", "a"],
+        &["train", "a", "-o", "b", "--preset", "7"],
+        &["train", "a", "-o", "b", "--near", "2"],
+    ] {
+        let output = run(folder.path(), arguments);
+        assert_eq!(code(&output), 1, "{arguments:?}: {}", text(&output.stderr));
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn an_absent_file_is_2_and_names_it() {
+    let folder = TempDir::new().unwrap();
+    for arguments in [
+        &["info", "absent.strivec"][..],
+        &["render", "absent.strivec", "--orbit", "1", "--out", "frames"],
+        &["eval", "absent.strivec", "."],
+    ] {
+        let message = failure(&run(folder.path(), arguments), 2);
+        assert!(message.contains("absent.strivec: cannot read it: "), "{message}");
+    }
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "nothing was made on the way");
+}
+
+#[test]
+fn a_malformed_file_is_3_and_names_it() {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("text.strivec"), "This is no scene.\n").unwrap();
+    let message = failure(&run(folder.path(), &["info", "text.strivec"]), 3);
+    assert!(message.contains("text.strivec: "), "{message}");
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let folder = TempDir::new().unwrap();
+    let mut child = strivec(folder.path(), &["--help"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(code(&output), 0);
+    assert_eq!(text(&output.stderr), "");
+}
