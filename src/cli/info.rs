@@ -55,7 +55,7 @@ struct Info {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene, bytes) = scene_file::read(&args.file)?;
     let info = Info::new(args.file.clone(), bytes, &scene);
-    session.console.result(&info, |info| info.text(&scene))
+    session.console.result(&info, Info::text)
 }
 
 impl Info {
@@ -89,7 +89,7 @@ impl Info {
         }
     }
 
-    fn text(&self, scene: &Scene) -> String {
+    fn text(&self) -> String {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
         let occupancy = match &self.occupancy {
             Some(([x, y, z], set)) => format!("{x}x{y}x{z} vertices, {} set", grouped(*set)),
@@ -109,6 +109,6 @@ impl Info {
             ("parameters", grouped(self.parameters)),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
-        format!("{head}\n{}", scale_table::text(scene))
+        format!("{head}\n{}", scale_table::text(&self.scales))
     }
 }

@@ -35,11 +35,12 @@ impl<'a> Progress<'a> {
     }
 
     /// Shows that `done` steps are done, and what `detail` says (as in "41000 rays/s, train 28.31 dB").
-    pub(super) fn set(&self, done: u64, detail: impl FnOnce() -> String) {
-        self.bar.set_position(done);
+    pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
         if !self.bar.is_hidden() {
             self.bar.set_message(with_comma(&detail()));
-        } else if let Some(last_line) = &self.last_line {
+        }
+        self.bar.set_position(done);
+        if let Some(last_line) = &self.last_line {
             let mut last = last_line.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             if last.elapsed() >= LINE_EVERY {
                 *last = Instant::now();

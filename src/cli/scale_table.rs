@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::table::{Table, grouped};
-use crate::model::{Placement, Scene};
+use crate::model::{Placement, Scale, Scene};
 
 /// One scale.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -26,7 +26,7 @@ pub(super) struct ScaleRow {
 
 /// A row a scale, coarsest first.
 pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
-    let row = |scale: &crate::model::Scale| ScaleRow {
+    let row = |scale: &Scale| ScaleRow {
         tensors: scale.cloud.len() as u64,
         placement: match scale.cloud.placement {
             Placement::Lattice { .. } => "lattice",
@@ -43,11 +43,11 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
     scene.scales.iter().map(row).collect()
 }
 
-/// The rows for people.
-pub(super) fn text(scene: &Scene) -> String {
+/// `rows` for people.
+pub(super) fn text(rows: &[ScaleRow]) -> String {
     let mut table =
         Table::new(["scale", "tensors", "placement", "edges", "resolution", "ranks", "parameters", "bytes"]);
-    for (n, row) in rows(scene).iter().enumerate() {
+    for (n, row) in rows.iter().enumerate() {
         table.row([
             n.to_string(),
             grouped(row.tensors),
