@@ -1,4 +1,16 @@
 //! Posed photographs. One file a layout; each returns a [`Dataset`].
+//!
+//! In: a folder of pictures with their camera poses, from anywhere, so nothing in it is trusted. Out: cameras and
+//! colours in the dataset's own space. Mapping that space to the model's is left to the caller.
+#![forbid(unsafe_code)]
+
+mod blender;
+mod error;
+mod picture;
+mod pose;
+
+pub use blender::{load_blender, load_blender_cameras};
+pub use error::{Error, ErrorKind};
 
 use crate::geometry::Camera;
 
@@ -20,4 +32,30 @@ pub struct View {
     pub camera: Camera,
     /// \[height\]\[width\] sRGB colours in [0, 1], row-major from the top left, composited on the background.
     pub pixels: Vec<[f32; 3]>,
+}
+
+/// A camera without its photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCamera {
+    /// The file name without folder and extension, as in `r_0`.
+    pub name: String,
+    /// Its size is that of the picture it takes.
+    pub camera: Camera,
+}
+
+/// How photographs become colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadOptions {
+    /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colours;
+    /// columns and rows that do not fill a block are dropped. At least 1.
+    pub downscale: u32,
+    /// The sRGB colour behind transparent pictures, in [0, 1].
+    pub background: [f32; 3],
+}
+
+impl Default for LoadOptions {
+    /// Full size on white.
+    fn default() -> Self {
+        Self { downscale: 1, background: [1.0; 3] }
+    }
 }

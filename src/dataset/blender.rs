@@ -1,0 +1,199 @@
+//! The Blender layout of NeRF-synthetic: `transforms_{train,val,test}.json` beside folders of RGBA PNG pictures.
+//!
+//! Poses are row-major `world_from_camera` matrices in [`Camera`]'s axes. The focal length comes from `fl_x` and `fl_y`
+//! (pixels) or from `camera_angle_x` (radians across the picture); the principal point from `cx` and `cy`, or it is the
+//! picture's middle. Lens distortion is not part of this layout and is refused.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use super::picture::{self, MAX_EDGE};
+use super::{Dataset, Error, LoadOptions, NamedCamera, View, pose};
+use crate::geometry::Camera;
+
+/// The most pixels of a split, after downscaling; they take 12 bytes each.
+const MAX_PIXELS: u64 = 1 << 30;
+/// A `file_path` that ends in one of these is complete; any other lacks `.png`.
+const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// The JSON file, as far as it is read.
+#[derive(Deserialize)]
+struct Transforms {
+    camera_angle_x: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    #[serde(default)]
+    k1: f64,
+    #[serde(default)]
+    k2: f64,
+    #[serde(default)]
+    p1: f64,
+    #[serde(default)]
+    p2: f64,
+    frames: Vec<Frame>,
+}
+
+#[derive(Deserialize)]
+struct Frame {
+    file_path: String,
+    /// Rows of `world_from_camera`.
+    transform_matrix: [[f64; 4]; 4],
+}
+
+/// The split `split` (as in `train`) of the dataset in `folder`: its views in the order of `frames`.
+///
+/// Fails on everything [`Error`] lists but writing; of several broken pictures the first in order is reported.
+pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    if options.background.iter().any(|v| !(0.0..=1.0).contains(v)) {
+        return Err(Error::Background { found: options.background });
+    }
+    let json = folder.join(format!("transforms_{split}.json"));
+    let transforms = Transforms::read(&json)?;
+    let pictures = transforms.pictures(&json)?;
+    if let Some(frame) = pictures.iter().position(|(_, picture)| !picture.is_file()) {
+        return Err(Error::MissingPicture { path: json, frame, picture: pictures[frame].1.clone() });
+    }
+    let (size, like) = match transforms.size(&json)? {
+        Some(size) => (size, json.as_path()),
+        None => (picture::size(&pictures[0].1)?, pictures[0].1.as_path()),
+    };
+    let cameras = transforms.cameras(&json, size, options.downscale)?;
+
+    let (width, height) = (u64::from(cameras[0].width), u64::from(cameras[0].height));
+    let found = (width * height).saturating_mul(pictures.len() as u64);
+    if found > MAX_PIXELS {
+        return Err(Error::TooLarge { path: json, what: "pixels of all pictures", limit: MAX_PIXELS, found });
+    }
+    // Collected before the first error is picked, so that it does not depend on which thread was faster.
+    let pixels: Vec<_> = pictures.par_iter().map(|(_, path)| picture::load(path, size, like, options)).collect();
+    let views = pictures
+        .iter()
+        .zip(cameras)
+        .zip(pixels)
+        .map(|(((name, _), camera), pixels)| Ok(View { name: name.clone(), camera, pixels: pixels? }))
+        .collect::<Result<_, Error>>()?;
+    Ok(Dataset { name: name_of(folder), views })
+}
+
+/// The cameras of one JSON file in the order of `frames`, for rendering; no picture is decoded.
+///
+/// The size (columns and rows, before downscaling) is that of the keys `w` and `h`, else of the first picture that
+/// exists, else `size`; without any of them it fails.
+pub fn load_blender_cameras(json: &Path, size: Option<[u32; 2]>, downscale: u32) -> Result<Vec<NamedCamera>, Error> {
+    let transforms = Transforms::read(json)?;
+    let pictures = transforms.pictures(json)?;
+    let size = match (transforms.size(json)?, pictures.iter().find(|(_, picture)| picture.is_file()), size) {
+        (Some(size), _, _) => size,
+        (None, Some((_, picture)), _) => picture::size(picture)?,
+        (None, None, Some(size)) => size,
+        (None, None, None) => return Err(Error::UnknownSize { path: json.to_path_buf() }),
+    };
+    let cameras = transforms.cameras(json, size, downscale)?;
+    Ok(pictures.into_iter().zip(cameras).map(|((name, _), camera)| NamedCamera { name, camera }).collect())
+}
+
+impl Transforms {
+    /// Reads a file with at least one frame.
+    fn read(json: &Path) -> Result<Self, Error> {
+        let bytes = picture::read_file(json)?;
+        let transforms: Self =
+            serde_json::from_slice(&bytes).map_err(|source| Error::Json { path: json.to_path_buf(), source })?;
+        if transforms.frames.is_empty() {
+            return Err(Error::NoFrames { path: json.to_path_buf() });
+        }
+        Ok(transforms)
+    }
+
+    /// Name and path of each frame's picture.
+    fn pictures(&self, json: &Path) -> Result<Vec<(String, PathBuf)>, Error> {
+        let folder = json.parent().unwrap_or(Path::new(""));
+        let picture = |(frame, Frame { file_path, .. }): (usize, &Frame)| {
+            // Blender on Windows writes backslashes.
+            let mut path = folder.join(file_path.replace('\\', "/"));
+            let complete =
+                path.extension().is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)));
+            if !complete && path.file_name().is_some() {
+                path.as_mut_os_string().push(".png");
+            }
+            match path.file_stem().and_then(|stem| stem.to_str()) {
+                Some(name) if !file_path.is_empty() && !file_path.ends_with(['/', '\\']) => Ok((name.to_owned(), path)),
+                _ => Err(Error::FilePath { path: json.to_path_buf(), frame, found: file_path.clone() }),
+            }
+        };
+        self.frames.iter().enumerate().map(picture).collect()
+    }
+
+    /// Columns and rows by the keys `w` and `h`, where both are there.
+    fn size(&self, json: &Path) -> Result<Option<[u32; 2]>, Error> {
+        let (Some(w), Some(h)) = (self.w, self.h) else { return Ok(None) };
+        for (key, value) in [("w", w), ("h", h)] {
+            if value.fract() != 0.0 || !(1.0..=f64::from(MAX_EDGE)).contains(&value) {
+                return Err(intrinsics(json, key, "a whole number from 1 to 16384", value));
+            }
+        }
+        Ok(Some([w as u32, h as u32]))
+    }
+
+    /// The cameras of pictures of `size` (columns and rows), made `downscale` times smaller.
+    fn cameras(&self, json: &Path, size: [u32; 2], downscale: u32) -> Result<Vec<Camera>, Error> {
+        if downscale == 0 || size.iter().any(|&extent| extent < downscale) {
+            return Err(Error::Downscale { path: json.to_path_buf(), factor: downscale, size });
+        }
+        for (key, value) in [("k1", self.k1), ("k2", self.k2), ("p1", self.p1), ("p2", self.p2)] {
+            if value != 0.0 {
+                return Err(intrinsics(json, key, "no lens distortion", value));
+            }
+        }
+        let focal = self.focal(json, size[0])?;
+        let principal = [self.cx.unwrap_or(0.5 * f64::from(size[0])), self.cy.unwrap_or(0.5 * f64::from(size[1]))];
+        for (key, value) in [("cx", principal[0]), ("cy", principal[1])] {
+            if !(0.0..=16.0 * f64::from(MAX_EDGE)).contains(&value.abs()) {
+                return Err(intrinsics(json, key, "a number of pixels within reach of the picture", value));
+            }
+        }
+        let camera = |(frame, Frame { transform_matrix, .. }): (usize, &Frame)| {
+            let (world_from_camera, position) = pose::rigid(transform_matrix)
+                .map_err(|(expected, found)| Error::Pose { path: json.to_path_buf(), frame, expected, found })?;
+            let full = Camera { width: size[0], height: size[1], focal, principal, world_from_camera, position };
+            Ok(full.downscaled(downscale))
+        };
+        self.frames.iter().enumerate().map(camera).collect()
+    }
+
+    /// Focal lengths in pixels of a picture of `width` columns.
+    fn focal(&self, json: &Path, width: u32) -> Result<[f64; 2], Error> {
+        if let Some(angle) = self.camera_angle_x
+            && !(angle > 0.0 && angle < std::f64::consts::PI)
+        {
+            return Err(intrinsics(json, "camera_angle_x", "an angle between 0 and π", angle));
+        }
+        for (key, value) in [("fl_x", self.fl_x), ("fl_y", self.fl_y)] {
+            if let Some(value) = value.filter(|v| !v.is_normal() || *v < 0.0) {
+                return Err(intrinsics(json, key, "a positive number of pixels", value));
+            }
+        }
+        let x = match (self.fl_x, self.camera_angle_x) {
+            (Some(focal), _) => focal,
+            (None, Some(angle)) => Camera::focal_of_angle(width, angle),
+            (None, None) => return Err(intrinsics(json, "camera_angle_x", "it or fl_x", "neither")),
+        };
+        Ok([x, self.fl_y.unwrap_or(x)])
+    }
+}
+
+fn intrinsics(json: &Path, key: &'static str, expected: &'static str, found: impl ToString) -> Error {
+    Error::Intrinsics { path: json.to_path_buf(), key, expected, found: found.to_string() }
+}
+
+/// The last component of `folder`, also where it is written as `.` or ends in `..`.
+fn name_of(folder: &Path) -> String {
+    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().map_or_else(|| "dataset".to_owned(), |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,185 @@
+//! What can be wrong with a dataset, in one line each: the file, the place in it, what was expected, what was found.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Who has to act on an [`Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// The system: a file is absent, unreadable or cannot be written.
+    Io,
+    /// The dataset's author: a file holds something else than it should.
+    Malformed,
+    /// The caller: an argument makes no sense for this dataset.
+    Argument,
+    /// Nobody but this project: a file is larger than what is read.
+    Limit,
+}
+
+/// Why a dataset could not be read or made.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file or folder could not be read.
+    #[error("{}: expected to read it, found: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file or folder could not be written.
+    #[error("{}: expected to write it, found: {source}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A picture that a frame names is not there.
+    #[error("{}: frame {frame}: expected the picture {}, found no such file", path.display(), picture.display())]
+    MissingPicture {
+        /// The JSON file.
+        path: PathBuf,
+        /// Index in `frames`.
+        frame: usize,
+        /// Where the picture should be.
+        picture: PathBuf,
+    },
+    /// A JSON file that is no JSON or not of this layout; the source names line and column.
+    #[error("{}: expected a dataset's JSON, found: {source}", path.display())]
+    Json {
+        /// The JSON file.
+        path: PathBuf,
+        /// What and where.
+        source: serde_json::Error,
+    },
+    /// A dataset without frames.
+    #[error("{}: frames: expected at least one, found none", path.display())]
+    NoFrames {
+        /// The JSON file.
+        path: PathBuf,
+    },
+    /// A `file_path` that names no file.
+    #[error("{}: frame {frame}: file_path: expected a file's path, found {found:?}", path.display())]
+    FilePath {
+        /// The JSON file.
+        path: PathBuf,
+        /// Index in `frames`.
+        frame: usize,
+        /// The value.
+        found: String,
+    },
+    /// A `transform_matrix` that is not a rotation and a translation.
+    #[error("{}: frame {frame}: transform_matrix: expected {expected}, found {found}", path.display())]
+    Pose {
+        /// The JSON file.
+        path: PathBuf,
+        /// Index in `frames`.
+        frame: usize,
+        /// The property it lacks.
+        expected: &'static str,
+        /// By how much, or the values.
+        found: String,
+    },
+    /// A missing or senseless camera constant.
+    #[error("{}: {key}: expected {expected}, found {found}", path.display())]
+    Intrinsics {
+        /// The JSON file.
+        path: PathBuf,
+        /// The JSON key.
+        key: &'static str,
+        /// The values that make sense.
+        expected: &'static str,
+        /// The value, or that there is none.
+        found: String,
+    },
+    /// Neither the JSON file, nor its pictures, nor the caller says how large the pictures are.
+    #[error("{}: picture size: expected the keys w and h, a picture beside it or a given size, found none", path.display())]
+    UnknownSize {
+        /// The JSON file.
+        path: PathBuf,
+    },
+    /// A picture that cannot be decoded.
+    #[error("{}: expected a PNG picture, found: {found}", path.display())]
+    Picture {
+        /// The picture.
+        path: PathBuf,
+        /// What the decoder said.
+        found: String,
+    },
+    /// A picture of another size than the dataset's.
+    #[error(
+        "{}: picture size: expected {}x{} as {}, found {}x{}",
+        path.display(), expected[0], expected[1], like.display(), found[0], found[1]
+    )]
+    PictureSize {
+        /// The picture.
+        path: PathBuf,
+        /// Columns and rows.
+        expected: [u32; 2],
+        /// The file that says so: the first picture or the JSON file.
+        like: PathBuf,
+        /// Columns and rows.
+        found: [u32; 2],
+    },
+    /// More than is read into memory.
+    #[error("{}: {what}: expected at most {limit}, found {found}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The quantity.
+        what: &'static str,
+        /// What is read.
+        limit: u64,
+        /// What there is.
+        found: u64,
+    },
+    /// A downscale factor of 0 or one that leaves no pixel.
+    #[error(
+        "{}: downscale: expected 1 to {}, found {factor}", path.display(), size[0].min(size[1])
+    )]
+    Downscale {
+        /// The JSON file.
+        path: PathBuf,
+        /// The factor.
+        factor: u32,
+        /// Columns and rows of the pictures.
+        size: [u32; 2],
+    },
+    /// A background that is no colour.
+    #[error("background: expected three numbers in [0, 1], found {found:?}")]
+    Background {
+        /// The value.
+        found: [f32; 3],
+    },
+}
+
+impl Error {
+    /// Who has to act.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Read { .. } | Self::Write { .. } | Self::MissingPicture { .. } => ErrorKind::Io,
+            Self::Json { .. }
+            | Self::NoFrames { .. }
+            | Self::FilePath { .. }
+            | Self::Pose { .. }
+            | Self::Intrinsics { .. }
+            | Self::UnknownSize { .. }
+            | Self::Picture { .. }
+            | Self::PictureSize { .. } => ErrorKind::Malformed,
+            Self::Downscale { .. } | Self::Background { .. } => ErrorKind::Argument,
+            Self::TooLarge { .. } => ErrorKind::Limit,
+        }
+    }
+
+    /// Whether the system failed, not the data.
+    pub fn is_io(&self) -> bool {
+        self.kind() == ErrorKind::Io
+    }
+
+    /// For `map_err` after reading `path`.
+    pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Read { path, source }
+    }
+}

@@ -1,0 +1,132 @@
+//! PNG pictures to colours: decoding within limits, averaging blocks, compositing on a background.
+
+use std::fs::File;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use super::{Error, LoadOptions};
+
+/// The longest edge of a picture that is decoded.
+pub(super) const MAX_EDGE: u32 = 16_384;
+/// The most bytes that a picture may take in memory.
+const MAX_DECODED_BYTES: u64 = 512 << 20;
+/// The most bytes that a file of a dataset may have.
+const MAX_FILE_BYTES: u64 = 512 << 20;
+
+/// The bytes of a regular file of at most [`MAX_FILE_BYTES`].
+pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
+    let file = File::open(path).map_err(Error::read(path))?;
+    let mut bytes = Vec::new();
+    // A device or a pipe has no length to check beforehand, so the reading itself is bounded.
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
+    let found = bytes.len() as u64;
+    if found > MAX_FILE_BYTES {
+        return Err(Error::TooLarge { path: path.to_path_buf(), what: "bytes", limit: MAX_FILE_BYTES, found });
+    }
+    Ok(bytes)
+}
+
+/// Columns and rows of the picture at `path`, from its header.
+pub(super) fn size(path: &Path) -> Result<[u32; 2], Error> {
+    let bytes = read_file(path)?;
+    let (width, height) = decoder(path, &bytes)?.dimensions();
+    Ok([width, height])
+}
+
+/// The colours of the picture at `path` as [`super::View::pixels`], of `size` (columns and rows) divided by
+/// `options.downscale`, rounded down. `size` is what the file `like` says; another one is an error.
+pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, options: &LoadOptions) -> Result<Vec<[f32; 3]>, Error> {
+    let bytes = read_file(path)?;
+    let decoder = decoder(path, &bytes)?;
+    let found: [u32; 2] = decoder.dimensions().into();
+    if found != size {
+        return Err(Error::PictureSize { path: path.to_path_buf(), expected: size, like: like.to_path_buf(), found });
+    }
+    let deep = matches!(decoder.color_type(), ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16);
+    let picture = DynamicImage::from_decoder(decoder).map_err(undecodable(path))?;
+    let width = size[0] as usize;
+    Ok(if deep {
+        averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), options)
+    } else {
+        averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), options)
+    })
+}
+
+/// A decoder of the PNG in `bytes` that has read the header and stays within the limits.
+fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'a>, Error> {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_EDGE);
+    limits.max_image_height = Some(MAX_EDGE);
+    limits.max_alloc = Some(MAX_DECODED_BYTES);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(undecodable(path))?;
+    let found = decoder.total_bytes();
+    if found > MAX_DECODED_BYTES {
+        let path = path.to_path_buf();
+        return Err(Error::TooLarge { path, what: "decoded bytes", limit: MAX_DECODED_BYTES, found });
+    }
+    Ok(decoder)
+}
+
+/// For `map_err` after decoding `path`, whose bytes are already read: the file is at fault, not the system.
+fn undecodable(path: &Path) -> impl FnOnce(image::ImageError) -> Error + use<> {
+    let path = path.to_path_buf();
+    move |error| Error::Picture { path, found: error.to_string() }
+}
+
+/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colours and
+/// composites them on the background. Sums are exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
+fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, options: &LoadOptions) -> Vec<[f32; 3]> {
+    let factor = options.downscale as usize;
+    let rows = rgba.len() / (4 * width) / factor;
+    let columns = width / factor;
+    let background = options.background.map(f64::from);
+    let mut pixels = Vec::with_capacity(rows * columns);
+    for row in 0..rows {
+        for column in 0..columns {
+            let mut colour = [0_u64; 3];
+            let mut alpha = 0_u64;
+            for y in row * factor..(row + 1) * factor {
+                let start = 4 * (y * width + column * factor);
+                for pixel in rgba[start..start + 4 * factor].as_chunks::<4>().0 {
+                    let a = pixel[3].into();
+                    alpha += a;
+                    for (sum, &channel) in colour.iter_mut().zip(pixel) {
+                        *sum += channel.into() * a;
+                    }
+                }
+            }
+            let count = (factor * factor) as u64;
+            let through = (count * max - alpha) as f64 / (count * max) as f64;
+            pixels.push([0, 1, 2].map(|c| {
+                let premultiplied = colour[c] as f64 / (count * max * max) as f64;
+                (premultiplied + through * background[c]) as f32
+            }));
+        }
+    }
+    pixels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn block_is_averaged_premultiplied_and_the_last_column_dropped() {
+        // One opaque red and one transparent green pixel (its colour must not count), then a column beyond the block.
+        let rgba: [u8; 24] = [255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9, 255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9];
+        let options = LoadOptions { downscale: 2, background: [0.0, 0.0, 1.0] };
+        assert_eq!(averaged(&rgba, 3, 255, &options), [[0.5, 0.0, 0.5]]);
+    }
+
+    #[test]
+    fn full_size_opaque_colours_are_the_file_s() {
+        let rgba: [u16; 8] = [1, 2, 65_535, 65_535, 40_000, 0, 7, 65_535];
+        let options = LoadOptions { downscale: 1, background: [1.0; 3] };
+        let expected = [[1, 2, 65_535], [40_000, 0, 7]].map(|p| p.map(|v| (f64::from(v) / 65_535.0) as f32));
+        assert_eq!(averaged(&rgba, 2, 65_535, &options), expected);
+    }
+}

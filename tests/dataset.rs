@@ -1,0 +1,280 @@
+//! Loading photographs: the Blender layout, everything that can be wrong with it, and the real thing where it is there.
+#![cfg(feature = "toolkit")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
+use serde_json::{Value, json};
+use strivec::dataset::{Error, ErrorKind, LoadOptions, load_blender, load_blender_cameras};
+use tempfile::TempDir;
+
+const POSE: [[f64; 4]; 4] = [[1.0, 0.0, 0.0, 0.5], [0.0, 0.0, -1.0, -4.0], [0.0, 1.0, 0.0, 0.25], [0.0, 0.0, 0.0, 1.0]];
+
+/// A dataset of two 6×4 pictures, half transparent red on the left and opaque blue on the right.
+struct Small {
+    folder: TempDir,
+    json: Value,
+}
+
+impl Small {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("train")).unwrap();
+        let picture =
+            RgbaImage::from_fn(6, 4, |x, _| if x < 3 { Rgba([255, 0, 0, 51]) } else { Rgba([0, 0, 255, 255]) });
+        picture.save(folder.path().join("train/r_0.png")).unwrap();
+        picture.save(folder.path().join("train/r_1.png")).unwrap();
+        let json = json!({
+            "camera_angle_x": 0.8,
+            "frames": [
+                { "file_path": "./train/r_0", "rotation": 0.1, "transform_matrix": POSE },
+                { "file_path": "train\\r_1.png", "transform_matrix": POSE },
+            ],
+        });
+        Self { folder, json }
+    }
+
+    fn path(&self, file: &str) -> PathBuf {
+        self.folder.path().join(file)
+    }
+
+    fn load(&self, options: &LoadOptions) -> Result<strivec::dataset::Dataset, Error> {
+        fs::write(self.path("transforms_train.json"), self.json.to_string()).unwrap();
+        load_blender(self.folder.path(), "train", options)
+    }
+
+    /// The error of loading: its kind and its line, which must be one line that names a file unless it is an argument.
+    fn error(&self) -> (ErrorKind, String) {
+        described(self.load(&LoadOptions::default()).unwrap_err())
+    }
+}
+
+fn described(error: Error) -> (ErrorKind, String) {
+    let line = error.to_string();
+    assert!(!line.contains('\n'), "{line}");
+    (error.kind(), line)
+}
+
+#[track_caller]
+fn assert_error((kind, line): (ErrorKind, String), expected: ErrorKind, parts: &[&str]) {
+    assert_eq!(kind, expected, "{line}");
+    for part in parts {
+        assert!(line.contains(part), "{part:?} is not in {line:?}");
+    }
+}
+
+#[test]
+fn blender_layout_gives_names_cameras_and_composited_pixels() {
+    let small = Small::new();
+    let dataset = small.load(&LoadOptions::default()).unwrap();
+    assert_eq!(dataset.name, small.folder.path().file_name().unwrap().to_str().unwrap());
+    assert_eq!(dataset.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["r_0", "r_1"]);
+    let view = &dataset.views[0];
+    assert_eq!((view.camera.width, view.camera.height, view.pixels.len()), (6, 4, 24));
+    assert_eq!(view.camera.principal, [3.0, 2.0]);
+    assert!((view.camera.focal[0] - 3.0 / 0.4_f64.tan()).abs() < 1e-12);
+    assert_eq!(view.camera.position, DVec3::new(0.5, -4.0, 0.25));
+    // The camera looks along its −z: here along the world's +y, with the world's z upwards.
+    assert!((view.camera.ray_through(3.0, 2.0).direction - DVec3::Y).length() < 1e-12);
+    assert!(view.camera.ray(0, 0).direction.z > 0.0);
+    assert_eq!(view.pixels[0], [1.0, 0.8, 0.8]);
+    assert_eq!(view.pixels[5], [0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn downscaling_averages_blocks_and_drops_what_is_left() {
+    let dataset = Small::new().load(&LoadOptions { downscale: 4, background: [0.0; 3] }).unwrap();
+    let view = &dataset.views[0];
+    assert_eq!((view.camera.width, view.camera.height), (1, 1));
+    assert_eq!(view.camera.principal, [0.75, 0.5]);
+    assert_eq!(view.pixels, [[0.15, 0.0, 0.25]]);
+}
+
+#[test]
+fn pictures_without_alpha_are_opaque_and_16_bit_ones_keep_their_depth() {
+    let small = Small::new();
+    ImageBuffer::from_pixel(6, 4, Rgb([0_u8, 51, 255])).save(small.path("train/r_0.png")).unwrap();
+    ImageBuffer::from_pixel(6, 4, Rgba([0_u16, 257, 65_534, 65_535])).save(small.path("train/r_1.png")).unwrap();
+    let views = small.load(&LoadOptions::default()).unwrap().views;
+    assert_eq!(views[0].pixels[7], [0.0, 0.2, 1.0]);
+    assert_eq!(views[1].pixels[7], [0.0, (257.0 / 65_535.0) as f32, (65_534.0 / 65_535.0_f64) as f32]);
+}
+
+#[test]
+fn intrinsics_in_pixels_win_over_the_angle() {
+    let mut small = Small::new();
+    for (key, value) in [("w", 6.0), ("h", 4.0), ("fl_x", 7.0), ("fl_y", 8.0), ("cx", 2.5), ("cy", 1.5)] {
+        small.json[key] = json!(value);
+    }
+    let camera = small.load(&LoadOptions::default()).unwrap().views[0].camera;
+    assert_eq!((camera.focal, camera.principal), ([7.0, 8.0], [2.5, 1.5]));
+}
+
+#[test]
+fn cameras_take_their_size_from_keys_then_pictures_then_the_caller() {
+    let mut small = Small::new();
+    small.load(&LoadOptions::default()).unwrap();
+    let json = small.path("transforms_train.json");
+    let size = |given| load_blender_cameras(&json, given, 2).map(|c| (c.len(), c[1].camera.width, c[1].camera.height));
+    assert_eq!(size(Some([100, 50])).unwrap(), (2, 3, 2));
+    fs::remove_dir_all(small.path("train")).unwrap();
+    assert_eq!(size(Some([100, 50])).unwrap(), (2, 50, 25));
+    assert_error(described(size(None).unwrap_err()), ErrorKind::Malformed, &["transforms_train.json", "picture size"]);
+    small.json["w"] = json!(20);
+    small.json["h"] = json!(10);
+    fs::write(&json, small.json.to_string()).unwrap();
+    assert_eq!(size(Some([100, 50])).unwrap(), (2, 10, 5));
+}
+
+#[test]
+fn missing_files_are_the_system_s_fault() {
+    let mut small = Small::new();
+    assert_error(
+        described(load_blender(small.folder.path(), "test", &LoadOptions::default()).unwrap_err()),
+        ErrorKind::Io,
+        &["transforms_test.json"],
+    );
+    small.json["frames"][1]["file_path"] = json!("./train/r_7");
+    assert_error(small.error(), ErrorKind::Io, &["transforms_train.json: frame 1", "r_7.png", "no such file"]);
+    small.json["frames"][1]["file_path"] = json!("train");
+    fs::create_dir(small.path("train.png")).unwrap();
+    assert_error(small.error(), ErrorKind::Io, &["frame 1"]);
+}
+
+#[test]
+fn malformed_json_is_reported_with_line_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let deep = format!("{{\"unknown\": {}", "[".repeat(100_000));
+    for (text, part) in [
+        ("{\n \"frames\": [}", "line 2 column 13"),
+        ("", "line 1 column 0"),
+        ("{}", "`frames`"),
+        ("{\"frames\": [{\"file_path\": \"a\"}]}", "`transform_matrix`"),
+        ("{\"frames\": [{\"file_path\": \"a\", \"transform_matrix\": [[1, 2], [3]]}]}", "line 1"),
+        ("{\"frames\": 1e999}", "line 1"),
+        (&deep, "EOF"),
+        ("\u{0}\u{1}", "line 1"),
+    ] {
+        fs::write(folder.path().join("transforms_train.json"), text).unwrap();
+        let error = load_blender(folder.path(), "train", &LoadOptions::default()).unwrap_err();
+        assert_error(described(error), ErrorKind::Malformed, &["transforms_train.json", part]);
+    }
+}
+
+#[test]
+fn senseless_frames_are_malformed() {
+    let mut small = Small::new();
+    for (key, value, parts) in [
+        ("file_path", json!(""), ["frame 1", "file_path"]),
+        ("file_path", json!("train/.."), ["frame 1", "file_path"]),
+        ("file_path", json!("train/"), ["frame 1", "file_path"]),
+    ] {
+        small.json["frames"][1][key] = value;
+        assert_error(small.error(), ErrorKind::Malformed, &parts);
+    }
+    let mut small = Small::new();
+    small.json["frames"][1]["transform_matrix"][0][0] = json!(1.01);
+    assert_error(small.error(), ErrorKind::Malformed, &["frame 1", "transform_matrix", "orthonormal", "2.0"]);
+    small.json["frames"][1]["transform_matrix"][0][0] = json!(-1.0);
+    assert_error(small.error(), ErrorKind::Malformed, &["frame 1", "right-handed"]);
+    small.json["frames"][1]["transform_matrix"][3][3] = json!(2.0);
+    assert_error(small.error(), ErrorKind::Malformed, &["frame 1", "last row"]);
+    small.json["frames"] = json!([]);
+    assert_error(small.error(), ErrorKind::Malformed, &["frames", "at least one"]);
+}
+
+#[test]
+fn senseless_intrinsics_are_malformed() {
+    for (key, value, part) in [
+        ("camera_angle_x", json!(0.0), "between 0 and"),
+        ("camera_angle_x", json!(3.2), "between 0 and"),
+        ("camera_angle_x", json!(-1.0), "between 0 and"),
+        ("camera_angle_x", json!(null), "neither"),
+        ("fl_x", json!(0.0), "positive"),
+        ("fl_y", json!(-2.0), "positive"),
+        ("k1", json!(0.1), "distortion"),
+        ("cx", json!(1e308), "within"),
+        ("w", json!(6.5), "whole"),
+        ("w", json!(1e9), "whole"),
+    ] {
+        let mut small = Small::new();
+        small.json["h"] = json!(4);
+        small.json[key] = value;
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", key, part]);
+    }
+}
+
+#[test]
+fn broken_pictures_are_malformed() {
+    let small = Small::new();
+    let good = fs::read(small.path("train/r_1.png")).unwrap();
+    fs::write(small.path("train/r_1.png"), &good[..good.len() / 2]).unwrap();
+    assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "PNG"]);
+    fs::write(small.path("train/r_1.png"), b"no picture").unwrap();
+    assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "PNG"]);
+    RgbaImage::new(4, 6).save(small.path("train/r_1.png")).unwrap();
+    assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "expected 6x4", "r_0.png", "found 4x6"]);
+    // A header that claims 2³¹−1 columns and rows, as first picture and as a later one.
+    let mut huge = good.clone();
+    huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
+    let checksum = crc32fast::hash(&huge[12..29]).to_be_bytes();
+    huge[29..33].copy_from_slice(&checksum);
+    for name in ["train/r_1.png", "train/r_0.png"] {
+        fs::write(small.path(name), &huge).unwrap();
+        assert_error(small.error(), ErrorKind::Malformed, &[&name[6..], "PNG"]);
+    }
+}
+
+#[test]
+fn pictures_that_would_not_fit_into_memory_are_refused_before_decoding() {
+    let mut small = Small::new();
+    let frame = small.json["frames"][0].clone();
+    RgbaImage::new(2000, 1000).save(small.path("train/r_0.png")).unwrap();
+    small.json["frames"] = Value::Array(vec![frame; 600]);
+    assert_error(small.error(), ErrorKind::Limit, &["transforms_train.json", "pixels", "1200000000"]);
+}
+
+#[test]
+fn senseless_arguments_are_the_caller_s_fault() {
+    let small = Small::new();
+    for downscale in [0, 5, u32::MAX] {
+        let error = small.load(&LoadOptions { downscale, ..LoadOptions::default() }).unwrap_err();
+        assert_error(described(error), ErrorKind::Argument, &["downscale", "1 to 4", &downscale.to_string()]);
+    }
+    for found in [f32::NAN, -0.1, 1.5] {
+        let error = small.load(&LoadOptions { downscale: 1, background: [0.0, found, 0.0] }).unwrap_err();
+        assert_error(described(error), ErrorKind::Argument, &["background"]);
+    }
+}
+
+/// The lego scene, or `None` with a printed reason. Fails where `CI` is set, so that it is not skipped unnoticed.
+fn lego() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/lego");
+    if !folder.is_dir() {
+        assert!(std::env::var_os("CI").is_none(), "{} is absent", folder.display());
+        println!("skipped: {} is absent", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn lego_loads_with_orthonormal_poses_and_white_corners() {
+    let Some(folder) = lego() else { return };
+    let dataset = load_blender(&folder, "train", &LoadOptions { downscale: 8, ..LoadOptions::default() }).unwrap();
+    assert_eq!((dataset.name.as_str(), dataset.views.len()), ("lego", 100));
+    for view in &dataset.views {
+        assert_eq!((view.camera.width, view.camera.height, view.pixels.len()), (100, 100, 10_000));
+        let gram = view.camera.world_from_camera.transpose() * view.camera.world_from_camera;
+        assert!(gram.abs_diff_eq(DMat3::IDENTITY, 1e-15), "{}", view.name);
+        // The cameras stand on a sphere of radius 4.03 around the origin and look at it.
+        assert!((view.camera.position.length() - 4.031).abs() < 1e-3, "{}", view.name);
+        let middle = view.camera.ray_through(50.0, 50.0);
+        assert!(middle.at(view.camera.position.length()).length() < 1e-3, "{}", view.name);
+        assert_eq!(view.pixels[0], [1.0; 3], "{}", view.name);
+    }
+    let cameras = load_blender_cameras(&folder.join("transforms_test.json"), None, 2).unwrap();
+    assert_eq!((cameras.len(), cameras[0].camera.width), (200, 400));
+}
