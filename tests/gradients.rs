@@ -105,12 +105,13 @@ fn worst_error(
     values: &[f64],
     reach: &Reach,
     field: &mut Field<f64>,
+    first_step: f64,
     losses: &mut dyn FnMut(&Field<f64>) -> Vec<f64>,
 ) -> f64 {
     let largest = largest(values);
     let mut worst = 0.0f64;
     for i in sampled_entries(values) {
-        let numeric = central_difference(field, reach, i, losses);
+        let numeric = central_difference(field, reach, i, first_step, losses);
         worst = worst.max((values[i] - numeric).abs() / numeric.abs().max(1e-6 * largest));
     }
     worst
@@ -135,6 +136,7 @@ fn central_difference(
     field: &mut Field<f64>,
     reach: &Reach,
     i: usize,
+    first_step: f64,
     losses: &mut dyn FnMut(&Field<f64>) -> Vec<f64>,
 ) -> f64 {
     const SHRINK: f64 = 2.0;
@@ -145,7 +147,7 @@ fn central_difference(
     };
     // Ray by ray, so that those that the parameter does not reach add no rounding.
     let mut difference = |h: f64| at(h).iter().zip(at(-h)).map(|(above, below)| above - below).sum::<f64>() / (2.0 * h);
-    let mut step = 0.02;
+    let mut step = first_step;
     let mut previous: Vec<f64> = Vec::new();
     let (mut best, mut best_error) = (0.0, f64::INFINITY);
     for _ in 0..9 {
@@ -159,6 +161,12 @@ fn central_difference(
                 (best, best_error) = (extrapolated, error);
             }
             row.push(extrapolated);
+        }
+        // Once rounding takes over, a small difference is an accident.
+        if let (Some(new), Some(old)) = (row.last(), previous.last())
+            && (new - old).abs() > 2.0 * best_error
+        {
+            break;
         }
         previous = row;
         step /= SHRINK;
@@ -231,11 +239,13 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
             (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
         };
         for (name, values, reach) in groups(&scene, &gradients) {
-            let worst = worst_error(&values, &reach, &mut field, &mut losses);
+            // A weight of the decoder moves its hidden units further than a factor does.
+            let first_step = if name.starts_with("network") { 0.02 } else { 0.16 };
+            let worst = worst_error(&values, &reach, &mut field, first_step, &mut losses);
             println!("{name}: {worst:.1e}");
             assert!(worst < 1e-6, "{name}: relative error {worst:e}");
             let flipped: Vec<f64> = values.iter().map(|v| -v).collect();
-            let planted = worst_error(&flipped, &reach, &mut field, &mut losses);
+            let planted = worst_error(&flipped, &reach, &mut field, first_step, &mut losses);
             assert!(planted > 1.0, "{name}: a sign error goes unnoticed ({planted:e})");
         }
     }
