@@ -90,7 +90,7 @@ fn add_bowl(add: &mut impl FnMut(Solid, Texture)) {
     for (side, colour) in [(1.0, 0xf08a1d), (-1.0, 0x9cc22c)] {
         let (down, aside) = cos_sin(0.115);
         add(
-            Solid::sphere(center + 0.17 * DVec3::new(0.3 * side * aside, 0.954 * side * aside, -down), 0.11),
+            Solid::sphere(center + 0.17 * DVec3::new(0.28 * side * aside, 0.96 * side * aside, -down), 0.11),
             Texture::Peel(colour),
         );
     }
@@ -146,6 +146,7 @@ fn add_brushes(add: &mut impl FnMut(Solid, Texture)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::synthetic::mesh::Mesh;
 
     #[test]
     fn axes_are_rotations_and_everything_is_within_reach() {
@@ -157,7 +158,21 @@ mod tests {
             for corner in 0..8 {
                 let pick = |axis| if corner >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
                 let point = thing.solid.world(DVec3::new(pick(0), pick(1), pick(2)));
-                assert!(point.abs().max_element() < 1.0 && point.length() < 1.65, "{i}: {point}");
+                assert!(point.abs().max_element() < 1.0, "{i}: {point}");
+            }
+        }
+    }
+
+    #[test]
+    fn solids_rest_on_each_other_but_do_not_overlap() {
+        let scene = Scene::new(0);
+        for (i, a) in scene.things.iter().enumerate() {
+            let mut mesh = Mesh::default();
+            mesh.sweep(&a.solid);
+            for &point in &mesh.vertices {
+                for (j, b) in scene.things.iter().enumerate().filter(|&(j, _)| j != i) {
+                    assert!(b.solid.depth(point) < 1e-12, "solid {i} is in solid {j} at {point}");
+                }
             }
         }
     }
