@@ -146,6 +146,22 @@ pub enum Error {
         /// Columns and rows of the pictures.
         size: [u32; 2],
     },
+    /// A folder to write into that has something in it.
+    #[error("{}: expected an empty or new folder, found files in it", path.display())]
+    FolderNotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Too few, too many, too large.
+    #[error("{what}: expected 1 to {limit}, found {found}")]
+    SynthOption {
+        /// Which option.
+        what: &'static str,
+        /// The largest value.
+        limit: u32,
+        /// The value.
+        found: u32,
+    },
     /// A background that is no colour.
     #[error("background: expected three numbers in [0, 1], found {found:?}")]
     Background {
@@ -167,7 +183,10 @@ impl Error {
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
             | Self::PictureSize { .. } => ErrorKind::Malformed,
-            Self::Downscale { .. } | Self::Background { .. } => ErrorKind::Argument,
+            Self::Downscale { .. }
+            | Self::FolderNotEmpty { .. }
+            | Self::SynthOption { .. }
+            | Self::Background { .. } => ErrorKind::Argument,
             Self::TooLarge { .. } => ErrorKind::Limit,
         }
     }
@@ -181,5 +200,11 @@ impl Error {
     pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| Self::Read { path, source }
+    }
+
+    /// For `map_err` after writing `path`.
+    pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Write { path, source }
     }
 }

@@ -8,9 +8,11 @@ mod blender;
 mod error;
 mod picture;
 mod pose;
+mod synthetic;
 
 pub use blender::{load_blender, load_blender_cameras};
 pub use error::{Error, ErrorKind};
+pub use synthetic::{SynthOptions, Synthesised, synthesise};
 
 use crate::geometry::Camera;
 

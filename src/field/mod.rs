@@ -18,6 +18,7 @@ pub use march::{Pair, Samples};
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
 pub use scale::{FieldScale, Nearest, TensorRows};
+pub(crate) use scale::{Interpolation, LANES, RowPairs, offset};
 
 use glam::DVec3;
 

@@ -1,1 +1,5 @@
 //! Placeholder.
+/// x
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct CoarseOptions { /// x
+pub a: u32 }

@@ -28,6 +28,7 @@ impl<T: Real> CpuRenderer<T> {
         Self { field }
     }
 
+    #[inline(always)]
     fn trace_chunk(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) -> Vec<Pixel> {
         self.field.march(rays, samples);
         self.field.decode(rays, samples, activations);

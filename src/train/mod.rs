@@ -1,1 +1,28 @@
-//! Placeholder.
+//! A scene from photographs, on the CPU: losses, gradients, optimiser, schedule, resumable progress.
+//!
+//! Results are the same on any number of threads: random draws are keyed by their place ([`crate::random`]), rays come
+//! in chunks of fixed size, one task owns a tensor, and shared weights are summed in the order of chunks.
+
+mod adam;
+mod backward;
+mod chunk;
+mod config;
+mod factors;
+mod initial;
+mod networks;
+mod occupancy;
+mod photographs;
+mod progress;
+mod trainer;
+mod upsample;
+
+pub use adam::Moments;
+pub use backward::{Backward, Gradients};
+pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+pub use initial::{initial_scene, march_step};
+pub use networks::{NetworkLayout, network_parts};
+pub use occupancy::estimate_occupancy;
+pub use photographs::Photographs;
+pub use progress::{Progress, ProgressError};
+pub use trainer::{StepReport, TrainError, Trainer};
+pub use upsample::upsample;

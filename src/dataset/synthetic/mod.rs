@@ -1,0 +1,164 @@
+//! A scene whose geometry is known exactly, photographed: the project's demo and the ground truth of its tests.
+//!
+//! In: how many views, how large, a seed. Out: a folder in the Blender layout and, beside it, the scene's exact mesh,
+//! points on its surface and an occupancy grid. The same seed gives the same bytes on any number of threads.
+
+mod mesh;
+mod occupancy;
+mod pictures;
+mod points;
+mod polytope;
+mod portable;
+mod scene;
+mod shading;
+mod solid;
+mod texture;
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use image::ImageFormat;
+use rayon::prelude::*;
+use serde_json::json;
+
+use self::mesh::Mesh;
+use self::pictures::CAMERA_ANGLE;
+use self::portable::hash;
+use self::scene::Scene;
+use self::shading::Lights;
+use super::Error;
+use crate::geometry::Camera;
+
+/// Points in `points.ply`.
+const POINTS: usize = 100_000;
+/// The most views of a split.
+const MAX_VIEWS: u32 = 10_000;
+/// The longest edge of a picture that is made.
+const MAX_EDGE: u32 = 4096;
+
+/// What [`synthesise`] makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SynthOptions {
+    /// Training views, 1 to 10 000.
+    pub views: u32,
+    /// Test views, from other places than the training views, 1 to 10 000; a quarter as many are made for validation.
+    pub test_views: u32,
+    /// Columns and rows of the pictures, each 1 to 4096.
+    pub size: [u32; 2],
+    /// Decides where the cameras stand and how the textures vary; the geometry is always the same.
+    pub seed: u64,
+    /// Also writes into a folder that is not empty, replacing files of the same names and leaving all others.
+    pub force: bool,
+}
+
+impl Default for SynthOptions {
+    /// 100 training and 20 test views of 200×200 pixels.
+    fn default() -> Self {
+        Self { views: 100, test_views: 20, size: [200, 200], seed: 0, force: false }
+    }
+}
+
+/// What [`synthesise`] made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Synthesised {
+    /// Pictures of all splits.
+    pub pictures: usize,
+    /// Triangles of the mesh.
+    pub triangles: usize,
+    /// Points on the surface.
+    pub points: usize,
+    /// Cells that the scene fills.
+    pub occupied_cells: usize,
+}
+
+/// Makes the folder `out` with a synthetic dataset:
+///
+/// - `transforms_{train,val,test}.json` and `{train,val,test}/r_*.png`: the Blender layout, straight alpha;
+/// - `mesh.ply` and `mesh.obj`: the surface of each solid as triangles, closed, outward, vertices exact (PLY: in f32);
+/// - `points.ply`: 100 000 points, uniform by area, with normals and sRGB diffuse colours;
+/// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], a cell being true when it, as a closed box, has a point in common
+///   with a solid or its inside (1e-9 to spare); `bounds`, float64 (2, 3), the grid's corners.
+///
+/// The scene lies within \[−1, 1\]³, z up. Fails on options out of range, on a folder that is not empty (unless forced)
+/// and where a file cannot be written.
+pub fn synthesise(out: &Path, options: &SynthOptions) -> Result<Synthesised, Error> {
+    check(options)?;
+    prepare(out, options.force)?;
+    let scene = Scene::new(hash(options.seed, 0));
+    let mut pictures = 0;
+    let validation = options.test_views.div_ceil(4);
+    for (stream, split, count) in [(1, "train", options.views), (2, "val", validation), (3, "test", options.test_views)]
+    {
+        let cameras = pictures::cameras(count, options.size, hash(options.seed, stream));
+        photograph(&scene, out, split, &cameras)?;
+        pictures += cameras.len();
+    }
+    let mesh = Mesh::of_scene(&scene);
+    write(&out.join("mesh.ply"), |file| mesh.write_ply(file))?;
+    write(&out.join("mesh.obj"), |file| mesh.write_obj(file))?;
+    let points = points::points(&scene, POINTS, hash(options.seed, 4));
+    write(&out.join("points.ply"), |file| points::write_ply(&points, file))?;
+    let cells = occupancy::occupancy(&scene);
+    write(&out.join("occupancy.npz"), |file| occupancy::write_npz(&cells, file))?;
+    let occupied_cells = cells.iter().filter(|&&occupied| occupied).count();
+    Ok(Synthesised { pictures, triangles: mesh.triangles.len(), points: points.len(), occupied_cells })
+}
+
+/// Refuses options that make no sense.
+fn check(options: &SynthOptions) -> Result<(), Error> {
+    let SynthOptions { views, test_views, size: [width, height], .. } = *options;
+    for (what, limit, found) in [
+        ("views", MAX_VIEWS, views),
+        ("test views", MAX_VIEWS, test_views),
+        ("width", MAX_EDGE, width),
+        ("height", MAX_EDGE, height),
+    ] {
+        if !(1..=limit).contains(&found) {
+            return Err(Error::SynthOption { what, limit, found });
+        }
+    }
+    Ok(())
+}
+
+/// Makes the folder and refuses one with anything in it unless `force`d.
+fn prepare(out: &Path, force: bool) -> Result<(), Error> {
+    fs::create_dir_all(out).map_err(Error::write(out))?;
+    let occupied = fs::read_dir(out).map_err(Error::read(out))?.next().is_some();
+    if occupied && !force {
+        return Err(Error::FolderNotEmpty { path: out.to_path_buf() });
+    }
+    Ok(())
+}
+
+/// Writes the pictures of one split and its JSON file.
+fn photograph(scene: &Scene, out: &Path, split: &str, cameras: &[Camera]) -> Result<(), Error> {
+    let folder = out.join(split);
+    fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
+    let lights = Lights::new();
+    cameras.par_iter().enumerate().try_for_each(|(i, camera)| {
+        let picture = pictures::picture(scene, &lights, camera);
+        let path = folder.join(format!("r_{i}.png"));
+        let encoded = |file: &mut BufWriter<File>| picture.write_to(file, ImageFormat::Png).map_err(io::Error::other);
+        write(&path, encoded)
+    })?;
+    let frame = |(i, camera): (usize, &Camera)| {
+        let matrix = glam::DMat4::from_mat3_translation(camera.world_from_camera, camera.position);
+        let rows = matrix.transpose().to_cols_array_2d();
+        json!({ "file_path": format!("./{split}/r_{i}"), "transform_matrix": rows })
+    };
+    let frames: Vec<_> = cameras.iter().enumerate().map(frame).collect();
+    let json = json!({ "camera_angle_x": CAMERA_ANGLE, "frames": frames });
+    write(&out.join(format!("transforms_{split}.json")), |file| {
+        serde_json::to_writer_pretty(&mut *file, &json).map_err(io::Error::from)
+    })
+}
+
+/// Creates `path` and fills it.
+fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
+    let written = File::create(path).map(BufWriter::new).and_then(|mut file| {
+        fill(&mut file)?;
+        file.flush()
+    });
+    written.map_err(Error::write(path))
+}

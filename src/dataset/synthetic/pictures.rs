@@ -1,0 +1,92 @@
+//! Cameras around the scene, and the pictures that they take.
+
+use glam::DVec3;
+use image::RgbaImage;
+use rayon::prelude::*;
+
+use super::portable::{cos_sin, uniform};
+use super::scene::Scene;
+use super::shading::{Lights, colour};
+use crate::geometry::Camera;
+
+/// The horizontal angle of view in radians, that of NeRF-synthetic.
+pub(super) const CAMERA_ANGLE: f64 = 0.691_111_207_008_361_8;
+/// The cameras' distance from the origin.
+pub(super) const DISTANCE: f64 = 4.031_128_874_149_275;
+/// Samples of a pixel in each direction.
+const SAMPLES: u32 = 4;
+
+/// `count` cameras on a sphere around the origin that look at it, mostly from above: a Fibonacci spiral in equal steps
+/// of height, each camera moved by up to half a step at random.
+pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
+    let (cos, sin) = cos_sin(0.25 * CAMERA_ANGLE / std::f64::consts::PI);
+    let focal = 0.5 * f64::from(size[0]) * cos / sin;
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let start = uniform(seed, 0);
+    (0..count)
+        .map(|i| {
+            let random = |k: u64| uniform(seed, 1 + 2 * u64::from(i) + k);
+            let height = -0.05 + 1.0 * (f64::from(i) + random(0)) / f64::from(count);
+            let (cos, sin) = cos_sin(start + golden * f64::from(i) + (random(1) - 0.5) / f64::from(count));
+            let across = (1.0 - height * height).sqrt();
+            let position = DISTANCE * DVec3::new(across * cos, across * sin, height);
+            Camera::looking_at(size, focal, position, DVec3::ZERO, DVec3::Z)
+        })
+        .collect()
+}
+
+/// The picture that `camera` takes: straight alpha, transparent where it sees nothing.
+///
+/// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values: what volume rendering and downscaling in
+/// display colours average too.
+pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
+    let mut picture = RgbaImage::new(camera.width, camera.height);
+    picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {
+        for (column, pixel) in bytes.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            let at = |index: usize, sample| index as f64 + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
+            let (mut sum, mut covered) = (DVec3::ZERO, 0);
+            for (y, x) in (0..SAMPLES).flat_map(|y| (0..SAMPLES).map(move |x| (y, x))) {
+                if let Some(seen) = colour(scene, lights, &camera.ray_through(at(column, x), at(row, y))) {
+                    sum += DVec3::from_array(seen);
+                    covered += 1;
+                }
+            }
+            if covered > 0 {
+                let [r, g, b] = (sum / f64::from(covered)).to_array().map(byte);
+                *pixel = [r, g, b, byte(f64::from(covered) / f64::from(SAMPLES * SAMPLES))];
+            }
+        }
+    });
+    picture
+}
+
+/// The byte nearest to a value in [0, 1].
+pub(super) fn byte(value: f64) -> u8 {
+    (255.0 * value).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn picture_shows_the_solids_where_the_camera_puts_them() {
+        let scene = Scene::new(3);
+        for camera in cameras(5, [120, 100], 9) {
+            assert!((camera.position.length() - DISTANCE).abs() < 1e-12);
+            let picture = picture(&scene, &Lights::new(), &camera);
+            for thing in &scene.things {
+                // Project by hand: camera axes are x right, y up, −z forwards; rows grow downwards.
+                let seen = camera.world_from_camera.transpose() * (thing.solid.world(DVec3::ZERO) - camera.position);
+                let column = 60.0 + camera.focal[0] * seen.x / -seen.z;
+                let row = 50.0 - camera.focal[1] * seen.y / -seen.z;
+                let solid = thing.solid.depth(thing.solid.world(DVec3::ZERO)) > 0.02;
+                let pixel = picture.get_pixel(column as u32, row as u32);
+                assert!(!solid || pixel[3] == 255, "{column} {row}");
+            }
+            let partial = picture.pixels().filter(|p| p[3] > 0 && p[3] < 255).count();
+            assert!(partial > 200, "{partial} pixels at silhouettes");
+            assert_eq!(picture.get_pixel(0, 0)[3], 0);
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Points on the surface of the scene, uniform by area.
+
+use std::io::{self, Write};
+
+use glam::DVec3;
+
+use super::pictures::byte;
+use super::portable::{srgb, uniform};
+use super::scene::Scene;
+use crate::geometry::Ray;
+
+/// A ball around the origin that contains the scene.
+const RADIUS: f64 = 1.35;
+
+/// A point on the surface.
+pub(super) struct Point {
+    /// In the world.
+    pub(super) position: DVec3,
+    /// Outward, of length 1.
+    pub(super) normal: DVec3,
+    /// The diffuse colour there, sRGB.
+    pub(super) colour: [u8; 3],
+}
+
+/// `count` points: where random lines cross the solids.
+///
+/// Lines that are uniform in direction and in position meet any surface uniformly by area (Cauchy and Crofton), so
+/// this needs no formula for each shape. What lies on or in another solid, as where one stands on another, is left out.
+pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
+    let mut counter = 0;
+    let mut random = || {
+        counter += 1;
+        2.0 * uniform(seed, counter) - 1.0
+    };
+    let mut points = Vec::with_capacity(count);
+    loop {
+        // Uniform in the ball, then by direction; uniform on the disc across that direction.
+        let direction = DVec3::new(random(), random(), random());
+        let (x, y) = (random(), random());
+        if !(1e-4..=1.0).contains(&direction.length_squared()) || x * x + y * y > 1.0 {
+            continue;
+        }
+        let direction = direction.normalize();
+        let right = direction.any_orthonormal_vector();
+        let origin = RADIUS * (x * right + y * direction.cross(right));
+        let ray = Ray { origin, direction };
+        for (i, thing) in scene.things.iter().enumerate() {
+            for crossing in thing.solid.spans(&ray).into_iter().flatten().flatten() {
+                let position = ray.at(crossing.t);
+                let hidden = |(j, other): (usize, &super::scene::Thing)| j != i && other.solid.depth(position) > -1e-9;
+                if scene.things.iter().enumerate().any(hidden) {
+                    continue;
+                }
+                let albedo = thing.texture.albedo(thing.solid.local(position), crossing.face, thing.texture_seed);
+                let normal = thing.solid.normal(crossing.face, position);
+                points.push(Point { position, normal, colour: albedo.to_array().map(srgb).map(byte) });
+                if points.len() == count {
+                    return points;
+                }
+            }
+        }
+    }
+}
+
+/// A binary little-endian PLY file: `vertex` with float x, y, z, nx, ny, nz and uchar red, green, blue.
+pub(super) fn write_ply(points: &[Point], out: &mut impl Write) -> io::Result<()> {
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         property float nx\nproperty float ny\nproperty float nz\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        points.len()
+    )?;
+    for point in points {
+        for vector in [point.position, point.normal] {
+            out.write_all(vector.as_vec3().to_array().map(f32::to_le_bytes).as_flattened())?;
+        }
+        out.write_all(&point.colour)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::synthetic::mesh::Mesh;
+
+    #[test]
+    fn points_are_on_the_surface_with_outward_normals() {
+        let scene = Scene::new(5);
+        for point in points(&scene, 5000, 8) {
+            let deepest = scene.things.iter().map(|t| t.solid.depth(point.position)).fold(f64::NEG_INFINITY, f64::max);
+            assert!(deepest.abs() < 1e-12, "{deepest}");
+            assert!((point.normal.length() - 1.0).abs() < 1e-12);
+            let outside = point.position + 1e-7 * point.normal;
+            assert!(scene.things.iter().all(|t| t.solid.depth(outside) < 0.0));
+        }
+    }
+
+    #[test]
+    fn share_of_points_is_the_share_of_area() {
+        let scene = Scene::new(5);
+        let area = |thing: &super::super::scene::Thing| {
+            let mut mesh = Mesh::default();
+            mesh.sweep(&thing.solid);
+            let of = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
+                0.5 * (b - a).cross(c - a).length()
+            };
+            mesh.triangles.iter().map(of).sum::<f64>()
+        };
+        // The wall and the bowl are covered by nothing but at their feet.
+        let (wall, bowl) = (&scene.things[1], &scene.things[3]);
+        let points = points(&scene, 40_000, 8);
+        let on = |thing: &super::super::scene::Thing| {
+            points.iter().filter(|p| thing.solid.depth(p.position).abs() < 1e-9).count() as f64
+        };
+        let ratio = (on(wall) / on(bowl)) / (area(wall) / area(bowl));
+        assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
+    }
+}

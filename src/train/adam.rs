@@ -1,0 +1,83 @@
+//! Adam (Kingma and Ba, 2015), with the option to leave entries alone whose gradient is zero.
+
+use crate::field::Real;
+
+/// β₁, β₂ and ε.
+const BETAS: [f64; 2] = [0.9, 0.99];
+const EPSILON: f64 = 1e-8;
+
+/// First and second moments of a vector of parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments<T> {
+    /// Running mean of the gradient.
+    pub first: Vec<T>,
+    /// Running mean of its square.
+    pub second: Vec<T>,
+}
+
+impl<T: Real> Moments<T> {
+    /// Zero moments for `len` parameters.
+    pub fn zeros(len: usize) -> Self {
+        Self { first: vec![T::zero(); len], second: vec![T::zero(); len] }
+    }
+}
+
+/// One step's constants.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Adam<T> {
+    step_size: T,
+    second_scale: T,
+}
+
+impl<T: Real> Adam<T> {
+    /// Step number `step`, counted from 1 since the optimiser was last restarted.
+    pub(super) fn new(learning_rate: f64, step: u64) -> Self {
+        let correction = |beta: f64| 1.0 - beta.powf(step as f64);
+        Self {
+            step_size: T::of(learning_rate / correction(BETAS[0])),
+            second_scale: T::of(1.0 / correction(BETAS[1]).sqrt()),
+        }
+    }
+
+    /// Updates `parameters` and their moments. Where `SKIP_ZEROS`, entries of zero gradient keep both.
+    #[inline(always)]
+    pub(super) fn update<const SKIP_ZEROS: bool>(
+        &self,
+        parameters: &mut [T],
+        first: &mut [T],
+        second: &mut [T],
+        gradients: &[T],
+    ) {
+        let [beta1, beta2] = BETAS.map(T::of);
+        let [rest1, rest2] = BETAS.map(|b| T::of(1.0 - b));
+        let epsilon = T::of(EPSILON);
+        let n = gradients.len();
+        let (parameters, first, second) = (&mut parameters[..n], &mut first[..n], &mut second[..n]);
+        for i in 0..n {
+            let g = gradients[i];
+            let m = beta1 * first[i] + rest1 * g;
+            let v = beta2 * second[i] + rest2 * g * g;
+            let p = parameters[i] - self.step_size * m / (v.sqrt() * self.second_scale + epsilon);
+            let keep = SKIP_ZEROS && g == T::zero();
+            first[i] = if keep { first[i] } else { m };
+            second[i] = if keep { second[i] } else { v };
+            parameters[i] = if keep { parameters[i] } else { p };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_step_moves_by_the_learning_rate_against_the_gradient() {
+        let mut p = [1.0f64, 1.0];
+        let mut moments = Moments::zeros(2);
+        let adam = Adam::new(0.1, 1);
+        adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
+        assert!((p[0] - 0.9).abs() < 1e-8);
+        assert_eq!(p[1], 1.0);
+        assert_eq!(moments.first[1], 0.0);
+    }
+}

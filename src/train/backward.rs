@@ -1,0 +1,119 @@
+//! A batch of rays, forward and backward, over all threads.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::NetworkLayout;
+use super::chunk::{Chunk, RAYS_PER_CHUNK, Scratch};
+use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
+use crate::field::{Field, Real, vectorised};
+use crate::geometry::Ray;
+
+/// Values of which there are as many as threads have ever needed at once.
+#[derive(Debug, Default)]
+pub(super) struct Pool<S>(Mutex<Vec<S>>);
+
+impl<S: Default> Pool<S> {
+    pub(super) fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+        let taken = self.0.lock().expect("no task panics while it holds the lock").pop();
+        let mut value = taken.unwrap_or_default();
+        let result = work(&mut value);
+        self.0.lock().expect("no task panics while it holds the lock").push(value);
+        result
+    }
+}
+
+/// Loss and gradients of batches of rays. Keeps its buffers from batch to batch.
+#[derive(Debug)]
+pub struct Backward<T> {
+    pub(super) layout: NetworkLayout,
+    pub(super) chunks: Vec<Chunk<T>>,
+    scratch: Pool<Scratch<T>>,
+}
+
+/// The gradients of everything that is trained, for tests and tools; training itself never holds them all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gradients<T> {
+    /// Mean over rays and channels of the squared error.
+    pub loss: T,
+    /// \[scale\] laid out as the density factors.
+    pub density: Vec<Vec<T>>,
+    /// \[scale\] laid out as the appearance factors.
+    pub appearance: Vec<Vec<T>>,
+    /// Laid out as [`NetworkLayout`] says.
+    pub networks: Vec<T>,
+}
+
+impl<T: Real> Backward<T> {
+    /// For batches on `field` or a field of the same decoder.
+    pub fn new(field: &Field<T>) -> Self {
+        Self { layout: NetworkLayout::of(&field.decoder), chunks: Vec::new(), scratch: Pool::default() }
+    }
+
+    /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.
+    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[[f32; 3]]) -> f64 {
+        let loss_scale = 1.0 / (3 * rays.len()) as f64;
+        self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
+        let (layout, scratch) = (&self.layout, &self.scratch);
+        (self.chunks.par_iter_mut())
+            .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
+            .for_each(|(chunk, (rays, targets))| {
+                scratch.with(|scratch| {
+                    vectorised(
+                        #[inline(always)]
+                        || chunk.run(field, layout, rays, targets, loss_scale, scratch),
+                    );
+                });
+            });
+        self.chunks.iter().map(|c| c.squared_error).sum::<f64>() * loss_scale
+    }
+
+    /// The gradients of the shared weights, summed over chunks in their order.
+    pub(super) fn network_gradients(&self) -> Vec<T> {
+        const BLOCK: usize = 4096;
+        let mut sums = vec![T::zero(); self.layout.len()];
+        sums.par_chunks_mut(BLOCK).enumerate().for_each(|(block, sums)| {
+            for chunk in &self.chunks {
+                let gradients = &chunk.network_gradients[block * BLOCK..][..sums.len()];
+                sums.iter_mut().zip(gradients).for_each(|(sum, &g)| *sum += g);
+            }
+        });
+        sums
+    }
+
+    /// The loss of a batch and all its gradients, by the same code that training runs.
+    pub fn gradients(&mut self, field: &Field<T>, rays: &[Ray], targets: &[[f32; 3]]) -> Gradients<T> {
+        let loss = T::of(self.loss(field, rays, targets));
+        let networks = self.network_gradients();
+        let mut tensor = TensorGradient::default();
+        let (mut density, mut appearance) = (Vec::new(), Vec::new());
+        for (scale, components) in field.scales.iter().zip(component_ranges(field)) {
+            let geometry = ScaleGeometry::new(scale, &scale.centers, components);
+            let (mut of_density, mut of_appearance) = (Vec::new(), Vec::new());
+            let rows = scale.rows().count;
+            for n in 0..scale.len() {
+                let factors = [(&scale.density, scale.density_rank), (&scale.appearance, scale.appearance_rank)]
+                    .map(|(factors, rank)| &factors[n * rows * rank..(n + 1) * rows * rank]);
+                tensor.accumulate(geometry, n, factors, &self.chunks);
+                of_density.extend_from_slice(&tensor.density);
+                of_appearance.extend_from_slice(&tensor.appearance);
+            }
+            density.push(of_density);
+            appearance.push(of_appearance);
+        }
+        Gradients { loss, density, appearance, networks }
+    }
+}
+
+/// Where each scale's components lie in a row of all.
+pub(super) fn component_ranges<T: Real>(field: &Field<T>) -> Vec<ComponentRange> {
+    let width = field.component_count();
+    let mut first = 0;
+    let range = |scale: &crate::field::FieldScale<T>| {
+        let range = ComponentRange { first, width };
+        first += scale.appearance_rank;
+        range
+    };
+    field.scales.iter().map(range).collect()
+}

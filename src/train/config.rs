@@ -1,0 +1,356 @@
+//! Everything that a training run depends on besides its photographs, and the presets.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::{Aggregation, Coverage, Reduction, Rules};
+use crate::prior::CoarseOptions;
+
+/// Steps that the presets' schedules are written for (paper, section "Implementation").
+const PRESET_STEPS: u64 = 30_000;
+
+/// A training run's settings. TOML in and out; every field may be left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainConfig {
+    /// The preset that this began as.
+    pub preset: String,
+    /// Of every random choice.
+    pub seed: u64,
+    /// Optimiser steps.
+    pub steps: u64,
+    /// Rays a step.
+    pub batch_rays: usize,
+    /// sRGB behind the photographs' transparent parts.
+    pub background: [f32; 3],
+    /// Where rays begin and end, in the dataset's units; found from the cameras where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_far: Option<[f64; 2]>,
+    /// Learning rate of the factors after each restart.
+    pub factor_learning_rate: f64,
+    /// Learning rate of the appearance matrices and the decoder after each restart.
+    pub network_learning_rate: f64,
+    /// By what learning rates would fall over a whole run without restarts.
+    pub learning_rate_decay: f64,
+    /// Weight of the mean absolute density factor, of each axis of each scale, in the loss.
+    pub density_l1: f64,
+    /// Standard deviation of the factors at the start.
+    pub factor_deviation: f64,
+    /// After these steps the factors go to their next resolution.
+    pub upsample_at: Vec<u64>,
+    /// After these steps the occupancy is computed anew; at the first the bounds shrink to it.
+    pub occupancy_at: Vec<u64>,
+    /// The field's and the march's rules.
+    pub field: FieldConfig,
+    /// The MLP.
+    pub decoder: DecoderConfig,
+    /// The coarse reconstruction.
+    pub prior: CoarseOptions,
+    /// Coarsest first.
+    pub scales: Vec<ScaleConfig>,
+}
+
+/// The rules that training starts from; the step follows from scale 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FieldConfig {
+    /// Whether the model is where all scales are.
+    pub coverage_all: bool,
+    /// Whether neighbours' weights sum to one, or are clamped as the authors' are.
+    pub normalised: bool,
+    /// Whether scales' density features are averaged instead of added.
+    pub density_mean: bool,
+    /// Whether scales' appearance features are averaged instead of added.
+    pub appearance_mean: bool,
+    /// See [`Rules::density_shift`].
+    pub density_shift: f64,
+    /// See [`Rules::distance_scale`].
+    pub distance_scale: f64,
+    /// See [`Rules::min_transmittance`].
+    pub min_transmittance: f64,
+    /// See [`Rules::min_weight`].
+    pub min_weight: f64,
+}
+
+/// The decoder's shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DecoderConfig {
+    /// P.
+    pub features: u32,
+    /// Frequencies of PE(features).
+    pub feature_frequencies: u32,
+    /// Frequencies of PE(direction).
+    pub direction_frequencies: u32,
+    /// Widths of the hidden layers.
+    pub hidden: Vec<u32>,
+}
+
+/// One scale's tensors. Lengths are in model units, per axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleConfig {
+    /// Distance between lattice cells.
+    pub pitch: [f64; 3],
+    /// What a tensor covers.
+    pub edge: [f64; 3],
+    /// Cells of a tensor: at the start, and after each upsampling.
+    pub resolutions: Vec<[u32; 3]>,
+    /// Density components.
+    pub density_rank: u32,
+    /// Appearance components.
+    pub appearance_rank: u32,
+    /// Neighbours that a point aggregates.
+    pub top_k: u32,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            preset: "48".into(),
+            seed: 0,
+            steps: PRESET_STEPS,
+            batch_rays: 4096,
+            background: [1.0; 3],
+            near_far: None,
+            factor_learning_rate: 0.02,
+            network_learning_rate: 0.001,
+            learning_rate_decay: 0.1,
+            density_l1: 1e-5,
+            factor_deviation: 0.2,
+            upsample_at: vec![2000, 3000, 4000, 5500, 7000],
+            occupancy_at: vec![2000, 4000],
+            field: FieldConfig::default(),
+            decoder: DecoderConfig::default(),
+            prior: CoarseOptions::default(),
+            scales: preset_scales(48),
+        }
+    }
+}
+
+impl Default for FieldConfig {
+    fn default() -> Self {
+        Self {
+            coverage_all: true,
+            normalised: true,
+            density_mean: false,
+            appearance_mean: false,
+            density_shift: -10.0,
+            distance_scale: 25.0,
+            min_transmittance: 1e-3,
+            min_weight: 1e-4,
+        }
+    }
+}
+
+impl FieldConfig {
+    /// The rules with the step `step`.
+    pub fn rules(&self, step: f64) -> Rules {
+        let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
+        Rules {
+            coverage: if self.coverage_all { Coverage::All } else { Coverage::Any },
+            aggregation: if self.normalised { Aggregation::Normalised } else { Aggregation::Clamped },
+            density_reduction: reduction(self.density_mean),
+            appearance_reduction: reduction(self.appearance_mean),
+            density_shift: self.density_shift,
+            distance_scale: self.distance_scale,
+            step,
+            min_transmittance: self.min_transmittance,
+            min_weight: self.min_weight,
+        }
+    }
+}
+
+impl Default for DecoderConfig {
+    fn default() -> Self {
+        Self { features: 27, feature_frequencies: 2, direction_frequencies: 2, hidden: vec![128, 128] }
+    }
+}
+
+/// The paper's three scales (DESIGN, section 2: Presets).
+fn preset_scales(appearance_rank: u32) -> Vec<ScaleConfig> {
+    let scale = |pitch: f64, edge: f64, resolutions: [u32; 6], density_rank| ScaleConfig {
+        pitch: [pitch; 3],
+        edge: [edge; 3],
+        resolutions: resolutions.map(|d| [d; 3]).to_vec(),
+        density_rank,
+        appearance_rank,
+        top_k: 4,
+    };
+    vec![
+        scale(0.4, 0.6, [29, 43, 65, 85, 103, 121], 32),
+        scale(0.2, 0.3, [15, 23, 35, 43, 53, 61], 24),
+        scale(0.1, 0.15, [7, 11, 17, 21, 27, 31], 16),
+    ]
+}
+
+/// What is wrong with a configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// No preset of this name.
+    #[error("preset: expected one of {}, found {name:?}", TrainConfig::PRESETS.join(", "))]
+    UnknownPreset {
+        /// What was asked for.
+        name: String,
+    },
+    /// Not TOML, or not these fields.
+    #[error("{0}")]
+    Toml(Box<toml::de::Error>),
+    /// A value that makes no sense.
+    #[error("{place}: expected {expected}, found {found}")]
+    Value {
+        /// The field.
+        place: String,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+}
+
+impl TrainConfig {
+    /// The presets' names.
+    pub const PRESETS: [&str; 5] = ["12", "24", "48", "96", "fast"];
+
+    /// The preset `name`.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::UnknownPreset`].
+    pub fn preset(name: &str) -> Result<Self, ConfigError> {
+        let scales = match name {
+            "fast" => preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect(),
+            "12" | "24" | "48" | "96" => preset_scales(name.parse().expect("a number")),
+            _ => return Err(ConfigError::UnknownPreset { name: name.into() }),
+        };
+        Ok(Self { preset: name.into(), scales, ..Self::default() })
+    }
+
+    /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s.
+    ///
+    /// # Errors
+    ///
+    /// Names the line, or the first field that makes no sense.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let toml_error = |e| ConfigError::Toml(Box::new(e));
+        let given: toml::Table = toml::from_str(text).map_err(toml_error)?;
+        let preset = given.get("preset").and_then(toml::Value::as_str).unwrap_or("48");
+        let mut config: Self = toml::from_str(text).map_err(toml_error)?;
+        if !given.contains_key("scales") {
+            config.scales = Self::preset(preset)?.scales;
+        }
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The configuration as commented-free TOML that [`TrainConfig::from_toml`] reads back.
+    pub fn to_toml(&self) -> String {
+        toml::to_string_pretty(self).expect("a configuration has a TOML form")
+    }
+
+    /// The same run in `steps` steps: the schedule is scaled along.
+    pub fn with_steps(self, steps: u64) -> Self {
+        let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
+        Self {
+            upsample_at: self.upsample_at.iter().map(scaled).collect(),
+            occupancy_at: self.occupancy_at.iter().map(scaled).collect(),
+            steps,
+            ..self
+        }
+    }
+
+    /// Checks what the types do not.
+    ///
+    /// # Errors
+    ///
+    /// Names the first field that makes no sense.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let error = |place: String, expected: &str, found: String| ConfigError::Value {
+            place,
+            expected: expected.into(),
+            found,
+        };
+        let positive = |place: &str, value: f64| {
+            let valid = value > 0.0 && value.is_finite();
+            if valid { Ok(()) } else { Err(error(place.into(), "a positive number", value.to_string())) }
+        };
+        positive("steps", self.steps as f64)?;
+        positive("batch_rays", self.batch_rays as f64)?;
+        positive("factor_learning_rate", self.factor_learning_rate)?;
+        positive("network_learning_rate", self.network_learning_rate)?;
+        positive("learning_rate_decay", self.learning_rate_decay)?;
+        positive("factor_deviation", self.factor_deviation)?;
+        positive("field.distance_scale", self.field.distance_scale)?;
+        positive("decoder.features", f64::from(self.decoder.features))?;
+        if !(self.density_l1 >= 0.0 && self.density_l1.is_finite()) {
+            return Err(error("density_l1".into(), "a number of at least 0", self.density_l1.to_string()));
+        }
+        if let Some([near, far]) = self.near_far
+            && !(near >= 0.0 && near < far && far.is_finite())
+        {
+            return Err(error("near_far".into(), "0 <= near < far", format!("{near} and {far}")));
+        }
+        if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err(error("background".into(), "numbers in [0, 1]", format!("{:?}", self.background)));
+        }
+        if self.scales.is_empty() {
+            return Err(error("scales".into(), "at least one", "none".into()));
+        }
+        for (i, scale) in self.scales.iter().enumerate() {
+            let place = |what: &str| format!("scales[{i}].{what}");
+            for a in 0..3 {
+                positive(&place("pitch"), scale.pitch[a])?;
+                positive(&place("edge"), scale.edge[a])?;
+                if scale.edge[a] < scale.pitch[a] {
+                    let found = format!("edge {} and pitch {}", scale.edge[a], scale.pitch[a]);
+                    return Err(error(place("edge"), "at least the pitch, or tensors leave gaps", found));
+                }
+            }
+            positive(&place("density_rank"), f64::from(scale.density_rank))?;
+            positive(&place("appearance_rank"), f64::from(scale.appearance_rank))?;
+            if scale.resolutions.len() != self.upsample_at.len() + 1 {
+                let found = format!("{} and {}", scale.resolutions.len(), self.upsample_at.len());
+                return Err(error(place("resolutions"), "one more than upsample_at has", found));
+            }
+            if scale.resolutions.iter().flatten().any(|&d| d == 0) {
+                return Err(error(place("resolutions"), "at least 1", "0".into()));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_preset_survives_its_own_toml() {
+        for name in TrainConfig::PRESETS {
+            let preset = TrainConfig::preset(name).unwrap();
+            preset.check().unwrap();
+            assert_eq!(TrainConfig::from_toml(&preset.to_toml()).unwrap(), preset);
+        }
+    }
+
+    #[test]
+    fn a_file_that_names_a_preset_gets_its_scales() {
+        let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100").unwrap();
+        assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
+    }
+
+    #[test]
+    fn unknown_fields_and_senseless_values_are_named() {
+        let message = |text| TrainConfig::from_toml(text).unwrap_err().to_string();
+        assert!(message("stepz = 3").contains("stepz"));
+        assert!(message("steps = 0").contains("steps"));
+        assert!(message("preset = \"7\"").contains("12, 24"));
+        assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
+    }
+
+    #[test]
+    fn scaling_the_steps_scales_the_schedule() {
+        let config = TrainConfig::preset("24").unwrap().with_steps(3000);
+        assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
+        assert_eq!(config.occupancy_at, [200, 400]);
+    }
+}

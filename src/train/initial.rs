@@ -1,0 +1,110 @@
+//! The scene that training starts from.
+
+use super::{ConfigError, TrainConfig};
+use crate::geometry::Aabb;
+use crate::model::{
+    AppearanceMatrix, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Provenance, Scale, Scene,
+    TensorCloud,
+};
+use crate::random::Random;
+
+/// δ for a cloud at its current resolution: half a cell, averaged over the axes (DESIGN, section 2.9).
+pub fn march_step(cloud: &TensorCloud) -> f64 {
+    0.5 * cloud.cell_size().element_sum() / 3.0
+}
+
+/// A scene with `clouds`, coarsest first, as `config` says: random factors and networks, and bounds around the model
+/// (DESIGN, section 2: Training).
+///
+/// # Errors
+///
+/// Where the clouds have no point in common and the model is where all scales are.
+pub fn initial_scene(
+    config: &TrainConfig,
+    clouds: Vec<TensorCloud>,
+    frame: Frame,
+    dataset: &str,
+) -> Result<Scene, ConfigError> {
+    let rules = config.field.rules(march_step(&clouds[0]));
+    let boxes = clouds.iter().map(TensorCloud::bounds);
+    let bounds = match rules.coverage {
+        Coverage::All => boxes.reduce(|a, b| a.intersection(&b)),
+        Coverage::Any => boxes.reduce(|a, b| a.union(&b)),
+    }
+    .unwrap_or(Aabb::EMPTY);
+    if !bounds.is_solid() {
+        return Err(ConfigError::Value {
+            place: "scales".into(),
+            expected: "tensors of all scales in the same place".into(),
+            found: "scales that do not overlap".into(),
+        });
+    }
+    let features = config.decoder.features;
+    let scales = (config.scales.iter().zip(clouds).enumerate())
+        .map(|(s, (scale, cloud))| {
+            let normal = Random::new(config.seed, "factors").substream(s as u64);
+            let rows = cloud.len() * Factors::rows(cloud.resolution);
+            let mut drawn = 0;
+            let mut factors = |rank: u32| {
+                let first = drawn;
+                drawn += rows * rank as usize;
+                let draw = |i| (config.factor_deviation * normal.normal(i as u64)) as f32;
+                (first..drawn).map(draw).collect()
+            };
+            let (density_rank, appearance_rank) = (scale.density_rank, scale.appearance_rank);
+            let matrix = Random::new(config.seed, "appearance matrix").substream(s as u64);
+            Scale {
+                cloud,
+                top_k: scale.top_k,
+                factors: Factors {
+                    kind: FactorKind::Cp,
+                    density_rank,
+                    appearance_rank,
+                    density: factors(density_rank),
+                    appearance: factors(appearance_rank),
+                },
+                appearance_matrix: AppearanceMatrix {
+                    features,
+                    rank: appearance_rank,
+                    weights: uniform(&matrix, appearance_rank, 0, features * appearance_rank),
+                },
+            }
+        })
+        .collect();
+    let provenance = Provenance {
+        dataset: dataset.into(),
+        preset: config.preset.clone(),
+        steps: config.steps,
+        seed: config.seed,
+        tool: concat!("strivec ", env!("CARGO_PKG_VERSION")).into(),
+    };
+    let decoder = initial_decoder(config);
+    Ok(Scene { frame, bounds, rules, scales, decoder, occupancy: None, provenance })
+}
+
+/// PyTorch's default for linear layers: uniform within 1/√inputs of 0.
+fn uniform(stream: &Random, inputs: u32, first: u32, count: u32) -> Vec<f32> {
+    let bound = 1.0 / f64::from(inputs.max(1)).sqrt();
+    (first..first + count).map(|i| (bound * (2.0 * stream.uniform(u64::from(i)) - 1.0)) as f32).collect()
+}
+
+fn initial_decoder(config: &TrainConfig) -> Decoder {
+    let shape = &config.decoder;
+    let mut decoder = Decoder {
+        mode: DecoderMode::PerSample,
+        feature_frequencies: shape.feature_frequencies,
+        direction_frequencies: shape.direction_frequencies,
+        layers: Vec::new(),
+    };
+    let mut inputs = decoder.input_len(shape.features);
+    let widths = shape.hidden.iter().copied().chain([3]);
+    for (l, outputs) in widths.enumerate() {
+        let stream = Random::new(config.seed, "decoder").substream(l as u64);
+        let weights = uniform(&stream, inputs, 0, inputs * outputs);
+        let last = l == shape.hidden.len();
+        let bias = if last { vec![0.0; 3] } else { uniform(&stream, inputs, inputs * outputs, outputs) };
+        decoder.layers.push(Linear { inputs, outputs, weights, bias });
+        inputs = outputs;
+    }
+    decoder
+}

@@ -1,0 +1,102 @@
+//! The rays that training draws from.
+
+use rayon::prelude::*;
+
+use crate::dataset::View;
+use crate::field::{Field, Real, vectorised};
+use crate::geometry::{Camera, Ray, Similarity};
+use crate::random::Random;
+
+/// Photographs in the model's space, and which of their pixels are trained on.
+#[derive(Debug)]
+pub struct Photographs<'a> {
+    views: &'a [View],
+    cameras: Vec<Camera>,
+    /// \[view\] the number of its first pixel, and the number of pixels.
+    firsts: Vec<u64>,
+    /// Numbers of the pixels whose rays meet the model, ascending.
+    kept: Vec<u32>,
+}
+
+impl<'a> Photographs<'a> {
+    /// All pixels of `views`, whose cameras `model_from_dataset` maps into the model's space; none kept yet.
+    ///
+    /// # Panics
+    ///
+    /// On 2³² pixels or more.
+    pub fn new(views: &'a [View], model_from_dataset: &Similarity) -> Self {
+        let mut firsts = vec![0];
+        for view in views {
+            firsts.push(firsts[firsts.len() - 1] + view.pixels.len() as u64);
+        }
+        assert!(firsts[views.len()] < 1 << 32, "{} pixels are more than a run can number", firsts[views.len()]);
+        let cameras = views.iter().map(|v| v.camera.mapped(model_from_dataset)).collect();
+        Self { views, cameras, firsts, kept: Vec::new() }
+    }
+
+    /// Keeps the pixels whose rays have at least one sample in the model (DESIGN, section 2: Training).
+    pub fn keep_rays_that_meet<T: Real>(&mut self, field: &Field<T>) {
+        let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
+            .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
+            .collect();
+        let kept_of_row = |&(v, row): &(usize, u32)| {
+            let camera = &self.cameras[v];
+            let first = self.firsts[v] as u32 + row * camera.width;
+            let meets = |column: &u32| {
+                vectorised(
+                    #[inline(always)]
+                    || field.meets(&camera.ray(*column, row)),
+                )
+            };
+            (0..camera.width).filter(meets).map(|column| first + column).collect::<Vec<u32>>()
+        };
+        self.kept = rows.par_iter().map(kept_of_row).flatten_iter().collect();
+    }
+
+    /// Number of kept pixels.
+    pub fn kept_count(&self) -> usize {
+        self.kept.len()
+    }
+
+    /// One bit a pixel, least significant first: whether it is kept.
+    pub fn kept_bits(&self) -> Vec<u8> {
+        let mut bits = vec![0; self.firsts[self.views.len()].div_ceil(8) as usize];
+        for &pixel in &self.kept {
+            bits[pixel as usize / 8] |= 1 << (pixel % 8);
+        }
+        bits
+    }
+
+    /// Keeps what [`Photographs::kept_bits`] told; false where it told of another number of pixels.
+    pub fn set_kept_bits(&mut self, bits: &[u8]) -> bool {
+        let pixels = self.firsts[self.views.len()];
+        if bits.len() as u64 != pixels.div_ceil(8) {
+            return false;
+        }
+        self.kept = (0..pixels as u32).filter(|&p| bits[p as usize / 8] >> (p % 8) & 1 == 1).collect();
+        true
+    }
+
+    /// A checksum of all pixels and cameras, to tell a resumed run's photographs from others.
+    pub fn checksum(&self) -> u32 {
+        let mut hasher = crc32fast::Hasher::new();
+        for (view, camera) in self.views.iter().zip(&self.cameras) {
+            hasher.update(bytemuck::cast_slice(&view.pixels));
+            hasher.update(format!("{camera:?}").as_bytes());
+        }
+        hasher.finalize()
+    }
+
+    /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again,
+    /// and the colour that was photographed there.
+    pub fn draw(&self, order: &Random, draw: u64) -> (Ray, [f32; 3]) {
+        let kept = self.kept.len() as u64;
+        let at = order.substream(draw / kept).permuted(draw % kept, kept);
+        let pixel = u64::from(self.kept[at as usize]);
+        let v = self.firsts.partition_point(|&first| first <= pixel) - 1;
+        let within = (pixel - self.firsts[v]) as u32;
+        let camera = &self.cameras[v];
+        let ray = camera.ray(within % camera.width, within / camera.width);
+        (ray, self.views[v].pixels[within as usize])
+    }
+}

@@ -1,0 +1,195 @@
+//! What a run must remember, besides its scene, to go on as if it had never stopped.
+//!
+//! It is kept as one safetensors file: the moments as tensors, so that other tools can look at them, the scene's own
+//! file as bytes, and the rest as metadata under a checksum of all tensors.
+
+use std::collections::HashMap;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use super::{ConfigError, Moments, NetworkLayout, Photographs, TrainConfig};
+use crate::field::{Field, Real};
+
+/// Optimiser state and counters. What it says of resolutions and occupancy is in the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// The run's settings.
+    pub config: TrainConfig,
+    /// Steps done.
+    pub step: u64,
+    /// The step after which the optimiser last started anew.
+    pub restarted_at: u64,
+    /// Wall time spent so far, for reports alone.
+    pub seconds: f64,
+    pub(super) density: Vec<Moments<f32>>,
+    pub(super) appearance: Vec<Moments<f32>>,
+    pub(super) networks: Moments<f32>,
+    kept: Vec<u8>,
+    photographs: u32,
+}
+
+/// What is wrong with a saved progress.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgressError {
+    /// Not the file it should be.
+    #[error("{place}: expected {expected}, found {found}")]
+    Malformed {
+        /// Which part.
+        place: String,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// Its settings cannot be read.
+    #[error("settings: {0}")]
+    Config(#[from] ConfigError),
+}
+
+fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> ProgressError {
+    ProgressError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
+}
+
+impl Progress {
+    pub(super) fn start(config: &TrainConfig, field: &Field<f32>, photographs: &Photographs<'_>) -> Self {
+        let mut progress = Self {
+            config: config.clone(),
+            step: 0,
+            restarted_at: 0,
+            seconds: 0.0,
+            density: Vec::new(),
+            appearance: Vec::new(),
+            networks: Moments::default(),
+            kept: photographs.kept_bits(),
+            photographs: photographs.checksum(),
+        };
+        progress.restart(field);
+        progress
+    }
+
+    /// Forgets the optimiser's state, for the resolutions that `field` has now.
+    pub(super) fn restart(&mut self, field: &Field<f32>) {
+        self.restarted_at = self.step;
+        self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
+        self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.len())).collect();
+        self.networks = Moments::zeros(NetworkLayout::of(&field.decoder).len());
+    }
+
+    /// Checks that this belongs to `field` and `photographs`, and tells the latter which rays are kept.
+    pub(super) fn check<T: Real>(
+        &self,
+        field: &Field<T>,
+        photographs: &mut Photographs<'_>,
+    ) -> Result<(), ProgressError> {
+        let expect = |place: &str, expected: usize, found: usize| {
+            if expected == found { Ok(()) } else { Err(malformed(place, expected, found)) }
+        };
+        expect("scales", field.scales.len(), self.density.len())?;
+        for (s, scale) in field.scales.iter().enumerate() {
+            expect(&format!("density moments of scale {s}"), scale.density.len(), self.density[s].first.len())?;
+            let place = format!("appearance moments of scale {s}");
+            expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
+        }
+        expect("network moments", NetworkLayout::of(&field.decoder).len(), self.networks.first.len())?;
+        if photographs.checksum() != self.photographs || !photographs.set_kept_bits(&self.kept) {
+            return Err(malformed("photographs", "those that the run began with", "others"));
+        }
+        Ok(())
+    }
+
+    /// The bytes of this and of the scene's own file.
+    pub fn to_bytes(&self, scene_file: &[u8]) -> Vec<u8> {
+        let mut tensors: Vec<(String, Dtype, &[u8])> = Vec::new();
+        for (name, moments) in self.moments() {
+            tensors.push((format!("{name}.first"), Dtype::F32, bytemuck::cast_slice(&moments.first)));
+            tensors.push((format!("{name}.second"), Dtype::F32, bytemuck::cast_slice(&moments.second)));
+        }
+        tensors.push(("kept".into(), Dtype::U8, &self.kept));
+        tensors.push(("scene".into(), Dtype::U8, scene_file));
+        tensors.sort_by(|a, b| a.0.cmp(&b.0));
+        let mut hasher = crc32fast::Hasher::new();
+        tensors.iter().for_each(|t| hasher.update(t.2));
+        let metadata = HashMap::from([
+            ("config".to_string(), self.config.to_toml()),
+            ("step".to_string(), self.step.to_string()),
+            ("restarted_at".to_string(), self.restarted_at.to_string()),
+            ("seconds".to_string(), self.seconds.to_string()),
+            ("photographs".to_string(), self.photographs.to_string()),
+            ("checksum".to_string(), hasher.finalize().to_string()),
+        ]);
+        let views = tensors.iter().map(|(name, dtype, bytes)| {
+            let view = TensorView::new(*dtype, vec![bytes.len() / dtype.bitsize() * 8], bytes);
+            (name.as_str(), view.expect("the length is a multiple of the element's"))
+        });
+        safetensors::serialize(views, Some(metadata)).expect("names and lengths are sound")
+    }
+
+    fn moments(&self) -> impl Iterator<Item = (String, &Moments<f32>)> {
+        let named = |name: &'static str| move |(s, m)| (format!("{name}.{s}"), m);
+        (self.density.iter().enumerate().map(named("density")))
+            .chain(self.appearance.iter().enumerate().map(named("appearance")))
+            .chain([("networks".to_string(), &self.networks)])
+    }
+
+    /// Reads what [`Progress::to_bytes`] wrote: the progress, and the scene's own file.
+    ///
+    /// # Errors
+    ///
+    /// Names the first part that is not as it should be.
+    pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), ProgressError> {
+        let not_safetensors = |e: safetensors::SafeTensorError| malformed("file", "safetensors", e);
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
+        let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let text = |key: &str| {
+            metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "a value", "nothing"))
+        };
+        fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, ProgressError> {
+            text.parse().map_err(|_| malformed(&format!("metadata {key}"), "a number", text))
+        }
+        let mut tensors = file.tensors();
+        tensors.sort_by(|a, b| a.0.cmp(&b.0));
+        let mut hasher = crc32fast::Hasher::new();
+        tensors.iter().for_each(|(_, view)| hasher.update(view.data()));
+        let expected: u32 = number("checksum", text("checksum")?)?;
+        let found = hasher.finalize();
+        if expected != found {
+            return Err(malformed("tensors", format!("checksum {expected}"), found));
+        }
+        let tensor = |name: &str, dtype: Dtype| {
+            let view = file.tensor(name).map_err(|e| malformed(&format!("tensor {name}"), "present", e))?;
+            if view.dtype() != dtype {
+                return Err(malformed(&format!("tensor {name}"), format!("{dtype:?}"), format!("{:?}", view.dtype())));
+            }
+            Ok(view.data())
+        };
+        let moments = |name: &str| -> Result<Moments<f32>, ProgressError> {
+            let part = |which: &str| {
+                Ok::<_, ProgressError>(bytemuck::pod_collect_to_vec(tensor(&format!("{name}.{which}"), Dtype::F32)?))
+            };
+            let moments: Moments<f32> = Moments { first: part("first")?, second: part("second")? };
+            if moments.first.len() != moments.second.len() {
+                return Err(malformed(&format!("{name}.second"), moments.first.len(), moments.second.len()));
+            }
+            Ok(moments)
+        };
+        let config = TrainConfig::from_toml(text("config")?)?;
+        let of_scales = |name: &str| (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>();
+        let progress = Self {
+            step: number("step", text("step")?)?,
+            restarted_at: number("restarted_at", text("restarted_at")?)?,
+            seconds: number("seconds", text("seconds")?)?,
+            photographs: number("photographs", text("photographs")?)?,
+            density: of_scales("density")?,
+            appearance: of_scales("appearance")?,
+            networks: moments("networks")?,
+            kept: tensor("kept", Dtype::U8)?.to_vec(),
+            config,
+        };
+        if progress.restarted_at > progress.step || progress.step > progress.config.steps {
+            let found = format!("{} and {}", progress.restarted_at, progress.step);
+            return Err(malformed("restarted_at and step", format!("at most {}", progress.config.steps), found));
+        }
+        Ok((progress, tensor("scene", Dtype::U8)?.to_vec()))
+    }
+}

@@ -1,0 +1,316 @@
+//! The training loop's body: one step, and what the schedule does between steps.
+
+use rayon::prelude::*;
+
+use super::adam::{Adam, Moments};
+use super::backward::{Backward, Pool, component_ranges};
+use super::factors::{ScaleGeometry, TensorGradient};
+use super::{Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample};
+use crate::dataset::View;
+use crate::field::{Field, FieldScale, vectorised};
+use crate::geometry::Aabb;
+use crate::model::{Factors, Scene};
+use crate::random::Random;
+
+/// A run in progress.
+#[derive(Debug)]
+pub struct Trainer<'a> {
+    config: TrainConfig,
+    photographs: Photographs<'a>,
+    /// All but what `field` holds anew at every step: factors, matrices, decoder.
+    scene: Scene,
+    field: Field<f32>,
+    backward: Backward<f32>,
+    tensor_gradients: Pool<TensorGradient<f32>>,
+    order: Random,
+    progress: Progress,
+}
+
+/// What one step came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Steps done.
+    pub step: u64,
+    /// Mean squared error of the step's rays, before its update.
+    pub mean_squared_error: f64,
+    /// Samples that were marched.
+    pub samples: u64,
+    /// Samples that were coloured.
+    pub colored: u64,
+}
+
+/// Why a run cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// No pixel's ray passes through the model.
+    #[error("photographs: expected rays that meet the model, found none of {0} (does the prior belong to them?)")]
+    NoRays(u64),
+    /// Nothing is left.
+    #[error("occupancy at step {0}: expected something dense, found an empty model")]
+    Empty(u64),
+    /// The loss is no number any more.
+    #[error("step {0}: expected a finite loss, found {1} (try a smaller learning rate)")]
+    Diverged(u64, f64),
+    /// The saved progress does not fit.
+    #[error(transparent)]
+    Progress(#[from] ProgressError),
+}
+
+impl<'a> Trainer<'a> {
+    /// Begins a run on `views` from `scene`, as [`super::initial_scene`] made it.
+    ///
+    /// # Errors
+    ///
+    /// [`TrainError::NoRays`].
+    pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+        let field = Field::new(&scene);
+        let mut photographs = Photographs::new(views, &scene.frame.model_from_dataset);
+        photographs.keep_rays_that_meet(&field);
+        let progress = Progress::start(&config, &field, &photographs);
+        Self::assemble(config, scene, field, photographs, progress)
+    }
+
+    /// Goes on where `progress` and its `scene` left off.
+    ///
+    /// # Errors
+    ///
+    /// Where `views` are not those that the run began with, or `scene` is not `progress`'s.
+    pub fn resume(progress: Progress, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+        let field = Field::new(&scene);
+        let mut photographs = Photographs::new(views, &scene.frame.model_from_dataset);
+        progress.check(&field, &mut photographs)?;
+        Self::assemble(progress.config.clone(), scene, field, photographs, progress)
+    }
+
+    fn assemble(
+        config: TrainConfig,
+        scene: Scene,
+        field: Field<f32>,
+        photographs: Photographs<'a>,
+        progress: Progress,
+    ) -> Result<Self, TrainError> {
+        if photographs.kept_count() == 0 {
+            return Err(TrainError::NoRays(photographs.kept_bits().len() as u64 * 8));
+        }
+        Ok(Self {
+            order: Random::new(config.seed, "rays"),
+            backward: Backward::new(&field),
+            tensor_gradients: Pool::default(),
+            config,
+            photographs,
+            scene,
+            field,
+            progress,
+        })
+    }
+
+    /// The run's settings.
+    pub fn config(&self) -> &TrainConfig {
+        &self.config
+    }
+
+    /// Steps done.
+    pub fn steps_done(&self) -> u64 {
+        self.progress.step
+    }
+
+    /// Rays that training draws from.
+    pub fn ray_count(&self) -> usize {
+        self.photographs.kept_count()
+    }
+
+    /// What has to be kept, besides [`Trainer::scene`], to go on later.
+    pub fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// The scene as it stands.
+    pub fn scene(&self) -> Scene {
+        let mut scene = self.scene.clone();
+        let matrices = &self.field.decoder.appearance;
+        let width = self.field.component_count();
+        let mut first = 0;
+        for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
+            scale.cloud.resolution = trained.resolution;
+            scale.factors.density.clone_from(&trained.density);
+            scale.factors.appearance.clone_from(&trained.appearance);
+            let rank = trained.appearance_rank;
+            for (p, row) in scale.appearance_matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
+                row.copy_from_slice(&matrices[p * width + first..][..rank]);
+            }
+            first += rank;
+        }
+        for (layer, trained) in scene.decoder.layers.iter_mut().zip(&self.field.decoder.layers) {
+            layer.weights.clone_from(&trained.weights);
+            layer.bias.clone_from(&trained.bias);
+        }
+        scene.provenance.steps = self.progress.step;
+        scene
+    }
+
+    /// One optimiser step, and what the schedule asks for after it.
+    ///
+    /// # Errors
+    ///
+    /// Where the loss is not finite or the occupancy comes out empty.
+    pub fn step(&mut self) -> Result<StepReport, TrainError> {
+        let batch = self.config.batch_rays as u64;
+        let first = self.progress.step * batch;
+        let (rays, targets): (Vec<_>, Vec<_>) =
+            (first..first + batch).into_par_iter().map(|d| self.photographs.draw(&self.order, d)).unzip();
+        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets);
+        self.progress.step += 1;
+        if !mean_squared_error.is_finite() {
+            return Err(TrainError::Diverged(self.progress.step, mean_squared_error));
+        }
+        self.update_networks();
+        self.update_factors();
+        let count = |of: fn(&crate::field::Samples<f32>) -> usize| {
+            self.backward.chunks.iter().map(|c| of(&c.samples) as u64).sum()
+        };
+        let report = StepReport {
+            step: self.progress.step,
+            mean_squared_error,
+            samples: count(crate::field::Samples::len),
+            colored: count(|s| s.colored.len()),
+        };
+        self.follow_schedule()?;
+        Ok(report)
+    }
+
+    /// The optimiser's step for parameters whose learning rate starts at `start`.
+    fn adam(&self, start: f64) -> Adam<f32> {
+        let since_restart = self.progress.step - self.progress.restarted_at;
+        let fallen = self.config.learning_rate_decay.powf((since_restart - 1) as f64 / self.config.steps as f64);
+        Adam::new(start * fallen, since_restart)
+    }
+
+    fn update_networks(&mut self) {
+        let adam = self.adam(self.config.network_learning_rate);
+        let gradients = self.backward.network_gradients();
+        let Moments { first, second } = &mut self.progress.networks;
+        let mut at = 0;
+        for part in network_parts(&mut self.field.decoder) {
+            let range = at..at + part.len();
+            at = range.end;
+            adam.update::<false>(part, &mut first[range.clone()], &mut second[range.clone()], &gradients[range]);
+        }
+    }
+
+    fn update_factors(&mut self) {
+        let adam = self.adam(self.config.factor_learning_rate);
+        let ranges = component_ranges(&self.field);
+        let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
+        for (s, scale) in self.field.scales.iter_mut().enumerate() {
+            let geometry = ScaleGeometry::new(scale, &[], ranges[s]);
+            let FieldScale { centers, density, appearance, .. } = scale;
+            let geometry = ScaleGeometry { centers, ..geometry };
+            let [density_rank, appearance_rank] = geometry.ranks;
+            let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density_rank);
+            let rows = geometry.rows.count;
+            let of_density = &mut self.progress.density[s];
+            let of_appearance = &mut self.progress.appearance[s];
+            let density = TensorChunks::new(density, of_density, rows * density_rank);
+            let appearance = TensorChunks::new(appearance, of_appearance, rows * appearance_rank);
+            density.into_par_iter().zip(appearance.into_par_iter()).enumerate().for_each(
+                |(n, ((density, d_first, d_second), (appearance, a_first, a_second)))| {
+                    pool.with(|gradient| {
+                        vectorised(
+                            #[inline(always)]
+                            || {
+                                gradient.accumulate(geometry, n, [density, appearance], chunks);
+                                l1.add(density, &mut gradient.density);
+                                adam.update::<false>(density, d_first, d_second, &gradient.density);
+                                if gradient.has_appearance {
+                                    adam.update::<true>(appearance, a_first, a_second, &gradient.appearance);
+                                }
+                            },
+                        );
+                    });
+                },
+            );
+        }
+    }
+
+    /// Occupancy, bounds and resolution (DESIGN, section 2: Training).
+    fn follow_schedule(&mut self) -> Result<(), TrainError> {
+        let step = self.progress.step;
+        if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
+            let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
+            let dense = Aabb::of_points(occupancy.iter().map(|v| occupancy.position(v)));
+            if !dense.is_solid() {
+                return Err(TrainError::Empty(step));
+            }
+            if which == 0 {
+                self.scene.bounds = dense;
+            }
+            self.scene.occupancy = Some(occupancy);
+            self.field = Field::new(&self.scene());
+        }
+        let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
+        if self.config.upsample_at.contains(&step) {
+            for ((scale, config), trained) in
+                self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
+            {
+                let (from, to) = (trained.resolution, config.resolutions[stage]);
+                let density = upsample(&trained.density, trained.density_rank, from, to);
+                let appearance = upsample(&trained.appearance, trained.appearance_rank, from, to);
+                trained.set_resolution(to, density, appearance);
+                scale.cloud.resolution = to;
+            }
+            self.scene.rules.step = march_step(&self.scene.scales[0].cloud);
+            self.field.rules.step = self.scene.rules.step;
+            self.progress.restart(&self.field);
+        }
+        Ok(())
+    }
+}
+
+/// A scale's vectors and moments cut into tensors.
+struct TensorChunks<'a> {
+    factors: &'a mut [f32],
+    moments: &'a mut Moments<f32>,
+    len: usize,
+}
+
+impl<'a> TensorChunks<'a> {
+    fn new(factors: &'a mut [f32], moments: &'a mut Moments<f32>, len: usize) -> Self {
+        Self { factors, moments, len }
+    }
+
+    fn into_par_iter(self) -> impl IndexedParallelIterator<Item = (&'a mut [f32], &'a mut [f32], &'a mut [f32])> {
+        let Moments { first, second } = self.moments;
+        (self.factors.par_chunks_mut(self.len))
+            .zip(first.par_chunks_mut(self.len))
+            .zip(second.par_chunks_mut(self.len))
+            .map(|((factors, first), second)| (factors, first, second))
+    }
+}
+
+/// The loss's mean absolute density factor, per axis (paper, equation for L_L1; DESIGN, section 2: Training).
+struct L1 {
+    /// (first entry, end, gradient of |v|) of each axis within a tensor.
+    axes: [(usize, usize, f32); 3],
+}
+
+impl L1 {
+    fn new(weight: f64, tensors: usize, resolution: [u32; 3], rank: usize) -> Self {
+        let first_rows = Factors::axis_rows(resolution);
+        let axes = [0, 1, 2].map(|a| {
+            let rows = resolution[a] as usize + 1;
+            let entries = tensors * rows * rank;
+            (first_rows[a] * rank, (first_rows[a] + rows) * rank, (weight / entries.max(1) as f64) as f32)
+        });
+        Self { axes }
+    }
+
+    #[inline(always)]
+    fn add(&self, factors: &[f32], gradients: &mut [f32]) {
+        for &(first, end, weight) in &self.axes {
+            for (g, &v) in gradients[first..end].iter_mut().zip(&factors[first..end]) {
+                let sign = if v > 0.0 { 1.0 } else { -1.0 };
+                *g += if v == 0.0 { 0.0 } else { weight * sign };
+            }
+        }
+    }
+}

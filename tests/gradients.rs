@@ -1,0 +1,290 @@
+//! Every gradient against central differences in f64, on rays far from any decision.
+
+mod scenes;
+
+use glam::DVec3;
+use strivec::field::{Activations, Field, Real, Samples};
+use strivec::geometry::Ray;
+use strivec::model::Scene;
+use strivec::random::Random;
+use strivec::render::ReferenceRenderer;
+use strivec::train::{Backward, Gradients, TrainConfig, network_parts};
+
+/// Rays whose decisions a perturbation of the parameters by the difference's step does not reach.
+const MIN_MARGIN: f64 = 1e-4;
+
+/// How far from a vertex samples must be, in cells: nearer ones have gradients in proportion to that distance, which
+/// f32 knows within about 5e-7 only.
+const MIN_FRACTION: f64 = 1e-3;
+
+fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
+    let renderer = ReferenceRenderer::new(scene);
+    let field = Field::<f64>::new(scene);
+    let random = Random::new(1, "gradient test rays");
+    let rays: Vec<Ray> = (0..200 * count as u64)
+        .map(|i| scenes::camera(64, random.uniform(3 * i) * 6.0).ray_through(
+            64.0 * random.uniform(3 * i + 1),
+            64.0 * random.uniform(3 * i + 2),
+        ))
+        .filter(|ray| {
+            let trace = renderer.trace_one(ray);
+            trace.margin > MIN_MARGIN && trace.opacity > 0.05 && vertex_distance(scene, &field, ray) > MIN_FRACTION
+        })
+        .take(count)
+        .collect();
+    assert_eq!(rays.len(), count, "enough rays with a margin");
+    rays
+}
+
+/// The smallest distance of a sample from a vertex of a tensor that it aggregates, in cells.
+fn vertex_distance(scene: &Scene, field: &Field<f64>, ray: &Ray) -> f64 {
+    let mut samples = Samples::default();
+    field.march(&[*ray], &mut samples);
+    let scales = scene.scales.len();
+    let mut smallest = f64::INFINITY;
+    for (sample, position) in samples.positions.iter().enumerate() {
+        for (s, scale) in scene.scales.iter().enumerate() {
+            for pair in samples.pairs_of(sample, s, scales) {
+                let center = scale.cloud.center((pair.tensor - field.scales[s].first_tensor) as usize);
+                let offset = DVec3::from_array(*position) + field.origin - center;
+                let cells = (offset + scale.cloud.half) / scale.cloud.cell_size();
+                smallest = smallest.min((cells - cells.round()).abs().min_element());
+            }
+        }
+    }
+    smallest
+}
+
+fn targets(count: usize) -> Vec<[f32; 3]> {
+    let random = Random::new(2, "gradient test targets");
+    (0..count as u64).map(|i| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32)).collect()
+}
+
+/// The groups of parameters, as (name, analytic gradient, how to reach the parameters).
+type Reach = Box<dyn Fn(&mut Field<f64>, usize) -> &mut f64>;
+
+fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, Reach)> {
+    let mut groups: Vec<(String, Vec<f64>, Reach)> = Vec::new();
+    for (s, scale) in scene.scales.iter().enumerate() {
+        let first_rows = strivec::model::Factors::axis_rows(scale.cloud.resolution);
+        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
+        for axis in 0..3 {
+            let axis_of = move |row: usize| (0..3).rev().find(|&a| row >= first_rows[a]).expect("row 0 is on axis 0");
+            for (name, rank, values) in [
+                ("density", scale.factors.density_rank as usize, &gradients.density[s]),
+                ("appearance", scale.factors.appearance_rank as usize, &gradients.appearance[s]),
+            ] {
+                let places: Vec<usize> =
+                    (0..values.len()).filter(|i| axis_of(i / rank % rows) == axis).collect();
+                let of_axis = places.iter().map(|&i| values[i]).collect();
+                let density = name == "density";
+                let reach: Reach = Box::new(move |field, i| {
+                    let scale = &mut field.scales[s];
+                    &mut (if density { &mut scale.density } else { &mut scale.appearance })[places[i]]
+                });
+                groups.push((format!("scale {s} {name} axis {axis}"), of_axis, reach));
+            }
+        }
+    }
+    let mut at = 0;
+    let lens: Vec<usize> = network_parts(&mut Field::<f64>::new(scene).decoder).map(|p| p.len()).collect();
+    for (part, len) in lens.into_iter().enumerate() {
+        let values = gradients.networks[at..at + len].to_vec();
+        at += len;
+        let reach: Reach = Box::new(move |field, i| {
+            &mut network_parts(&mut field.decoder).nth(part).expect("the part exists")[i]
+        });
+        groups.push((format!("network part {part}"), values, reach));
+    }
+    groups
+}
+
+/// The largest |analytic − numeric| / max(|numeric|, 1e-6 of the group's largest) of a group, over a sample of its
+/// entries that always holds the largest.
+fn worst_error(
+    values: &[f64],
+    reach: &Reach,
+    field: &mut Field<f64>,
+    first_step: f64,
+    losses: &mut dyn FnMut(&Field<f64>) -> Vec<f64>,
+) -> f64 {
+    let largest = largest(values);
+    let mut worst = 0.0f64;
+    for i in sampled_entries(values) {
+        let numeric = central_difference(field, reach, i, first_step, losses);
+        worst = worst.max((values[i] - numeric).abs() / numeric.abs().max(1e-6 * largest));
+    }
+    worst
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m, v| v.abs().max(m))
+}
+
+/// Entries that have a gradient, from the largest to the smallest in equal strides.
+fn sampled_entries(values: &[f64]) -> Vec<usize> {
+    let mut entries: Vec<usize> = (0..values.len()).filter(|&i| values[i] != 0.0).collect();
+    assert!(!entries.is_empty(), "some entry has a gradient");
+    entries.sort_by(|&a, &b| values[b].abs().total_cmp(&values[a].abs()));
+    let stride = entries.len().div_ceil(12);
+    entries.into_iter().step_by(stride).collect()
+}
+
+/// Ridders' method: central differences of shrinking step, extrapolated; the estimate with the smallest error. Large
+/// steps drown in curvature or cross a kink of the decoder, small ones in rounding.
+fn central_difference(
+    field: &mut Field<f64>,
+    reach: &Reach,
+    i: usize,
+    first_step: f64,
+    losses: &mut dyn FnMut(&Field<f64>) -> Vec<f64>,
+) -> f64 {
+    const SHRINK: f64 = 2.0;
+    let start = *reach(field, i);
+    let mut at = |offset: f64| {
+        *reach(field, i) = start + offset;
+        losses(field)
+    };
+    // Ray by ray, so that those that the parameter does not reach add no rounding.
+    let mut difference = |h: f64| at(h).iter().zip(at(-h)).map(|(above, below)| above - below).sum::<f64>() / (2.0 * h);
+    let mut step = first_step;
+    let mut previous: Vec<f64> = Vec::new();
+    let (mut best, mut best_error) = (0.0, f64::INFINITY);
+    for _ in 0..9 {
+        let mut row = vec![difference(step)];
+        let mut factor = SHRINK * SHRINK;
+        for k in 0..previous.len() {
+            let extrapolated = (row[k] * factor - previous[k]) / (factor - 1.0);
+            factor *= SHRINK * SHRINK;
+            let error = (extrapolated - row[k]).abs().max((extrapolated - previous[k]).abs());
+            if error < best_error {
+                (best, best_error) = (extrapolated, error);
+            }
+            row.push(extrapolated);
+        }
+        // Once rounding takes over, a small difference is an accident.
+        if let (Some(new), Some(old)) = (row.last(), previous.last())
+            && (new - old).abs() > 2.0 * best_error
+        {
+            break;
+        }
+        previous = row;
+        step /= SHRINK;
+    }
+    *reach(field, i) = start;
+    best
+}
+
+/// A scene whose colours depend strongly on its factors, so that their gradients stand out from rounding; and whose
+/// factors are positive, so that no product of two is close to zero by chance, which f32 could not tell from zero.
+fn scene(config: &TrainConfig) -> Scene {
+    let mut scene = scenes::scene(config);
+    for scale in &mut scene.scales {
+        scale.appearance_matrix.weights.iter_mut().for_each(|w| *w *= 4.0);
+        let factors = scale.factors.density.iter_mut().chain(&mut scale.factors.appearance);
+        factors.for_each(|v| *v = 0.3 + 0.4 * v.abs());
+    }
+    let hidden = scene.decoder.layers.len() - 1;
+    for layer in &mut scene.decoder.layers[..hidden] {
+        // Two units of three are always on, the third is always off.
+        layer.bias.iter_mut().enumerate().for_each(|(i, b)| *b += if i % 3 == 0 { -7.0 } else { 7.0 });
+    }
+    // The large biases must not saturate the colours.
+    scene.decoder.layers[hidden].weights.iter_mut().for_each(|w| *w *= 0.6);
+    scene
+}
+
+/// How close any hidden unit comes to the kink of its rectifier.
+fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
+    let (mut samples, mut activations) = (Samples::default(), Activations::default());
+    field.march(rays, &mut samples);
+    field.decode(rays, &samples, &mut activations);
+    let layers = &field.decoder.layers;
+    let mut smallest = f64::INFINITY;
+    for (layer, inputs) in layers[..layers.len() - 1].iter().zip(&activations.inputs) {
+        for input in inputs.chunks_exact(layer.inputs) {
+            for (row, bias) in layer.weights.chunks_exact(layer.inputs).zip(&layer.bias) {
+                let sum = bias + row.iter().zip(input).map(|(w, x)| w * x).sum::<f64>();
+                smallest = smallest.min(sum.abs());
+            }
+        }
+    }
+    smallest
+}
+
+fn configs() -> Vec<TrainConfig> {
+    let mut plain = scenes::config();
+    plain.field.density_shift = -6.0;
+    let mut other = scenes::config();
+    other.field.coverage_all = false;
+    other.field.normalised = false;
+    other.field.density_mean = true;
+    other.field.appearance_mean = true;
+    other.field.density_shift = -4.0;
+    vec![plain, other]
+}
+
+#[test]
+fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_does_not() {
+    for config in configs() {
+        let scene = scene(&config);
+        let rays = rays_far_from_decisions(&scene, 16);
+        let targets = targets(rays.len());
+        let mut field = Field::<f64>::new(&scene);
+        assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
+        let mut backward = Backward::new(&field);
+        let gradients = backward.gradients(&field, &rays, &targets);
+        let mut losses = |field: &Field<f64>| {
+            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i]);
+            (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
+        };
+        for (name, values, reach) in groups(&scene, &gradients) {
+            // A weight of the decoder moves its hidden units further than a factor does.
+            let first_step = if name.starts_with("network") { 0.02 } else { 0.16 };
+            let worst = worst_error(&values, &reach, &mut field, first_step, &mut losses);
+            println!("{name}: {worst:.1e}");
+            assert!(worst < 1e-6, "{name}: relative error {worst:e}");
+            let flipped: Vec<f64> = values.iter().map(|v| -v).collect();
+            let planted = worst_error(&flipped, &reach, &mut field, first_step, &mut losses);
+            assert!(planted > 1.0, "{name}: a sign error goes unnoticed ({planted:e})");
+        }
+    }
+}
+
+#[test]
+fn gradients_in_f32_match_those_in_f64() {
+    for config in configs() {
+        let scene = scene(&config);
+        let rays = rays_far_from_decisions(&scene, 64);
+        let targets = targets(rays.len());
+        let exact_field = Field::<f64>::new(&scene);
+        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets);
+        let field = Field::<f32>::new(&scene);
+        let single = Backward::new(&field).gradients(&field, &rays, &targets);
+        let single = Gradients {
+            loss: single.loss.f64(),
+            density: single.density.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
+            appearance: single.appearance.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
+            networks: single.networks.iter().map(|g| g.f64()).collect(),
+        };
+        let pairs = groups(&scene, &exact).into_iter().zip(groups(&scene, &single));
+        for ((name, exact, _), (_, single, _)) in pairs {
+            let errors = relative_errors(&exact, &single);
+            let worst = sampled_entries(&exact).into_iter().map(|i| errors[i]).fold(0.0, f64::max);
+            let mut sorted = errors;
+            sorted.sort_by(f64::total_cmp);
+            let most = sorted[sorted.len() * 999 / 1000];
+            println!("{name}: sampled {worst:.1e}, 99.9 % of all {most:.1e}, all {:.1e}", sorted[sorted.len() - 1]);
+            assert!(worst < 1e-3 && most < 1e-3, "{name}: relative error {worst:e}, {most:e}");
+            let flipped: Vec<f64> = single.iter().map(|v| -v).collect();
+            assert!(relative_errors(&exact, &flipped).into_iter().fold(0.0, f64::max) > 1.0, "{name}: sign error");
+        }
+    }
+}
+
+/// Entries in which large terms cancel have a relative error in f32 that no arrangement of the sums avoids; they are
+/// the last thousandth.
+fn relative_errors(exact: &[f64], other: &[f64]) -> Vec<f64> {
+    let floor = 1e-6 * largest(exact);
+    exact.iter().zip(other).map(|(e, o)| (e - o).abs() / e.abs().max(floor)).collect()
+}

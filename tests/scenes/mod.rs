@@ -1,0 +1,80 @@
+//! Small random scenes for tests: every rule in use, anisotropic tensors, partly opaque.
+
+use glam::{DVec3, UVec3};
+use strivec::geometry::{Camera, Lattice, Similarity};
+use strivec::model::{ColorSpace, Frame, Placement, Scene, TensorCloud, UpAxis};
+use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig, initial_scene};
+
+/// A configuration of two or three scales with small, anisotropic tensors.
+pub(crate) fn config() -> TrainConfig {
+    let scale = |pitch: [f64; 3], resolution, density_rank, appearance_rank, top_k| ScaleConfig {
+        pitch,
+        edge: pitch.map(|p| 1.5 * p),
+        resolutions: vec![resolution],
+        density_rank,
+        appearance_rank,
+        top_k,
+    };
+    TrainConfig {
+        seed: 5,
+        steps: 10,
+        batch_rays: 64,
+        factor_deviation: 0.5,
+        upsample_at: vec![],
+        occupancy_at: vec![],
+        field: FieldConfig { density_shift: -2.0, distance_scale: 6.0, ..FieldConfig::default() },
+        decoder: DecoderConfig { features: 5, hidden: vec![16, 12], ..DecoderConfig::default() },
+        // Ranks below, at and above the kernels' width.
+        scales: vec![
+            scale([0.5, 0.4, 0.45], [6, 5, 7], 9, 5, 4),
+            scale([0.25, 0.25, 0.2], [4, 6, 3], 8, 8, 3),
+            scale([0.2, 0.16, 0.2], [3, 2, 5], 3, 17, 4),
+        ],
+        ..TrainConfig::default()
+    }
+}
+
+/// A scene of `config`: a ball of radius 0.7 around the origin, on lattices that do not line up with it.
+pub(crate) fn scene(config: &TrainConfig) -> Scene {
+    let clouds = (config.scales.iter())
+        .map(|scale| {
+            let pitch = DVec3::from_array(scale.pitch);
+            let lattice = Lattice { origin: DVec3::new(-1.03, -1.01, -0.99), pitch };
+            let cells = (2.2 / pitch).ceil().as_uvec3();
+            let mut occupied = Vec::new();
+            for z in 0..cells.z {
+                for y in 0..cells.y {
+                    for x in 0..cells.x {
+                        let cell = UVec3::new(x, y, z);
+                        if lattice.center(cell.as_ivec3()).length() < 0.7 {
+                            occupied.push(cell);
+                        }
+                    }
+                }
+            }
+            TensorCloud {
+                placement: Placement::Lattice { lattice, cells: occupied },
+                half: 0.5 * DVec3::from_array(scale.edge),
+                resolution: scale.resolutions[0],
+            }
+        })
+        .collect();
+    let frame = Frame {
+        model_from_dataset: Similarity::IDENTITY,
+        up: UpAxis::Z,
+        metres_per_unit: None,
+        near: 0.5,
+        far: 6.0,
+        background: [1.0, 0.9, 0.2],
+        color_space: ColorSpace::Srgb,
+    };
+    let scene = initial_scene(config, clouds, frame, "test").expect("the scales overlap");
+    scene.check().expect("a sound scene");
+    scene
+}
+
+/// A camera that sees all of it.
+pub(crate) fn camera(size: u32, angle: f64) -> Camera {
+    let position = 3.0 * DVec3::new(angle.cos(), angle.sin(), 0.4);
+    Camera::looking_at([size, size], 1.6 * f64::from(size), position, DVec3::ZERO, DVec3::Z)
+}
