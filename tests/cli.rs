@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
@@ -94,12 +94,58 @@ fn a_malformed_file_is_3_and_names_it() {
     assert!(message.contains("text.strivec: "), "{message}");
 }
 
+/// The smallest dataset.
+const SYNTH: [&str; 8] = ["synth", "toy", "--views", "1", "--test-views", "1", "--size", "8x8"];
+
+fn synth<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&SYNTH[..], more].concat()
+}
+
+#[test]
+fn results_are_on_standard_output_and_messages_are_silenced_by_quiet() {
+    let folder = TempDir::new().unwrap();
+    let output = run(folder.path(), &synth(&[]));
+    assert_eq!(code(&output), 0);
+    assert!(text(&output.stdout).starts_with("toy: 3 pictures, "), "{}", text(&output.stdout));
+    assert!(!output.stderr.is_empty());
+
+    let output = run(folder.path(), &synth(&["--quiet", "--json", "--force"]));
+    assert_eq!(code(&output), 0);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&json["folder"], &json["pictures"]), (&"toy".into(), &3.into()));
+    assert_eq!(text(&output.stderr), "");
+}
+
+#[test]
+fn nothing_is_overwritten_without_force() {
+    let folder = TempDir::new().unwrap();
+    fs::create_dir(folder.path().join("toy")).unwrap();
+    fs::write(folder.path().join("toy/mine"), "old").unwrap();
+    let message = failure(&run(folder.path(), &synth(&["--quiet"])), 1);
+    assert!(message.contains("toy: expected an empty or new folder"), "{message}");
+    assert_eq!(fs::read_dir(folder.path().join("toy")).unwrap().count(), 1);
+    assert_eq!(code(&run(folder.path(), &synth(&["--quiet", "--force"]))), 0);
+    assert_eq!(fs::read_to_string(folder.path().join("toy/mine")).unwrap(), "old");
+}
+
 #[test]
 fn a_reader_that_leaves_is_no_failure() {
     let folder = TempDir::new().unwrap();
-    let mut child = strivec(folder.path(), &["--help"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(code(&output), 0);
-    assert_eq!(text(&output.stderr), "");
+    for arguments in [&["--help"][..], &synth(&["--quiet"])] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = strivec(folder.path(), arguments).stdout(writer).output().unwrap();
+        assert_eq!(code(&output), 0, "{arguments:?}");
+        assert_eq!(text(&output.stderr), "", "{arguments:?}");
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn results_that_cannot_be_written_are_2() {
+    let folder = TempDir::new().unwrap();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = strivec(folder.path(), &synth(&["--quiet"])).stdout(full).output().unwrap();
+    let message = failure(&output, 2);
+    assert!(message.contains("standard output"), "{message}");
 }

@@ -1,12 +1,19 @@
 //! `strivec synth`: a synthetic dataset.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
 
 use super::{Error, Session, picture_size};
+use crate::dataset::{self, SynthOptions, Synthesised};
 
 const EXAMPLES: &str = "\
 Examples:
-  strivec synth toy --views 40 --size 200x200 --seed 1";
+  strivec synth toy --views 40 --size 200x200 --seed 1
+
+Writes the Blender layout (transforms_train.json and so on) and, beside it, the exact mesh \
+(mesh.ply, mesh.obj), points on the surface (points.ply) and the occupied cells (occupancy.npz). \
+A folder that holds something is refused without --force.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -15,8 +22,11 @@ pub(super) struct Args {
     /// Folder for the dataset; made where it is absent
     out: PathBuf,
     /// Views of the training split
-    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 100)]
     views: u32,
+    /// Views of the test split; a quarter as many are made for validation
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    test_views: u32,
     /// Size of the pictures
     #[arg(long, value_name = "WxH", default_value = "200x200", value_parser = picture_size::parse)]
     size: [u32; 2],
@@ -25,10 +35,27 @@ pub(super) struct Args {
     seed: u64,
 }
 
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Report<'a> {
+    folder: &'a Path,
+    pictures: usize,
+    triangles: usize,
+    points: usize,
+    occupied_cells: usize,
+}
+
 /// Makes the dataset.
-pub(super) fn run(args: &Args, _session: &Session) -> Result<(), Error> {
-    let Args { out, views, size, seed } = args;
-    let [width, height] = size;
-    let what = format!("{}: {views} views of {width}x{height} with seed {seed}", out.display());
-    Err(Error::Runtime(format!("{what}: making synthetic scenes is not built in yet")))
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let &Args { views, test_views, size, seed, .. } = args;
+    session.console.say(&format!("synth: making {}", args.out.display()));
+    let options = SynthOptions { views, test_views, size, seed, force: session.force };
+    let Synthesised { pictures, triangles, points, occupied_cells } = dataset::synthesise(&args.out, &options)?;
+    let report = Report { folder: &args.out, pictures, triangles, points, occupied_cells };
+    session.console.result(&report, |report| {
+        format!(
+            "{}: {pictures} pictures, {triangles} triangles, {points} points, {occupied_cells} occupied cells",
+            report.folder.display()
+        )
+    })
 }
