@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{dataset, measure};
+use crate::{dataset, measure, prior, train};
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -63,5 +63,30 @@ impl From<measure::Error> for Error {
     /// Commands measure only pictures that they made to fit, so this is nobody's input.
     fn from(error: measure::Error) -> Self {
         Self::Runtime(error.to_string())
+    }
+}
+
+impl From<train::PrepareError> for Error {
+    fn from(error: train::PrepareError) -> Self {
+        let message = error.to_string();
+        match error {
+            train::PrepareError::Prior(prior::Error::Option { .. }) | train::PrepareError::Config(_) => {
+                Self::Usage(message)
+            }
+            train::PrepareError::Prior(prior::Error::Cancelled { .. }) | train::PrepareError::Scene(_) => {
+                Self::Runtime(message)
+            }
+            train::PrepareError::Prior(_) => Self::Malformed(message),
+        }
+    }
+}
+
+impl From<train::TrainError> for Error {
+    fn from(error: train::TrainError) -> Self {
+        let message = error.to_string();
+        match error {
+            train::TrainError::NoRays(_) | train::TrainError::Progress(_) => Self::Malformed(message),
+            train::TrainError::Empty(_) | train::TrainError::Diverged(..) => Self::Runtime(message),
+        }
     }
 }

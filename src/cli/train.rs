@@ -1,10 +1,24 @@
 //! `strivec train`: photographs to a scene.
 
-use std::path::PathBuf;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use clap::ValueEnum;
+use serde::Serialize;
 
-use super::{Error, Session};
+use super::console::Console;
+use super::progress::Progress;
+use super::scale_table::{self, ScaleRow};
+use super::{Error, Session, check_output, table, write_atomically};
+use crate::container::{self, EncodeOptions, FactorEncoding};
+use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::measure;
+use crate::model::Scene;
+use crate::render::{CpuRenderer, Renderer};
+use crate::train::{self, StepReport, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -12,7 +26,7 @@ Examples:
   strivec train lego -o small.strivec --preset fast --steps 3000 --downscale 4 --log curve.csv
   strivec train --preset 48 --print-config > mine.toml
   strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
-  strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --resume
+  strivec train lego -o lego.strivec --checkpoint lego.state --resume
 
 Ctrl-C writes the checkpoint and stops; a second one stops at once.";
 
@@ -62,8 +76,8 @@ pub(super) struct Args {
     /// Write the state every N steps
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
-    /// Go on from the state that an earlier run left
-    #[arg(long)]
+    /// Go on from the state that an earlier run left, with its settings
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near"])]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -135,8 +149,332 @@ pub(super) enum Encoding {
     F16,
 }
 
+impl Encoding {
+    fn factors(self) -> FactorEncoding {
+        match self {
+            Self::F32 => FactorEncoding::F32,
+            Self::F16 => FactorEncoding::F16,
+        }
+    }
+}
+
 /// Trains.
-pub(super) fn run(args: &Args, _session: &Session) -> Result<(), Error> {
-    let _ = (args.preset.map(Preset::name), args.background.map(Background::color));
-    Err(Error::Runtime(format!("training is not built in yet; asked for {args:?}")))
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let config = configuration(args)?;
+    if args.print_config {
+        return session.console.print(&config.to_toml());
+    }
+    let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
+        return Err(Error::Usage("expected a dataset and --output".into()));
+    };
+    let files = Files::new(args, output, session)?;
+    let interrupted = interrupts()?;
+    let saved = if args.resume { Some(files.read_state()?) } else { None };
+    let background = saved.as_ref().map_or(config.background, |(progress, _)| progress.config.background);
+    let options = LoadOptions { downscale: args.downscale, background };
+    let dataset = dataset::load_blender(folder, "train", &options)?;
+    let held_out = match args.eval_every {
+        Some(_) => dataset::load_blender(folder, "test", &options)?.views,
+        None => Vec::new(),
+    };
+
+    let start = Instant::now();
+    let mut trainer = match saved {
+        Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
+        None => begin(config, &dataset, &interrupted, session)?,
+    };
+    trainer.add_seconds(start.elapsed().as_secs_f64());
+    let mut run = Run { args, session, files: &files, held_out: &held_out, curve: Vec::new() };
+    run.train(&mut trainer, &interrupted)?;
+
+    let scene = trainer.scene();
+    let bytes = encode(&scene, args.encoding.factors(), output)?;
+    write_atomically(output, &bytes, session.force)?;
+    files.remove_state()?;
+    let result = Trained {
+        file: output,
+        bytes: bytes.len() as u64,
+        parameters: scene.parameter_count(),
+        steps: trainer.steps_done(),
+        seconds: trainer.progress().seconds,
+        scales: scale_table::rows(&scene),
+        curve: run.curve,
+    };
+    session.console.result(&result, |r| {
+        let table = scale_table::text(&r.scales);
+        let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
+        format!("{table}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
+    })
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Trained<'a> {
+    file: &'a Path,
+    bytes: u64,
+    parameters: u64,
+    steps: u64,
+    /// Prior and training, without loading, evaluating and writing.
+    seconds: f64,
+    scales: Vec<ScaleRow>,
+    curve: Vec<CurvePoint>,
+}
+
+/// A row of the log.
+#[derive(Clone, Copy, Serialize)]
+struct CurvePoint {
+    step: u64,
+    seconds: f64,
+    /// Over the steps since the row before.
+    train_psnr: f64,
+    test_psnr: Option<f64>,
+}
+
+/// The settings that the arguments lead to: preset, then file, then single arguments.
+fn configuration(args: &Args) -> Result<TrainConfig, Error> {
+    let mut config = match &args.config {
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+            TrainConfig::from_toml(&text).map_err(Error::malformed(path))?
+        }
+        None => TrainConfig::default(),
+    };
+    if let Some(preset) = args.preset {
+        let preset = TrainConfig::preset(preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
+        config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
+    }
+    config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
+    config.seed = args.seed.unwrap_or(config.seed);
+    config.background = args.background.map_or(config.background, Background::color);
+    if let (Some(near), Some(far)) = (args.near, args.far) {
+        config.near_far = Some([near, far]);
+    }
+    if let Some(steps) = args.steps {
+        config = config.with_steps(steps);
+    }
+    config.check().map_err(|e| Error::Usage(e.to_string()))?;
+    Ok(config)
+}
+
+/// Counts Ctrl-C and termination; the second one ends the process.
+fn interrupts() -> Result<Arc<AtomicBool>, Error> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::SeqCst) {
+            std::process::exit(4);
+        }
+    })
+    .map_err(|e| Error::Runtime(format!("cannot listen for Ctrl-C: {e}")))?;
+    Ok(interrupted)
+}
+
+/// Prior and placement.
+fn begin<'a>(
+    config: TrainConfig,
+    dataset: &'a Dataset,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Trainer<'a>, Error> {
+    let total = u64::from(config.prior.total_steps());
+    let progress = Progress::start(&session.console, "prior", total);
+    let start = Instant::now();
+    let occupied = train::reconstruct_prior(&config, dataset, &mut |at| {
+        progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
+        if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+    .map_err(|e| Error::from(train::PrepareError::from(e)))?;
+    progress.finish(&format!(
+        "prior: {} occupied voxels in {:.1} s",
+        table::grouped(occupied.cells.len() as u64),
+        start.elapsed().as_secs_f64()
+    ));
+    let scene = train::place_scene(&config, dataset, &occupied)?;
+    session.console.say(&scale_table::text(&scale_table::rows(&scene)));
+    let trainer = Trainer::new(config, scene, &dataset.views)?;
+    session.console.say(&format!("{} rays meet the model", table::grouped(trainer.ray_count() as u64)));
+    Ok(trainer)
+}
+
+/// The bytes of `scene`'s file.
+fn encode(scene: &Scene, factors: FactorEncoding, path: &Path) -> Result<Vec<u8>, Error> {
+    let options = EncodeOptions { factors, ..EncodeOptions::default() };
+    container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
+}
+
+/// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints.
+pub(super) fn train_quietly<'a>(
+    config: TrainConfig,
+    dataset: &'a Dataset,
+    session: &Session,
+) -> Result<Trainer<'a>, Error> {
+    let interrupted = interrupts()?;
+    let mut trainer = begin(config, dataset, &interrupted, session)?;
+    let meter = Meter::start(&session.console, &trainer);
+    let mut meter = meter;
+    while trainer.steps_done() < trainer.config().steps {
+        if interrupted.load(Ordering::SeqCst) {
+            return Err(Error::Runtime("interrupted".into()));
+        }
+        let report = trainer.step()?;
+        meter.add(&report, &trainer);
+    }
+    meter.finish();
+    Ok(trainer)
+}
+
+/// Progress of the steps on the console.
+struct Meter<'a> {
+    progress: Progress<'a>,
+    begun: Instant,
+    first_step: u64,
+    /// Exponentially smoothed squared error.
+    error: f64,
+}
+
+impl<'a> Meter<'a> {
+    fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
+        let progress = Progress::start(console, "train", trainer.config().steps);
+        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: f64::NAN }
+    }
+
+    fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
+        const KEPT: f64 = 0.98;
+        let error = report.mean_squared_error;
+        self.error = if self.error.is_nan() { error } else { KEPT * self.error + (1.0 - KEPT) * error };
+        let rays = (report.step - self.first_step) * trainer.config().batch_rays as u64;
+        self.progress.set(report.step, || {
+            let rate = rays as f64 / self.begun.elapsed().as_secs_f64();
+            format!("{rate:.0} rays/s, train {:.2} dB", measure::psnr_of_mse(self.error))
+        });
+    }
+
+    fn finish(self) {
+        self.progress.finish(&format!("train: {:.2} dB on the last rays", measure::psnr_of_mse(self.error)));
+    }
+}
+
+/// A run with its checkpoints and its log.
+struct Run<'a> {
+    args: &'a Args,
+    session: &'a Session,
+    files: &'a Files,
+    held_out: &'a [View],
+    curve: Vec<CurvePoint>,
+}
+
+/// Rows of the log where no evaluation sets them.
+const ROWS: u64 = 50;
+/// Held-out views that stand for all while a run goes on.
+const HELD_OUT: usize = 20;
+
+impl Run<'_> {
+    fn train(&mut self, trainer: &mut Trainer<'_>, interrupted: &AtomicBool) -> Result<(), Error> {
+        let steps = trainer.config().steps;
+        let row_every = self.args.eval_every.unwrap_or((steps / ROWS).max(1));
+        let mut meter = Meter::start(&self.session.console, trainer);
+        let (mut error_sum, mut error_count) = (0.0, 0.0);
+        let mut since = Instant::now();
+        while trainer.steps_done() < steps {
+            let report = trainer.step()?;
+            meter.add(&report, trainer);
+            error_sum += report.mean_squared_error;
+            error_count += 1.0;
+            let step = report.step;
+            let stop = interrupted.load(Ordering::SeqCst) && step < steps;
+            let due = |every: Option<u64>| every.is_some_and(|n| step.is_multiple_of(n));
+            if stop || due(self.args.checkpoint_every) || due(Some(row_every)) || step == steps {
+                trainer.add_seconds(since.elapsed().as_secs_f64());
+                if due(Some(row_every)) || step == steps {
+                    let test_psnr = self.args.eval_every.map(|_| self.evaluate(&trainer.scene()));
+                    let train_psnr = measure::psnr_of_mse(error_sum / error_count);
+                    let seconds = trainer.progress().seconds;
+                    self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
+                    (error_sum, error_count) = (0.0, 0.0);
+                    self.write_log()?;
+                }
+                if stop || due(self.args.checkpoint_every) {
+                    self.files.write_state(trainer)?;
+                }
+                since = Instant::now();
+            }
+            if stop {
+                let state = self.files.state.display();
+                return Err(Error::Runtime(format!("interrupted after step {step}; go on from {state} with --resume")));
+            }
+        }
+        meter.finish();
+        Ok(())
+    }
+
+    /// The mean PSNR over a few of the held-out views.
+    fn evaluate(&self, scene: &Scene) -> f64 {
+        let renderer = CpuRenderer::new(scene);
+        let every = self.held_out.len().div_ceil(HELD_OUT);
+        let psnrs: Vec<f64> = (self.held_out.iter().step_by(every))
+            .map(|view| {
+                let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
+                measure::psnr(&super::render::colors(&picture), &view.pixels).unwrap_or(f64::NAN)
+            })
+            .collect();
+        psnrs.iter().sum::<f64>() / psnrs.len() as f64
+    }
+
+    fn write_log(&self) -> Result<(), Error> {
+        let Some(path) = &self.args.log else { return Ok(()) };
+        let mut text = String::from("step,seconds,train_psnr,test_psnr\n");
+        for row in &self.curve {
+            let test = row.test_psnr.map_or_else(String::new, |p| format!("{p:.3}"));
+            text += &format!("{},{:.1},{:.3},{test}\n", row.step, row.seconds, row.train_psnr);
+        }
+        // The row before made it, or the start checked that it may be made.
+        write_atomically(path, text.as_bytes(), true)
+    }
+}
+
+/// Where a run writes.
+struct Files {
+    state: PathBuf,
+}
+
+impl Files {
+    /// Checks early that everything may be written.
+    fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
+        check_output(output, session.force)?;
+        let state = args.checkpoint.clone().unwrap_or_else(|| {
+            let mut name = output.as_os_str().to_owned();
+            name.push(".state");
+            name.into()
+        });
+        if !args.resume {
+            check_output(&state, session.force)?;
+            if let Some(log) = &args.log {
+                check_output(log, session.force)?;
+            }
+        }
+        Ok(Self { state })
+    }
+
+    fn read_state(&self) -> Result<(train::Progress, Scene), Error> {
+        let bytes = std::fs::read(&self.state).map_err(Error::io("read", &self.state))?;
+        let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(&self.state))?;
+        let scene = container::decode(&scene).map_err(Error::malformed(&self.state))?;
+        Ok((progress, scene))
+    }
+
+    fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
+        // Exactly as trained, and quickly.
+        let options = EncodeOptions { factors: FactorEncoding::F32, zstd_level: 1 };
+        let scene = container::encode(&trainer.scene(), &options)
+            .map_err(|e| Error::Runtime(format!("{}: {e}", self.state.display())))?;
+        write_atomically(&self.state, &trainer.progress().to_bytes(&scene), true)
+    }
+
+    /// A finished run needs its state no more.
+    fn remove_state(&self) -> Result<(), Error> {
+        match std::fs::remove_file(&self.state) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),
+            _ => Ok(()),
+        }
+    }
 }

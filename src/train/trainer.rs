@@ -124,6 +124,11 @@ impl<'a> Trainer<'a> {
         &self.progress
     }
 
+    /// Adds to the wall time that the progress tells of.
+    pub fn add_seconds(&mut self, seconds: f64) {
+        self.progress.seconds += seconds;
+    }
+
     /// The scene as it stands.
     pub fn scene(&self) -> Scene {
         let mut scene = self.scene.clone();
