@@ -31,6 +31,11 @@ impl Random {
         mix(self.key.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
+    /// Draw number `counter`: a whole number in 0..`end`, uniform to within 2⁻⁶⁴·`end`.
+    pub fn below(&self, counter: u64, end: u64) -> u64 {
+        ((u128::from(self.bits(counter)) * u128::from(end)) >> 64) as u64
+    }
+
     /// Draw number `counter`: uniform in [0, 1), a multiple of 2⁻⁵³.
     pub fn uniform(&self, counter: u64) -> f64 {
         (self.bits(counter) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)

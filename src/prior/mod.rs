@@ -1,5 +1,22 @@
-//! Placeholder.
-/// x
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct CoarseOptions { /// x
-pub a: u32 }
+//! Where a scene is, before anything is known about it: occupied space from photographs, and tensors placed there.
+//!
+//! In: posed photographs, or occupied boxes and points from elsewhere. Out: [`VoxelBoxes`] in the dataset's space, the
+//! map from there to the model's canonical box ([`canonical_map`]), and tensor clouds without numbers
+//! ([`placement`]). What the tensors hold is left to training.
+#![forbid(unsafe_code)]
+
+mod bounds;
+mod canonical;
+pub mod coarse;
+mod error;
+pub mod placement;
+mod scale_summary;
+mod voxel_boxes;
+
+pub use bounds::{CameraBounds, frusta_box};
+pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
+pub use coarse::{CoarseOptions, CoarseProgress};
+pub use error::Error;
+pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
+pub use scale_summary::ScaleSummary;
+pub use voxel_boxes::VoxelBoxes;

@@ -1,0 +1,173 @@
+//! Where the scene can be, as far as the cameras tell: near and far distances and the box of all frusta.
+
+use glam::{DMat3, DVec3};
+
+use crate::geometry::{Aabb, Camera};
+
+/// Near and far as multiples of the mean distance between the cameras and the point they look at.
+const NEAR_FAR: (f64, f64) = (0.5, 1.5);
+/// Optical axes count as parallel when the point nearest to all of them is this badly determined: the smallest
+/// eigenvalue of the mean of I − a·aᵀ, which is the mean squared sine to the best common direction (about 0.6°).
+const PARALLEL: f64 = 1e-4;
+/// Picture points along columns and rows that stand for a frustum. Points at the distance far form a spherical cap, so
+/// corners alone would not bound it.
+const FRUSTUM_POINTS: u32 = 9;
+
+/// What the cameras look at, and where rays begin and end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraBounds {
+    /// The point nearest, in the least squares sense, to all optical axes.
+    pub focus: DVec3,
+    /// Where rays begin: a distance along unit directions, in dataset units.
+    pub near: f64,
+    /// Where rays end.
+    pub far: f64,
+}
+
+impl CameraBounds {
+    /// Derives all three from the cameras (at least one): near and far are 0.5 and 1.5 of their mean distance to the
+    /// focus. For cameras on a sphere about the scene, as in NeRF-synthetic, that is what its papers set by hand.
+    ///
+    /// Parallel axes, a single camera, or cameras that look away from one another determine no focus in front of them.
+    /// Then the focus lies on the mean axis: abreast of the origin where that is in front of the cameras, else as far
+    /// ahead as the cameras are apart, else 1 unit ahead.
+    pub fn of_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
+        let count = cameras.clone().count().max(1) as f64;
+        let focus = nearest_to_axes(cameras.clone(), count).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
+        let distance = cameras.map(|c| c.position.distance(focus)).sum::<f64>() / count;
+        Self { focus, near: NEAR_FAR.0 * distance, far: NEAR_FAR.1 * distance }
+    }
+}
+
+/// The box of everything any camera sees between `near` and `far`; [`Aabb::EMPTY`] for no cameras.
+pub fn frusta_box<'a>(cameras: impl Iterator<Item = &'a Camera>, near: f64, far: f64) -> Aabb {
+    let steps = || (0..FRUSTUM_POINTS).map(|i| f64::from(i) / f64::from(FRUSTUM_POINTS - 1));
+    Aabb::of_points(cameras.flat_map(|camera| {
+        steps().flat_map(move |v| {
+            steps().flat_map(move |u| {
+                let ray = camera.ray_through(u * f64::from(camera.width), v * f64::from(camera.height));
+                [ray.at(near), ray.at(far)]
+            })
+        })
+    }))
+}
+
+fn axis(camera: &Camera) -> DVec3 {
+    -camera.world_from_camera.z_axis
+}
+
+/// The least-squares nearest point to all axes, if it is determined and lies in front of most cameras.
+fn nearest_to_axes<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> Option<DVec3> {
+    // Relative to the mean position, so that a scene far from the origin loses no digits.
+    let center = cameras.clone().map(|c| c.position).sum::<DVec3>() / count;
+    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+    for camera in cameras.clone() {
+        let a = axis(camera);
+        let across = DMat3::IDENTITY - DMat3::from_cols(a * a.x, a * a.y, a * a.z);
+        normal += across * (1.0 / count);
+        right += across * (camera.position - center) / count;
+    }
+    // The eigenvalues lie in [0, 1] and add up to 2, so where the smallest is ε the others are at least 1 − ε and the
+    // determinant is ε within a factor (1 − ε)².
+    let determinant = normal.determinant();
+    if determinant.is_nan() || determinant <= PARALLEL {
+        return None;
+    }
+    let focus = center + normal.inverse() * right;
+    let depths = cameras.map(|c| (focus - c.position).dot(axis(c)));
+    let in_front = depths.clone().filter(|&d| d > 0.0).count() as f64;
+    let mean_depth = depths.sum::<f64>() / count;
+    (focus.is_finite() && mean_depth > 0.0 && in_front > 0.5 * count).then_some(focus)
+}
+
+fn focus_ahead<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> DVec3 {
+    let center = cameras.clone().map(|c| c.position).sum::<DVec3>() / count;
+    let mean_axis = cameras.clone().map(axis).sum::<DVec3>();
+    // Axes that cancel out leave no mean: any camera's will do.
+    let ahead = mean_axis.try_normalize().or_else(|| cameras.clone().next().map(axis)).unwrap_or(DVec3::NEG_Z);
+    let to_origin = -center.dot(ahead);
+    let apart = Aabb::of_points(cameras.map(|c| c.position)).size().length();
+    let distance = [to_origin, apart].into_iter().find(|&d| d.is_finite() && d > 1e-6 * center.length());
+    center + ahead * distance.unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ring(radius: f64, target: DVec3, scale: f64) -> Vec<Camera> {
+        (0..12)
+            .map(|i| {
+                let angle = f64::from(i) * std::f64::consts::FRAC_PI_6;
+                let offset = radius * DVec3::new(angle.cos() * 0.9, angle.sin() * 0.9, 0.19_f64.sqrt());
+                Camera::looking_at([20, 10], 25.0, scale * (target + offset), scale * target, DVec3::Z)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn cameras_around_a_point_focus_on_it_at_any_scale() {
+        for scale in [1e-6, 1.0, 1e6] {
+            let target = DVec3::new(1.0, -2.0, 3.0);
+            let cameras = ring(4.0, target, scale);
+            let bounds = CameraBounds::of_cameras(cameras.iter());
+            assert!(bounds.focus.distance(scale * target) < 1e-9 * scale, "{bounds:?}");
+            assert!((bounds.near / scale - 2.0).abs() < 1e-9 && (bounds.far / scale - 6.0).abs() < 1e-9, "{bounds:?}");
+        }
+    }
+
+    fn assert_usable(cameras: &[Camera], near: f64, far: f64) {
+        let bounds = CameraBounds::of_cameras(cameras.iter());
+        assert!((bounds.near - near).abs() < 1e-6 * near && (bounds.far - far).abs() < 1e-6 * far, "{bounds:?}");
+        assert!(frusta_box(cameras.iter(), bounds.near, bounds.far).is_solid());
+    }
+
+    #[test]
+    fn a_single_camera_looks_past_the_origin_or_one_unit_ahead() {
+        let towards = Camera::looking_at([8, 8], 9.0, DVec3::new(0.0, -4.0, 0.0), DVec3::ZERO, DVec3::Z);
+        assert_usable(&[towards], 2.0, 6.0);
+        let away = Camera::looking_at([8, 8], 9.0, DVec3::new(0.0, -4.0, 0.0), DVec3::new(0.0, -5.0, 0.0), DVec3::Z);
+        assert_usable(&[away], 0.5, 1.5);
+        let inside = Camera::looking_at([8, 8], 9.0, DVec3::ZERO, DVec3::X, DVec3::Z);
+        assert_usable(&[inside], 0.5, 1.5);
+    }
+
+    #[test]
+    fn parallel_cameras_fall_back_to_the_origin_ahead() {
+        let cameras: Vec<_> = (0..5)
+            .map(|i| {
+                let position = DVec3::new(f64::from(i) - 2.0, -10.0, 0.0);
+                Camera::looking_at([8, 8], 9.0, position, position + DVec3::Y, DVec3::Z)
+            })
+            .collect();
+        let bounds = CameraBounds::of_cameras(cameras.iter());
+        assert!(bounds.focus.length() < 1e-9, "{bounds:?}");
+        assert!(bounds.near > 4.9 && bounds.far < 16.0);
+    }
+
+    #[test]
+    fn cameras_that_look_outwards_from_one_place_get_finite_bounds() {
+        for radius in [0.0, 1.0] {
+            let cameras: Vec<_> = ring(1.0, DVec3::ZERO, 1.0)
+                .iter()
+                .map(|c| {
+                    let out = c.position;
+                    Camera::looking_at([8, 8], 9.0, radius * out, (radius + 1.0) * out, DVec3::Z)
+                })
+                .collect();
+            let bounds = CameraBounds::of_cameras(cameras.iter());
+            assert!(bounds.near > 0.0 && bounds.near < bounds.far && bounds.far.is_finite(), "{bounds:?}");
+            assert!(bounds.focus.is_finite());
+        }
+    }
+
+    #[test]
+    fn frusta_box_holds_the_cap_in_the_middle_of_the_picture() {
+        let camera = Camera::looking_at([8, 8], 9.0, DVec3::ZERO, DVec3::X, DVec3::Z);
+        let bounds = frusta_box([camera].iter(), 1.0, 3.0);
+        assert!((bounds.max.x - 3.0).abs() < 1e-12, "{bounds:?}");
+        assert!(bounds.min.x < 1.0, "corners at the distance near lie less deep");
+        let corner = camera.ray_through(0.0, 0.0).at(3.0);
+        assert!((bounds.max.y - corner.y.abs()).abs() < 1e-12 || bounds.max.y > corner.y.abs());
+    }
+}

@@ -1,0 +1,155 @@
+//! A coarse reconstruction from photographs: DVGO's first stage on the CPU.
+//!
+//! In: posed photographs and [`CoarseOptions`]. Out: the voxels that are not empty. A dense grid of densities and
+//! colours over the box of all frusta is trained by gradient descent through volume rendering (Sun et al., "Direct
+//! Voxel Grid Optimization", CVPR 2022, section 4), first on large voxels, then on small ones where the large ones
+//! were not empty. Same dataset, options and seed: same bits, on any number of threads.
+//!
+//! Each step traces fixed chunks of rays ([`ray_loss`]), orders what they leave by planes of the grid, and lets one
+//! task a plane sum its gradients and apply Adam ([`update`]).
+
+mod grid;
+mod options;
+mod ray_loss;
+#[cfg(test)]
+mod tests;
+mod trainer;
+mod update;
+mod visibility;
+
+use std::ops::ControlFlow;
+
+use glam::{DVec3, UVec3};
+
+pub use options::CoarseOptions;
+
+use self::grid::Grid;
+use self::ray_loss::density_of_alpha;
+use self::trainer::{Level, Photographs};
+use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
+use crate::dataset::Dataset;
+use crate::geometry::{Aabb, Lattice};
+
+/// How far the reconstruction is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoarseProgress {
+    /// Finished steps.
+    pub step: u32,
+    /// All steps.
+    pub total: u32,
+    /// How well the last steps' rays fitted the photographs, in dB.
+    pub psnr: f64,
+}
+
+/// The occupied voxels of `dataset`, in its own space. Every `(options, seed)` gives its own reconstruction, and always
+/// the same one. `progress` is called after every step and stops the work by returning [`ControlFlow::Break`].
+///
+/// # Errors
+///
+/// On options out of range, a dataset without views, a view whose pixels do not fill its picture or whose camera is
+/// not finite, a reconstruction without occupied voxels, and on cancelling.
+pub fn reconstruct(
+    dataset: &Dataset,
+    options: &CoarseOptions,
+    seed: u64,
+    progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
+) -> Result<VoxelBoxes, Error> {
+    options.check()?;
+    let photographs = Photographs::new(dataset)?;
+    let (near, far) = near_and_far(dataset, options)?;
+    let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    if !frusta.is_solid() {
+        let view = dataset.views[0].name.clone();
+        return Err(Error::View {
+            view,
+            expected: "cameras whose frusta span a box".into(),
+            found: format!("{frusta:?}"),
+        });
+    }
+
+    let levels = options.steps.len();
+    let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
+    let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
+    let mut seen = Vec::new();
+    let mut done = 0;
+    let mut fit = Fit::default();
+    for (number, &steps) in options.steps.iter().enumerate() {
+        if number > 0 {
+            grid = grid.refined(&worth_refining(&grid, options).unwrap_or(frusta));
+        }
+        let finest_voxels = f64::from(1_u32 << (levels - 1 - number));
+        let mut level = Level::new(grid, &photographs, options, near, far, finest_voxels);
+        for step in 0..steps {
+            fit.add(level.step(&photographs, seed, u64::from(done), step));
+            done += 1;
+            let report = CoarseProgress { step: done, total: options.total_steps(), psnr: fit.psnr() };
+            if progress(report).is_break() {
+                return Err(Error::Cancelled { step: done });
+            }
+        }
+        if number + 1 == levels {
+            seen = level.seen(&photographs, options.seen_weight as f32, options.seen_stride);
+        }
+        grid = level.into_grid();
+    }
+
+    let mut boxes = occupied(&grid, options);
+    boxes.cells.retain(|&cell| seen[grid.index(cell)]);
+    if boxes.cells.is_empty() {
+        let cause = match options.background {
+            [1.0, 1.0, 1.0] => "the background is not white (set it), or the cameras' axes or near and far are wrong",
+            _ => "the background's colour, the cameras' axes, or near and far are wrong",
+        };
+        return Err(Error::EmptyReconstruction { dataset: dataset.name.clone(), steps: done, psnr: fit.psnr(), cause });
+    }
+    Ok(boxes)
+}
+
+fn near_and_far(dataset: &Dataset, options: &CoarseOptions) -> Result<(f64, f64), Error> {
+    let derived = CameraBounds::of_cameras(dataset.views.iter().map(|v| &v.camera));
+    let (near, far) = (options.near.unwrap_or(derived.near), options.far.unwrap_or(derived.far));
+    if near >= 0.0 && near < far && far.is_finite() {
+        Ok((near, far))
+    } else {
+        Err(Error::option("near and far", "0 <= near < far", (near, far)))
+    }
+}
+
+/// The box of the voxels that a coarser grid has occupied, grown by two of its voxels: there the next grid goes on. A
+/// grid as small as the scene also stays in the processor's caches. `None` where nothing is occupied yet.
+fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
+    let bounds = occupied(grid, options).bounds();
+    let whole = Aabb { min: grid.origin, max: grid.origin + grid.voxel * (grid.vertices.as_dvec3() - 1.0) };
+    bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&whole))
+}
+
+/// The voxels around the vertices whose α over a voxel edge exceeds the threshold. A vertex that too few views saw
+/// still has its initial density and so is none of them.
+fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
+    let shift = density_of_alpha(options.initial_alpha, 1.0);
+    let threshold = (density_of_alpha(options.occupied_alpha, 1.0) - shift) as f32;
+    let [nx, ny, _] = grid.vertices.to_array().map(|n| n as usize);
+    let vertex = |n: usize| UVec3::new((n % nx) as u32, (n / nx % ny) as u32, (n / (nx * ny)) as u32);
+    let cells = (0..grid.values.len()).filter(|&n| grid.values[n][0] > threshold).map(vertex).collect();
+    let lattice = Lattice { origin: grid.origin - 0.5 * grid.voxel, pitch: DVec3::splat(grid.voxel) };
+    VoxelBoxes { lattice, cells }
+}
+
+/// A running mean of the squared error.
+#[derive(Default)]
+struct Fit {
+    squared: f64,
+    weight: f64,
+}
+
+impl Fit {
+    fn add(&mut self, squared: f64) {
+        const KEPT: f64 = 0.95;
+        self.squared = KEPT * self.squared + squared;
+        self.weight = KEPT * self.weight + 1.0;
+    }
+
+    fn psnr(&self) -> f64 {
+        -10.0 * (self.squared / self.weight).max(1e-12).log10()
+    }
+}

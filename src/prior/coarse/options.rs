@@ -1,0 +1,126 @@
+//! Settings of the coarse reconstruction.
+
+use serde::{Deserialize, Serialize};
+
+use crate::prior::Error;
+
+/// Settings of [`super::reconstruct`]. The defaults follow DVGO's coarse stage except where a field says otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "snake_case")]
+pub struct CoarseOptions {
+    /// Vertices of the finest grid over the box of all frusta, about.
+    pub voxels: u32,
+    /// Steps on each grid, coarsest first. The last grid has `voxels` vertices, each one before it an eighth of the
+    /// next. (DVGO: one grid, 5000 steps.) Space that a coarser grid found empty costs the finer one nothing.
+    pub steps: Vec<u32>,
+    /// Rays a step. (DVGO: 8192.)
+    pub rays: u32,
+    /// Distance between samples in voxels of the current grid.
+    pub step_size: f64,
+    /// α of one voxel of the finest grid at the start.
+    pub initial_alpha: f64,
+    /// Adam's learning rate for densities and colours.
+    pub learning_rate: f64,
+    /// Adam's ε. (DVGO: 1e-8, which is more than most gradients of an almost transparent grid and so delays it.)
+    pub adam_epsilon: f64,
+    /// Weight of the entropy of the transmittance that reaches the background.
+    pub background_entropy: f64,
+    /// Weight of every sample's own squared colour error.
+    pub point_color: f64,
+    /// Samples of less α are skipped; they learn no more. (DVGO: fast_color_thres.)
+    pub skip_alpha: f64,
+    /// Rays end where their transmittance falls below this.
+    pub min_transmittance: f64,
+    /// Vertices that fewer views see stay empty; at most as many as there are views. (DVGO: 3.)
+    pub min_views: u32,
+    /// Whether learning rates are scaled by the share of views that see a vertex (DVGO: pervoxel_lr).
+    pub view_count_rate: bool,
+    /// Voxels are occupied where their α over one voxel edge exceeds this.
+    pub occupied_alpha: f64,
+    /// Voxels that add no more than this to any pixel that is looked at are not occupied, whatever their α: fog, and
+    /// what opaque surfaces have always hidden. 0 keeps all that any ray reaches. (DVGO, Strivec: no such rule.)
+    pub seen_weight: f64,
+    /// Every how many-th pixel of every how many-th row is looked at for that.
+    pub seen_stride: u32,
+    /// The sRGB colour behind everything, as the photographs were composited.
+    #[serde(skip)]
+    pub background: [f32; 3],
+    /// Where rays begin, in dataset units; from the cameras where not given.
+    #[serde(skip)]
+    pub near: Option<f64>,
+    /// Where rays end, in dataset units; from the cameras where not given.
+    #[serde(skip)]
+    pub far: Option<f64>,
+}
+
+impl Default for CoarseOptions {
+    fn default() -> Self {
+        Self {
+            voxels: 1_024_000,
+            steps: vec![200, 1000],
+            rays: 2048,
+            step_size: 0.5,
+            initial_alpha: 1e-6,
+            learning_rate: 0.1,
+            adam_epsilon: 1e-12,
+            background_entropy: 0.01,
+            point_color: 0.1,
+            skip_alpha: 1e-7,
+            min_transmittance: 1e-3,
+            min_views: 3,
+            view_count_rate: true,
+            occupied_alpha: 1e-4,
+            seen_weight: 1e-3,
+            seen_stride: 3,
+            background: [1.0; 3],
+            near: None,
+            far: None,
+        }
+    }
+}
+
+impl CoarseOptions {
+    /// Number of steps over all grids.
+    pub fn total_steps(&self) -> u32 {
+        self.steps.iter().fold(0, |sum, &n| sum.saturating_add(n))
+    }
+
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let fraction = |v: f64| v > 0.0 && v < 1.0;
+        let positive = |v: f64| v > 0.0 && v.is_finite();
+        let weight = |v: f64| v >= 0.0 && v.is_finite();
+        let counts = [
+            ("voxels", self.voxels, (64..=1 << 27).contains(&self.voxels), "64 to 134217728"),
+            ("rays", self.rays, (1..=1 << 20).contains(&self.rays), "1 to 1048576"),
+            ("seen_stride", self.seen_stride, self.seen_stride > 0, "at least 1"),
+        ];
+        for (name, found, valid, expected) in counts {
+            if !valid {
+                return Err(Error::option(name, expected, found));
+            }
+        }
+        if self.steps.is_empty() || self.steps.len() > 4 || self.steps.contains(&0) {
+            return Err(Error::option("steps", "1 to 4 positive numbers", &self.steps));
+        }
+        for (name, found, valid, expected) in [
+            ("step_size", self.step_size, positive(self.step_size), "a positive number"),
+            ("initial_alpha", self.initial_alpha, fraction(self.initial_alpha), "a number between 0 and 1"),
+            ("learning_rate", self.learning_rate, positive(self.learning_rate), "a positive number"),
+            ("adam_epsilon", self.adam_epsilon, positive(self.adam_epsilon), "a positive number"),
+            ("background_entropy", self.background_entropy, weight(self.background_entropy), "at least 0"),
+            ("point_color", self.point_color, weight(self.point_color), "at least 0"),
+            ("skip_alpha", self.skip_alpha, fraction(self.skip_alpha), "a number between 0 and 1"),
+            ("min_transmittance", self.min_transmittance, fraction(self.min_transmittance), "a number between 0 and 1"),
+            ("seen_weight", self.seen_weight, (0.0..1.0).contains(&self.seen_weight), "a number in [0, 1)"),
+            ("occupied_alpha", self.occupied_alpha, fraction(self.occupied_alpha), "a number between 0 and 1"),
+        ] {
+            if !valid {
+                return Err(Error::option(name, expected, found));
+            }
+        }
+        if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err(Error::option("background", "three numbers in [0, 1]", self.background));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,231 @@
+//! One ray: samples, the composited colour, the loss and its gradients (DVGO, sections 3 and 5).
+
+use super::grid::{Channels, Grid, Live, Real};
+use crate::geometry::{Aabb, Ray};
+
+/// How densities become a colour and what its errors cost.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shading<T> {
+    /// Added to the raw density before the softplus.
+    pub(super) shift: T,
+    /// The length of a sample in voxels of the finest grid.
+    pub(super) interval: T,
+    /// Samples of less raw density are skipped.
+    pub(super) min_density: T,
+    /// Rays end where their transmittance falls below this.
+    pub(super) min_transmittance: T,
+    /// Behind everything.
+    pub(super) background: [T; 3],
+    /// Weight of the background entropy.
+    pub(super) entropy: T,
+    /// Weight of the samples' own colour errors.
+    pub(super) point_color: T,
+    /// One over the number of rays that the loss is the mean of.
+    pub(super) per_ray: T,
+}
+
+/// The part of a ray, in the grid's space, that is sampled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Segment {
+    origin: [f64; 3],
+    direction: [f64; 3],
+    begin: f64,
+    /// The first sample and the one after the last, counted from `begin`.
+    samples: (u32, u32),
+}
+
+impl Segment {
+    /// The samples of `ray`, in the grid's space, that lie in `grid` between `near` and `far` and, of those, in
+    /// `live`; samples are `step` apart from where the ray enters the grid, whatever `live` is.
+    pub(super) fn new(ray: &Ray, grid: &Aabb, live: &Aabb, (near, far): (f64, f64), step: f64) -> Option<Self> {
+        if !live.is_solid() {
+            return None;
+        }
+        let (entry, exit) = grid.intersect(ray)?;
+        let (live_entry, live_exit) = live.intersect(ray)?;
+        let begin = entry.max(near);
+        let end = exit.min(far).min(live_exit);
+        if end <= begin {
+            return None;
+        }
+        let first = ((live_entry - begin) / step).ceil().max(0.0) as u32;
+        let last = ((end - begin) / step).ceil() as u32;
+        (first < last).then_some(Self {
+            origin: ray.origin.to_array(),
+            direction: ray.direction.to_array(),
+            begin,
+            samples: (first, last),
+        })
+    }
+}
+
+/// A sample that a ray used, with the gradient of the loss there.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample<T> {
+    /// The number of the smallest vertex of its cell.
+    pub(super) first: u32,
+    /// Where in the cell.
+    pub(super) fraction: [T; 3],
+    /// ∂loss/∂(interpolated channels).
+    pub(super) gradient: Channels<T>,
+}
+
+/// What a sample looks like, kept for the way back.
+#[derive(Clone, Copy)]
+pub(super) struct Shaded<T> {
+    color: [T; 3],
+    /// Its share of the pixel.
+    pub(super) weight: T,
+    /// Transmittance behind the sample.
+    after: T,
+    /// interval · sigmoid(density): dα/d(density) / (1 − α).
+    slope: T,
+}
+
+/// One ray's loss.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct RayLoss<T> {
+    /// Mean over channels of the squared error.
+    pub(super) squared: T,
+    /// The squared error and the two weighted terms beside it; the gradients are those of its mean over the rays, in
+    /// which the samples' weights in the point colour term count as constants. Only the check of the gradients asks for it.
+    #[cfg_attr(not(test), expect(dead_code))]
+    pub(super) total: T,
+}
+
+/// What rays pass through.
+#[derive(Clone, Copy)]
+pub(super) struct Medium<'a, T> {
+    /// Densities and colours.
+    pub(super) grid: &'a Grid<T>,
+    /// Where to sample them.
+    pub(super) live: &'a Live,
+    /// What they mean.
+    pub(super) shading: &'a Shading<T>,
+    /// The distance between samples, in voxels.
+    pub(super) step: T,
+}
+
+/// Marches `segment` through `medium`, appends the samples it used to `samples` with their gradients, and returns its
+/// loss. `shaded` is left with what each of these samples looked like.
+#[inline(always)]
+pub(super) fn trace<T: Real>(
+    medium: &Medium<T>,
+    segment: &Segment,
+    target: [T; 3],
+    samples: &mut Vec<Sample<T>>,
+    shaded: &mut Vec<Shaded<T>>,
+) -> RayLoss<T> {
+    let Medium { grid, live, shading, step } = *medium;
+    let start = samples.len();
+    shaded.clear();
+    let row = grid.vertices.x as usize;
+    let last = [grid.vertices.x as usize - 2, grid.vertices.y as usize - 2, grid.vertices.z as usize - 2];
+    let plane = grid.plane();
+    let direction = segment.direction.map(T::of);
+    let entry: [T; 3] = std::array::from_fn(|a| T::of(segment.origin[a] + segment.begin * segment.direction[a]));
+    let mut transmittance = T::one();
+    let mut color = [T::zero(); 3];
+    let mut point_color = T::zero();
+    for k in segment.samples.0..segment.samples.1 {
+        let t = T::of(f64::from(k)) * step;
+        let mut cell = [0_usize; 3];
+        let mut fraction = [T::zero(); 3];
+        for a in 0..3 {
+            let at = (entry[a] + t * direction[a]).max(T::zero());
+            // Rounding may put a sample on the last vertex or a hair behind it.
+            cell[a] = at.to_usize().unwrap_or(0).min(last[a]);
+            fraction[a] = (at - T::of(cell[a] as f64)).min(T::one());
+        }
+        let first = cell[2] * plane + cell[1] * row + cell[0];
+        if !live.cells[first] {
+            continue;
+        }
+        let raw = grid.interpolate(first, fraction);
+        if raw[0] < shading.min_density {
+            continue;
+        }
+        let (alpha, sigmoid_density) = activate(raw[0] + shading.shift, shading.interval);
+        let rgb = [sigmoid(raw[1]), sigmoid(raw[2]), sigmoid(raw[3])];
+        let weight = transmittance * alpha;
+        let mut error = T::zero();
+        for c in 0..3 {
+            color[c] = color[c] + weight * rgb[c];
+            error = error + (rgb[c] - target[c]).powi(2);
+        }
+        point_color = point_color + weight * error;
+        transmittance = transmittance * (T::one() - alpha);
+        samples.push(Sample { first: first as u32, fraction, gradient: [T::zero(); 4] });
+        let slope = shading.interval * sigmoid_density;
+        shaded.push(Shaded { color: rgb, weight, after: transmittance, slope });
+        if transmittance < shading.min_transmittance {
+            break;
+        }
+    }
+    let third = T::of(1.0 / 3.0);
+    let two = T::of(2.0);
+    let mut squared = T::zero();
+    let mut gradient = [T::zero(); 3];
+    for c in 0..3 {
+        let difference = color[c] + transmittance * shading.background[c] - target[c];
+        squared = squared + difference * difference * third;
+        gradient[c] = two * third * shading.per_ray * difference;
+    }
+    let (entropy, entropy_slope) = binary_entropy(transmittance);
+    // What lies behind a sample, as ∂loss/∂transmittance times the transmittance.
+    let mut behind =
+        transmittance * (dot(gradient, shading.background) + shading.entropy * shading.per_ray * entropy_slope);
+    let own = two * shading.point_color * shading.per_ray;
+    for (sample, s) in samples[start..].iter_mut().zip(shaded.iter()).rev() {
+        let here = dot(gradient, s.color);
+        sample.gradient[0] = s.slope * (s.after * here - behind);
+        for c in 0..3 {
+            let of_color = s.weight * (gradient[c] + own * (s.color[c] - target[c]));
+            sample.gradient[c + 1] = of_color * s.color[c] * (T::one() - s.color[c]);
+        }
+        behind = behind + s.weight * here;
+    }
+    RayLoss { squared, total: squared + shading.entropy * entropy + shading.point_color * point_color }
+}
+
+/// α = 1 − (1 + e^x)^(−interval) and sigmoid(x) for the shifted density x. dα/dx = interval · (1 − α) · sigmoid(x).
+#[inline(always)]
+pub(super) fn activate<T: Real>(x: T, interval: T) -> (T, T) {
+    if x < T::of(-10.0) {
+        // Almost empty, as most samples are: e^x < 5e-5, so the series below err by less than f32 rounds.
+        let e = x.exp();
+        let thickness = interval * e * (T::one() - T::of(0.5) * e);
+        let alpha = thickness * (T::one() - T::of(0.5) * thickness * (T::one() - T::of(1.0 / 3.0) * thickness));
+        return (alpha, e * (T::one() - e * (T::one() - e)));
+    }
+    let e = (-x.abs()).exp();
+    let softplus = x.max(T::zero()) + e.ln_1p();
+    let small = T::one() / (T::one() + e);
+    (-(-interval * softplus).exp_m1(), if x < T::zero() { e * small } else { small })
+}
+
+/// The raw density at which [`activate`] gives `alpha`, without the shift.
+pub(super) fn density_of_alpha(alpha: f64, interval: f64) -> f64 {
+    // e^x = (1 − α)^(−1/interval) − 1
+    (-(-alpha).ln_1p() / interval).exp_m1().ln()
+}
+
+#[inline(always)]
+fn sigmoid<T: Real>(x: T) -> T {
+    T::one() / (T::one() + (-x).exp())
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// −p·ln p − (1 − p)·ln(1 − p) with p kept 1e-6 from 0 and 1, and its derivative, which is 0 where p was moved.
+#[inline(always)]
+fn binary_entropy<T: Real>(p: T) -> (T, T) {
+    let (low, high) = (T::of(1e-6), T::of(1.0 - 1e-6));
+    let kept = p.max(low).min(high);
+    let (ln_p, ln_rest) = (kept.ln(), (T::one() - kept).ln());
+    let slope = if p == kept { ln_rest - ln_p } else { T::zero() };
+    (-(kept * ln_p + (T::one() - kept) * ln_rest), slope)
+}

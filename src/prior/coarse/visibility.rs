@@ -1,0 +1,64 @@
+//! How many views see each vertex.
+
+use rayon::prelude::*;
+
+use super::grid::{Grid, Real};
+use crate::geometry::Camera;
+
+/// For each vertex of `grid`, the number of cameras that have it in the picture and between `near` and `far`. (DVGO
+/// counts the views whose rays touch a vertex, which is the same up to a pixel at the pictures' edges.)
+pub(super) fn count_views<T: Real>(grid: &Grid<T>, cameras: &[Camera], near: f64, far: f64) -> Vec<u32> {
+    let row = grid.vertices.x as usize;
+    let rows = grid.vertices.y as usize;
+    let mut counts = vec![0; grid.values.len()];
+    counts.par_chunks_mut(row).enumerate().for_each(|(line, counts)| {
+        for camera in cameras {
+            // Along a row both the point in the camera's axes and its squared distance are cheap to follow.
+            let camera_from_world = camera.world_from_camera.transpose();
+            let mut at = camera_from_world * (grid.position(0, line % rows, line / rows) - camera.position);
+            let step = camera_from_world.x_axis * grid.voxel;
+            for count in counts.iter_mut() {
+                let depth = -at.z;
+                let column = camera.principal[0] * depth + camera.focal[0] * at.x;
+                let row = camera.principal[1] * depth - camera.focal[1] * at.y;
+                let distance = at.length_squared();
+                let seen = depth > 0.0
+                    && (0.0..=f64::from(camera.width) * depth).contains(&column)
+                    && (0.0..=f64::from(camera.height) * depth).contains(&row)
+                    && (near * near..=far * far).contains(&distance);
+                *count += u32::from(seen);
+                at += step;
+            }
+        }
+    });
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, UVec3};
+
+    use super::*;
+
+    #[test]
+    fn a_vertex_counts_where_its_projection_lies_in_the_picture_and_in_range() {
+        let camera = Camera::looking_at([10, 6], 8.0, DVec3::new(0.0, -4.0, 0.0), DVec3::ZERO, DVec3::Z);
+        let grid = Grid::<f32> {
+            origin: DVec3::splat(-3.0),
+            voxel: 0.75,
+            vertices: UVec3::splat(9),
+            values: vec![[0.0; 4]; 729],
+        };
+        let counts = count_views(&grid, &[camera, camera], 2.0, 5.0);
+        for n in 0..729 {
+            let point = grid.position(n % 9, n / 9 % 9, n / 81);
+            let offset = point - camera.position;
+            let in_camera = camera.world_from_camera.transpose() * offset;
+            let (u, v) = (5.0 + 8.0 * in_camera.x / -in_camera.z, 3.0 - 8.0 * in_camera.y / -in_camera.z);
+            let ahead = in_camera.z < 0.0 && (0.0..=10.0).contains(&u) && (0.0..=6.0).contains(&v);
+            let expected = if ahead && (2.0..=5.0).contains(&offset.length()) { 2 } else { 0 };
+            assert_eq!(counts[n], expected, "vertex {n} at {point}");
+        }
+        assert!(counts.contains(&0) && counts.contains(&2));
+    }
+}

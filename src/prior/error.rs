@@ -1,0 +1,85 @@
+//! What can go wrong before there is a model.
+
+/// Why there is no prior or no placement. Expected and found values are inside.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// An option that cannot be meant (the caller).
+    #[error("{name}: expected {expected}, found {found}")]
+    Option {
+        /// Which one.
+        name: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
+    /// Nothing to look at (the dataset).
+    #[error("dataset {dataset} has no views")]
+    NoViews {
+        /// The dataset's name.
+        dataset: String,
+    },
+    /// A view that is not what its camera says (the dataset).
+    #[error("view {view}: expected {expected}, found {found}")]
+    View {
+        /// The view's name.
+        view: String,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// The photographs led to no occupied voxel.
+    #[error(
+        "the coarse reconstruction of {dataset} is empty after {steps} steps (training PSNR {psnr:.2} dB): \
+         most likely {cause}"
+    )]
+    EmptyReconstruction {
+        /// The dataset's name.
+        dataset: String,
+        /// How long it was trained.
+        steps: u32,
+        /// How well it fits the photographs, in dB.
+        psnr: f64,
+        /// The likely cause and its cure.
+        cause: &'static str,
+    },
+    /// Nothing to place tensors on (the caller).
+    #[error("there is no {what} to place tensors on")]
+    NothingToPlace {
+        /// Boxes, points or centres.
+        what: &'static str,
+    },
+    /// A position that is no number (the caller).
+    #[error("{what} {index} is not finite: {found}")]
+    NotFinite {
+        /// Boxes, points or centres.
+        what: &'static str,
+        /// Which one, from 0.
+        index: usize,
+        /// What it is.
+        found: String,
+    },
+    /// More cells than memory should hold (the limit).
+    #[error(
+        "pitch {pitch:?} gives more than {limit} lattice cells over the prior: is the scene mapped to model units?"
+    )]
+    TooManyCells {
+        /// Edge lengths of a lattice cell.
+        pitch: [f64; 3],
+        /// The most cells that are visited.
+        limit: u64,
+    },
+    /// The progress callback asked to stop.
+    #[error("cancelled after {step} steps")]
+    Cancelled {
+        /// Finished steps.
+        step: u32,
+    },
+}
+
+impl Error {
+    pub(super) fn option(name: &'static str, expected: &'static str, found: impl std::fmt::Debug) -> Self {
+        Self::Option { name, expected, found: format!("{found:?}") }
+    }
+}
