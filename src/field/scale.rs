@@ -196,9 +196,10 @@ impl<T: Real> FieldScale<T> {
         let mut lanes = [T::zero(); LANES];
         let whole = self.density_rank / LANES * LANES;
         for r in (0..whole).step_by(LANES) {
-            let [x, y, z] = rows.lanes(r, at.fractions);
-            for l in 0..LANES {
-                lanes[l] += x[l] * y[l] * z[l];
+            let block = rows.block(r);
+            for (l, lane) in lanes.iter_mut().enumerate() {
+                let [x, y, z] = block.component(l, at.fractions);
+                *lane += x * y * z;
             }
         }
         let mut sum = (lanes[0] + lanes[4]) + (lanes[1] + lanes[5]) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
@@ -217,10 +218,11 @@ impl<T: Real> FieldScale<T> {
         let rows = RowPairs::new(self.tensor_factors(&self.appearance, rank, tensor), rank, &at);
         let whole = rank / LANES * LANES;
         for r in (0..whole).step_by(LANES) {
-            let [x, y, z] = rows.lanes(r, at.fractions);
+            let block = rows.block(r);
             let components: &mut [T; LANES] = (&mut components[r..r + LANES]).try_into().expect("LANES long");
-            for l in 0..LANES {
-                components[l] += weight * x[l] * y[l] * z[l];
+            for (l, component) in components.iter_mut().enumerate() {
+                let [x, y, z] = block.component(l, at.fractions);
+                *component += weight * x * y * z;
             }
         }
         for r in whole..rank {
@@ -250,24 +252,31 @@ impl<'a, T: Real> RowPairs<'a, T> {
         Self { lower: [x.0, y.0, z.0], upper: [x.1, y.1, z.1] }
     }
 
-    /// Components r to r + LANES interpolated on x, y and z.
+    /// Components r to r + LANES.
     #[inline(always)]
-    pub(crate) fn lanes(&self, r: usize, fractions: [T; 3]) -> [[T; LANES]; 3] {
-        let mut values = [[T::zero(); LANES]; 3];
-        for a in 0..3 {
-            let lower: &[T; LANES] = self.lower[a][r..r + LANES].try_into().expect("LANES long");
-            let upper: &[T; LANES] = self.upper[a][r..r + LANES].try_into().expect("LANES long");
-            for l in 0..LANES {
-                values[a][l] = lower[l] + fractions[a] * (upper[l] - lower[l]);
-            }
-        }
-        values
+    pub(crate) fn block(&self, r: usize) -> RowBlock<'a, T> {
+        let block = |row: &'a [T]| -> &'a [T; LANES] { row[r..r + LANES].try_into().expect("LANES long") };
+        RowBlock { lower: self.lower.map(block), upper: self.upper.map(block) }
     }
 
     /// Component r interpolated on x, y and z.
     #[inline(always)]
     pub(crate) fn one(&self, r: usize, fractions: [T; 3]) -> [T; 3] {
         [0, 1, 2].map(|a| self.lower[a][r] + fractions[a] * (self.upper[a][r] - self.lower[a][r]))
+    }
+}
+
+/// LANES components of a [`RowPairs`]; loops over them vectorise.
+pub(crate) struct RowBlock<'a, T> {
+    lower: [&'a [T; LANES]; 3],
+    upper: [&'a [T; LANES]; 3],
+}
+
+impl<T: Real> RowBlock<'_, T> {
+    /// Component l interpolated on x, y and z.
+    #[inline(always)]
+    pub(crate) fn component(&self, l: usize, fractions: [T; 3]) -> [T; 3] {
+        [0, 1, 2].map(|a| self.lower[a][l] + fractions[a] * (self.upper[a][l] - self.lower[a][l]))
     }
 }
 

@@ -137,13 +137,14 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
         let z_rows = &mut z_rows[(at.rows[2] - third) * rank..][..2 * rank];
         let whole = rank / LANES * LANES;
         for r in (0..whole).step_by(LANES) {
-            let [x, y, z] = rows.lanes(r, at.fractions);
+            let block = rows.block(r);
             let g = component.lanes(r);
             let mut products = [[T::zero(); LANES]; 3];
             for l in 0..LANES {
-                products[0][l] = g[l] * y[l] * z[l];
-                products[1][l] = g[l] * x[l] * z[l];
-                products[2][l] = g[l] * x[l] * y[l];
+                let [x, y, z] = block.component(l, at.fractions);
+                products[0][l] = g[l] * y * z;
+                products[1][l] = g[l] * x * z;
+                products[2][l] = g[l] * x * y;
             }
             for (a, axis_rows) in [&mut *x_rows, &mut *y_rows, &mut *z_rows].into_iter().enumerate() {
                 let (lower, upper) = axis_rows.split_at_mut(rank);
