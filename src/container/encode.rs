@@ -17,7 +17,7 @@ pub struct EncodeOptions {
 }
 
 impl Default for EncodeOptions {
-    /// Half-precision factors at level 9: factors are close to noise, and what a higher level gains is lost in it.
+    /// Half-precision factors at level 9, which writes quickly enough not to be noticed after training.
     fn default() -> Self {
         Self { factors: FactorEncoding::F16, zstd_level: 9 }
     }

@@ -15,7 +15,7 @@ pub const TENSORS: RangeInclusive<u64> = 1..=1 << 24;
 /// One more than the largest cell coordinate, per axis.
 pub const CELL_EXTENT: RangeInclusive<u64> = 1..=1 << 20;
 /// M, the neighbours that a point aggregates.
-pub const TOP_K: RangeInclusive<u64> = 1..=64;
+pub const TOP_K: RangeInclusive<u64> = 1..=16;
 /// Cells of a factor, per axis.
 pub const RESOLUTION: RangeInclusive<u64> = 1..=1024;
 /// Density or appearance components of a tensor.
@@ -38,11 +38,11 @@ pub const STRING_BYTES: RangeInclusive<u64> = 0..=4096;
 pub const DECODED_BYTES: RangeInclusive<u64> = 0..=1 << 32;
 
 /// Bytes of a section's record: bounds what decoding one can allocate.
-pub(super) const RECORD_BYTES: usize = 1 << 16;
+pub const RECORD_BYTES: usize = 1 << 16;
 /// Decoded bytes that compressed sections may have whatever their stored size.
-const FREE_EXPANSION: u64 = 32 << 20;
+pub const FREE_EXPANSION: u64 = 32 << 20;
 /// Decoded bytes that every stored byte of a compressed section allows for besides.
-const EXPANSION_RATIO: u64 = 64;
+pub const EXPANSION_RATIO: u64 = 64;
 
 /// [`Error::Limit`] unless `found` lies within `range`.
 pub(super) fn check(

@@ -326,7 +326,6 @@ fn not_written(options: &EncodeOptions, change: impl FnOnce(&mut Scene)) -> Erro
 fn the_writer_refuses_what_a_reader_would() {
     broken(not_written(&F32, |s| s.rules.step = 0.0), "step");
     broken(not_written(&F32, |s| s.decoder.feature_frequencies = u32::MAX), "decoder");
-    limit(not_written(&F32, |s| s.scales[0].top_k = 65), "top_k");
     limit(not_written(&F32, |s| s.provenance.tool = "a".repeat(4097)), "tool");
     limit(not_written(&F32, |s| s.scales = vec![s.scales[0].clone(); 17]), "scales");
     let far = |s: &mut Scene| {
@@ -334,6 +333,12 @@ fn the_writer_refuses_what_a_reader_would() {
         cells[3].z = 1 << 20;
     };
     limit(not_written(&F32, far), "cells along an axis");
+    let many = |s: &mut Scene| {
+        let factors = &mut s.scales[1].factors;
+        factors.density.resize(factors.density.len() * 257, 0.5);
+        factors.density_rank = 257;
+    };
+    limit(not_written(&F32, many), "density rank");
     let rank = |s: &mut Scene| {
         s.scales[1].factors.density_rank = 0;
         s.scales[1].factors.density.clear();
