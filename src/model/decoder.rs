@@ -51,9 +51,13 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// The length of the input for `features` appearance features.
+    /// The length of the input for `features` appearance features; the largest number where that overflows.
     pub fn input_len(&self, features: u32) -> u32 {
-        features * (1 + 2 * self.feature_frequencies) + 3 * (1 + 2 * self.direction_frequencies)
+        let encoded = |length: u32, frequencies: u32| {
+            let copies = frequencies.saturating_mul(2).saturating_add(1);
+            length.saturating_mul(copies)
+        };
+        encoded(features, self.feature_frequencies).saturating_add(encoded(3, self.direction_frequencies))
     }
 
     /// Number of weights and biases.

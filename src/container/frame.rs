@@ -1,0 +1,55 @@
+//! FRAME: how the model lies in the dataset's space, and how its pictures are meant.
+
+use glam::{DQuat, DVec3};
+
+use super::cursor::Payload;
+use super::{Error, records};
+use crate::geometry::Similarity;
+use crate::model::{ColorSpace, Frame, UpAxis};
+
+pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
+    let record = records::Frame {
+        scale: frame.model_from_dataset.scale,
+        rotation: frame.model_from_dataset.rotation.to_array(),
+        translation: frame.model_from_dataset.translation.to_array(),
+        // A known one is positive.
+        metres_per_unit: frame.metres_per_unit.unwrap_or(0.0),
+        near: frame.near,
+        far: frame.far,
+        background: frame.background,
+        up: match frame.up {
+            UpAxis::X => 0,
+            UpAxis::Y => 1,
+            UpAxis::Z => 2,
+        },
+        color_space: match frame.color_space {
+            ColorSpace::Srgb => 0,
+        },
+    };
+    records::write(&"FRAME", &record)
+}
+
+pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
+    let record: records::Frame = records::read_whole(payload.section, payload.stored()?)?;
+    Ok(Frame {
+        model_from_dataset: Similarity {
+            scale: record.scale,
+            rotation: DQuat::from_array(record.rotation),
+            translation: DVec3::from_array(record.translation),
+        },
+        up: match record.up {
+            0 => UpAxis::X,
+            1 => UpAxis::Y,
+            2 => UpAxis::Z,
+            code => return Err(Error::unsupported("FRAME up axis", format!("code {code}"))),
+        },
+        metres_per_unit: (record.metres_per_unit.to_bits() != 0).then_some(record.metres_per_unit),
+        near: record.near,
+        far: record.far,
+        background: record.background,
+        color_space: match record.color_space {
+            0 => ColorSpace::Srgb,
+            code => return Err(Error::unsupported("FRAME colour space", format!("code {code}"))),
+        },
+    })
+}

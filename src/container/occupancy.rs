@@ -1,0 +1,42 @@
+//! OCCUPANCY: one bit a vertex where samples count.
+
+use glam::{DVec3, UVec3};
+
+use super::cursor::Payload;
+use super::section::SectionKind;
+use super::writer::Writer;
+use super::{Error, records};
+use crate::geometry::Aabb;
+use crate::model::Occupancy;
+
+pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Error> {
+    let record = records::Occupancy {
+        bounds_min: occupancy.bounds.min.to_array(),
+        bounds_max: occupancy.bounds.max.to_array(),
+        vertices: occupancy.vertices.to_array(),
+    };
+    let record_bytes = records::write(&"OCCUPANCY", &record)?;
+    let mut bits: Vec<u8> = occupancy.words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    bits.truncate(byte_count(record.vertices) as usize);
+    writer.compressed(SectionKind::Occupancy, None, record_bytes, &bits)
+}
+
+pub(super) fn read(payload: &Payload<'_>) -> Result<Occupancy, Error> {
+    let (record, stored): (records::Occupancy, _) = records::read(payload.section, payload.encoded())?;
+    let bits = payload.body(stored, byte_count(record.vertices))?;
+    let words = bits.chunks(8).map(|bytes| {
+        let mut word = [0; 8];
+        word[..bytes.len()].copy_from_slice(bytes);
+        u64::from_le_bytes(word)
+    });
+    Ok(Occupancy {
+        bounds: Aabb { min: DVec3::from_array(record.bounds_min), max: DVec3::from_array(record.bounds_max) },
+        vertices: UVec3::from_array(record.vertices),
+        words: words.collect(),
+    })
+}
+
+/// Bytes for one bit a vertex; the numbers are within the limits, so their product is below 2^31.
+fn byte_count(vertices: [u32; 3]) -> u64 {
+    vertices.iter().map(|&v| u64::from(v)).product::<u64>().div_ceil(8)
+}

@@ -1,0 +1,69 @@
+//! RULES: the field's and the march's rules, the box that rays march through, the number of scales.
+
+use glam::DVec3;
+
+use super::cursor::Payload;
+use super::{Error, records};
+use crate::geometry::Aabb;
+use crate::model::{Aggregation, Coverage, Reduction, Rules, Scene};
+
+pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
+    let rules = &scene.rules;
+    let reduction_code = |reduction| match reduction {
+        Reduction::Sum => 0,
+        Reduction::Mean => 1,
+    };
+    let record = records::Rules {
+        scales: scene.scales.len().try_into().unwrap_or(u16::MAX),
+        coverage: match rules.coverage {
+            Coverage::All => 0,
+            Coverage::Any => 1,
+        },
+        aggregation: match rules.aggregation {
+            Aggregation::Normalised => 0,
+            Aggregation::Clamped => 1,
+        },
+        density_reduction: reduction_code(rules.density_reduction),
+        appearance_reduction: reduction_code(rules.appearance_reduction),
+        bounds_min: scene.bounds.min.to_array(),
+        bounds_max: scene.bounds.max.to_array(),
+        density_shift: rules.density_shift,
+        distance_scale: rules.distance_scale,
+        step: rules.step,
+        min_transmittance: rules.min_transmittance,
+        min_weight: rules.min_weight,
+    };
+    records::write(&"RULES", &record)
+}
+
+/// Rules, bounds, and the number of scales.
+pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
+    let record: records::Rules = records::read_whole(payload.section, payload.stored()?)?;
+    let unknown = |what: &str, code: u8| Error::unsupported(format!("RULES {what}"), format!("code {code}"));
+    let reduction = |what, code| match code {
+        0 => Ok(Reduction::Sum),
+        1 => Ok(Reduction::Mean),
+        code => Err(unknown(what, code)),
+    };
+    let rules = Rules {
+        coverage: match record.coverage {
+            0 => Coverage::All,
+            1 => Coverage::Any,
+            code => return Err(unknown("coverage", code)),
+        },
+        aggregation: match record.aggregation {
+            0 => Aggregation::Normalised,
+            1 => Aggregation::Clamped,
+            code => return Err(unknown("aggregation", code)),
+        },
+        density_reduction: reduction("density reduction", record.density_reduction)?,
+        appearance_reduction: reduction("appearance reduction", record.appearance_reduction)?,
+        density_shift: record.density_shift,
+        distance_scale: record.distance_scale,
+        step: record.step,
+        min_transmittance: record.min_transmittance,
+        min_weight: record.min_weight,
+    };
+    let bounds = Aabb { min: DVec3::from_array(record.bounds_min), max: DVec3::from_array(record.bounds_max) };
+    Ok((rules, bounds, record.scales))
+}

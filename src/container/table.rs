@@ -1,0 +1,90 @@
+//! The section table: where everything is. It is read, and held against its checksum, before any payload.
+
+use super::section::Section;
+use super::{Error, VERSION, Version, header, records};
+
+/// Payloads begin at multiples of this.
+const ALIGNMENT: u64 = 64;
+/// Bytes of an entry.
+const ENTRY: usize = 48;
+
+/// What a file says it holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Contents {
+    /// The version it was written in.
+    pub version: Version,
+    /// Bytes of the whole file.
+    pub file_length: u64,
+    /// Its sections, in the order of the file.
+    pub sections: Vec<Section>,
+}
+
+impl Contents {
+    /// Where the bytes before the first payload's padding end.
+    pub(super) fn table_end(&self) -> u64 {
+        table_end(self.sections.len())
+    }
+}
+
+fn table_end(sections: usize) -> u64 {
+    header::LENGTH as u64 + sections as u64 * ENTRY as u64
+}
+
+/// The first place after `end` where a payload may begin.
+pub(super) fn aligned(end: u64) -> Option<u64> {
+    end.checked_next_multiple_of(ALIGNMENT)
+}
+
+/// The header and section table at the start of `bytes`. Nothing after the table is looked at, and it need not be
+/// there: a prefix of a file will do.
+///
+/// # Errors
+///
+/// Where header or table are not those of a `.strivec` file of this major version, damaged, beyond the limits, or
+/// describe sections that do not follow one another without a gap. Unknown sections are no error here.
+pub fn sections(bytes: &[u8]) -> Result<Contents, Error> {
+    let header = header::read(bytes)?;
+    let count = header.sections as usize;
+    let range = header::LENGTH as u64..table_end(count);
+    let table = bytes
+        .get(header::LENGTH..table_end(count) as usize)
+        .ok_or_else(|| Error::Truncated { part: "section table".into(), missing: bytes.len() as u64..range.end })?;
+    let found = crc32fast::hash(table);
+    if found != header.table_checksum {
+        let expected = header.table_checksum;
+        return Err(Error::Corrupt { section: "section table".into(), range, expected, found });
+    }
+    let mut sections = Vec::with_capacity(count);
+    let mut end = range.end;
+    for (index, entry) in table.chunks_exact(ENTRY).enumerate() {
+        let entry = records::read_whole(&format!("section table entry {index}"), entry)?;
+        let section = Section::of_entry(&entry, index)?;
+        let overflow = || Error::malformed(&section, "an end below 2^64", section.length);
+        Error::unless_equal(format!("{section} offset"), aligned(end).ok_or_else(overflow)?, section.offset)?;
+        end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
+        sections.push(section);
+    }
+    Error::unless_equal("file length", end, header.file_length)?;
+    let version = Version { major: header.major, minor: header.minor };
+    Ok(Contents { version, file_length: header.file_length, sections })
+}
+
+/// The bytes of header and table for sections whose offsets are still to be set, which is done here.
+pub(super) fn write(sections: &mut [Section]) -> Result<Vec<u8>, Error> {
+    let mut end = table_end(sections.len());
+    let mut table = Vec::new();
+    for section in sections.iter_mut() {
+        let overflow = || Error::malformed("file length", "below 2^64", "more");
+        section.offset = aligned(end).ok_or_else(overflow)?;
+        end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
+        table.extend(records::write(&"section table", &section.entry())?);
+    }
+    let header = records::Header {
+        major: VERSION.major,
+        minor: VERSION.minor,
+        sections: sections.len().try_into().unwrap_or(u32::MAX),
+        file_length: end,
+        table_checksum: crc32fast::hash(&table),
+    };
+    Ok([header::write(&header)?, table].concat())
+}

@@ -1,0 +1,366 @@
+//! One file for each way in which a file can be wrong, its checksums right.
+
+use strivec::container::{EncodeOptions, Error, decode, encode};
+use strivec::model::{Placement, Scene};
+
+use super::roundtrip::{F16, F32};
+use super::scenes::{smallest, two_scales};
+use super::surgery::{File, Part, name, seal};
+
+/// Lengths of the records before the bodies.
+const PLACEMENT: usize = 33;
+const LATTICE: usize = PLACEMENT + 60;
+const FACTORS: usize = 22;
+const OCCUPANCY: usize = 60;
+
+/// The error of a file after `change`.
+fn refused(change: impl FnOnce(&mut File)) -> Error {
+    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
+    assert!(decode(&file.bytes()).is_ok());
+    change(&mut file);
+    decode(&file.bytes()).expect_err("the file is wrong")
+}
+
+/// The error of a file whose section is patched.
+fn patched(kind: &str, at: usize, bytes: &[u8]) -> Error {
+    refused(|f| f.part(kind).patch(at, bytes))
+}
+
+#[track_caller]
+fn malformed(error: Error, at: &str) {
+    match &error {
+        Error::Malformed { place, .. } if place.contains(at) => (),
+        _ => panic!("expected something malformed at {at:?}, not: {error}"),
+    }
+}
+
+#[track_caller]
+fn limit(error: Error, at: &str) {
+    match &error {
+        Error::Limit { place, .. } if place.contains(at) => (),
+        _ => panic!("expected a limit at {at:?}, not: {error}"),
+    }
+}
+
+#[track_caller]
+fn unsupported(error: Error, at: &str) {
+    match &error {
+        Error::Unsupported { place, .. } if place.contains(at) => (),
+        _ => panic!("expected something unsupported at {at:?}, not: {error}"),
+    }
+}
+
+#[track_caller]
+fn broken(error: Error, at: &str) {
+    match &error {
+        Error::Scene(invariant) if invariant.place.contains(at) => (),
+        _ => panic!("expected a broken invariant at {at:?}, not: {error}"),
+    }
+}
+
+#[test]
+fn not_strivec() {
+    for bytes in [b"PK\x03\x04".as_slice(), b"\x89PNG\r\n\x1A\n", b"glTF....", b"\xB3STV, but not", &[0; 4096]] {
+        assert!(matches!(decode(bytes), Err(Error::NotStrivec { .. })), "{bytes:02x?}");
+    }
+}
+
+#[test]
+fn other_major_versions() {
+    for major in [0, 2, 0xFFFF] {
+        let error = refused(|f| f.major = major);
+        assert!(matches!(error, Error::UnsupportedVersion { found, supported: 1 } if found.major == major));
+    }
+}
+
+#[test]
+fn unknown_critical_section() {
+    let error = refused(|f| {
+        f.sections.push(Part { flags: 1, scale: 1, ..Part::ancillary("WAVELETS", b"") });
+    });
+    assert_eq!(error, Error::UnknownCritical { name: "WAVELETS of scale 1".into() });
+}
+
+#[test]
+fn names_flags_and_reserved_fields() {
+    for bad in ["", "frame", "A B", "A\0B"] {
+        malformed(
+            refused(|f| f.sections.push(Part { kind: name(bad), ..Part::ancillary("", b"") })),
+            "name of section",
+        );
+    }
+    malformed(refused(|f| f.part("FRAME").flags = 3), "FRAME flags");
+    malformed(refused(|f| f.part("FRAME").flags = 0), "FRAME flags");
+    malformed(refused(|f| f.part("PROVENANCE").flags = 1), "PROVENANCE flags");
+    malformed(refused(|f| f.part("RULES").reserved = 1), "RULES reserved");
+    malformed(refused(|f| f.part("RULES").decoded_length += 1), "RULES decoded length");
+}
+
+#[test]
+fn sections_missing_doubled_or_out_of_order() {
+    for kind in ["FRAME", "RULES", "DECODER", "PLACEMENT", "APPEARANCE", "FACTORS"] {
+        let error = refused(|f| {
+            f.sections.remove(f.index(kind));
+        });
+        assert!(matches!(&error, Error::MissingSection { name } if name.starts_with(kind)), "{error}");
+        let error = refused(|f| {
+            let twice = f.part(kind).clone();
+            f.sections.insert(f.index(kind), twice);
+        });
+        malformed(error, "order of sections");
+    }
+    malformed(refused(|f| f.sections.swap(0, 1)), "order of sections");
+    malformed(refused(|f| f.sections.push(f.sections[10].clone())), "order of sections");
+    let error = refused(|f| f.part("FRAME").scale = 0);
+    assert_eq!(error, Error::MissingSection { name: "FRAME".into() });
+}
+
+#[test]
+fn gaps_overlaps_and_unclaimed_bytes() {
+    let file = encode(&two_scales(), &F32).unwrap();
+    let sealed = |at: usize, value: u64| {
+        let mut bytes = file.clone();
+        bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        seal(&mut bytes);
+        decode(&bytes).unwrap_err()
+    };
+    let (offset, length) = (32 + 48 + 24, 32 + 48 + 32);
+    let second = u64::from_le_bytes(file[offset..offset + 8].try_into().unwrap());
+    for wrong in [second + 64, second - 64, second + 1, 0, u64::MAX] {
+        malformed(sealed(offset, wrong), "RULES offset");
+    }
+    malformed(sealed(length + 8, 0), "RULES decoded length");
+    let mut unstored = File::of(&file);
+    unstored.part("RULES").codec = 1;
+    let bytes = unstored.bytes();
+    for wrong in [u64::MAX, u64::MAX - 70] {
+        let mut bytes = bytes.clone();
+        bytes[length..length + 8].copy_from_slice(&wrong.to_le_bytes());
+        seal(&mut bytes);
+        assert!(matches!(decode(&bytes), Err(Error::Malformed { .. })));
+    }
+    malformed(sealed(16, file.len() as u64 + 1), "file length");
+    malformed(decode(&[file.as_slice(), &[0]].concat()).unwrap_err(), "bytes in the file");
+    let mut padded = file.clone();
+    padded[second as usize - 1] = 1;
+    malformed(decode(&padded).unwrap_err(), "padding before RULES");
+}
+
+#[test]
+fn section_counts() {
+    let mut file = encode(&two_scales(), &F32).unwrap();
+    for count in [0, 65_537, u32::MAX] {
+        file[12..16].copy_from_slice(&count.to_le_bytes());
+        let header = crc32fast::hash(&file[..28]);
+        file[28..32].copy_from_slice(&header.to_le_bytes());
+        limit(decode(&file).unwrap_err(), "section count");
+    }
+}
+
+#[test]
+fn records_of_the_wrong_length() {
+    for kind in ["FRAME", "RULES", "PROVENANCE", "DECODER", "APPEARANCE", "OCCUPANCY", "PLACEMENT", "FACTORS"] {
+        for change in
+            [|p: &mut Vec<u8>| p.truncate(p.len() - 1), |p: &mut Vec<u8>| p.push(0), |p: &mut Vec<u8>| p.clear()]
+        {
+            malformed(
+                refused(|f| {
+                    let mut payload = f.part(kind).payload.clone();
+                    change(&mut payload);
+                    f.part(kind).set(payload);
+                }),
+                kind,
+            );
+        }
+    }
+}
+
+#[test]
+fn codecs() {
+    for kind in ["FRAME", "RULES", "PROVENANCE", "DECODER", "APPEARANCE"] {
+        malformed(refused(|f| f.part(kind).compress(0)), "codec");
+    }
+    unsupported(refused(|f| f.part("FACTORS").codec = 2), "FACTORS");
+}
+
+#[test]
+fn codes_that_this_version_does_not_define() {
+    unsupported(patched("FRAME", 100, &[3]), "up axis");
+    unsupported(patched("FRAME", 101, &[1]), "colour space");
+    unsupported(patched("RULES", 2, &[2]), "coverage");
+    unsupported(patched("RULES", 3, &[2]), "aggregation");
+    unsupported(patched("RULES", 4, &[2]), "density reduction");
+    unsupported(patched("RULES", 5, &[2]), "appearance reduction");
+    unsupported(patched("DECODER", 0, &[2]), "mode");
+    unsupported(patched("PLACEMENT", 0, &[2]), "kind");
+    unsupported(patched("FACTORS", 1, &[2]), "encoding");
+    unsupported(patched("FACTORS", 0, &[2]), "kind");
+    let error = patched("FACTORS", 0, &[1]);
+    assert!(matches!(error, Error::Unsupported { found, .. } if found == "vm"));
+}
+
+#[test]
+fn numbers_beyond_the_limits() {
+    let (zero, most) = (0u32.to_le_bytes(), u32::MAX.to_le_bytes());
+    for value in [zero, most] {
+        limit(patched("RULES", 0, &value[..2]), "scales");
+        limit(patched("PLACEMENT", 1, &value), "tensors");
+        limit(patched("PLACEMENT", 5, &value), "top_k");
+        limit(patched("PLACEMENT", 33 + 52, &value), "cells along an axis");
+        limit(patched("FACTORS", 6, &value), "resolution");
+        limit(patched("FACTORS", 14, &value), "density rank");
+        limit(patched("FACTORS", 18, &value), "appearance rank");
+        limit(patched("APPEARANCE", 0, &value), "features");
+        limit(patched("APPEARANCE", 4, &value), "rank");
+        limit(patched("DECODER", 17, &value), "inputs");
+        limit(patched("DECODER", 21, &value), "outputs");
+        limit(patched("OCCUPANCY", 52, &value), "vertices of an axis");
+    }
+    limit(patched("DECODER", 1, &most), "feature frequencies");
+    limit(patched("DECODER", 5, &most), "direction frequencies");
+    limit(patched("DECODER", 9, &[0]), "layers");
+    limit(patched("DECODER", 9, &[17]), "layers");
+    malformed(patched("DECODER", 9, &u64::MAX.to_le_bytes()), "DECODER");
+    limit(patched("OCCUPANCY", 48, &[4096u32.to_le_bytes(); 3].concat()), "OCCUPANCY vertices");
+}
+
+#[test]
+fn strings() {
+    malformed(patched("PROVENANCE", 24, &[0xFF]), "PROVENANCE");
+    malformed(patched("PROVENANCE", 16, &u64::MAX.to_le_bytes()), "PROVENANCE");
+    limit(
+        refused(|f| {
+            let longest = [&[0; 16], 4097u64.to_le_bytes().as_slice(), &[b'a'; 4097], &[0; 16]].concat();
+            f.part("PROVENANCE").set(longest);
+        }),
+        "dataset",
+    );
+}
+
+#[test]
+fn cells() {
+    let cells = |bytes: &[u8]| {
+        refused(|f| {
+            let part = f.part("PLACEMENT");
+            let payload = [&part.payload[..LATTICE], bytes].concat();
+            part.set(payload);
+        })
+    };
+    // The scene's own: numbers 2, 3, 4 and 18 of an extent of 3, 2 and 4.
+    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
+    assert_eq!(file.part("PLACEMENT").payload[LATTICE..], [2, 0, 0, 13]);
+    malformed(cells(&[2, 0, 0]), "bytes of cells");
+    malformed(cells(&[0; 37]), "bytes of cells");
+    malformed(cells(&[2, 0, 0, 0x8D, 0x00]), "cell 3");
+    malformed(cells(&[2, 0, 0, 0x8D]), "cell 3");
+    malformed(cells(&[2, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01]), "cell 3");
+    malformed(cells(&[2, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F]), "cell 3");
+    malformed(cells(&[2, 0, 0, 19]), "cell 3");
+    malformed(cells(&[2, 0, 0, 13, 0]), "bytes after the cells");
+    malformed(cells(&[2, 0, 0, 1]), "extent");
+}
+
+#[test]
+fn zstd_frames() {
+    let compressed = |change: &dyn Fn(&mut Part)| {
+        refused(|f| {
+            f.part("FACTORS").compress(FACTORS);
+            assert!(decode(&f.bytes()).is_ok());
+            change(f.part("FACTORS"));
+        })
+    };
+    malformed(compressed(&|p| p.payload[FACTORS] ^= 1), "FACTORS");
+    malformed(compressed(&|p| p.payload.truncate(FACTORS + 6)), "FACTORS");
+    malformed(compressed(&|p| p.decoded_length += 1), "body length");
+    malformed(compressed(&|p| p.decoded_length = 3), "decoded length");
+    // A second frame, and one to be skipped, would hide bytes.
+    malformed(compressed(&|p| p.payload.extend(zstd::bulk::compress(b"", 3).unwrap())), "frame length");
+    malformed(compressed(&|p| p.payload.extend([0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0])), "frame length");
+    malformed(
+        compressed(&|p| {
+            p.payload.splice(FACTORS..FACTORS, [0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0]);
+        }),
+        "FACTORS",
+    );
+    // A frame of another size, or of none that it declares.
+    let replaced = |frame: Vec<u8>| {
+        compressed(&|p| {
+            p.payload.truncate(FACTORS);
+            p.payload.extend(&frame);
+        })
+    };
+    malformed(replaced(zstd::bulk::compress(&[0; 99], 3).unwrap()), "content size");
+    malformed(replaced(zstd::stream::encode_all([0; 99].as_slice(), 3).unwrap()), "FACTORS");
+}
+
+#[test]
+fn scenes_that_break_an_invariant() {
+    let nan = f64::NAN.to_le_bytes();
+    broken(patched("FRAME", 0, &nan), "model_from_dataset");
+    broken(patched("FRAME", 64, &(-0.0f64).to_le_bytes()), "metres_per_unit");
+    broken(patched("RULES", 6, &nan), "bounds");
+    broken(patched("RULES", 70, &nan), "step");
+    broken(patched("PLACEMENT", 9, &nan), "half edges");
+    broken(patched("PLACEMENT", PLACEMENT, &nan), "lattice");
+    broken(patched("FACTORS", FACTORS, &f32::INFINITY.to_le_bytes()), "density factors");
+    broken(patched("DECODER", 17, &[7, 0, 0, 0, 5]), "decoder layer 0 inputs");
+    // 60 vertices: bits 60 to 63 of the last byte have none.
+    broken(patched("OCCUPANCY", OCCUPANCY + 7, &[0x80]), "occupancy words");
+    let swapped = |f: &mut File| {
+        let fine = f.sections.iter_mut().filter(|p| p.kind == name("PLACEMENT")).nth(1).unwrap();
+        let centers = [[0.1f64, 0.2, 0.3], [0.1, 0.2, -0.3]].map(|c| c.map(f64::to_le_bytes).concat());
+        fine.set([&fine.payload[..PLACEMENT], &centers.concat()].concat());
+    };
+    broken(refused(swapped), "scale 1 center 1");
+}
+
+/// The error of writing a scene after `change`.
+fn not_written(options: &EncodeOptions, change: impl FnOnce(&mut Scene)) -> Error {
+    let mut scene = two_scales();
+    assert!(encode(&scene, options).is_ok());
+    change(&mut scene);
+    encode(&scene, options).expect_err("the scene cannot be written")
+}
+
+#[test]
+fn the_writer_refuses_what_a_reader_would() {
+    broken(not_written(&F32, |s| s.rules.step = 0.0), "step");
+    broken(not_written(&F32, |s| s.decoder.feature_frequencies = u32::MAX), "decoder");
+    limit(not_written(&F32, |s| s.provenance.tool = "a".repeat(4097)), "tool");
+    limit(not_written(&F32, |s| s.scales = vec![s.scales[0].clone(); 17]), "scales");
+    let far = |s: &mut Scene| {
+        let Placement::Lattice { cells, .. } = &mut s.scales[0].cloud.placement else { unreachable!() };
+        cells[3].z = 1 << 20;
+    };
+    limit(not_written(&F32, far), "cells along an axis");
+    let many = |s: &mut Scene| {
+        let factors = &mut s.scales[1].factors;
+        factors.density.resize(factors.density.len() * 257, 0.5);
+        factors.density_rank = 257;
+    };
+    limit(not_written(&F32, many), "density rank");
+    let rank = |s: &mut Scene| {
+        s.scales[1].factors.density_rank = 0;
+        s.scales[1].factors.density.clear();
+    };
+    limit(not_written(&F32, rank), "density rank");
+}
+
+#[test]
+fn factors_that_half_precision_does_not_hold() {
+    for (value, fits) in [(65_504.0, true), (65_519.0, true), (65_520.0, false), (-1e30, false)] {
+        let mut scene = two_scales();
+        scene.scales[1].factors.appearance[2] = value;
+        assert!(encode(&scene, &F32).is_ok());
+        let place = "FACTORS of scale 1 appearance entry 2".to_string();
+        assert_eq!(encode(&scene, &F16).err(), (!fits).then_some(Error::HalfOverflow { place, value }));
+    }
+}
+
+#[test]
+fn compression_levels() {
+    for found in [0, -5, 23, i32::MAX] {
+        let error = encode(&smallest(), &EncodeOptions { zstd_level: found, ..F16 }).unwrap_err();
+        assert_eq!(error, Error::Level { found });
+    }
+}
