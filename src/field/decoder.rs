@@ -43,6 +43,7 @@ pub struct Activations<T> {
     pub colors: Vec<[T; 3]>,
     outputs: Vec<T>,
     direction: Vec<T>,
+    angles: Vec<T>,
 }
 
 impl<T: Real> FieldDecoder<T> {
@@ -78,20 +79,21 @@ impl<T: Real> FieldDecoder<T> {
 }
 
 /// Writes PE(`values`): all sines, then all cosines, frequencies fastest; each frequency by doubling the angle before.
+/// `angles` is room for sines and cosines side by side, so that the loop over them vectorises.
 #[inline(always)]
-fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T]) {
-    let (sines, cosines) = encoded.split_at_mut(values.len() * frequencies);
-    if frequencies == 0 {
-        return;
+fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: &mut Vec<T>) {
+    let n = values.len();
+    angles.resize(2 * n, T::zero());
+    let (first_sines, first_cosines) = angles.split_at_mut(n);
+    for i in 0..n {
+        (first_sines[i], first_cosines[i]) = values[i].sine_cosine();
     }
-    for (i, &value) in values.iter().enumerate() {
-        (sines[i * frequencies], cosines[i * frequencies]) = value.sine_cosine();
-    }
-    for i in 0..values.len() {
-        for k in i * frequencies + 1..(i + 1) * frequencies {
-            let (s, c) = (sines[k - 1], cosines[k - 1]);
-            sines[k] = (s + s) * c;
-            cosines[k] = T::one() - (s + s) * s;
+    let (sines, cosines) = encoded.split_at_mut(n * frequencies);
+    for i in 0..n {
+        let (mut s, mut c) = (first_sines[i], first_cosines[i]);
+        for k in i * frequencies..(i + 1) * frequencies {
+            (sines[k], cosines[k]) = (s, c);
+            (s, c) = ((s + s) * c, T::one() - (s + s) * s);
         }
     }
 }
@@ -162,27 +164,28 @@ impl<T: Real> Field<T> {
         let components = self.component_count();
         let inputs = decoder.layers[0].inputs;
         activations.inputs.resize(decoder.layers.len(), Vec::new());
-        let rows = &mut activations.inputs[0];
+        let Activations { inputs: all_inputs, components: sums, reductions, direction: direction_row, angles, .. } =
+            activations;
+        let rows = &mut all_inputs[0];
         rows.resize(n * inputs, T::zero());
         multiply(
             MatrixMut::new(rows, n, features, inputs),
-            Matrix::new(&activations.components, n, components, components),
+            Matrix::new(sums, n, components, components),
             Matrix::new(&decoder.appearance, features, components, components).transposed(),
             false,
         );
         let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
-        let direction_row = &mut activations.direction;
         direction_row.resize(inputs - encoded_direction_at, T::zero());
         for (r, ray) in rays.iter().enumerate() {
             let direction = ray.direction.to_array().map(T::of);
-            encode(&direction, decoder.frequencies[1] as usize, direction_row);
+            encode(&direction, decoder.frequencies[1] as usize, direction_row, angles);
             for c in samples.colored_of_ray(r) {
                 let row = &mut rows[c * inputs..(c + 1) * inputs];
-                let reduction = activations.reductions[c];
+                let reduction = reductions[c];
                 row[..features].iter_mut().for_each(|f| *f *= reduction);
                 row[direction_at..encoded_at].copy_from_slice(&direction);
                 let (values, encoded) = row[..encoded_direction_at].split_at_mut(encoded_at);
-                encode(&values[..features], decoder.frequencies[0] as usize, encoded);
+                encode(&values[..features], decoder.frequencies[0] as usize, encoded, angles);
                 row[encoded_direction_at..].copy_from_slice(direction_row);
             }
         }

@@ -1,7 +1,7 @@
 //! Marching rays front to back, density only (DESIGN, section 2.9): which samples count, what they weigh, and which of
 //! them need a colour.
 
-use super::{Field, Nearest, Real};
+use super::{Field, Nearest, Real, sum};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
@@ -12,6 +12,15 @@ pub struct Pair<T> {
     pub tensor: u32,
     /// Its weight in its scale.
     pub weight: T,
+}
+
+/// What finding a point's density needs besides the field. Reused.
+#[derive(Clone, Debug, Default)]
+pub struct Locator<T> {
+    /// \[scale\] the point's neighbours.
+    pub nearest: Vec<Nearest<T>>,
+    /// \[density rank of the current scale\] aggregated density components.
+    components: Vec<T>,
 }
 
 /// The samples of a few rays, in order of ray and distance. Reused from one march to the next.
@@ -39,11 +48,11 @@ pub struct Samples<T> {
     pub colored: Vec<u32>,
     /// \[ray\] its first coloured sample, and the number of those.
     pub colored_starts: Vec<u32>,
-    nearest: Vec<Nearest<T>>,
+    locator: Locator<T>,
 }
 
 impl<T: Real> Samples<T> {
-    fn clear(&mut self, scales: usize) {
+    fn clear(&mut self) {
         for starts in [&mut self.ray_starts, &mut self.colored_starts, &mut self.pair_starts] {
             starts.clear();
             starts.push(0);
@@ -56,7 +65,6 @@ impl<T: Real> Samples<T> {
         self.positions.clear();
         self.pairs.clear();
         self.colored.clear();
-        self.nearest.resize(scales, Nearest::default());
     }
 
     /// Number of samples.
@@ -119,25 +127,25 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Whether any sample of `ray` is in the model, occupied or not.
-    pub fn meets(&self, ray: &Ray) -> bool {
+    /// Where the first sample of `ray` is that may count: occupied, or where there is no occupancy in the model.
+    #[inline(always)]
+    pub fn first_sample(&self, ray: &Ray) -> Option<[T; 3]> {
         let (start, end) = self.span(ray);
-        let mut k = 0;
-        loop {
-            let t = start + f64::from(k) * self.rules.step;
-            if t >= end {
-                return false;
-            }
-            if self.covers(self.relative(ray.at(t))) {
-                return true;
-            }
-            k += 1;
-        }
+        (0..).map(|k| start + f64::from(k) * self.rules.step).take_while(|&t| t < end).find_map(|t| {
+            let position = self.relative(ray.at(t));
+            let counts = match &self.occupancy {
+                Some(occupancy) => occupancy.contains(position),
+                None => self.covers(position),
+            };
+            counts.then_some(position)
+        })
     }
 
-    /// The density feature at `position`, with the neighbours found there in `nearest`; `None` outside the model.
+    /// The density feature at `position`, with the neighbours found there left in `locator`; `None` outside the model.
     #[inline(always)]
-    pub fn density_feature(&self, position: [T; 3], nearest: &mut [Nearest<T>]) -> Option<T> {
+    pub fn density_feature(&self, position: [T; 3], locator: &mut Locator<T>) -> Option<T> {
+        let Locator { nearest, components } = locator;
+        nearest.resize(self.scales.len(), Nearest::default());
         let mut covering = 0;
         for s in (0..self.scales.len()).rev() {
             self.scales[s].find_nearest(position, self.rules.aggregation, &mut nearest[s]);
@@ -151,10 +159,13 @@ impl<T: Real> Field<T> {
             return None;
         }
         let mut feature = T::zero();
-        for (scale, nearest) in self.scales.iter().zip(nearest) {
+        for (scale, nearest) in self.scales.iter().zip(nearest.iter()) {
+            components.clear();
+            components.resize(scale.density_rank, T::zero());
             for (&tensor, &weight) in nearest.tensors[..nearest.count].iter().zip(&nearest.weights) {
-                feature += weight * scale.density_of(tensor, position);
+                scale.add_density_of(tensor, position, weight, components);
             }
+            feature += sum(components);
         }
         if self.rules.density_reduction == Reduction::Mean {
             feature /= T::of(f64::from(covering));
@@ -173,10 +184,10 @@ impl<T: Real> Field<T> {
     /// Marches `rays` into `samples`.
     #[inline(always)]
     pub fn march(&self, rays: &[Ray], samples: &mut Samples<T>) {
-        samples.clear(self.scales.len());
+        samples.clear();
         let min_transmittance = T::of(self.rules.min_transmittance);
         let min_weight = T::of(self.rules.min_weight);
-        let mut nearest = std::mem::take(&mut samples.nearest);
+        let mut locator = std::mem::take(&mut samples.locator);
         for ray in rays {
             let (start, end) = self.span(ray);
             let mut transmittance = T::one();
@@ -191,7 +202,7 @@ impl<T: Real> Field<T> {
                 if self.occupancy.as_ref().is_some_and(|o| !o.contains(position)) {
                     continue;
                 }
-                let Some(feature) = self.density_feature(position, &mut nearest) else { continue };
+                let Some(feature) = self.density_feature(position, &mut locator) else { continue };
                 let alpha = -(-self.optical_depth(feature)).exp_m1();
                 if transmittance * alpha > min_weight {
                     samples.colored.push(samples.distances.len() as u32);
@@ -201,7 +212,7 @@ impl<T: Real> Field<T> {
                 samples.features.push(feature);
                 samples.transmittances.push(transmittance);
                 samples.alphas.push(alpha);
-                for (scale, nearest) in self.scales.iter().zip(&nearest) {
+                for (scale, nearest) in self.scales.iter().zip(&locator.nearest) {
                     for (&tensor, &weight) in nearest.tensors[..nearest.count].iter().zip(&nearest.weights) {
                         samples.pairs.push(Pair { tensor: scale.first_tensor + tensor, weight });
                     }
@@ -216,6 +227,6 @@ impl<T: Real> Field<T> {
             samples.ray_starts.push(samples.distances.len() as u32);
             samples.colored_starts.push(samples.colored.len() as u32);
         }
-        samples.nearest = nearest;
+        samples.locator = locator;
     }
 }

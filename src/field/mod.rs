@@ -14,11 +14,12 @@ mod scale;
 pub use cells::OccupancyCells;
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use index::CellIndex;
-pub use march::{Pair, Samples};
+pub use march::{Locator, Pair, Samples};
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
 pub use scale::{FieldScale, Nearest, TensorRows};
-pub(crate) use scale::{Interpolation, LANES, RowPairs, offset};
+pub(crate) use scale::{Interpolation, RowPairs, offset};
+use scale::sum;
 
 use glam::DVec3;
 

@@ -5,9 +5,6 @@ use glam::DVec3;
 use super::{CellIndex, Real};
 use crate::model::{Aggregation, Factors, MAX_TOP_K, Scale};
 
-/// Values that a kernel handles at once: one AVX register of f32.
-pub(crate) const LANES: usize = 8;
-
 /// A scale's tensors.
 #[derive(Clone, Debug)]
 pub struct FieldScale<T> {
@@ -187,48 +184,20 @@ impl<T: Real> FieldScale<T> {
         weigh(aggregation, &mut nearest.weights[..count]);
     }
 
-    /// A tensor's density feature at `position`.
+    /// Adds `weight` times a tensor's density components at `position` to `components`.
     #[inline(always)]
-    pub fn density_of(&self, tensor: u32, position: [T; 3]) -> T {
+    pub fn add_density_of(&self, tensor: u32, position: [T; 3], weight: T, components: &mut [T]) {
         let at = self.rows.at(offset(position, self.centers[tensor as usize]));
         let factors = self.tensor_factors(&self.density, self.density_rank, tensor);
-        let rows = RowPairs::new(factors, self.density_rank, &at);
-        let mut lanes = [T::zero(); LANES];
-        let whole = self.density_rank / LANES * LANES;
-        for r in (0..whole).step_by(LANES) {
-            let block = rows.block(r);
-            for (l, lane) in lanes.iter_mut().enumerate() {
-                let [x, y, z] = block.component(l, at.fractions);
-                *lane += x * y * z;
-            }
-        }
-        let mut sum = (lanes[0] + lanes[4]) + (lanes[1] + lanes[5]) + ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
-        for r in whole..self.density_rank {
-            let [x, y, z] = rows.one(r, at.fractions);
-            sum += x * y * z;
-        }
-        sum
+        add_products(&RowPairs::new(factors, self.density_rank, &at), at.fractions, weight, components);
     }
 
     /// Adds `weight` times a tensor's appearance components at `position` to `components`.
     #[inline(always)]
     pub fn add_appearance_of(&self, tensor: u32, position: [T; 3], weight: T, components: &mut [T]) {
         let at = self.rows.at(offset(position, self.centers[tensor as usize]));
-        let rank = self.appearance_rank;
-        let rows = RowPairs::new(self.tensor_factors(&self.appearance, rank, tensor), rank, &at);
-        let whole = rank / LANES * LANES;
-        for r in (0..whole).step_by(LANES) {
-            let block = rows.block(r);
-            let components: &mut [T; LANES] = (&mut components[r..r + LANES]).try_into().expect("LANES long");
-            for (l, component) in components.iter_mut().enumerate() {
-                let [x, y, z] = block.component(l, at.fractions);
-                *component += weight * x * y * z;
-            }
-        }
-        for r in whole..rank {
-            let [x, y, z] = rows.one(r, at.fractions);
-            components[r] += weight * x * y * z;
-        }
+        let factors = self.tensor_factors(&self.appearance, self.appearance_rank, tensor);
+        add_products(&RowPairs::new(factors, self.appearance_rank, &at), at.fractions, weight, components);
     }
 
     #[inline(always)]
@@ -238,10 +207,10 @@ impl<T: Real> FieldScale<T> {
     }
 }
 
-/// The lower and upper rows of a tensor on its three axes.
+/// The lower and upper rows of a tensor on its three axes, a component a value.
 pub(crate) struct RowPairs<'a, T> {
-    lower: [&'a [T]; 3],
-    upper: [&'a [T]; 3],
+    pub(crate) lower: [&'a [T]; 3],
+    pub(crate) upper: [&'a [T]; 3],
 }
 
 impl<'a, T: Real> RowPairs<'a, T> {
@@ -251,33 +220,35 @@ impl<'a, T: Real> RowPairs<'a, T> {
         let (x, y, z) = (pair(0), pair(1), pair(2));
         Self { lower: [x.0, y.0, z.0], upper: [x.1, y.1, z.1] }
     }
+}
 
-    /// Components r to r + LANES.
-    #[inline(always)]
-    pub(crate) fn block(&self, r: usize) -> RowBlock<'a, T> {
-        let block = |row: &'a [T]| -> &'a [T; LANES] { row[r..r + LANES].try_into().expect("LANES long") };
-        RowBlock { lower: self.lower.map(block), upper: self.upper.map(block) }
-    }
-
-    /// Component r interpolated on x, y and z.
-    #[inline(always)]
-    pub(crate) fn one(&self, r: usize, fractions: [T; 3]) -> [T; 3] {
-        [0, 1, 2].map(|a| self.lower[a][r] + fractions[a] * (self.upper[a][r] - self.lower[a][r]))
+/// components\[r\] += `weight`·x·y·z of the interpolated component r. A plain loop over slices of one length, which the
+/// compiler turns into the widest vectors there are; arrays of a few lanes it does not.
+#[inline(always)]
+fn add_products<T: Real>(rows: &RowPairs<'_, T>, fractions: [T; 3], weight: T, components: &mut [T]) {
+    let rank = components.len();
+    let [x0, y0, z0] = rows.lower.map(|row| &row[..rank]);
+    let [x1, y1, z1] = rows.upper.map(|row| &row[..rank]);
+    for r in 0..rank {
+        let x = x0[r] + fractions[0] * (x1[r] - x0[r]);
+        let y = y0[r] + fractions[1] * (y1[r] - y0[r]);
+        let z = z0[r] + fractions[2] * (z1[r] - z0[r]);
+        components[r] += weight * x * y * z;
     }
 }
 
-/// LANES components of a [`RowPairs`]; loops over them vectorise.
-pub(crate) struct RowBlock<'a, T> {
-    lower: [&'a [T; LANES]; 3],
-    upper: [&'a [T; LANES]; 3],
-}
-
-impl<T: Real> RowBlock<'_, T> {
-    /// Component l interpolated on x, y and z.
-    #[inline(always)]
-    pub(crate) fn component(&self, l: usize, fractions: [T; 3]) -> [T; 3] {
-        [0, 1, 2].map(|a| self.lower[a][l] + fractions[a] * (self.upper[a][l] - self.lower[a][l]))
+/// Σ `values`, in four interleaved sums.
+#[inline(always)]
+pub(crate) fn sum<T: Real>(values: &[T]) -> T {
+    let mut sums = [T::zero(); 4];
+    let quads = values.chunks_exact(4);
+    let rest = quads.remainder();
+    for quad in quads {
+        for (sum, &v) in sums.iter_mut().zip(quad) {
+            *sum += v;
+        }
     }
+    rest.iter().fold((sums[0] + sums[1]) + (sums[2] + sums[3]), |sum, &v| sum + v)
 }
 
 /// Squared distances, nearest first, to weights (DESIGN, section 2.4).

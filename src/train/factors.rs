@@ -2,7 +2,8 @@
 //! sample, so its vectors and their gradient stay in cache and have one writer.
 
 use super::chunk::{Chunk, NOT_COLORED};
-use crate::field::{FieldScale, Interpolation, LANES, Real, RowPairs, offset};
+use crate::field::{FieldScale, Interpolation, Real, RowPairs, offset};
+use crate::model::Factors;
 
 /// Where a scale's components lie in a coloured sample's row.
 #[derive(Clone, Copy, Debug)]
@@ -43,13 +44,12 @@ impl<T: Real> TensorGradient<T> {
                 let sample = pair.sample as usize;
                 let at = scale.rows.at(offset(chunk.samples.positions[sample], center));
                 let feature_gradient = pair.weight * chunk.feature_gradients[sample];
-                scale.add(density, &mut self.density, scale.ranks[0], &at, Uniform(feature_gradient));
+                scale.add(density, &mut self.density, scale.ranks[0], &at, |_| feature_gradient);
                 if pair.colored != NOT_COLORED {
                     self.has_appearance = true;
                     let first = pair.colored as usize * scale.components.width + scale.components.first;
                     let gradients = &chunk.component_gradients[first..][..scale.ranks[1]];
-                    let weighted = Weighted { weight: pair.weight, gradients };
-                    scale.add(appearance, &mut self.appearance, scale.ranks[1], &at, weighted);
+                    scale.add(appearance, &mut self.appearance, scale.ranks[1], &at, |r| pair.weight * gradients[r]);
                 }
             }
         }
@@ -68,44 +68,6 @@ pub(super) struct ScaleGeometry<'a, T> {
     pub(super) components: ComponentRange,
 }
 
-/// ∂L/∂(component r of one pair).
-trait ComponentGradient<T> {
-    fn lanes(&self, r: usize) -> [T; LANES];
-    fn one(&self, r: usize) -> T;
-}
-
-/// The same for every component: density.
-struct Uniform<T>(T);
-
-impl<T: Real> ComponentGradient<T> for Uniform<T> {
-    #[inline(always)]
-    fn lanes(&self, _: usize) -> [T; LANES] {
-        [self.0; LANES]
-    }
-    #[inline(always)]
-    fn one(&self, _: usize) -> T {
-        self.0
-    }
-}
-
-/// The sample's gradients times the pair's weight: appearance.
-struct Weighted<'a, T> {
-    weight: T,
-    gradients: &'a [T],
-}
-
-impl<T: Real> ComponentGradient<T> for Weighted<'_, T> {
-    #[inline(always)]
-    fn lanes(&self, r: usize) -> [T; LANES] {
-        let gradients: &[T; LANES] = self.gradients[r..r + LANES].try_into().expect("LANES long");
-        gradients.map(|g| self.weight * g)
-    }
-    #[inline(always)]
-    fn one(&self, r: usize) -> T {
-        self.weight * self.gradients[r]
-    }
-}
-
 impl<'a, T: Real> ScaleGeometry<'a, T> {
     pub(super) fn new(scale: &FieldScale<T>, centers: &'a [[T; 3]], components: ComponentRange) -> Self {
         Self {
@@ -119,6 +81,7 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
     }
 
     /// Adds one pair's gradients: each of x·y·z by the product of the other two, shared between the two vertices.
+    /// `component(r)` is ∂L/∂(component r).
     #[inline(always)]
     fn add(
         &self,
@@ -126,47 +89,31 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
         gradients: &mut [T],
         rank: usize,
         at: &Interpolation<T>,
-        component: impl ComponentGradient<T>,
+        component: impl Fn(usize) -> T,
     ) {
         let rows = RowPairs::new(factors, rank, at);
-        let [_, second, third] = crate::model::Factors::axis_rows(self.resolution);
+        let [_, second, third] = Factors::axis_rows(self.resolution);
         let (x_rows, rest) = gradients.split_at_mut(second * rank);
         let (y_rows, z_rows) = rest.split_at_mut((third - second) * rank);
-        let x_rows = &mut x_rows[at.rows[0] * rank..][..2 * rank];
-        let y_rows = &mut y_rows[(at.rows[1] - second) * rank..][..2 * rank];
-        let z_rows = &mut z_rows[(at.rows[2] - third) * rank..][..2 * rank];
-        let whole = rank / LANES * LANES;
-        for r in (0..whole).step_by(LANES) {
-            let block = rows.block(r);
-            let g = component.lanes(r);
-            let mut products = [[T::zero(); LANES]; 3];
-            for l in 0..LANES {
-                let [x, y, z] = block.component(l, at.fractions);
-                products[0][l] = g[l] * y * z;
-                products[1][l] = g[l] * x * z;
-                products[2][l] = g[l] * x * y;
-            }
-            for (a, axis_rows) in [&mut *x_rows, &mut *y_rows, &mut *z_rows].into_iter().enumerate() {
-                let (lower, upper) = axis_rows.split_at_mut(rank);
-                let lower: &mut [T; LANES] = (&mut lower[r..r + LANES]).try_into().expect("LANES long");
-                let upper: &mut [T; LANES] = (&mut upper[r..r + LANES]).try_into().expect("LANES long");
-                for l in 0..LANES {
-                    let to_upper = at.fractions[a] * products[a][l];
-                    upper[l] += to_upper;
-                    lower[l] += products[a][l] - to_upper;
-                }
-            }
-        }
-        for r in whole..rank {
-            let [x, y, z] = rows.one(r, at.fractions);
-            let g = component.one(r);
-            for (a, (axis_rows, product)) in
-                [(&mut *x_rows, g * y * z), (&mut *y_rows, g * x * z), (&mut *z_rows, g * x * y)].into_iter().enumerate()
-            {
-                let to_upper = at.fractions[a] * product;
-                axis_rows[rank + r] += to_upper;
-                axis_rows[r] += product - to_upper;
-            }
+        let (gx0, gx1) = x_rows[at.rows[0] * rank..][..2 * rank].split_at_mut(rank);
+        let (gy0, gy1) = y_rows[(at.rows[1] - second) * rank..][..2 * rank].split_at_mut(rank);
+        let (gz0, gz1) = z_rows[(at.rows[2] - third) * rank..][..2 * rank].split_at_mut(rank);
+        let [x0, y0, z0] = rows.lower.map(|row| &row[..rank]);
+        let [x1, y1, z1] = rows.upper.map(|row| &row[..rank]);
+        let [fx, fy, fz] = at.fractions;
+        for r in 0..rank {
+            let x = x0[r] + fx * (x1[r] - x0[r]);
+            let y = y0[r] + fy * (y1[r] - y0[r]);
+            let z = z0[r] + fz * (z1[r] - z0[r]);
+            let g = component(r);
+            let (of_x, of_y, of_z) = (g * y * z, g * x * z, g * x * y);
+            let (upper_x, upper_y, upper_z) = (fx * of_x, fy * of_y, fz * of_z);
+            gx1[r] += upper_x;
+            gx0[r] += of_x - upper_x;
+            gy1[r] += upper_y;
+            gy0[r] += of_y - upper_y;
+            gz1[r] += upper_z;
+            gz0[r] += of_z - upper_z;
         }
     }
 }

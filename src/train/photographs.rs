@@ -45,7 +45,7 @@ impl<'a> Photographs<'a> {
             let meets = |column: &u32| {
                 vectorised(
                     #[inline(always)]
-                    || field.meets(&camera.ray(*column, row)),
+                    || field.first_sample(&camera.ray(*column, row)).is_some(),
                 )
             };
             (0..camera.width).filter(meets).map(|column| first + column).collect::<Vec<u32>>()

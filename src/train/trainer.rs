@@ -8,7 +8,7 @@ use super::factors::{ScaleGeometry, TensorGradient};
 use super::{Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample};
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, vectorised};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
@@ -161,8 +161,15 @@ impl<'a> Trainer<'a> {
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let batch = self.config.batch_rays as u64;
         let first = self.progress.step * batch;
-        let (rays, targets): (Vec<_>, Vec<_>) =
-            (first..first + batch).into_par_iter().map(|d| self.photographs.draw(&self.order, d)).unzip();
+        let mut drawn: Vec<_> = (first..first + batch)
+            .into_par_iter()
+            .map(|d| {
+                let (ray, target) = self.photographs.draw(&self.order, d);
+                (place_in_space(&self.field, &ray), ray, target)
+            })
+            .collect();
+        drawn.sort_by_key(|d| d.0);
+        let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|d| (d.1, d.2)).unzip();
         let mean_squared_error = self.backward.loss(&self.field, &rays, &targets);
         self.progress.step += 1;
         if !mean_squared_error.is_finite() {
@@ -269,6 +276,26 @@ impl<'a> Trainer<'a> {
         }
         Ok(())
     }
+}
+
+/// A number (Morton's) that is close for rays that meet the scene close to each other. A batch in this order lets a
+/// chunk's rays share tensors, so that most of what they read is in the cache already.
+fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
+    const BITS: u32 = 10;
+    let size = field.bounds.size();
+    let first = vectorised(
+        #[inline(always)]
+        || field.first_sample(ray),
+    );
+    let Some(position) = first else { return u64::MAX };
+    let mut place = 0;
+    for (a, p) in position.into_iter().enumerate() {
+        let cell = ((f64::from(p) / size[a] + 0.5) * f64::from(1 << BITS)) as u64;
+        for bit in 0..BITS {
+            place |= (cell >> bit & 1) << (3 * bit + a as u32);
+        }
+    }
+    place
 }
 
 /// A scale's vectors and moments cut into tensors.
