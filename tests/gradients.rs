@@ -1,4 +1,5 @@
 //! Every gradient against central differences in f64, on rays far from any decision.
+#![cfg(feature = "toolkit")]
 
 mod scenes;
 
@@ -22,10 +23,10 @@ fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
     let field = Field::<f64>::new(scene);
     let random = Random::new(1, "gradient test rays");
     let rays: Vec<Ray> = (0..200 * count as u64)
-        .map(|i| scenes::camera(64, random.uniform(3 * i) * 6.0).ray_through(
-            64.0 * random.uniform(3 * i + 1),
-            64.0 * random.uniform(3 * i + 2),
-        ))
+        .map(|i| {
+            scenes::camera(64, random.uniform(3 * i) * 6.0)
+                .ray_through(64.0 * random.uniform(3 * i + 1), 64.0 * random.uniform(3 * i + 2))
+        })
         .filter(|ray| {
             let trace = renderer.trace_one(ray);
             trace.margin > MIN_MARGIN && trace.opacity > 0.05 && vertex_distance(scene, &field, ray) > MIN_FRACTION
@@ -74,8 +75,7 @@ fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, R
                 ("density", scale.factors.density_rank as usize, &gradients.density[s]),
                 ("appearance", scale.factors.appearance_rank as usize, &gradients.appearance[s]),
             ] {
-                let places: Vec<usize> =
-                    (0..values.len()).filter(|i| axis_of(i / rank % rows) == axis).collect();
+                let places: Vec<usize> = (0..values.len()).filter(|i| axis_of(i / rank % rows) == axis).collect();
                 let of_axis = places.iter().map(|&i| values[i]).collect();
                 let density = name == "density";
                 let reach: Reach = Box::new(move |field, i| {
@@ -91,9 +91,8 @@ fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, R
     for (part, len) in lens.into_iter().enumerate() {
         let values = gradients.networks[at..at + len].to_vec();
         at += len;
-        let reach: Reach = Box::new(move |field, i| {
-            &mut network_parts(&mut field.decoder).nth(part).expect("the part exists")[i]
-        });
+        let reach: Reach =
+            Box::new(move |field, i| &mut network_parts(&mut field.decoder).nth(part).expect("the part exists")[i]);
         groups.push((format!("network part {part}"), values, reach));
     }
     groups

@@ -10,8 +10,7 @@ use strivec::geometry::{Aabb, Camera, Lattice, Ray, Similarity};
 use strivec::model::{Placement, TensorCloud};
 use strivec::prior::coarse::reconstruct;
 use strivec::prior::{
-    CoarseOptions, Error, ScaleShape, ScaleSummary, VoxelBoxes, canonical_map, place_at, place_on_boxes,
-    place_on_points,
+    CoarseOptions, Error, ScaleShape, VoxelBoxes, canonical_map, place_at, place_on_boxes, place_on_points,
 };
 
 const SOLID: Aabb = Aabb { min: DVec3::new(-0.5, -0.3, -0.2), max: DVec3::new(0.4, 0.4, 0.5) };
@@ -287,17 +286,10 @@ fn world_scale_and_origin_do_not_change_the_placement() {
 }
 
 #[test]
-fn summary_counts_what_a_scale_holds() {
-    let cloud = place_at(&[DVec3::ZERO, DVec3::X], &ScaleShape::cubic(0.4, 0.6, 29)).unwrap();
-    let summary = ScaleSummary::of(&cloud, 32, 48, 27);
-    // 2 tensors · 3 · 30 vertices · 80 components, and 27 · 48 weights.
-    assert_eq!((summary.tensors, summary.parameters, summary.bytes), (2, 14_400 + 1296, 4 * 15_696));
-}
-
-#[test]
 fn lego_is_found_without_a_hole_and_keeps_its_units() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/lego");
     if !folder.is_dir() {
+        assert!(std::env::var_os("CI").is_none(), "{} is absent", folder.display());
         println!("skipped: {} is absent", folder.display());
         return;
     }

@@ -1,13 +1,61 @@
 //! `strivec demo`: the whole way once, on a scene that the command makes itself.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
-use super::{Error, Session};
+use serde::Serialize;
+
+use super::output::{check_outputs, make_folder};
+use super::render::colors;
+use super::train::{encode, train_through};
+use super::{Error, Session, write_atomically};
+use crate::container::FactorEncoding;
+use crate::dataset::{self, LoadOptions, SynthOptions};
+use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side, stacked};
+use crate::render::{CpuRenderer, Renderer};
+use crate::train::TrainConfig;
 
 const EXAMPLES: &str = "\
 Examples:
   strivec demo
   strivec demo --out /tmp/demo --seed 7";
+
+/// A run that two cores finish in about two minutes; tensor cells are about as large as a pixel.
+const SETTINGS: &str = "
+preset = \"24\"
+steps = 1500
+batch_rays = 1024
+upsample_at = [150]
+occupancy_at = [150, 300]
+
+[prior]
+voxels = 500000
+steps = [150, 350]
+seen_weight = 0.01
+
+[[scales]]
+pitch = [0.4, 0.4, 0.4]
+edge = [0.6, 0.6, 0.6]
+resolutions = [[19, 19, 19], [29, 29, 29]]
+density_rank = 24
+appearance_rank = 24
+top_k = 2
+
+[[scales]]
+pitch = [0.2, 0.2, 0.2]
+edge = [0.3, 0.3, 0.3]
+resolutions = [[10, 10, 10], [15, 15, 15]]
+density_rank = 16
+appearance_rank = 24
+top_k = 2
+";
+const TRAINING_VIEWS: u32 = 60;
+const HELD_OUT_VIEWS: u32 = 8;
+const SIZE: u32 = 128;
+/// Held-out views on the picture sheet.
+const ON_SHEET: usize = 3;
+/// The difference that is brightest on the picture sheet.
+const ERROR_FULL: f32 = 0.2;
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -21,8 +69,82 @@ pub(super) struct Args {
     pub(super) seed: u64,
 }
 
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Demo {
+    file: PathBuf,
+    sheet: PathBuf,
+    bytes: u64,
+    parameters: u64,
+    seconds_dataset: f64,
+    seconds_training: f64,
+    #[serde(flatten)]
+    report: measure::Report,
+}
+
 /// Makes, trains and shows the scene.
-pub(super) fn run(args: &Args, _session: &Session) -> Result<(), Error> {
-    let folder = args.out.display();
-    Err(Error::Runtime(format!("{folder}: the demo with seed {} is not built in yet", args.seed)))
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    make_folder(&args.out)?;
+    let [folder, file, sheet] = ["dataset", "demo.strivec", "sheet.png"].map(|name| args.out.join(name));
+    check_outputs(&[file.clone(), sheet.clone()], session.force)?;
+
+    let start = Instant::now();
+    session.console.say("making a dataset");
+    let options = SynthOptions {
+        views: TRAINING_VIEWS,
+        test_views: HELD_OUT_VIEWS,
+        size: [SIZE, SIZE],
+        seed: args.seed,
+        force: session.force,
+    };
+    dataset::synthesise(&folder, &options)?;
+    let seconds_dataset = start.elapsed().as_secs_f64();
+
+    let mut config = TrainConfig::from_toml(SETTINGS).map_err(|e| Error::Runtime(e.to_string()))?;
+    config.seed = args.seed;
+    let load = |split| dataset::load_blender(&folder, split, &LoadOptions::default());
+    let (training, held_out) = (load("train")?, load("test")?);
+    let start = Instant::now();
+    let scene = train_through(config, &training, session)?;
+    let seconds_training = start.elapsed().as_secs_f64();
+    let bytes = encode(&scene, FactorEncoding::F16, &file)?;
+    write_atomically(&file, &bytes, session.force)?;
+
+    let renderer = CpuRenderer::new(&scene);
+    let (mut reports, mut rows) = (Vec::new(), Vec::new());
+    for view in &held_out.views {
+        let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
+        let (size, rendered) = ([picture.width, picture.height], colors(&picture));
+        reports.push(ViewReport::new(&view.name, size, &rendered, &view.pixels)?);
+        if rows.len() < ON_SHEET {
+            let difference = error_map(&rendered, &view.pixels, ERROR_FULL)?;
+            let pictures = [view.pixels.clone(), rendered, difference].map(|colors| Canvas { size, colors });
+            rows.push(side_by_side(&pictures));
+        }
+    }
+    let joined = stacked(&rows);
+    write_atomically(&sheet, &color_png(joined.size, &joined.colors)?, session.force)?;
+    let report = measure::Report::new(reports).ok_or_else(|| Error::Runtime("no held-out views".into()))?;
+    let demo = Demo {
+        file,
+        sheet,
+        bytes: bytes.len() as u64,
+        parameters: scene.parameter_count(),
+        seconds_dataset,
+        seconds_training,
+        report,
+    };
+    session.console.result(&demo, |d| {
+        format!(
+            "{}: {:.2} MB, {:.2} dB on {} held-out views\n{}: photograph, rendering, difference\n\
+             dataset {:.0} s, training {:.0} s",
+            d.file.display(),
+            d.bytes as f64 / 1e6,
+            d.report.psnr,
+            d.report.views.len(),
+            d.sheet.display(),
+            d.seconds_dataset,
+            d.seconds_training,
+        )
+    })
 }

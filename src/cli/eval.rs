@@ -12,7 +12,8 @@ use super::table::Table;
 use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::dataset::{self, LoadOptions, View};
-use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side};
+use crate::measure::{self, Canvas, F32_POSITION_ERROR, ViewReport, color_png, error_map, side_by_side};
+use crate::render::CpuRenderer;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -45,6 +46,9 @@ pub(super) struct Args {
     /// What computes the pictures
     #[arg(long, value_enum, default_value_t)]
     renderer: RendererKind,
+    /// Also compare the fast renderer with the reference on these views, ray by ray (slow)
+    #[arg(long)]
+    parity: bool,
 }
 
 /// The result, as `--json` prints it.
@@ -60,11 +64,13 @@ struct Evaluation<'a> {
     seconds_per_view: f64,
     #[serde(flatten)]
     report: measure::Report,
+    /// The fast renderer against the reference.
+    parity: Option<measure::Parity>,
 }
 
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (scene, bytes) = scene_file::read(&args.file)?;
+    let (scene, bytes) = scene_file::read_to_render(&args.file)?;
     let options = LoadOptions { downscale: args.downscale, background: scene.frame.background };
     let dataset = dataset::load_blender(&args.dataset, &args.split, &options)?;
     let views = args.selection.of(dataset.views)?;
@@ -103,17 +109,37 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let report = measure::Report::new(reports)
         .ok_or_else(|| Error::Malformed(format!("{}: expected views, found none", args.dataset.display())))?;
+    let parity = args.parity.then(|| {
+        session.console.say("comparing with the reference");
+        let cameras: Vec<_> = views.iter().map(|v| v.camera.mapped(&scene.frame.model_from_dataset)).collect();
+        measure::parity(&scene, &CpuRenderer::new(&scene), &cameras, F32_POSITION_ERROR)
+    });
     let evaluation = Evaluation {
         file: &args.file,
-        bytes,
+        bytes: bytes.len() as u64,
         dataset: &dataset.name,
         split: &args.split,
         downscale: args.downscale,
         renderer: args.renderer,
         seconds_per_view,
         report,
+        parity,
     };
-    session.console.result(&evaluation, |evaluation| text(&evaluation.report))
+    session.console.result(&evaluation, |e| text(&e.report) + &e.parity.map_or_else(String::new, parity_text))
+}
+
+fn parity_text(parity: measure::Parity) -> String {
+    format!(
+        "fast against reference: {} clear rays, largest difference {:.2e}; {} rays ({:.2} %) near a decision: \
+         median {:.1e}, 99.9 % {:.1e}, largest {:.1e}",
+        parity.clear_rays,
+        parity.clear_maximum,
+        parity.near_rays,
+        100.0 * parity.near_share(),
+        parity.near_median,
+        parity.near_999,
+        parity.near_maximum
+    )
 }
 
 fn text(report: &measure::Report) -> String {

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::scale_table::ScaleRow;
-use super::table::grouped;
+use super::table::{Table, grouped};
 use super::{Error, Session, scale_table, scene_file};
+use crate::container::{self, Contents};
 use crate::model::{Coverage, DecoderMode, Scene};
 
 const EXAMPLES: &str = "\
@@ -49,17 +50,20 @@ struct Info {
     steps: u64,
     seed: u64,
     tool: String,
+    /// What the file holds, and how many bytes each takes.
+    sections: Vec<(String, u64)>,
 }
 
 /// Prints what the file holds.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene, bytes) = scene_file::read(&args.file)?;
-    let info = Info::new(args.file.clone(), bytes, &scene);
+    let contents = container::sections(&bytes).map_err(Error::malformed(&args.file))?;
+    let info = Info::new(args.file.clone(), bytes.len() as u64, &scene, &contents);
     session.console.result(&info, Info::text)
 }
 
 impl Info {
-    fn new(file: PathBuf, bytes: u64, scene: &Scene) -> Self {
+    fn new(file: PathBuf, bytes: u64, scene: &Scene, contents: &Contents) -> Self {
         let provenance = scene.provenance.clone();
         Self {
             file,
@@ -86,6 +90,7 @@ impl Info {
             steps: provenance.steps,
             seed: provenance.seed,
             tool: provenance.tool,
+            sections: contents.sections.iter().map(|s| (s.to_string(), s.length)).collect(),
         }
     }
 
@@ -109,6 +114,10 @@ impl Info {
             ("parameters", grouped(self.parameters)),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
-        format!("{head}\n{}", scale_table::text(&self.scales))
+        let mut sections = Table::new(["section", "bytes"]);
+        for (name, bytes) in &self.sections {
+            sections.row([name.clone(), grouped(*bytes)]);
+        }
+        format!("{head}\n{}\n{}", scale_table::text(&self.scales), sections.text())
     }
 }

@@ -4,15 +4,20 @@ use std::fs;
 use std::path::Path;
 
 use super::Error;
+use crate::container;
 use crate::model::Scene;
+use crate::render;
 
-/// The scene in the file `path`, and the file's size in bytes.
-pub(super) fn read(path: &Path) -> Result<(Scene, u64), Error> {
+/// The scene in the file `path`, and the file's bytes.
+pub(super) fn read(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
     let bytes = fs::read(path).map_err(Error::io("read", path))?;
-    let scene = decode(&bytes).map_err(Error::malformed(path))?;
-    Ok((scene, bytes.len() as u64))
+    let scene = container::decode(&bytes).map_err(Error::malformed(path))?;
+    Ok((scene, bytes))
 }
 
-fn decode(_bytes: &[u8]) -> Result<Scene, String> {
-    Err("reading scene files is not built in yet".into())
+/// As [`read`], for scenes that are to be rendered.
+pub(super) fn read_to_render(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
+    let (scene, bytes) = read(path)?;
+    render::check_supported(&scene).map_err(Error::malformed(path))?;
+    Ok((scene, bytes))
 }

@@ -297,21 +297,16 @@ fn begin<'a>(
 }
 
 /// The bytes of `scene`'s file.
-fn encode(scene: &Scene, factors: FactorEncoding, path: &Path) -> Result<Vec<u8>, Error> {
+pub(super) fn encode(scene: &Scene, factors: FactorEncoding, path: &Path) -> Result<Vec<u8>, Error> {
     let options = EncodeOptions { factors, ..EncodeOptions::default() };
     container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
 }
 
 /// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints.
-pub(super) fn train_quietly<'a>(
-    config: TrainConfig,
-    dataset: &'a Dataset,
-    session: &Session,
-) -> Result<Trainer<'a>, Error> {
+pub(super) fn train_through(config: TrainConfig, dataset: &Dataset, session: &Session) -> Result<Scene, Error> {
     let interrupted = interrupts()?;
     let mut trainer = begin(config, dataset, &interrupted, session)?;
-    let meter = Meter::start(&session.console, &trainer);
-    let mut meter = meter;
+    let mut meter = Meter::start(&session.console, &trainer);
     while trainer.steps_done() < trainer.config().steps {
         if interrupted.load(Ordering::SeqCst) {
             return Err(Error::Runtime("interrupted".into()));
@@ -320,7 +315,7 @@ pub(super) fn train_quietly<'a>(
         meter.add(&report, &trainer);
     }
     meter.finish();
-    Ok(trainer)
+    Ok(trainer.scene())
 }
 
 /// Progress of the steps on the console.

@@ -17,9 +17,9 @@ pub use index::CellIndex;
 pub use march::{Locator, Pair, Samples};
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
+use scale::sum;
 pub use scale::{FieldScale, Nearest, TensorRows};
 pub(crate) use scale::{Interpolation, RowPairs, offset};
-use scale::sum;
 
 use glam::DVec3;
 

@@ -6,6 +6,7 @@
 
 mod error;
 mod error_map;
+mod parity;
 mod png;
 mod psnr;
 mod report;
@@ -14,6 +15,7 @@ mod ssim;
 
 pub use error::Error;
 pub use error_map::error_map;
+pub use parity::{F32_POSITION_ERROR, Parity, parity};
 pub use png::{color_png, depth_png, opacity_png};
 pub use psnr::{mse, psnr, psnr_of_mse};
 pub use report::{Report, ViewReport};

@@ -70,6 +70,9 @@ impl Decoder {
         for (i, layer) in self.layers.iter().enumerate() {
             let place = |what: &str| format!("decoder layer {i} {what}");
             BrokenInvariant::unless_equal(|| place("inputs"), width, layer.inputs)?;
+            if layer.outputs == 0 {
+                return Err(BrokenInvariant::new(place("outputs"), "at least 1", 0));
+            }
             let weights = u64::from(layer.inputs) * u64::from(layer.outputs);
             BrokenInvariant::unless_equal(|| place("weights"), weights, layer.weights.len() as u64)?;
             BrokenInvariant::unless_equal(|| place("bias"), layer.outputs as usize, layer.bias.len())?;

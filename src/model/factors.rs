@@ -54,6 +54,9 @@ impl Factors {
         for (name, rank, values) in
             [("density", self.density_rank, &self.density), ("appearance", self.appearance_rank, &self.appearance)]
         {
+            if rank == 0 {
+                return Err(BrokenInvariant::new(format!("{place} {name} rank"), "at least 1", rank));
+            }
             BrokenInvariant::unless_equal(|| format!("{place} {name} factors"), expected(rank), values.len() as u128)?;
             BrokenInvariant::unless_finite(|| format!("{place} {name} factors"), values)?;
         }

@@ -69,7 +69,7 @@ pub struct ReferenceField<'a> {
     buckets: Vec<Buckets>,
 }
 
-/// The tensors of a scale by the cells, one edge length wide, that they reach (and reach within the margin horizon).
+/// The tensors of a scale by the cells, a little over one edge length wide, that they reach within the margin horizon.
 struct Buckets {
     width: DVec3,
     tensors: HashMap<IVec3, Vec<usize>>,
@@ -77,7 +77,7 @@ struct Buckets {
 
 impl Buckets {
     fn new(scale: &Scale) -> Self {
-        let width = 2.0 * scale.cloud.half;
+        let width = 2.0 * scale.cloud.half + 4.0 * MARGIN_HORIZON;
         let mut tensors = HashMap::<IVec3, Vec<usize>>::new();
         for (n, center) in scale.cloud.centers().enumerate() {
             let reach = scale.cloud.half + 2.0 * MARGIN_HORIZON;

@@ -5,6 +5,9 @@ use std::fmt::Display;
 use super::{Decoder, Frame, Occupancy, Provenance, Rules, Scale};
 use crate::geometry::Aabb;
 
+/// Samples that a ray may take at most: a step out of all proportion to the bounds would never end.
+const MAX_SAMPLES: f64 = 1_048_576.0;
+
 /// A trained scene, frozen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -80,6 +83,14 @@ impl Scene {
             return Err(BrokenInvariant::new("bounds", "a finite box of positive size", found));
         }
         self.rules.check()?;
+        let samples = self.bounds.size().length() / self.rules.step;
+        if samples > MAX_SAMPLES {
+            return Err(BrokenInvariant::new(
+                "rules step",
+                format!("at most {MAX_SAMPLES} steps across the bounds"),
+                samples,
+            ));
+        }
         if self.scales.is_empty() {
             return Err(BrokenInvariant::new("scales", "at least one", "none"));
         }

@@ -10,7 +10,6 @@ mod canonical;
 pub mod coarse;
 mod error;
 pub mod placement;
-mod scale_summary;
 mod voxel_boxes;
 
 pub use bounds::{CameraBounds, frusta_box};
@@ -18,5 +17,4 @@ pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
 pub use error::Error;
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
-pub use scale_summary::ScaleSummary;
 pub use voxel_boxes::VoxelBoxes;

@@ -17,7 +17,12 @@ pub struct CpuRenderer<T = f32> {
 
 impl CpuRenderer<f32> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
+    ///
+    /// # Panics
+    ///
+    /// Where [`super::check_supported`] fails.
     pub fn new(scene: &Scene) -> Self {
+        super::insist_on_support(scene);
         Self { field: Field::new(scene) }
     }
 }

@@ -27,7 +27,12 @@ pub struct ReferenceRenderer<'a> {
 
 impl<'a> ReferenceRenderer<'a> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
+    ///
+    /// # Panics
+    ///
+    /// Where [`super::check_supported`] fails.
     pub fn new(scene: &'a Scene) -> Self {
+        super::insist_on_support(scene);
         Self { field: ReferenceField::new(scene) }
     }
 
@@ -55,21 +60,14 @@ impl<'a> ReferenceRenderer<'a> {
                 let position = ray.at(t);
                 let (occupied, occupancy_margin) = self.field.occupied(position);
                 let point = self.field.locate(position);
-                // Where one of the two conditions fails for certain, the other does not matter.
-                if !occupied && (!point.covered || occupancy_margin > point.margin) {
-                    margin =
-                        margin.min(if point.covered { occupancy_margin } else { occupancy_margin.max(point.margin) });
+                // A sample counts where both hold: one that fails is out until the last that fails is reached.
+                let failing = [(occupied, occupancy_margin), (point.covered, point.margin)];
+                let failing = failing.into_iter().filter(|(holds, _)| !holds).map(|(_, margin)| margin);
+                if let Some(outside) = failing.reduce(f64::max) {
+                    margin = margin.min(outside);
                     continue;
                 }
-                if !point.covered {
-                    margin = margin.min(if occupied { point.margin } else { occupancy_margin.max(point.margin) });
-                    continue;
-                }
-                margin = margin.min(occupancy_margin);
-                if !occupied {
-                    continue;
-                }
-                margin = margin.min(point.margin);
+                margin = margin.min(occupancy_margin).min(point.margin);
 
                 let density = self.field.density_feature(&point);
                 let depth = rules.optical_depth(self.field.density(density.feature));

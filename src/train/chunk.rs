@@ -187,12 +187,7 @@ impl<T: Real> Chunk<T> {
         encode_backward(field, activations, output_gradients, encoded_direction_at);
         let feature_gradients = Matrix::new(output_gradients, n, decoder.features, encoded_direction_at);
         multiply(
-            MatrixMut::new(
-                &mut self.network_gradients[..layout.appearance],
-                decoder.features,
-                components,
-                components,
-            ),
+            MatrixMut::new(&mut self.network_gradients[..layout.appearance], decoder.features, components, components),
             feature_gradients.transposed(),
             Matrix::new(&activations.components, n, components, components),
             false,

@@ -98,22 +98,53 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
         let (gx0, gx1) = x_rows[at.rows[0] * rank..][..2 * rank].split_at_mut(rank);
         let (gy0, gy1) = y_rows[(at.rows[1] - second) * rank..][..2 * rank].split_at_mut(rank);
         let (gz0, gz1) = z_rows[(at.rows[2] - third) * rank..][..2 * rank].split_at_mut(rank);
-        let [x0, y0, z0] = rows.lower.map(|row| &row[..rank]);
-        let [x1, y1, z1] = rows.upper.map(|row| &row[..rank]);
         let [fx, fy, fz] = at.fractions;
-        for r in 0..rank {
-            let x = x0[r] + fx * (x1[r] - x0[r]);
-            let y = y0[r] + fy * (y1[r] - y0[r]);
-            let z = z0[r] + fz * (z1[r] - z0[r]);
-            let g = component(r);
-            let (of_x, of_y, of_z) = (g * y * z, g * x * z, g * x * y);
-            let (upper_x, upper_y, upper_z) = (fx * of_x, fy * of_y, fz * of_z);
-            gx1[r] += upper_x;
-            gx0[r] += of_x - upper_x;
-            gy1[r] += upper_y;
-            gy0[r] += of_y - upper_y;
-            gz1[r] += upper_z;
-            gz0[r] += of_z - upper_z;
+        let mut r = 0;
+        // Blocks of one vector register, values apart from sums: this form vectorises without checks for overlap.
+        while r + LANES <= rank {
+            let [x, y, z] = [0, 1, 2].map(|a| {
+                let (lower, upper) = (lanes(&rows.lower[a][r..]), lanes(&rows.upper[a][r..]));
+                std::array::from_fn::<T, LANES, _>(|l| lower[l] + at.fractions[a] * (upper[l] - lower[l]))
+            });
+            let g: [T; LANES] = std::array::from_fn(|l| component(r + l));
+            add_lanes(&mut gx0[r..], &mut gx1[r..], fx, std::array::from_fn(|l| g[l] * y[l] * z[l]));
+            add_lanes(&mut gy0[r..], &mut gy1[r..], fy, std::array::from_fn(|l| g[l] * x[l] * z[l]));
+            add_lanes(&mut gz0[r..], &mut gz1[r..], fz, std::array::from_fn(|l| g[l] * x[l] * y[l]));
+            r += LANES;
         }
+        for r in r..rank {
+            let [x, y, z] =
+                [0, 1, 2].map(|a| rows.lower[a][r] + at.fractions[a] * (rows.upper[a][r] - rows.lower[a][r]));
+            let g = component(r);
+            for (lower, upper, fraction, product) in [
+                (&mut gx0[r], &mut gx1[r], fx, g * y * z),
+                (&mut gy0[r], &mut gy1[r], fy, g * x * z),
+                (&mut gz0[r], &mut gz1[r], fz, g * x * y),
+            ] {
+                let to_upper = fraction * product;
+                *upper += to_upper;
+                *lower += product - to_upper;
+            }
+        }
+    }
+}
+
+/// Components that the gradient's kernel handles at once.
+const LANES: usize = 8;
+
+#[inline(always)]
+fn lanes<T>(values: &[T]) -> &[T; LANES] {
+    values[..LANES].try_into().expect("LANES long")
+}
+
+/// Shares `product` between the lower and the upper vertex's gradients.
+#[inline(always)]
+fn add_lanes<T: Real>(lower: &mut [T], upper: &mut [T], fraction: T, product: [T; LANES]) {
+    let lower: &mut [T; LANES] = (&mut lower[..LANES]).try_into().expect("LANES long");
+    let upper: &mut [T; LANES] = (&mut upper[..LANES]).try_into().expect("LANES long");
+    for l in 0..LANES {
+        let to_upper = fraction * product[l];
+        upper[l] += to_upper;
+        lower[l] += product[l] - to_upper;
     }
 }

@@ -141,9 +141,8 @@ impl Progress {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
         let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
         let metadata = header.metadata().clone().unwrap_or_default();
-        let text = |key: &str| {
-            metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "a value", "nothing"))
-        };
+        let text =
+            |key: &str| metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "a value", "nothing"));
         fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, ProgressError> {
             text.parse().map_err(|_| malformed(&format!("metadata {key}"), "a number", text))
         }
@@ -174,7 +173,9 @@ impl Progress {
             Ok(moments)
         };
         let config = TrainConfig::from_toml(text("config")?)?;
-        let of_scales = |name: &str| (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>();
+        let of_scales = |name: &str| {
+            (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
+        };
         let progress = Self {
             step: number("step", text("step")?)?,
             restarted_at: number("restarted_at", text("restarted_at")?)?,

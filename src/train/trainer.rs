@@ -5,7 +5,9 @@ use rayon::prelude::*;
 use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::factors::{ScaleGeometry, TensorGradient};
-use super::{Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample};
+use super::{
+    Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
+};
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, vectorised};
 use crate::geometry::{Aabb, Ray};
@@ -45,9 +47,6 @@ pub enum TrainError {
     /// No pixel's ray passes through the model.
     #[error("photographs: expected rays that meet the model, found none of {0} (does the prior belong to them?)")]
     NoRays(u64),
-    /// Nothing is left.
-    #[error("occupancy at step {0}: expected something dense, found an empty model")]
-    Empty(u64),
     /// The loss is no number any more.
     #[error("step {0}: expected a finite loss, found {1} (try a smaller learning rate)")]
     Diverged(u64, f64),
@@ -157,7 +156,7 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     ///
-    /// Where the loss is not finite or the occupancy comes out empty.
+    /// Where the loss is not finite.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let batch = self.config.batch_rays as u64;
         let first = self.progress.step * batch;
@@ -186,7 +185,7 @@ impl<'a> Trainer<'a> {
             samples: count(crate::field::Samples::len),
             colored: count(|s| s.colored.len()),
         };
-        self.follow_schedule()?;
+        self.follow_schedule();
         Ok(report)
     }
 
@@ -245,19 +244,19 @@ impl<'a> Trainer<'a> {
     }
 
     /// Occupancy, bounds and resolution (DESIGN, section 2: Training).
-    fn follow_schedule(&mut self) -> Result<(), TrainError> {
+    fn follow_schedule(&mut self) {
         let step = self.progress.step;
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
             let dense = Aabb::of_points(occupancy.iter().map(|v| occupancy.position(v)));
-            if !dense.is_solid() {
-                return Err(TrainError::Empty(step));
+            // Very short runs have nothing dense yet: they go on without.
+            if dense.is_solid() {
+                if which == 0 {
+                    self.scene.bounds = dense;
+                }
+                self.scene.occupancy = Some(occupancy);
+                self.field = Field::new(&self.scene());
             }
-            if which == 0 {
-                self.scene.bounds = dense;
-            }
-            self.scene.occupancy = Some(occupancy);
-            self.field = Field::new(&self.scene());
         }
         let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
         if self.config.upsample_at.contains(&step) {
@@ -274,7 +273,6 @@ impl<'a> Trainer<'a> {
             self.field.rules.step = self.scene.rules.step;
             self.progress.restart(&self.field);
         }
-        Ok(())
     }
 }
 

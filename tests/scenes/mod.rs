@@ -1,4 +1,5 @@
 //! Small random scenes for tests: every rule in use, anisotropic tensors, partly opaque.
+#![allow(dead_code, reason = "each test uses a part")]
 
 use glam::{DVec3, UVec3};
 use strivec::geometry::{Camera, Lattice, Similarity};

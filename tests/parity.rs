@@ -1,0 +1,140 @@
+//! The fast renderer against the reference, on whole pictures.
+#![cfg(feature = "toolkit")]
+
+mod scenes;
+
+use glam::{DVec3, UVec3};
+use strivec::field::Field;
+use strivec::geometry::{Aabb, Camera};
+use strivec::measure::{F32_POSITION_ERROR, parity};
+use strivec::model::{MARGIN_HORIZON, Occupancy, ReferenceField, Scene};
+use strivec::random::Random;
+use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
+use strivec::train::TrainConfig;
+
+/// Every combination of rules, with an occupancy that cuts through the model.
+fn cases() -> Vec<(String, Scene)> {
+    let mut cases = Vec::new();
+    for bits in 0..16 {
+        let mut config = scenes::config();
+        config.field.coverage_all = bits & 1 == 0;
+        config.field.normalised = bits & 2 == 0;
+        config.field.density_mean = bits & 4 != 0;
+        config.field.appearance_mean = bits & 8 != 0;
+        config.factor_deviation = 0.8;
+        let mut scene = scenes::scene(&config);
+        scene.occupancy = Some(sliced(scene.bounds));
+        scene.check().unwrap();
+        cases.push((format!("{:?}", config.field), scene));
+    }
+    cases
+}
+
+fn sliced(bounds: Aabb) -> Occupancy {
+    let mut occupancy = Occupancy::empty(bounds, UVec3::new(20, 21, 19));
+    for z in 0..19 {
+        for y in 0..21 {
+            for x in (0..20).filter(|x| (x + y + z) % 7 < 5) {
+                occupancy.set(UVec3::new(x, y, z));
+            }
+        }
+    }
+    occupancy
+}
+
+fn cameras() -> [Camera; 2] {
+    [scenes::camera(32, 0.4), scenes::camera(32, 2.9)]
+}
+
+#[test]
+fn single_precision_follows_the_reference_under_every_rule_and_a_planted_difference_shows() {
+    for (name, scene) in cases() {
+        let found = parity(&scene, &CpuRenderer::new(&scene), &cameras(), F32_POSITION_ERROR);
+        println!("{name}: {found:?}, near {:.2} %", 100.0 * found.near_share());
+        assert!(found.clear_rays > 1500 && found.near_share() < 0.1, "{name}: {found:?}");
+        assert!(found.clear_maximum < 2e-4, "{name}: {found:?}");
+        assert!(found.near_999 < 1e-2, "{name}: {found:?}");
+
+        let mut planted = scene.clone();
+        planted.decoder.layers[0].bias[0] += 0.02;
+        let changed = parity(&scene, &CpuRenderer::new(&planted), &cameras(), F32_POSITION_ERROR);
+        assert!(changed.clear_maximum > 2e-4, "{name}: a planted difference goes unnoticed: {changed:?}");
+    }
+}
+
+#[test]
+fn the_fast_field_in_double_precision_is_the_reference_to_rounding() {
+    for (name, scene) in cases() {
+        let found = parity(&scene, &CpuRenderer::of_field(Field::<f64>::new(&scene)), &cameras(), 1e-12);
+        // Pixels are f32.
+        assert!(found.clear_maximum < 1e-7, "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn opacity_and_depth_agree_too() {
+    let scene = scenes::scene(&scenes::config());
+    let camera = scenes::camera(32, 1.0);
+    let fast = CpuRenderer::new(&scene).render(&camera);
+    let exact = ReferenceRenderer::new(&scene).render(&camera);
+    let far = fast
+        .pixels
+        .iter()
+        .zip(&exact.pixels)
+        .filter(|(f, e)| (f.opacity - e.opacity).abs() > 1e-3 || (f.depth - e.depth).abs() > 1e-2);
+    assert!(far.count() < 20);
+    assert!(exact.pixels.iter().any(|p| p.opacity > 0.3 && p.depth > 2.0 && p.depth < 4.0));
+}
+
+/// The decision margin is what it says: within it nothing jumps, and just past a face something does.
+#[test]
+fn margins_are_distances_to_the_next_jump() {
+    let scene = scenes::scene(&TrainConfig { seed: 3, ..scenes::config() });
+    let field = ReferenceField::new(&scene);
+    let random = Random::new(8, "margins");
+    let mut jumps = 0;
+    for i in 0..4000 {
+        let position = DVec3::from_array([0, 1, 2].map(|a| 1.6 * random.uniform(8 * i + a) - 0.8));
+        let here = field.locate(position);
+        let tensors = |p: &strivec::model::Point| -> Vec<Vec<usize>> {
+            p.neighbours
+                .iter()
+                .map(|n| {
+                    let mut t: Vec<_> = n.iter().map(|n| n.tensor).collect();
+                    t.sort();
+                    t
+                })
+                .collect()
+        };
+        let moved = |length: f64| {
+            let step = DVec3::from_array(
+                [0, 1, 2].map(|a| if random.uniform(8 * i + 3 + a) < 0.5 { -length } else { length }),
+            );
+            field.locate(position + step)
+        };
+        assert_eq!(tensors(&here), tensors(&moved(0.99 * here.margin)), "inside the margin of {position}");
+        if here.margin < MARGIN_HORIZON {
+            jumps += usize::from(tensors(&here) != tensors(&moved(1.01 * here.margin)));
+        }
+    }
+    assert!(jumps > 20, "{jumps} jumps just past the margin");
+}
+
+#[test]
+fn buckets_find_what_a_search_through_all_tensors_finds() {
+    let scene = scenes::scene(&scenes::config());
+    let field = ReferenceField::new(&scene);
+    let random = Random::new(9, "search");
+    for i in 0..2000 {
+        let position = DVec3::from_array([0, 1, 2].map(|a| 2.4 * random.uniform(3 * i + a) - 1.2));
+        for (scale, found) in scene.scales.iter().zip(&field.locate(position).neighbours) {
+            let mut all: Vec<(f64, usize)> = (scale.cloud.centers().enumerate())
+                .filter(|(_, c)| (position - *c).abs().cmple(scale.cloud.half).all())
+                .map(|(n, c)| ((position - c).length(), n))
+                .collect();
+            all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            all.truncate(scale.top_k as usize);
+            assert_eq!(all.iter().map(|a| a.1).collect::<Vec<_>>(), found.iter().map(|n| n.tensor).collect::<Vec<_>>());
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Training as a whole: it learns, and its results do not depend on threads or interruptions.
+#![cfg(feature = "toolkit")]
+
+mod scenes;
+
+use strivec::container::{self, EncodeOptions, FactorEncoding};
+use strivec::dataset::View;
+use strivec::measure::psnr_of_mse;
+use strivec::model::Scene;
+use strivec::render::{CpuRenderer, Renderer};
+use strivec::train::{Progress, TrainConfig, Trainer};
+
+/// Views of a scene of random tensors.
+fn views() -> Vec<View> {
+    let mut config = scenes::config();
+    config.seed = 77;
+    let scene = scenes::scene(&config);
+    let renderer = CpuRenderer::new(&scene);
+    (0..8)
+        .map(|i| {
+            let camera = scenes::camera(24, f64::from(i));
+            let pixels = renderer.render(&camera).pixels.iter().map(|p| p.color).collect();
+            View { name: i.to_string(), camera, pixels }
+        })
+        .collect()
+}
+
+/// A schedule in which everything happens: two occupancies (the first shrinks the bounds), two upsamplings.
+fn config() -> TrainConfig {
+    let mut config = scenes::config();
+    config.steps = 24;
+    config.batch_rays = 200;
+    config.occupancy_at = vec![8, 16];
+    config.upsample_at = vec![8, 12];
+    for scale in &mut config.scales {
+        let [first] = scale.resolutions[..] else { panic!("one resolution") };
+        scale.resolutions = vec![first, first.map(|d| d + 1), first.map(|d| 2 * d)];
+    }
+    config
+}
+
+/// The file of `scene`, exactly.
+fn file(scene: &Scene) -> Vec<u8> {
+    container::encode(scene, &EncodeOptions { factors: FactorEncoding::F32, zstd_level: 1 }).unwrap()
+}
+
+fn trainer(views: &[View]) -> Trainer<'_> {
+    let config = config();
+    let scene = scenes::scene(&config);
+    Trainer::new(config, scene, views).unwrap()
+}
+
+fn run_to(trainer: &mut Trainer<'_>, step: u64) {
+    while trainer.steps_done() < step {
+        trainer.step().unwrap();
+    }
+}
+
+#[test]
+fn one_two_and_three_threads_make_the_same_file() {
+    let views = views();
+    let files: Vec<Vec<u8>> = [1, 2, 3]
+        .into_iter()
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut trainer = trainer(&views);
+                run_to(&mut trainer, config().steps);
+                file(&trainer.scene())
+            })
+        })
+        .collect();
+    assert!(files[0] == files[1] && files[0] == files[2]);
+
+    let mut shorter = trainer(&views);
+    run_to(&mut shorter, config().steps - 1);
+    assert!(files[0] != file(&shorter.scene()), "the comparison sees one step's difference");
+}
+
+#[test]
+fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
+    let views = views();
+    let mut whole = trainer(&views);
+    run_to(&mut whole, config().steps);
+    assert!(whole.scene().occupancy.is_some(), "the occupancy is part of what must survive");
+    for stop in [1, 8, 11, 16, 20] {
+        let mut first = trainer(&views);
+        run_to(&mut first, stop);
+        let state = first.progress().to_bytes(&file(&first.scene()));
+        drop(first);
+        let (progress, scene) = Progress::from_bytes(&state).unwrap();
+        let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+        assert_eq!(second.steps_done(), stop);
+        run_to(&mut second, config().steps);
+        assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
+    }
+}
+
+#[test]
+fn a_damaged_state_and_other_photographs_are_named() {
+    let mut views = views();
+    let mut trainer = trainer(&views);
+    run_to(&mut trainer, 2);
+    let scene = trainer.scene();
+    let state = trainer.progress().to_bytes(&file(&scene));
+    let (progress, _) = Progress::from_bytes(&state).unwrap();
+    for at in (8..state.len()).step_by(state.len() / 50) {
+        let mut damaged = state.clone();
+        damaged[at] ^= 0x10;
+        let changed = Progress::from_bytes(&damaged).is_ok_and(|(p, _)| p == progress && at > state.len() / 2);
+        assert!(!changed, "a flipped bit at {at} goes unnoticed");
+        assert!(Progress::from_bytes(&state[..at]).is_err(), "cut at {at}");
+    }
+    views[0].pixels[0][0] += 0.5;
+    let error = Trainer::resume(progress, scene, &views).unwrap_err().to_string();
+    assert!(error.contains("photographs"), "{error}");
+}
+
+#[test]
+fn the_error_falls() {
+    let views = views();
+    let mut config = config();
+    config.steps = 300;
+    config.upsample_at = vec![20, 40];
+    config.occupancy_at = vec![30, 60];
+    let scene = scenes::scene(&config);
+    let mut trainer = Trainer::new(config, scene, &views).unwrap();
+    let errors: Vec<f64> = (0..300).map(|_| trainer.step().unwrap().mean_squared_error).collect();
+    let psnr = |part: &[f64]| psnr_of_mse(part.iter().sum::<f64>() / part.len() as f64);
+    let (before, after) = (psnr(&errors[..10]), psnr(&errors[290..]));
+    println!("{before:.2} dB to {after:.2} dB");
+    assert!(after > before + 6.0, "{before:.2} dB to {after:.2} dB");
+}

@@ -1,0 +1,121 @@
+//! Photographs in, a file and pictures out: the commands one after another, on a tiny synthetic scene.
+#![cfg(feature = "cli")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// Small enough for seconds; the prior sees 32×32 pictures.
+const SETTINGS: &str = "
+preset = \"fast\"
+batch_rays = 256
+upsample_at = [40]
+occupancy_at = [40, 80]
+steps = 120
+[prior]
+voxels = 60000
+steps = [100, 150]
+rays = 1024
+[[scales]]
+pitch = [0.4, 0.4, 0.4]
+edge = [0.6, 0.6, 0.6]
+resolutions = [[7, 7, 7], [10, 10, 10]]
+density_rank = 8
+appearance_rank = 8
+top_k = 2
+";
+
+fn strivec(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_strivec")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+/// Standard output of a command that must succeed.
+fn run(folder: &Path, arguments: &[&str]) -> String {
+    let output = strivec(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+    serde_json::from_str(&run(folder, &[arguments, &["--json", "--quiet"]].concat())).unwrap()
+}
+
+#[test]
+fn synth_train_info_render_and_eval_agree_with_each_other() {
+    let temporary = TempDir::new().unwrap();
+    let folder = temporary.path();
+    fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
+    run(folder, &["synth", "data", "--views", "20", "--test-views", "4", "--size", "32x32", "--seed", "3"]);
+    let train = ["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--log", "a.csv", "--eval-every", "60"];
+    let trained = json(folder, &train);
+    assert_eq!(trained["steps"], 120);
+    assert!(fs::read_to_string(folder.join("a.csv")).unwrap().lines().count() == 3, "a head and two rows");
+    assert!(!folder.join("a.strivec.state").exists(), "a finished run leaves no state");
+
+    // The file depends on no thread count, and is not overwritten unasked.
+    let again = ["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--threads", "1", "--quiet"];
+    run(folder, &again);
+    assert!(fs::read(folder.join("a.strivec")).unwrap() == fs::read(folder.join("b.strivec")).unwrap());
+    assert_eq!(strivec(folder, &again).status.code(), Some(1));
+
+    let info = run(folder, &["info", "a.strivec"]);
+    assert!(info.contains("lattice") && info.contains("10"), "{info}");
+
+    // It learned something, on views that it did not see.
+    let evaluation = json(folder, &["eval", "a.strivec", "data", "--split", "test"]);
+    let psnr = evaluation["psnr"].as_f64().unwrap();
+    assert!(psnr > 17.0, "{psnr} dB");
+
+    // Pictures that are rendered to files are those that are evaluated, to the rounding of 8 bits (58.9 dB): the
+    // renderings, laid out as a dataset of their own, are what the scene looks like.
+    fs::create_dir(folder.join("copy")).unwrap();
+    fs::copy(folder.join("data/transforms_test.json"), folder.join("copy/transforms_test.json")).unwrap();
+    run(folder, &["render", "a.strivec", "--cameras", "data/transforms_test.json", "--out", "copy/test", "--depth"]);
+    let copied = json(folder, &["eval", "a.strivec", "copy", "--split", "test", "--renderer", "reference"]);
+    let psnr = copied["psnr"].as_f64().unwrap();
+    assert!((57.0..61.0).contains(&psnr), "{psnr} dB");
+}
+
+#[test]
+fn an_interrupted_training_goes_on_to_the_same_file() {
+    let temporary = TempDir::new().unwrap();
+    let folder = temporary.path();
+    fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
+    run(folder, &["synth", "data", "--views", "12", "--test-views", "2", "--size", "24x24", "--seed", "4"]);
+    run(folder, &["train", "data", "-o", "whole.strivec", "--config", "tiny.toml", "--quiet"]);
+
+    let arguments = ["train", "data", "-o", "cut.strivec", "--config", "tiny.toml", "--checkpoint-every", "10"];
+    let mut child =
+        Command::new(env!("CARGO_BIN_EXE_strivec")).current_dir(folder).args(arguments).arg("--quiet").spawn().unwrap();
+    let state = folder.join("cut.strivec.state");
+    while !state.exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = child.try_wait().unwrap().is_none();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(killed && !folder.join("cut.strivec").exists(), "the run was cut short");
+
+    let other = strivec(folder, &["train", "data", "-o", "cut.strivec", "--resume", "--seed", "9"]);
+    assert_eq!(other.status.code(), Some(1), "a resumed run has its settings already");
+    run(folder, &["train", "data", "-o", "cut.strivec", "--resume", "--quiet"]);
+    assert!(fs::read(folder.join("whole.strivec")).unwrap() == fs::read(folder.join("cut.strivec")).unwrap());
+    assert!(!state.exists());
+}
+
+#[test]
+fn a_dataset_without_anything_in_it_is_named() {
+    let temporary = TempDir::new().unwrap();
+    let folder = temporary.path();
+    run(folder, &["synth", "data", "--views", "6", "--test-views", "1", "--size", "16x16", "--seed", "5"]);
+    for entry in fs::read_dir(folder.join("data/train")).unwrap() {
+        image::RgbaImage::new(16, 16).save(entry.unwrap().path()).unwrap();
+    }
+    fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
+    let output = strivec(folder, &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet"]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{message}");
+    assert!(message.contains("empty") && message.lines().count() == 1, "{message}");
+}
