@@ -150,7 +150,7 @@ fn one_view_or_parallel_views_still_reconstruct_something_or_say_why_not() {
 
 #[test]
 fn options_survive_json_and_refuse_unknown_fields() {
-    let options = CoarseOptions { near: Some(1.5), ..CoarseOptions::default() };
+    let options = CoarseOptions { rays: 77, ..CoarseOptions::default() };
     let json = serde_json::to_string(&options).unwrap();
     assert_eq!(serde_json::from_str::<CoarseOptions>(&json).unwrap(), options);
     assert_eq!(serde_json::from_str::<CoarseOptions>("{}").unwrap(), CoarseOptions::default());

@@ -68,6 +68,14 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     let psnr = evaluation["psnr"].as_f64().unwrap();
     assert!(psnr > 17.0, "{psnr} dB");
 
+    // The fast renderer follows the reference on a trained scene.
+    let compared = json(folder, &["eval", "a.strivec", "data", "--split", "test", "--parity"]);
+    let parity = &compared["parity"];
+    println!("{parity}");
+    assert!(parity["clear_maximum"].as_f64().unwrap() < 2e-4, "{parity}");
+    assert!(parity["near_999"].as_f64().unwrap() < 1e-2, "{parity}");
+    assert!(parity["clear_rays"].as_u64().unwrap() > 3000, "{parity}");
+
     // Pictures that are rendered to files are those that are evaluated, to the rounding of 8 bits (58.9 dB): the
     // renderings, laid out as a dataset of their own, are what the scene looks like.
     fs::create_dir(folder.join("copy")).unwrap();

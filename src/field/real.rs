@@ -78,7 +78,7 @@ impl Real for f32 {
     fn sine_cosine(self) -> (Self, Self) {
         // Adding and subtracting 1.5·2²³ rounds to the nearest integer.
         const ROUND: f32 = 12_582_912.0;
-        const PARTS: [f32; 3] = [1.570_312_5, 4.837_512_97e-4, 7.549_789_95e-8];
+        const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
         let shifted = self * std::f32::consts::FRAC_2_PI + ROUND;
         let turns = shifted - ROUND;
         let quadrant = shifted.to_bits();

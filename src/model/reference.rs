@@ -146,11 +146,11 @@ impl<'a> ReferenceField<'a> {
         let nearest = &covering[..covering.len().min(top_k)];
 
         // A tensor whose box begins or ends here matters if it is, or would be, among the nearest.
-        let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 2.0 * MARGIN_HORIZON } else { f64::INFINITY };
+        let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 4.0 * MARGIN_HORIZON } else { f64::INFINITY };
         let mut margin = candidates.iter().filter(|c| c.0 <= reach).map(|c| c.2.abs()).fold(f64::INFINITY, f64::min);
         if let Some(next) = covering.get(top_k) {
-            // A displacement by e changes a difference of two distances by at most 2e.
-            margin = margin.min(0.5 * (next.0 - nearest[top_k - 1].0));
+            // A displacement by e on every axis changes a distance by up to √3·e, a difference of two by twice that.
+            margin = margin.min((next.0 - nearest[top_k - 1].0) / (2.0 * 3.0_f64.sqrt()));
         }
 
         let weights = aggregation_weights(self.scene.rules.aggregation, nearest.iter().map(|c| c.0));

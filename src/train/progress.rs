@@ -118,7 +118,7 @@ impl Progress {
             ("checksum".to_string(), hasher.finalize().to_string()),
         ]);
         let views = tensors.iter().map(|(name, dtype, bytes)| {
-            let view = TensorView::new(*dtype, vec![bytes.len() / dtype.bitsize() * 8], bytes);
+            let view = TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes);
             (name.as_str(), view.expect("the length is a multiple of the element's"))
         });
         safetensors::serialize(views, Some(metadata)).expect("names and lengths are sound")

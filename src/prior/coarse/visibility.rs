@@ -50,14 +50,14 @@ mod tests {
             values: vec![[0.0; 4]; 729],
         };
         let counts = count_views(&grid, &[camera, camera], 2.0, 5.0);
-        for n in 0..729 {
+        for (n, &count) in counts.iter().enumerate() {
             let point = grid.position(n % 9, n / 9 % 9, n / 81);
             let offset = point - camera.position;
             let in_camera = camera.world_from_camera.transpose() * offset;
             let (u, v) = (5.0 + 8.0 * in_camera.x / -in_camera.z, 3.0 - 8.0 * in_camera.y / -in_camera.z);
             let ahead = in_camera.z < 0.0 && (0.0..=10.0).contains(&u) && (0.0..=6.0).contains(&v);
             let expected = if ahead && (2.0..=5.0).contains(&offset.length()) { 2 } else { 0 };
-            assert_eq!(counts[n], expected, "vertex {n} at {point}");
+            assert_eq!(count, expected, "vertex {n} at {point}");
         }
         assert!(counts.contains(&0) && counts.contains(&2));
     }
