@@ -1,4 +1,5 @@
 //! Occupied space from photographs of a box that is known exactly, and tensors placed on it.
+#![cfg(feature = "toolkit")]
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
