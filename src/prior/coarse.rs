@@ -5,8 +5,8 @@
 //! Voxel Grid Optimization", CVPR 2022, section 4), first on large voxels, then on small ones where the large ones
 //! were not empty. Same dataset, options and seed: same bits, on any number of threads.
 //!
-//! Each step traces fixed chunks of rays ([`ray_loss`]), orders what they leave by planes of the grid, and lets one
-//! task a plane sum its gradients and apply Adam ([`update`]).
+//! Each step traces fixed chunks of rays (`ray_loss`), orders what they leave by planes of the grid, and lets one
+//! task a plane sum its gradients and apply Adam (`update`).
 
 mod grid;
 mod options;
