@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 use super::Error;
+use crate::model::MAX_TOP_K;
 
 /// Sections in a file, of any kind.
 pub const SECTIONS: RangeInclusive<u64> = 1..=65_536;
@@ -15,7 +16,7 @@ pub const TENSORS: RangeInclusive<u64> = 1..=1 << 24;
 /// One more than the largest cell coordinate, per axis.
 pub const CELL_EXTENT: RangeInclusive<u64> = 1..=1 << 20;
 /// M, the neighbours that a point aggregates.
-pub const TOP_K: RangeInclusive<u64> = 1..=16;
+pub const TOP_K: RangeInclusive<u64> = 1..=MAX_TOP_K as u64;
 /// Cells of a factor, per axis.
 pub const RESOLUTION: RangeInclusive<u64> = 1..=1024;
 /// Density or appearance components of a tensor.
