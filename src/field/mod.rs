@@ -10,6 +10,7 @@ mod march;
 mod matrix;
 mod real;
 mod scale;
+mod stages;
 
 pub use cells::OccupancyCells;
 pub use decoder::{Activations, Dense, FieldDecoder};
@@ -20,6 +21,7 @@ pub use real::Real;
 use scale::sum;
 pub use scale::{FieldScale, Nearest, TensorRows};
 pub(crate) use scale::{Interpolation, RowPairs, offset};
+pub use stages::{Stage, StageClock, Work};
 
 use glam::DVec3;
 
