@@ -17,12 +17,7 @@ pub struct CpuRenderer<T = f32> {
 
 impl CpuRenderer<f32> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
-    ///
-    /// # Panics
-    ///
-    /// Where [`super::check_supported`] fails.
     pub fn new(scene: &Scene) -> Self {
-        super::insist_on_support(scene);
         Self { field: Field::new(scene) }
     }
 }
@@ -36,23 +31,17 @@ impl<T: Real> CpuRenderer<T> {
     #[inline(always)]
     fn trace_chunk(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) -> Vec<Pixel> {
         self.field.march(rays, samples);
+        self.field.choose_colored(samples, None, &mut activations.colored);
         self.field.decode(rays, samples, activations);
         (0..rays.len())
             .map(|r| {
                 let remaining = samples.remaining[r];
-                let mut color = self.field.background.map(|c| remaining * c);
-                for c in samples.colored_of_ray(r) {
-                    let sample = samples.colored[c] as usize;
-                    let weight = samples.transmittances[sample] * samples.alphas[sample];
-                    for (sum, &value) in color.iter_mut().zip(&activations.colors[c]) {
-                        *sum += weight * value;
-                    }
-                }
+                let color = activations.pixel(r, self.field.background.map(|c| remaining * c));
                 let (mut weights, mut distances) = (T::zero(), T::zero());
-                for sample in samples.of_ray(r) {
-                    let weight = samples.transmittances[sample] * samples.alphas[sample];
+                for &place in &samples.order[samples.of_ray(r)] {
+                    let weight = samples.weight(place as usize);
                     weights += weight;
-                    distances += weight * samples.distances[sample];
+                    distances += weight * samples.distances[place as usize];
                 }
                 let depth = if weights > T::zero() { distances / weights } else { T::zero() };
                 Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
