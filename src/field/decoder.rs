@@ -157,7 +157,7 @@ impl<T: Real> Field<T> {
         let work = &mut samples.clock.work;
         let places = activations.colored.places.iter().map(|&place| place as usize);
         work.colored = activations.colored.len() as u64;
-        work.colored_pairs = count_pairs(&samples.pair_starts, places, self.scales.len());
+        work.colored_pairs = count_pairs(&samples.pair_ranges, places, self.scales.len());
         work.decoded = activations.weights.len() as u64;
     }
 

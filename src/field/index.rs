@@ -13,13 +13,13 @@ pub(super) const BLOCK: usize = 16;
 
 /// Some of a list's tensors, with what testing them needs side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct CandidateBlock<T> {
+pub(super) struct CandidateBlock<T> {
     /// How many.
-    pub count: u32,
+    pub(super) count: u32,
     /// \[axis\] centres, relative to the field's origin; at infinity beyond the count.
-    pub centers: [[T; BLOCK]; 3],
+    pub(super) centers: [[T; BLOCK]; 3],
     /// Numbers in the scale, ascending.
-    pub tensors: [u32; BLOCK],
+    pub(super) tensors: [u32; BLOCK],
 }
 
 /// For each cell of a regular grid, the tensors whose boxes reach into it, ascending. Cells with the same tensors share
@@ -75,20 +75,25 @@ impl<T: Real> CellIndex<T> {
         index
     }
 
-    /// Every tensor that may cover `position`, ascending.
+    /// The list of the cell that `position` is in; 0 where no tensor is near.
     #[inline(always)]
-    pub fn candidates(&self, position: [T; 3]) -> &[CandidateBlock<T>] {
+    pub(super) fn list_at(&self, position: [T; 3]) -> u32 {
         let mut cell = 0;
         for a in [2, 1, 0] {
             let at = ((position[a] - self.min[a]) * self.cells_per_unit[a]).floor_i32();
             // A point on the outermost face belongs to the last cell; one beyond it finds that no box contains it.
             if at < -1 || at > self.cells[a] {
-                return &[];
+                return 0;
             }
             cell = cell * self.cells[a] as usize + at.clamp(0, self.cells[a] - 1) as usize;
         }
-        let list = self.lists[cell] as usize;
-        &self.blocks[self.starts[list] as usize..self.starts[list + 1] as usize]
+        self.lists[cell]
+    }
+
+    /// The tensors of `list`, ascending.
+    #[inline(always)]
+    pub(super) fn blocks(&self, list: u32) -> &[CandidateBlock<T>] {
+        &self.blocks[self.starts[list as usize] as usize..self.starts[list as usize + 1] as usize]
     }
 
     /// The grid: its lower corner relative to the field's origin, cells per unit, and cells, per axis.

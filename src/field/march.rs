@@ -5,12 +5,13 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::neighbours::{Neighbours, Positions};
 use super::{Field, Located, Pair, Real, Stage, StageClock, Walk};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
 /// Samples that a ray advances by at a time: those behind its end are computed in vain.
-const STRIDE: usize = 8;
+const STRIDE: u32 = 8;
 
 /// The samples of a few rays. Reused from one march to the next.
 ///
@@ -27,9 +28,9 @@ pub struct Samples<T> {
     pub alphas: Vec<T>,
     /// \[place\] the transmittance before it; 0 where the ray ended before.
     pub transmittances: Vec<T>,
-    /// \[place × scales\] where its pairs of each scale begin, and the number of pairs.
-    pub pair_starts: Vec<u32>,
-    /// Pairs, by place and scale.
+    /// \[place × scales\] where its pairs of each scale begin and end.
+    pub pair_ranges: Vec<[u32; 2]>,
+    /// Pairs, in no particular order.
     pub pairs: Vec<Pair<T>>,
     /// \[ray\] where its samples begin in `order`, and their number.
     pub ray_starts: Vec<u32>,
@@ -41,10 +42,13 @@ pub struct Samples<T> {
     pub clock: StageClock,
     active: Vec<ActiveRay<T>>,
     runs: Vec<Run>,
-    waiting: Vec<(T, [T; 3])>,
-    /// What interpolating the pairs of the samples that are being evaluated needs.
+    /// The samples that are being evaluated: distances and positions.
+    waiting: Vec<T>,
+    waiting_positions: Positions<T>,
+    /// \[scale × waiting\] where their pairs are in `located`.
+    waiting_ranges: Vec<[u32; 2]>,
+    /// What interpolating their pairs needs.
     located: Vec<Located<T>>,
-    located_count: usize,
 }
 
 /// A ray that is still on its way.
@@ -73,10 +77,8 @@ impl<T: Real> Samples<T> {
         {
             values.clear();
         }
-        for numbers in [&mut self.pair_starts, &mut self.order] {
-            numbers.clear();
-        }
-        self.pair_starts.push(0);
+        self.order.clear();
+        self.pair_ranges.clear();
         self.ray_starts.clear();
         self.ray_starts.resize(rays + 1, 0);
         self.remaining.resize(rays, T::one());
@@ -85,6 +87,18 @@ impl<T: Real> Samples<T> {
         self.active.clear();
         self.runs.clear();
         self.clock.restart();
+    }
+
+    /// Lets samples of these distances and positions wait for evaluation.
+    #[inline(always)]
+    fn wait_for(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
+        self.waiting.clear();
+        self.waiting_positions.clear();
+        for (distance, position) in samples {
+            self.waiting.push(distance);
+            self.waiting_positions.push(position);
+        }
+        self.waiting_positions.pad();
     }
 
     /// Number of samples that count.
@@ -111,8 +125,8 @@ impl<T: Real> Samples<T> {
     /// The pairs of the sample at `place` in `scale`, of `scales`.
     #[inline(always)]
     pub fn pairs_of(&self, place: usize, scale: usize, scales: usize) -> &[Pair<T>] {
-        let at = place * scales + scale;
-        &self.pairs[self.pair_starts[at] as usize..self.pair_starts[at + 1] as usize]
+        let [first, end] = self.pair_ranges[place * scales + scale];
+        &self.pairs[first as usize..end as usize]
     }
 
     /// How many scales cover the sample at `place`.
@@ -151,43 +165,13 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Appends the pairs of `position`, what interpolating them needs, and where those of each scale end; false, and
-    /// nothing, outside the model.
-    #[inline(always)]
-    fn find_pairs<S: Simd>(&self, simd: S, position: [T; 3], samples: &mut Samples<T>) -> bool {
-        let Samples { pairs, pair_starts, located, located_count, .. } = samples;
-        let (first_pair, first_start) = (pairs.len(), pair_starts.len());
-        let mut covering = 0;
-        let mut end = *located_count;
-        for scale in &self.scales {
-            let count = scale.find_nearest(simd, position, self.rules.aggregation, &mut located[end..]);
-            let found = &located[end..end + count];
-            pairs.extend(found.iter().map(|at| Pair { tensor: at.tensor, weight: at.weight }));
-            pair_starts.push(pairs.len() as u32);
-            covering += usize::from(count > 0);
-            end += count;
-        }
-        let needed = match self.rules.coverage {
-            Coverage::All => self.scales.len(),
-            Coverage::Any => 1,
-        };
-        if covering < needed {
-            pairs.truncate(first_pair);
-            pair_starts.truncate(first_start);
-            return false;
-        }
-        *located_count = end;
-        true
-    }
-
     /// The density feature at `position`; `None` outside the model. For single points: `samples` is scratch.
     #[inline(always)]
     pub fn density_feature(&self, position: [T; 3], samples: &mut Samples<T>) -> Option<T> {
         samples.clear(0);
-        samples.waiting.clear();
-        samples.waiting.push((T::zero(), position));
-        self.make_room(samples);
-        Arch::new().dispatch(FindNeighbours { field: self, samples, waiting: 0..1 });
+        samples.wait_for([(T::zero(), position)].into_iter());
+        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        self.place(samples, 0..1);
         Arch::new().dispatch(GatherDensity { field: self, samples });
         samples.features.first().copied()
     }
@@ -227,47 +211,65 @@ impl<T: Real> Field<T> {
         work.rays = rays.len() as u64;
         work.evaluated = samples.positions.len() as u64;
         work.samples = samples.order.len() as u64;
-        work.pairs = count_pairs(&samples.pair_starts, 0..samples.positions.len(), scales);
+        work.pairs = count_pairs(&samples.pair_ranges, 0..samples.positions.len(), scales);
         samples.clock.lap(Stage::Composite);
     }
 
     /// Puts the next samples of each ray into `waiting`.
     #[inline(always)]
     fn advance_rays(&self, samples: &mut Samples<T>) {
-        samples.waiting.clear();
-        for ray in &mut samples.active {
-            let before = samples.waiting.len();
-            // Not while advancing inside the loop's own condition: an exhausted ray must not be asked again.
-            for _ in 0..STRIDE {
-                let Some((t, position)) = ray.walk.advance(self) else {
-                    ray.exhausted = true;
-                    break;
-                };
-                samples.waiting.push((T::of(t), position));
-            }
-            ray.waiting = (samples.waiting.len() - before) as u32;
-        }
-    }
-
-    /// Room in `located` for all pairs of the waiting samples.
-    fn make_room(&self, samples: &mut Samples<T>) {
-        let pairs: usize = self.scales.iter().map(|scale| scale.top_k()).sum();
-        let room = samples.located.len().max(samples.waiting.len() * pairs);
-        samples.located.resize(room, Located::default());
-        samples.located_count = 0;
+        let mut active = std::mem::take(&mut samples.active);
+        samples.wait_for(active.iter_mut().flat_map(|ray| {
+            ray.waiting = 0;
+            std::iter::from_fn(move || {
+                // An exhausted ray must not be asked again.
+                if ray.exhausted || ray.waiting == STRIDE {
+                    return None;
+                }
+                let next = ray.walk.advance(self);
+                ray.exhausted = next.is_none();
+                ray.waiting += u32::from(next.is_some());
+                next.map(|(t, position)| (T::of(t), position))
+            })
+        }));
+        samples.active = active;
     }
 
     /// Gives those waiting samples that are in the model a place, with their pairs.
     fn find_neighbours(&self, samples: &mut Samples<T>) {
-        self.make_room(samples);
+        Arch::new().dispatch(FindNeighbours { field: self, samples });
         let mut next = 0;
         for ray in 0..samples.active.len() {
             let ActiveRay { ray, waiting, .. } = samples.active[ray];
             let first = samples.positions.len() as u32;
             let waiting = next..next + waiting as usize;
             next = waiting.end;
-            Arch::new().dispatch(FindNeighbours { field: self, samples, waiting });
+            self.place(samples, waiting);
             samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
+        }
+    }
+
+    /// Gives those of the `waiting` samples that are in the model a place.
+    #[inline(always)]
+    fn place(&self, samples: &mut Samples<T>, waiting: std::ops::Range<usize>) {
+        let scales = self.scales.len();
+        let needed = match self.rules.coverage {
+            Coverage::All => scales,
+            Coverage::Any => 1,
+        };
+        let Samples { waiting_ranges, pairs, pair_ranges, .. } = samples;
+        let first_pair = (pairs.len() - samples.located.len()) as u32;
+        for at in waiting {
+            let first = pair_ranges.len();
+            let of_sample = (0..scales).map(|s| waiting_ranges[s * samples.waiting.len() + at]);
+            pair_ranges.extend(of_sample.map(|range| range.map(|n| first_pair + n)));
+            let covering = pair_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
+            if covering < needed {
+                pair_ranges.truncate(first);
+                continue;
+            }
+            samples.distances.push(samples.waiting[at]);
+            samples.positions.push(samples.waiting_positions.get(at));
         }
     }
 
@@ -303,11 +305,10 @@ impl<T: Real> Field<T> {
     }
 }
 
-/// Gives those `waiting` samples that are in the model a place, with their pairs.
+/// The pairs of the waiting samples, in `located` and appended to `pairs`.
 struct FindNeighbours<'a, T> {
     field: &'a Field<T>,
     samples: &'a mut Samples<T>,
-    waiting: std::ops::Range<usize>,
 }
 
 impl<T: Real> WithSimd for FindNeighbours<'_, T> {
@@ -315,13 +316,14 @@ impl<T: Real> WithSimd for FindNeighbours<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for at in self.waiting {
-            let (distance, position) = self.samples.waiting[at];
-            if self.field.find_pairs(simd, position, self.samples) {
-                self.samples.distances.push(distance);
-                self.samples.positions.push(position);
-            }
+        let Samples { waiting_positions, waiting_ranges, located, pairs, .. } = self.samples;
+        located.clear();
+        waiting_ranges.clear();
+        let mut found = Neighbours::new(self.field.rules.aggregation, located, waiting_ranges);
+        for scale in &self.field.scales {
+            scale.find_nearest(simd, waiting_positions, &mut found);
         }
+        pairs.extend(located.iter().map(|at| Pair { tensor: at.tensor, weight: at.weight }));
     }
 }
 
@@ -339,13 +341,13 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
         let Self { field, samples } = self;
         let scales = field.scales.len();
         let first_place = samples.features.len();
-        let first_pair = samples.pair_starts[first_place * scales];
+        let first_pair = (samples.pairs.len() - samples.located.len()) as u32;
         for place in first_place..samples.positions.len() {
             let mut feature = T::zero();
             for (s, scale) in field.scales.iter().enumerate() {
-                let at = place * scales + s;
-                let [first, last] = [at, at + 1].map(|at| (samples.pair_starts[at] - first_pair) as usize);
-                feature += scale.density_of(simd, &samples.located[first..last]);
+                let [first, end] = samples.pair_ranges[place * scales + s];
+                let located = &samples.located[(first - first_pair) as usize..(end - first_pair) as usize];
+                feature += scale.density_of(simd, located);
             }
             if field.rules.density_reduction == Reduction::Mean {
                 feature /= T::of(samples.covering_scales(place, scales) as f64);
@@ -381,12 +383,11 @@ fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
 }
 
 /// \[scale\] how many pairs the samples at `places` have.
-pub(super) fn count_pairs(pair_starts: &[u32], places: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
+pub(super) fn count_pairs(ranges: &[[u32; 2]], places: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
     let mut counts = vec![0; scales];
     for place in places {
-        for (s, count) in counts.iter_mut().enumerate() {
-            let at = place * scales + s;
-            *count += u64::from(pair_starts[at + 1] - pair_starts[at]);
+        for (count, [first, end]) in counts.iter_mut().zip(&ranges[place * scales..]) {
+            *count += u64::from(end - first);
         }
     }
     counts

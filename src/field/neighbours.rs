@@ -1,10 +1,86 @@
-//! Finding the tensors that a sample aggregates (DESIGN, sections 2.1, 2.2 and 2.4).
+//! Finding the tensors that samples aggregate (DESIGN, sections 2.1, 2.2 and 2.4).
+//!
+//! Samples that follow each other on a ray mostly lie in cells with the same candidates. Each candidate is then tested
+//! against all of them at once, a lane a sample.
 
 use pulp::Simd;
 
 use super::index::{BLOCK, CandidateBlock};
+use super::vector::MAX_LANES;
 use super::{FieldScale, Located, Pair, Real};
 use crate::model::{Aggregation, MAX_TOP_K};
+
+/// Positions by axis, with room to read a whole register from any of them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Positions<T> {
+    axes: [Vec<T>; 3],
+    len: usize,
+}
+
+impl<T: Real> Positions<T> {
+    pub(super) fn clear(&mut self) {
+        self.axes.iter_mut().for_each(Vec::clear);
+        self.len = 0;
+    }
+
+    pub(super) fn push(&mut self, position: [T; 3]) {
+        for a in 0..3 {
+            self.axes[a].push(position[a]);
+        }
+        self.len += 1;
+    }
+
+    /// Ends pushing.
+    pub(super) fn pad(&mut self) {
+        self.axes.iter_mut().for_each(|axis| axis.resize(self.len + MAX_LANES, T::zero()));
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, n: usize) -> [T; 3] {
+        [self.axes[0][n], self.axes[1][n], self.axes[2][n]]
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+}
+
+/// Neighbours of samples, and scratch for finding them.
+pub(super) struct Neighbours<'a, T> {
+    aggregation: Aggregation,
+    /// What interpolating the pairs needs.
+    located: &'a mut Vec<Located<T>>,
+    /// \[sample\] where its pairs are in `located`.
+    ranges: &'a mut Vec<[u32; 2]>,
+    covering: Covering<T>,
+}
+
+/// What is known of the candidates that cover any of a group of samples, a lane a sample.
+struct Covering<T> {
+    count: usize,
+    tensors: [u32; BLOCK],
+    /// 0 where the candidate does not count.
+    weights: [[T; MAX_LANES]; BLOCK],
+    lowers: [[[T; MAX_LANES]; 3]; BLOCK],
+    fractions: [[[T; MAX_LANES]; 3]; BLOCK],
+}
+
+impl<'a, T: Real> Neighbours<'a, T> {
+    pub(super) fn new(
+        aggregation: Aggregation,
+        located: &'a mut Vec<Located<T>>,
+        ranges: &'a mut Vec<[u32; 2]>,
+    ) -> Self {
+        let covering = Covering {
+            count: 0,
+            tensors: [0; BLOCK],
+            weights: [[T::zero(); MAX_LANES]; BLOCK],
+            lowers: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
+            fractions: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
+        };
+        Self { aggregation, located, ranges, covering }
+    }
+}
 
 impl<T: Real> FieldScale<T> {
     /// Whether any tensor covers `position`.
@@ -15,7 +91,7 @@ impl<T: Real> FieldScale<T> {
     /// The candidates for `position`, ascending, and the squares of its distances to their centres, infinite where they
     /// do not cover it.
     fn candidates(&self, position: [T; 3]) -> impl Iterator<Item = (u32, T)> {
-        self.index().candidates(position).iter().flat_map(move |block| {
+        self.index().blocks(self.index().list_at(position)).iter().flat_map(move |block| {
             (0..block.count as usize).map(move |l| {
                 let [x, y, z] = [0, 1, 2].map(|a| position[a] - block.centers[a][l]);
                 let covers = x.abs() <= self.half[0] && y.abs() <= self.half[1] && z.abs() <= self.half[2];
@@ -24,99 +100,177 @@ impl<T: Real> FieldScale<T> {
         })
     }
 
-    /// Puts the `top_k` nearest covering tensors and their weights first into `located`, which has room for them; returns
-    /// how many there are.
+    /// Appends, for each of `positions`, its `top_k` nearest covering tensors.
     #[inline(always)]
-    pub(super) fn find_nearest<S: Simd>(
-        &self,
-        simd: S,
-        position: [T; 3],
-        aggregation: Aggregation,
-        located: &mut [Located<T>],
-    ) -> usize {
-        match self.index().candidates(position) {
-            [] => 0,
-            [block] => self.all_of_block(simd, block, position, aggregation, located),
-            _ => self.nearest_of_any(position, aggregation, located),
+    pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbours<T>) {
+        let list_at = |n| self.index().list_at(positions.get(n));
+        let mut first = 0;
+        let mut next = (positions.len() > 0).then(|| list_at(0));
+        while let Some(list) = next.take() {
+            let mut end = first + 1;
+            while end < positions.len() && next.is_none() {
+                let of_next = list_at(end);
+                if of_next != list || end == first + T::lanes::<S>() {
+                    next = Some(of_next);
+                } else {
+                    end += 1;
+                }
+            }
+            self.find_of_group(simd, positions, first..end, list, found);
+            first = end;
         }
     }
 
-    /// [`FieldScale::find_nearest`] where there are few candidates, side by side.
+    /// [`FieldScale::find_nearest`] for samples in cells with the same `list`, of no more than a register's lanes.
     #[inline(always)]
-    fn all_of_block<S: Simd>(
+    fn find_of_group<S: Simd>(
+        &self,
+        simd: S,
+        positions: &Positions<T>,
+        group: std::ops::Range<usize>,
+        list: u32,
+        found: &mut Neighbours<T>,
+    ) {
+        let known = match self.index().blocks(list) {
+            [block] => self.cover(simd, block, positions, &group, found),
+            _ => false,
+        };
+        for (lane, n) in group.enumerate() {
+            let begin = found.located.len() as u32;
+            if known {
+                self.locate_lane(&found.covering, lane, found.located);
+            } else {
+                self.nearest_of_any(positions.get(n), found.aggregation, found.located);
+            }
+            found.ranges.push([begin, found.located.len() as u32]);
+        }
+    }
+
+    /// Finds the candidates of `block` that cover any sample of `group`; false where a sample is at a centre.
+    #[inline(always)]
+    fn cover<S: Simd>(
         &self,
         simd: S,
         block: &CandidateBlock<T>,
-        position: [T; 3],
-        aggregation: Aggregation,
-        located: &mut [Located<T>],
-    ) -> usize {
-        let mut squares = [T::infinity(); BLOCK];
-        let mut lowers = [[T::zero(); BLOCK]; 3];
-        let mut fractions = [[T::zero(); BLOCK]; 3];
-        for first in (0..BLOCK).step_by(T::lanes::<S>()) {
-            let infinity = T::splat(simd, T::infinity());
-            let mut square = T::splat(simd, T::zero());
-            let mut covers = T::less_or_equal(simd, square, infinity);
+        positions: &Positions<T>,
+        group: &std::ops::Range<usize>,
+        found: &mut Neighbours<T>,
+    ) -> bool {
+        let aggregation = found.aggregation;
+        let found = &mut found.covering;
+        found.count = 0;
+        let zero = T::splat(simd, T::zero());
+        let one = T::splat(simd, T::one());
+        let infinity = T::splat(simd, T::infinity());
+        let x = T::load(simd, &positions.axes[0][group.start..]);
+        let y = T::load(simd, &positions.axes[1][group.start..]);
+        let z = T::load(simd, &positions.axes[2][group.start..]);
+        let position = [x, y, z];
+        let mut in_group = [T::infinity(); MAX_LANES];
+        in_group[..group.len()].fill(T::zero());
+        // Lanes without a sample are nowhere.
+        let in_group = T::less_or_equal(simd, T::load(simd, &in_group), zero);
+
+        let mut squares = [infinity; BLOCK];
+        let mut counts = zero;
+        for c in 0..block.count as usize {
+            let mut square = zero;
+            let mut covers = in_group;
+            let mut offsets = [zero; 3];
             for a in 0..3 {
-                let center = T::load(simd, &block.centers[a][first..]);
-                let offset = T::minus(simd, T::splat(simd, position[a]), center);
+                let offset = T::minus(simd, position[a], T::splat(simd, block.centers[a][c]));
                 square = T::times_plus(simd, offset, offset, square);
                 let within = T::less_or_equal(simd, T::magnitude(simd, offset), T::splat(simd, self.half[a]));
                 covers = T::both(simd, covers, within);
-                let (lower, fraction) = self.rows().on_axis_of_many(simd, a, offset);
-                T::store(simd, &mut lowers[a][first..], lower);
-                T::store(simd, &mut fractions[a][first..], fraction);
+                offsets[a] = offset;
             }
             let square = T::select(simd, covers, square, infinity);
-            T::store(simd, &mut squares[first..], square);
-        }
-        // The places of those that cover, without a branch for each.
-        let mut covering = [0; BLOCK];
-        let mut count = 0;
-        for (l, square) in squares.iter().enumerate().take(block.count as usize) {
-            covering[count % BLOCK] = l;
-            count += usize::from(square.is_finite());
-        }
-        if count > self.top_k() {
-            choose_nearest(&squares, &mut covering[..count.min(BLOCK)], self.top_k());
-            count = self.top_k();
-        }
-        let covering = &covering[..count.min(BLOCK)];
-        // At a centre the weights below are infinite.
-        if covering.iter().any(|&l| squares[l % BLOCK] == T::zero()) {
-            return self.nearest_of_any(position, aggregation, located);
-        }
-        let mut sum = T::zero();
-        for (at, &l) in located.iter_mut().zip(covering) {
-            let distance = squares[l % BLOCK].sqrt();
-            at.weight = match aggregation {
-                Aggregation::Normalised => T::one() / distance,
-                Aggregation::Clamped => T::one() / (distance + T::of(1e-6)),
-            };
-            sum += at.weight;
-        }
-        let scale = match aggregation {
-            Aggregation::Normalised => T::one() / sum,
-            Aggregation::Clamped => T::one() / sum.max(T::one()),
-        };
-        let rows = self.rows();
-        for (at, &l) in located.iter_mut().zip(covering) {
-            let l = l % BLOCK;
-            let first = block.tensors[l] * rows.count as u32;
-            at.tensor = self.first_tensor + block.tensors[l];
-            at.weight *= scale;
-            for a in 0..3 {
-                at.rows[a] = first + rows.first(a) + lowers[a][l].small_u32();
-                at.fractions[a] = fractions[a][l];
+            let least = T::least(simd, square);
+            if least == T::zero() {
+                return false;
             }
+            if least == T::infinity() {
+                continue;
+            }
+            counts = T::plus(simd, counts, T::select(simd, covers, one, zero));
+            squares[found.count] = square;
+            found.tensors[found.count] = block.tensors[c];
+            for a in 0..3 {
+                let (lower, fraction) = self.rows().on_axis_of_many(simd, a, offsets[a]);
+                T::store(simd, &mut found.lowers[found.count][a], lower);
+                T::store(simd, &mut found.fractions[found.count][a], fraction);
+            }
+            found.count += 1;
         }
-        count
+        let squares = &mut squares[..found.count.min(BLOCK)];
+        let fewest = T::least(simd, T::minus(simd, T::splat(simd, T::of(self.top_k() as f64)), counts));
+        if fewest < T::zero() {
+            self.drop_far::<S>(simd, squares);
+        }
+
+        let mut sum = zero;
+        for square in squares.iter_mut() {
+            let root = T::root(simd, *square);
+            *square = match aggregation {
+                Aggregation::Normalised => T::over(simd, one, root),
+                Aggregation::Clamped => T::over(simd, one, T::plus(simd, root, T::splat(simd, T::of(1e-6)))),
+            };
+            sum = T::plus(simd, sum, *square);
+        }
+        let divisor = match aggregation {
+            Aggregation::Normalised => sum,
+            Aggregation::Clamped => T::select(simd, T::less_or_equal(simd, one, sum), sum, one),
+        };
+        let scale = T::over(simd, one, divisor);
+        for (weights, square) in found.weights.iter_mut().zip(squares.iter()) {
+            T::store(simd, weights, T::times(simd, *square, scale));
+        }
+        true
     }
 
-    /// [`FieldScale::find_nearest`] for any number of candidates, by insertion; nearest first.
+    /// Leaves in each lane the `top_k` smallest squares finite; a tie leaves the earlier.
+    #[inline(always)]
+    fn drop_far<S: Simd>(&self, simd: S, squares: &mut [T::Register<S>]) {
+        let one = T::splat(simd, T::one());
+        let zero = T::splat(simd, T::zero());
+        let mut ranks = [zero; BLOCK];
+        for later in 1..squares.len() {
+            for earlier in 0..later {
+                let in_order = T::less_or_equal(simd, squares[earlier], squares[later]);
+                ranks[later] = T::plus(simd, ranks[later], T::select(simd, in_order, one, zero));
+                ranks[earlier] = T::plus(simd, ranks[earlier], T::select(simd, in_order, zero, one));
+            }
+        }
+        let last = T::splat(simd, T::of(self.top_k() as f64 - 1.0));
+        for (square, rank) in squares.iter_mut().zip(&ranks) {
+            let near = T::less_or_equal(simd, *rank, last);
+            *square = T::select(simd, near, *square, T::splat(simd, T::infinity()));
+        }
+    }
+
+    /// Appends what covers one sample of a group.
+    #[inline(always)]
+    fn locate_lane(&self, covering: &Covering<T>, lane: usize, located: &mut Vec<Located<T>>) {
+        let rows = self.rows();
+        for c in 0..covering.count.min(BLOCK) {
+            let weight = covering.weights[c][lane];
+            if weight > T::zero() {
+                let first = covering.tensors[c] * rows.count as u32;
+                let row = |a: usize| first + rows.first(a) + covering.lowers[c][a][lane].small_u32();
+                let fractions = &covering.fractions[c];
+                located.push(Located {
+                    tensor: self.first_tensor + covering.tensors[c],
+                    rows: [row(0), row(1), row(2)],
+                    fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
+                    weight,
+                });
+            }
+        }
+    }
+
+    /// Appends the `top_k` nearest of any number of candidates, by insertion; nearest first.
     #[inline(never)]
-    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, located: &mut [Located<T>]) -> usize {
+    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, located: &mut Vec<Located<T>>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
@@ -136,27 +290,8 @@ impl<T: Real> FieldScale<T> {
             tensors[at] = tensor;
         }
         weigh(aggregation, &mut values[..count]);
-        for (at, (tensor, weight)) in located.iter_mut().zip(tensors.into_iter().zip(values)).take(count) {
-            *at = self.locate(Pair { tensor: self.first_tensor + tensor, weight }, position);
-        }
-        count
-    }
-}
-
-/// Brings the `count` of `places` with the smallest squares to the front; a tie leaves the earlier place in front.
-#[inline(always)]
-fn choose_nearest<T: Real>(squares: &[T; BLOCK], places: &mut [usize], count: usize) {
-    for i in 1..places.len() {
-        let place = places[i];
-        let square = squares[place % BLOCK];
-        // Only the front has to be in order.
-        let mut at = i.min(count);
-        while at > 0 && square < squares[places[at - 1] % BLOCK] {
-            places[at] = places[at - 1];
-            at -= 1;
-        }
-        if at < count {
-            places[at] = place;
+        for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
+            located.push(self.locate(Pair { tensor: self.first_tensor + tensor, weight }, position));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
 
 use super::{CellIndex, Real};
@@ -22,10 +23,10 @@ pub struct FieldScale<T> {
     pub density_rank: usize,
     /// Appearance components a tensor.
     pub appearance_rank: usize,
+    /// Laid out as [`Factors`]; on a cache line, so that most registers of components are on one, too.
+    pub density: AVec<T>,
     /// Laid out as [`Factors`].
-    pub density: Vec<T>,
-    /// Laid out as [`Factors`].
-    pub appearance: Vec<T>,
+    pub appearance: AVec<T>,
     top_k: usize,
     index: CellIndex<T>,
     rows: TensorRows<T>,
@@ -118,7 +119,7 @@ pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
 impl<T: Real> FieldScale<T> {
     /// Prepares `scale` for positions relative to `origin`; `first_tensor` is the number of tensors before it.
     pub fn new(scale: &Scale, origin: DVec3, first_tensor: u32) -> Self {
-        let convert = |values: &[f32]| values.iter().map(|&v| T::of_f32(v)).collect();
+        let convert = |values: &[f32]| AVec::from_iter(CACHELINE_ALIGN, values.iter().map(|&v| T::of_f32(v)));
         Self {
             first_tensor,
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
@@ -155,8 +156,8 @@ impl<T: Real> FieldScale<T> {
         assert_eq!(density.len(), self.len() * self.rows.count * self.density_rank);
         assert_eq!(appearance.len(), self.len() * self.rows.count * self.appearance_rank);
         self.resolution = resolution;
-        self.density = density;
-        self.appearance = appearance;
+        self.density = AVec::from_slice(CACHELINE_ALIGN, &density);
+        self.appearance = AVec::from_slice(CACHELINE_ALIGN, &appearance);
     }
 
     /// Neighbours that a point aggregates, at most.

@@ -116,8 +116,8 @@ impl<T: Real> Backward<T> {
                 let factors = [(&scale.density, scale.density_rank), (&scale.appearance, scale.appearance_rank)]
                     .map(|(factors, rank)| &factors[n * rows * rank..(n + 1) * rows * rank]);
                 tensor.accumulate(geometry, n, factors, &self.chunks);
-                of_density.extend_from_slice(tensor.density.values());
-                of_appearance.extend_from_slice(tensor.appearance.values());
+                of_density.extend_from_slice(&tensor.density);
+                of_appearance.extend_from_slice(&tensor.appearance);
             }
             density.push(of_density);
             appearance.push(of_appearance);

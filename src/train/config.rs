@@ -250,7 +250,7 @@ impl TrainConfig {
         if !given.contains_key("scales") {
             config.scales = preset.scales;
         }
-        if !given.get("decoder").is_some_and(|d| d.get("per_ray").is_some()) {
+        if given.get("decoder").is_none_or(|d| d.get("per_ray").is_none()) {
             config.decoder.per_ray = preset.decoder.per_ray;
         }
         config.check()?;

@@ -1,6 +1,7 @@
 //! Gradients of the tensors' factors. One task owns a tensor: it walks the tensor's pairs in the order of chunk and
 //! sample, so its vectors and their gradient stay in cache and have one writer.
 
+use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::chunk::Chunk;
@@ -16,14 +17,25 @@ pub(super) struct ComponentRange {
 }
 
 /// A tensor's gradients, laid out as its factors. Reused.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct TensorGradient<T> {
-    pub(super) density: Aligned<T>,
-    pub(super) appearance: Aligned<T>,
+    pub(super) density: AVec<T>,
+    pub(super) appearance: AVec<T>,
     /// Whether `appearance` is anything but zero.
     pub(super) has_appearance: bool,
     /// Time since a step began.
     pub(super) clock: StageClock,
+}
+
+impl<T> Default for TensorGradient<T> {
+    fn default() -> Self {
+        Self {
+            density: AVec::new(CACHELINE_ALIGN),
+            appearance: AVec::new(CACHELINE_ALIGN),
+            has_appearance: false,
+            clock: StageClock::default(),
+        }
+    }
 }
 
 impl<T: Real> TensorGradient<T> {
@@ -55,9 +67,10 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sums, scale, n, factors: [density, appearance], chunks } = self;
         for (gradient, factors) in [(&mut sums.density, density), (&mut sums.appearance, appearance)] {
-            gradient.reset(factors.len());
+            gradient.clear();
+            gradient.resize(factors.len(), T::zero());
         }
-        let (of_density, of_appearance) = (sums.density.values(), sums.appearance.values());
+        let (of_density, of_appearance) = (sums.density.as_mut_slice(), sums.appearance.as_mut_slice());
         let center = scale.centers[n];
         let [density_rank, appearance_rank] = scale.ranks;
         for chunk in chunks {
@@ -163,30 +176,5 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
             ranks: [scale.density_rank, scale.appearance_rank],
             components,
         }
-    }
-}
-
-/// Numbers that begin on a cache line.
-#[derive(Debug, Default)]
-pub(super) struct Aligned<T> {
-    storage: Vec<T>,
-    first: usize,
-    len: usize,
-}
-
-impl<T: Real> Aligned<T> {
-    const LINE: usize = 64;
-
-    /// Makes these `len` zeros.
-    fn reset(&mut self, len: usize) {
-        self.storage.clear();
-        self.storage.resize(len + Self::LINE / size_of::<T>(), T::zero());
-        self.first = self.storage.as_ptr().align_offset(Self::LINE);
-        self.len = len;
-    }
-
-    #[inline(always)]
-    pub(super) fn values(&mut self) -> &mut [T] {
-        &mut self.storage[self.first..][..self.len]
     }
 }

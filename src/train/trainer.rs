@@ -134,8 +134,8 @@ impl<'a> Trainer<'a> {
         let mut first = 0;
         for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
             scale.cloud.resolution = trained.resolution;
-            scale.factors.density.clone_from(&trained.density);
-            scale.factors.appearance.clone_from(&trained.appearance);
+            scale.factors.density = trained.density.to_vec();
+            scale.factors.appearance = trained.appearance.to_vec();
             let rank = trained.appearance_rank;
             for (p, row) in scale.appearance_matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
                 row.copy_from_slice(&matrices[p * width + first..][..rank]);
@@ -237,10 +237,10 @@ impl<'a> Trainer<'a> {
                         vectorised(
                             #[inline(always)]
                             || {
-                                l1.add(density, gradient.density.values());
-                                adam.update::<false>(density, d_first, d_second, gradient.density.values());
+                                l1.add(density, &mut gradient.density);
+                                adam.update::<false>(density, d_first, d_second, &gradient.density);
                                 if gradient.has_appearance {
-                                    adam.update::<true>(appearance, a_first, a_second, gradient.appearance.values());
+                                    adam.update::<true>(appearance, a_first, a_second, &gradient.appearance);
                                 }
                             },
                         );
