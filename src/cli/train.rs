@@ -40,7 +40,7 @@ pub(super) struct Args {
     /// The file to write
     #[arg(long, short, value_name = "FILE", required_unless_present = "print_config")]
     pub(super) output: Option<PathBuf>,
-    /// Appearance components of the model, or two scales only [default: the configuration's, else 48]
+    /// The model [default: the configuration's, else 48]
     #[arg(long, value_enum)]
     pub(super) preset: Option<Preset>,
     /// Settings as --print-config writes them; the arguments here go before them
@@ -107,6 +107,8 @@ pub(super) enum Preset {
     P96,
     /// Two scales, two neighbours
     Fast,
+    /// 48 appearance components, the network called once a ray instead of once a sample
+    PerRay,
 }
 
 impl Preset {
@@ -118,6 +120,7 @@ impl Preset {
             Self::P48 => "48",
             Self::P96 => "96",
             Self::Fast => "fast",
+            Self::PerRay => "per-ray",
         }
     }
 }
@@ -241,7 +244,12 @@ fn configuration(args: &Args) -> Result<TrainConfig, Error> {
     };
     if let Some(preset) = args.preset {
         let preset = TrainConfig::preset(preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
-        config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
+        if args.config.is_none() {
+            config = preset;
+        } else {
+            config.decoder.per_ray = preset.decoder.per_ray;
+            config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
+        }
     }
     config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
     config.seed = args.seed.unwrap_or(config.seed);
@@ -470,6 +478,20 @@ impl Files {
         match std::fs::remove_file(&self.state) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),
             _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_knows_every_preset_and_no_other() {
+        let names: Vec<_> = Preset::value_variants().iter().map(|p| p.name()).collect();
+        assert_eq!(names, TrainConfig::PRESETS);
+        for preset in Preset::value_variants() {
+            assert_eq!(Preset::from_str(preset.name(), false), Ok(*preset));
         }
     }
 }

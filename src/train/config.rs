@@ -353,6 +353,9 @@ mod tests {
     fn a_file_that_names_a_preset_gets_its_scales() {
         let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100").unwrap();
         assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
+        let per_ray = |text| TrainConfig::from_toml(text).unwrap().decoder.per_ray;
+        assert!(per_ray("preset = \"per-ray\"\n[decoder]\nfeatures = 9") && !per_ray("[decoder]\nfeatures = 9"));
+        assert!(!per_ray("preset = \"per-ray\"\n[decoder]\nper_ray = false"));
     }
 
     #[test]
