@@ -11,7 +11,7 @@ use super::render::{RendererKind, colors};
 use super::table::Table;
 use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::dataset::{self, LoadOptions, View};
+use crate::dataset::{self, Dataset, View};
 use crate::measure::{self, Canvas, F32_POSITION_ERROR, ViewReport, color_png, error_map, side_by_side};
 use crate::render::CpuRenderer;
 
@@ -71,9 +71,8 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene, bytes) = scene_file::read(&args.file)?;
-    let options = LoadOptions { downscale: args.downscale, background: scene.frame.background };
-    let dataset = dataset::load_blender(&args.dataset, &args.split, &options)?;
-    let views = args.selection.of(dataset.views)?;
+    let options = args.selection.options(args.downscale);
+    let Dataset { name, views } = dataset::load_blender(&args.dataset, &args.split, &options)?;
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;
@@ -90,11 +89,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
         seconds += start.elapsed().as_secs_f64();
         let size = [picture.width, picture.height];
-        let rendered = colors(&picture);
-        let report = ViewReport::new(&view.name, size, &rendered, &view.pixels)?;
+        let (photograph, rendered) = (view.pixels.colors(scene.frame.background), colors(&picture));
+        let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
         if let Some(folder) = &args.sheets {
-            let difference = error_map(&rendered, &view.pixels, ERROR_FULL)?;
-            let pictures = [view.pixels.clone(), rendered, difference].map(|colors| Canvas { size, colors });
+            let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
+            let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
             let joined = side_by_side(&pictures);
             write_atomically(&sheet(folder, view), &color_png(joined.size, &joined.colors)?, session.force)?;
         }
@@ -117,7 +116,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let evaluation = Evaluation {
         file: &args.file,
         bytes: bytes.len() as u64,
-        dataset: &dataset.name,
+        dataset: &name,
         split: &args.split,
         downscale: args.downscale,
         renderer: args.renderer,

@@ -173,11 +173,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(files.read_state()?) } else { None };
-    let background = saved.as_ref().map_or(config.background, |(progress, _)| progress.config.background);
-    let options = LoadOptions { downscale: args.downscale, background };
+    let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
     let dataset = dataset::load_blender(folder, "train", &options)?;
     let held_out = match args.eval_every {
-        Some(_) => dataset::load_blender(folder, "test", &options)?.views,
+        Some(_) => {
+            let count = dataset::load_blender_cameras(&folder.join("transforms_test.json"), None, 1)?.len();
+            let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
+            dataset::load_blender(folder, "test", &options)?.views
+        }
         None => Vec::new(),
     };
 
@@ -410,14 +413,14 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The mean PSNR over a few of the held-out views.
+    /// The mean PSNR over the held-out views.
     fn evaluate(&self, scene: &Scene) -> f64 {
         let renderer = CpuRenderer::new(scene);
-        let every = self.held_out.len().div_ceil(HELD_OUT);
-        let psnrs: Vec<f64> = (self.held_out.iter().step_by(every))
+        let background = scene.frame.background;
+        let psnrs: Vec<f64> = (self.held_out.iter())
             .map(|view| {
                 let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
-                measure::psnr(&super::render::colors(&picture), &view.pixels).unwrap_or(f64::NAN)
+                measure::psnr(&super::render::colors(&picture), &view.pixels.colors(background)).unwrap_or(f64::NAN)
             })
             .collect();
         psnrs.iter().sum::<f64>() / psnrs.len() as f64
