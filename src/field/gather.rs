@@ -79,6 +79,12 @@ pub(crate) fn register_at<T: Real, S: Simd>(rank: usize, n: usize) -> (usize, us
     (at, first - at)
 }
 
+/// A register of components, by the shorter way where it is known to be full.
+#[inline(always)]
+pub(crate) fn load<T: Real, S: Simd, const FULL: bool>(simd: S, values: &[T]) -> T::Register<S> {
+    if FULL { T::load_full(simd, values) } else { T::load(simd, values) }
+}
+
 /// A scale's factors.
 struct Rows<'a, T> {
     values: &'a [T],
@@ -95,6 +101,10 @@ impl<T: Real> Rows<'_, T> {
         mut take: impl FnMut(usize, usize, T::Register<S>),
     ) {
         let registers = self.rank.div_ceil(T::lanes::<S>());
+        if self.rank < T::lanes::<S>() {
+            let [a] = self.products::<S, 1, false>(simd, [0], located);
+            return take(0, 0, a);
+        }
         let mut n = 0;
         // Several at a time share the work on rows and fractions.
         while n < registers {
@@ -105,16 +115,16 @@ impl<T: Real> Rows<'_, T> {
             );
             match registers - n {
                 1 => {
-                    let [a] = self.products(simd, [first.0], located);
+                    let [a] = self.products::<S, 1, true>(simd, [first.0], located);
                     take(first.0, first.1, a);
                 }
                 2 => {
-                    let [a, b] = self.products(simd, [first.0, second.0], located);
+                    let [a, b] = self.products::<S, 2, true>(simd, [first.0, second.0], located);
                     take(first.0, first.1, a);
                     take(second.0, second.1, b);
                 }
                 _ => {
-                    let [a, b, c] = self.products(simd, [first.0, second.0, third.0], located);
+                    let [a, b, c] = self.products::<S, 3, true>(simd, [first.0, second.0, third.0], located);
                     take(first.0, first.1, a);
                     take(second.0, second.1, b);
                     take(third.0, third.1, c);
@@ -126,27 +136,31 @@ impl<T: Real> Rows<'_, T> {
 
     /// Σ over `located` of weight·x·y·z, for `N` registers of components.
     #[inline(always)]
-    fn products<S: Simd, const N: usize>(
+    fn products<S: Simd, const N: usize, const FULL: bool>(
         &self,
         simd: S,
         firsts: [usize; N],
         located: &[Located<T>],
     ) -> [T::Register<S>; N] {
+        let rank = self.rank;
         let mut sums = [T::splat(simd, T::zero()); N];
         for at in located {
-            let mut products = [T::splat(simd, at.weight); N];
-            for a in 0..3 {
-                let rows = &self.values[at.rows[a] as usize * self.rank..][..2 * self.rank];
-                let (lower, upper) = rows.split_at(self.rank);
-                let fraction = T::splat(simd, at.fractions[a]);
-                for n in 0..N {
-                    let lower = T::load(simd, &lower[firsts[n]..]);
-                    let upper = T::load(simd, &upper[firsts[n]..]);
-                    let value = T::times_plus(simd, fraction, T::minus(simd, upper, lower), lower);
+            let xs = &self.values[at.rows[0] as usize * rank..][..2 * rank];
+            let ys = &self.values[at.rows[1] as usize * rank..][..2 * rank];
+            let zs = &self.values[at.rows[2] as usize * rank..][..2 * rank];
+            let weight = T::splat(simd, at.weight);
+            let fractions =
+                [T::splat(simd, at.fractions[0]), T::splat(simd, at.fractions[1]), T::splat(simd, at.fractions[2])];
+            for n in 0..N {
+                let mut product = weight;
+                for (a, rows) in [xs, ys, zs].into_iter().enumerate() {
+                    let lower = load::<T, S, FULL>(simd, &rows[firsts[n]..rank]);
+                    let upper = load::<T, S, FULL>(simd, &rows[rank + firsts[n]..]);
+                    let value = T::times_plus(simd, fractions[a], T::minus(simd, upper, lower), lower);
                     if a < 2 {
-                        products[n] = T::times(simd, products[n], value);
+                        product = T::times(simd, product, value);
                     } else {
-                        sums[n] = T::times_plus(simd, products[n], value, sums[n]);
+                        sums[n] = T::times_plus(simd, product, value, sums[n]);
                     }
                 }
             }

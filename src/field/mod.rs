@@ -21,7 +21,7 @@ pub use cells::OccupancyCells;
 pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use gather::Located;
-pub(crate) use gather::{all_but, register_at};
+pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};

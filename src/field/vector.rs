@@ -21,8 +21,12 @@ pub trait Vector: Copy {
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
     /// The first numbers of `values`; 0 in the lanes that it is too short for.
     fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
+    /// The first numbers of `values`, which must fill a register.
+    fn load_full<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
     /// Writes as many lanes as fit `values`.
     fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
+    /// Writes to the first of `values`, which must have room for a register.
+    fn store_full<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
     /// a + b.
     fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a − b.
@@ -78,26 +82,32 @@ macro_rules! vector {
         }
         #[inline(always)]
         fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S> {
-            let _ = simd;
             let lanes = Self::lanes::<S>();
             if values.len() >= lanes {
-                return bytemuck::pod_read_unaligned(bytemuck::cast_slice(&values[..lanes]));
+                return Self::load_full(simd, values);
             }
             let mut padded = [0.0; MAX_LANES];
             padded[..values.len()].copy_from_slice(values);
             bytemuck::pod_read_unaligned(bytemuck::cast_slice(&padded[..lanes]))
         }
         #[inline(always)]
+        fn load_full<S: Simd>(_: S, values: &[Self]) -> Self::Register<S> {
+            bytemuck::pod_read_unaligned(bytemuck::cast_slice(&values[..Self::lanes::<S>()]))
+        }
+        #[inline(always)]
         fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>) {
-            let _ = simd;
-            let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
-            let lanes = Self::lanes::<S>();
-            // A length that the compiler knows becomes one store.
-            if values.len() >= lanes {
-                values[..lanes].copy_from_slice(&numbers[..lanes]);
+            if values.len() >= Self::lanes::<S>() {
+                Self::store_full(simd, values, register);
             } else {
+                let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
                 values.copy_from_slice(&numbers[..values.len()]);
             }
+        }
+        #[inline(always)]
+        fn store_full<S: Simd>(_: S, values: &mut [Self], register: Self::Register<S>) {
+            let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
+            // A length that the compiler knows becomes one store.
+            values[..Self::lanes::<S>()].copy_from_slice(&numbers[..Self::lanes::<S>()]);
         }
         #[inline(always)]
         fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S> {

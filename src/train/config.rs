@@ -227,17 +227,18 @@ impl TrainConfig {
     ///
     /// [`ConfigError::UnknownPreset`].
     pub fn preset(name: &str) -> Result<Self, ConfigError> {
-        let mut decoder = DecoderConfig::default();
-        let scales = match name {
+        let mut preset = Self { preset: name.into(), ..Self::default() };
+        preset.scales = match name {
             "per-ray" => {
-                decoder.per_ray = true;
+                preset.decoder.per_ray = true;
+                preset.color_thinning = 0.002;
                 preset_scales(48)
             }
             "fast" => preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect(),
             "12" | "24" | "48" | "96" => preset_scales(name.parse().expect("a number")),
             _ => return Err(ConfigError::UnknownPreset { name: name.into() }),
         };
-        Ok(Self { preset: name.into(), scales, decoder, ..Self::default() })
+        Ok(preset)
     }
 
     /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s.
@@ -253,6 +254,9 @@ impl TrainConfig {
         let preset = Self::preset(preset)?;
         if !given.contains_key("scales") {
             config.scales = preset.scales;
+        }
+        if !given.contains_key("color_thinning") {
+            config.color_thinning = preset.color_thinning;
         }
         if given.get("decoder").is_none_or(|d| d.get("per_ray").is_none()) {
             config.decoder.per_ray = preset.decoder.per_ray;

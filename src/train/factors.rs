@@ -5,7 +5,7 @@ use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::chunk::Chunk;
-use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, offset, register_at};
+use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, load, offset, register_at};
 
 /// Where a scale's components lie in a coloured sample's row.
 #[derive(Clone, Copy, Debug)]
@@ -123,16 +123,35 @@ fn add<T: Real, S: Simd>(
     at: &Interpolation<T>,
     component: impl Fn(usize) -> T::Register<S>,
 ) {
-    // No `map` over arrays here or below: it is compiled for the least instruction set.
+    // Apart, so that full registers are not burdened with what others need.
+    if rank >= T::lanes::<S>() {
+        add_registers::<T, S, true>(simd, factors, gradients, rank, at, component);
+    } else {
+        add_registers::<T, S, false>(simd, factors, gradients, rank, at, component);
+    }
+}
+
+/// [`add`] with registers of which all, or not all, are full.
+#[inline(always)]
+fn add_registers<T: Real, S: Simd, const FULL: bool>(
+    simd: S,
+    factors: &[T],
+    gradients: &mut [T],
+    rank: usize,
+    at: &Interpolation<T>,
+    component: impl Fn(usize) -> T::Register<S>,
+) {
+    // No `map` over arrays of registers: it is compiled for the least instruction set.
     let [fx, fy, fz] = at.fractions;
     let fractions = [T::splat(simd, fx), T::splat(simd, fy), T::splat(simd, fz)];
+    let firsts = [at.rows[0] * rank, at.rows[1] * rank, at.rows[2] * rank];
     for n in 0..rank.div_ceil(T::lanes::<S>()) {
         let (first, overlap) = register_at::<T, S>(rank, n);
         let mut values = fractions;
         for a in 0..3 {
-            let (lower, upper) = factors[at.rows[a] * rank..][..2 * rank].split_at(rank);
-            let lower = T::load(simd, &lower[first..]);
-            let upper = T::load(simd, &upper[first..]);
+            let rows = &factors[firsts[a]..][..2 * rank];
+            let lower = load::<T, S, FULL>(simd, &rows[first..rank]);
+            let upper = load::<T, S, FULL>(simd, &rows[rank + first..]);
             values[a] = T::times_plus(simd, fractions[a], T::minus(simd, upper, lower), lower);
         }
         let mut gradient = component(first);
@@ -144,12 +163,19 @@ fn add<T: Real, S: Simd>(
         let of_axes =
             [T::times(simd, T::times(simd, gradient, y), z), T::times(simd, with_x, z), T::times(simd, with_x, y)];
         for a in 0..3 {
-            let (lower, upper) = gradients[at.rows[a] * rank..][..2 * rank].split_at_mut(rank);
+            let (lower, upper) = gradients[firsts[a]..][..2 * rank].split_at_mut(rank);
             let (lower, upper) = (&mut lower[first..], &mut upper[first..]);
             let to_upper = T::times(simd, fractions[a], of_axes[a]);
             let to_lower = T::minus(simd, of_axes[a], to_upper);
-            T::store(simd, lower, T::plus(simd, T::load(simd, lower), to_lower));
-            T::store(simd, upper, T::plus(simd, T::load(simd, upper), to_upper));
+            let new_lower = T::plus(simd, load::<T, S, FULL>(simd, lower), to_lower);
+            let new_upper = T::plus(simd, load::<T, S, FULL>(simd, upper), to_upper);
+            if FULL {
+                T::store_full(simd, lower, new_lower);
+                T::store_full(simd, upper, new_upper);
+            } else {
+                T::store(simd, lower, new_lower);
+                T::store(simd, upper, new_upper);
+            }
         }
     }
 }
