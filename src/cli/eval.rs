@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::approximations::Approximations;
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
 use super::render::{RendererKind, colors};
@@ -13,7 +14,7 @@ use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::dataset::{self, Dataset, View};
 use crate::measure::{self, Canvas, F32_POSITION_ERROR, ViewReport, color_png, error_map, side_by_side};
-use crate::render::CpuRenderer;
+use crate::render::{Approximation, CpuRenderer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -49,6 +50,8 @@ pub(super) struct Args {
     /// Also compare the fast renderer with the reference on these views, ray by ray (slow)
     #[arg(long)]
     parity: bool,
+    #[command(flatten)]
+    approximations: Approximations,
 }
 
 /// The result, as `--json` prints it.
@@ -60,6 +63,11 @@ struct Evaluation<'a> {
     split: &'a str,
     downscale: u32,
     renderer: RendererKind,
+    approximation: Approximation,
+    /// Of cached density features.
+    density_cache_bytes: Option<u64>,
+    /// Getting ready: with a density cache, baking it.
+    seconds_preparing: f64,
     /// Rendering alone, the mean of all views.
     seconds_per_view: f64,
     #[serde(flatten)]
@@ -71,6 +79,9 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene, bytes) = scene_file::read(&args.file)?;
+    let bytes = bytes.len() as u64;
+    let approximation = args.approximations.chosen();
+    approximation.check(&scene)?;
     let options = args.selection.options(args.downscale);
     let Dataset { name, views } = dataset::load_blender(&args.dataset, &args.split, &options)?;
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
@@ -80,16 +91,20 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         check_outputs(&planned, session.force)?;
     }
 
-    let renderer = args.renderer.of(&scene);
+    let frame = scene.frame.clone();
+    let whole = args.parity.then(|| scene.clone());
+    let start = Instant::now();
+    let renderer = args.renderer.prepare(scene, &approximation)?;
+    let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "eval", views.len() as u64);
     let mut reports: Vec<ViewReport> = Vec::new();
     let mut seconds = 0.0;
     for view in &views {
         let start = Instant::now();
-        let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
+        let picture = renderer.render(&view.camera.mapped(&frame.model_from_dataset));
         seconds += start.elapsed().as_secs_f64();
         let size = [picture.width, picture.height];
-        let (photograph, rendered) = (view.pixels.colors(scene.frame.background), colors(&picture));
+        let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
         if let Some(folder) = &args.sheets {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
@@ -108,18 +123,25 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let report = measure::Report::new(reports)
         .ok_or_else(|| Error::Malformed(format!("{}: expected views, found none", args.dataset.display())))?;
-    let parity = args.parity.then(|| {
-        session.console.say("comparing with the reference");
-        let cameras: Vec<_> = views.iter().map(|v| v.camera.mapped(&scene.frame.model_from_dataset)).collect();
-        measure::parity(&scene, &CpuRenderer::new(&scene), &cameras, F32_POSITION_ERROR)
-    });
+    let parity = match whole {
+        None => None,
+        Some(scene) => {
+            session.console.say("comparing with the reference");
+            let cameras: Vec<_> = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
+            let fast = CpuRenderer::with_approximation(scene.clone(), &approximation)?;
+            Some(measure::parity(&scene, &fast, &cameras, F32_POSITION_ERROR))
+        }
+    };
     let evaluation = Evaluation {
         file: &args.file,
-        bytes: bytes.len() as u64,
+        bytes,
         dataset: &name,
         split: &args.split,
         downscale: args.downscale,
         renderer: args.renderer,
+        approximation,
+        density_cache_bytes: renderer.density_cache_bytes(),
+        seconds_preparing,
         seconds_per_view,
         report,
         parity,

@@ -3,6 +3,7 @@
 //! Results go to standard output, progress and messages to standard error. What the layers below return as errors
 //! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
 
+mod approximations;
 mod console;
 mod demo;
 mod error;

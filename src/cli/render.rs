@@ -6,18 +6,21 @@ use std::time::Instant;
 use clap::ValueEnum;
 use serde::Serialize;
 
+use super::approximations::Approximations;
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
+use crate::geometry::Camera;
 use crate::measure::{color_png, depth_png, opacity_png};
 use crate::model::Scene;
-use crate::render::{CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use crate::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec render lego.strivec --orbit 60 --size 400x400 --out orbit
   strivec render lego.strivec --cameras lego/transforms_test.json --out frames --depth
+  strivec render lego.strivec --orbit 60 --step-scale 2 --per-ray --out quick
   strivec render lego.strivec --pose 1,0,0,0,0,1,0,0,0,0,1,4,0,0,0,1 --out one
 
 Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
@@ -43,6 +46,8 @@ pub(super) struct Args {
     /// Also write NAME_opacity.png
     #[arg(long)]
     opacity: bool,
+    #[command(flatten)]
+    approximations: Approximations,
 }
 
 /// The renderers.
@@ -57,11 +62,38 @@ pub(super) enum RendererKind {
 }
 
 impl RendererKind {
-    /// This renderer, for `scene`.
-    pub(super) fn of(self, scene: &Scene) -> Box<dyn Renderer + '_> {
+    /// What takes `scene`'s pictures with `approximation`.
+    pub(super) fn prepare(self, scene: Scene, approximation: &Approximation) -> Result<Prepared, Error> {
         match self {
-            Self::Cpu => Box::new(CpuRenderer::new(scene)),
-            Self::Reference => Box::new(ReferenceRenderer::new(scene)),
+            Self::Cpu => Ok(Prepared::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?))),
+            Self::Reference if approximation.is_exact() => Ok(Prepared::Reference(Box::new(scene))),
+            Self::Reference => Err(Error::Usage("--renderer reference: expected no approximations, found some".into())),
+        }
+    }
+}
+
+/// A renderer that owns what it needs.
+pub(super) enum Prepared {
+    /// The fast one.
+    Cpu(Box<CpuRenderer>),
+    /// The scene that the reference reads.
+    Reference(Box<Scene>),
+}
+
+impl Prepared {
+    /// The picture that `camera`, in the model's space, takes.
+    pub(super) fn render(&self, camera: &Camera) -> Picture {
+        match self {
+            Self::Cpu(renderer) => renderer.render(camera),
+            Self::Reference(scene) => ReferenceRenderer::new(scene).render(camera),
+        }
+    }
+
+    /// The memory of cached density features, in bytes.
+    pub(super) fn density_cache_bytes(&self) -> Option<u64> {
+        match self {
+            Self::Cpu(renderer) => renderer.density_cache_bytes(),
+            Self::Reference(_) => None,
         }
     }
 }
@@ -70,6 +102,11 @@ impl RendererKind {
 #[derive(Serialize)]
 struct Report {
     renderer: RendererKind,
+    approximation: Approximation,
+    /// Of cached density features.
+    density_cache_bytes: Option<u64>,
+    /// Getting ready: with a density cache, baking it.
+    seconds_preparing: f64,
     seconds: f64,
     /// What a grey value of 1 stands for, in the dataset's units.
     depth_unit: Option<f64>,
@@ -87,6 +124,8 @@ struct DepthScale {
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene, _) = scene_file::read(&args.file)?;
+    let approximation = args.approximations.chosen();
+    approximation.check(&scene)?;
     let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 
@@ -106,7 +145,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         write_atomically(&scale_file, json.as_bytes(), session.force)?;
     }
 
-    let renderer = args.renderer.of(&scene);
+    let frame = scene.frame.clone();
+    let start = Instant::now();
+    let renderer = args.renderer.prepare(scene, &approximation)?;
+    let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "render", cameras.len() as u64);
     let start = Instant::now();
     let mut files = Vec::new();
@@ -116,11 +158,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Ok(())
     };
     for (done, named) in cameras.iter().enumerate() {
-        let picture = renderer.render(&named.camera.mapped(&scene.frame.model_from_dataset));
+        let picture = renderer.render(&named.camera.mapped(&frame.model_from_dataset));
         let size = [picture.width, picture.height];
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
         if let Some(unit) = depth_unit {
-            let scale = scene.frame.model_from_dataset.scale;
+            let scale = frame.model_from_dataset.scale;
             let depths: Vec<f64> = picture.pixels.iter().map(|p| f64::from(p.depth) / scale).collect();
             write(file(&named.name, "_depth"), depth_png(size, &depths, unit)?)?;
         }
@@ -133,7 +175,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let seconds = start.elapsed().as_secs_f64();
     progress.finish(&format!("{} pictures in {seconds:.1} s", cameras.len()));
-    let report = Report { renderer: args.renderer, seconds, depth_unit, files };
+    let report = Report {
+        renderer: args.renderer,
+        approximation,
+        density_cache_bytes: renderer.density_cache_bytes(),
+        seconds_preparing,
+        seconds,
+        depth_unit,
+        files,
+    };
     session
         .console
         .result(&report, |report| report.files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())

@@ -107,6 +107,19 @@ impl<T: Real> OccupancyCells<T> {
         self.look(self.in_cells(position)).is_some_and(|found| found.0)
     }
 
+    /// Whether any samples between `min` and `max` count. A little beyond is looked at, too.
+    pub(super) fn any_in(&self, min: [T; 3], max: [T; 3]) -> bool {
+        let slack = T::of(0.01);
+        let (min, max) = (self.in_cells(min), self.in_cells(max));
+        let [xs, ys, zs] = [0, 1, 2]
+            .map(|a| (min[a] - slack).floor_i32().max(0)..=(max[a] + slack).floor_i32().min(self.cells[a] - 1));
+        let is_set = |cell| {
+            let bit = bit_number(cell, self.cells);
+            self.words[bit / 64] >> (bit % 64) & 1 == 1
+        };
+        zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| is_set([x, y, z]))))
+    }
+
     /// What is around `position` on a ray whose direction's reciprocal is `inverse`.
     #[inline(always)]
     pub(super) fn surroundings(&self, position: [T; 3], inverse: [T; 3]) -> Surroundings<T> {

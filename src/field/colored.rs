@@ -60,15 +60,30 @@ impl<T: Real> Colored<T> {
 }
 
 impl<T: Real> Field<T> {
-    /// The samples that weigh enough for a colour.
+    /// The samples of all rays that weigh enough for a colour.
     #[inline(always)]
     pub fn choose_colored(&self, samples: &Samples<T>, thinning: Option<Thinning>, colored: &mut Colored<T>) {
+        self.choose_some_colored(samples, 0, usize::MAX, thinning, colored);
+    }
+
+    /// As [`Field::choose_colored`], of the rays from number `first_ray` on, as many as together have no more than
+    /// `at_most` coloured samples, but at least one; returns how many. `colored` counts rays from `first_ray`.
+    #[inline(always)]
+    pub fn choose_some_colored(
+        &self,
+        samples: &Samples<T>,
+        first_ray: usize,
+        at_most: usize,
+        thinning: Option<Thinning>,
+        colored: &mut Colored<T>,
+    ) -> usize {
         let min_weight = T::of(self.rules.min_weight);
         colored.places.clear();
         colored.weights.clear();
         colored.ray_starts.clear();
         colored.ray_starts.push(0);
-        for ray in 0..samples.remaining.len() {
+        for ray in first_ray..samples.remaining.len() {
+            let before = colored.len();
             let first = samples.of_ray(ray).start;
             for at in samples.of_ray(ray) {
                 let place = samples.order[at];
@@ -82,7 +97,13 @@ impl<T: Real> Field<T> {
                     colored.weights.push(weight);
                 }
             }
+            if colored.len() > at_most && ray > first_ray {
+                colored.places.truncate(before);
+                colored.weights.truncate(before);
+                break;
+            }
             colored.ray_starts.push(colored.places.len() as u32);
         }
+        colored.ray_starts.len() - 1
     }
 }

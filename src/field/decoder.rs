@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::march::count_pairs;
-use super::{Colored, Field, Located, Matrix, MatrixMut, Real, Samples, Stage, multiply};
+use super::{Colored, Field, Located, Matrix, MatrixMut, Real, Samples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction, Scene};
 
@@ -144,6 +144,8 @@ impl<T: Real> Field<T> {
     /// Colours of the rows of `activations.colored`, which is of `samples` of `rays`.
     #[inline(always)]
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
+        self.find_colored_pairs(&activations.colored.places, samples);
+        samples.clock.lap(Stage::Neighbours);
         Arch::new().dispatch(GatherAppearance { field: self, samples, activations });
         samples.clock.lap(Stage::AppearanceGather);
         self.compose_rows(rays.len(), activations);
@@ -156,9 +158,13 @@ impl<T: Real> Field<T> {
         samples.clock.lap(Stage::Decoder);
         let work = &mut samples.clock.work;
         let places = activations.colored.places.iter().map(|&place| place as usize);
-        work.colored = activations.colored.len() as u64;
-        work.colored_pairs = count_pairs(&samples.pair_ranges, places, self.scales.len());
-        work.decoded = activations.weights.len() as u64;
+        // One march may be decoded in parts.
+        work.add(&Work {
+            colored: activations.colored.len() as u64,
+            colored_pairs: count_pairs(&samples.pair_ranges, places, self.scales.len()),
+            decoded: activations.weights.len() as u64,
+            ..Work::default()
+        });
     }
 
     /// Fills `weights` and `ray_rows`, and `composites` where rays are decoded: F = Σ w·f / Σ w.
@@ -293,7 +299,7 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
                 rest = after;
             }
             if field.rules.appearance_reduction == Reduction::Mean {
-                let reduction = T::one() / T::of(samples.covering_scales(place, scales) as f64);
+                let reduction = T::one() / T::of(samples.covering_scales(place, scales).max(1) as f64);
                 row.iter_mut().for_each(|v| *v *= reduction);
                 reductions.push(reduction);
             }

@@ -6,7 +6,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::neighbours::{Neighbours, Positions};
-use super::{Field, Located, Pair, Real, Stage, StageClock, Walk};
+use super::{DensityCache, Field, Located, Pair, Real, Stage, StageClock, Walk};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
@@ -168,12 +168,50 @@ impl<T: Real> Field<T> {
     /// The density feature at `position`; `None` outside the model. For single points: `samples` is scratch.
     #[inline(always)]
     pub fn density_feature(&self, position: [T; 3], samples: &mut Samples<T>) -> Option<T> {
+        let mut found = None;
+        self.density_features([position].into_iter(), samples, |_, feature| found = Some(feature));
+        found
+    }
+
+    /// Calls `take` with the number and the density feature of each of the `positions` that is in the model. `samples` is
+    /// scratch.
+    #[inline(always)]
+    pub(super) fn density_features(
+        &self,
+        positions: impl Iterator<Item = [T; 3]>,
+        samples: &mut Samples<T>,
+        mut take: impl FnMut(usize, T),
+    ) {
         samples.clear(0);
-        samples.wait_for([(T::zero(), position)].into_iter());
+        // No ray gives these samples a distance: their numbers stand in for it.
+        samples.wait_for(positions.enumerate().map(|(n, position)| (T::of_i32(n as i32), position)));
         Arch::new().dispatch(FindNeighbours { field: self, samples });
-        self.place(samples, 0..1);
+        self.place(samples, 0..samples.waiting.len());
         Arch::new().dispatch(GatherDensity { field: self, samples });
-        samples.features.first().copied()
+        for (number, &feature) in samples.distances.iter().zip(&samples.features) {
+            take(number.floor_i32() as usize, feature);
+        }
+    }
+
+    /// Finds the pairs of coloured samples where the march, which reads density features from the cache, left them out.
+    #[inline(always)]
+    pub(super) fn find_colored_pairs(&self, places: &[u32], samples: &mut Samples<T>) {
+        if self.density_cache.is_none() {
+            return;
+        }
+        let positions = std::mem::take(&mut samples.positions);
+        samples.wait_for(places.iter().map(|&place| (T::zero(), positions[place as usize])));
+        samples.positions = positions;
+        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        let Samples { waiting_ranges, pair_ranges, pairs, .. } = samples;
+        let first_pair = (pairs.len() - samples.located.len()) as u32;
+        let scales = self.scales.len();
+        for (n, &place) in places.iter().enumerate() {
+            for s in 0..scales {
+                pair_ranges[place as usize * scales + s] =
+                    waiting_ranges[s * places.len() + n].map(|at| first_pair + at);
+            }
+        }
     }
 
     /// σ·δ·distance_scale for a density feature.
@@ -198,9 +236,14 @@ impl<T: Real> Field<T> {
         while !samples.active.is_empty() {
             self.advance_rays(samples);
             samples.clock.lap(Stage::March);
-            self.find_neighbours(samples);
+            if self.density_cache.is_none() {
+                Arch::new().dispatch(FindNeighbours { field: self, samples });
+            }
+            self.place_all(samples);
             samples.clock.lap(Stage::Neighbours);
-            Arch::new().dispatch(GatherDensity { field: self, samples });
+            if self.density_cache.is_none() {
+                Arch::new().dispatch(GatherDensity { field: self, samples });
+            }
             samples.clock.lap(Stage::DensityGather);
             self.follow_transmittance(samples);
             samples.clock.lap(Stage::Composite);
@@ -235,16 +278,19 @@ impl<T: Real> Field<T> {
         samples.active = active;
     }
 
-    /// Gives those waiting samples that are in the model a place, with their pairs.
-    fn find_neighbours(&self, samples: &mut Samples<T>) {
-        Arch::new().dispatch(FindNeighbours { field: self, samples });
+    /// Gives those waiting samples that are in the model a place, with their pairs or their cached density features.
+    #[inline(always)]
+    fn place_all(&self, samples: &mut Samples<T>) {
         let mut next = 0;
         for ray in 0..samples.active.len() {
             let ActiveRay { ray, waiting, .. } = samples.active[ray];
             let first = samples.positions.len() as u32;
             let waiting = next..next + waiting as usize;
             next = waiting.end;
-            self.place(samples, waiting);
+            match &self.density_cache {
+                Some(cache) => self.place_cached(cache, samples, waiting),
+                None => self.place(samples, waiting),
+            }
             samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
         }
     }
@@ -271,6 +317,20 @@ impl<T: Real> Field<T> {
             samples.distances.push(samples.waiting[at]);
             samples.positions.push(samples.waiting_positions.get(at));
         }
+    }
+
+    /// Gives those of the `waiting` samples that are in the model a place, with their density features and no pairs.
+    #[inline(always)]
+    fn place_cached(&self, cache: &DensityCache<T>, samples: &mut Samples<T>, waiting: std::ops::Range<usize>) {
+        for at in waiting {
+            let position = samples.waiting_positions.get(at);
+            if let Some(feature) = cache.feature(position) {
+                samples.features.push(feature);
+                samples.distances.push(samples.waiting[at]);
+                samples.positions.push(position);
+            }
+        }
+        samples.pair_ranges.resize(samples.positions.len() * self.scales.len(), [0, 0]);
     }
 
     /// Takes the transmittance of each ray through its newest samples; drops rays that have ended.

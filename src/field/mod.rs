@@ -6,6 +6,7 @@
 mod cells;
 mod colored;
 mod decoder;
+mod density_cache;
 mod gather;
 mod index;
 mod march;
@@ -20,18 +21,21 @@ mod walk;
 pub use cells::OccupancyCells;
 pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
+pub use density_cache::DensityCache;
 pub use gather::Located;
 pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
+use scale::aligned;
 pub use scale::{FieldScale, Pair, TensorRows};
 pub(crate) use scale::{Interpolation, offset};
 pub use stages::{Stage, StageClock, Work};
 pub use vector::Vector;
 pub use walk::Walk;
 
+use aligned_vec::AVec;
 use glam::DVec3;
 
 use crate::geometry::Aabb;
@@ -65,6 +69,8 @@ pub struct Field<T> {
     pub occupancy: Option<OccupancyCells<T>>,
     /// Where there is no occupancy: what the finest scale may cover, if only that counts.
     covered: Option<OccupancyCells<T>>,
+    /// What density features are read from instead of being interpolated from factors, in rendering alone.
+    density_cache: Option<DensityCache<T>>,
     /// How far rounding may move a position, in model units.
     position_error: T,
 }
@@ -72,11 +78,28 @@ pub struct Field<T> {
 impl<T: Real> Field<T> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
     pub fn new(scene: &Scene) -> Self {
+        let factors = scene.scales.iter().map(|s| [aligned(&s.factors.density), aligned(&s.factors.appearance)]);
+        Self::with_factors(scene, factors.collect())
+    }
+
+    /// As [`Field::new`]; each scale's factors are dropped as soon as they are converted, so that hardly more than one
+    /// copy of them is in memory at any time.
+    pub fn consuming(mut scene: Scene) -> Self {
+        let factors = scene.scales.iter_mut().map(|scale| {
+            let factors = &mut scale.factors;
+            [&mut factors.density, &mut factors.appearance].map(|values| aligned(&std::mem::take(values)))
+        });
+        let factors = factors.collect();
+        Self::with_factors(&scene, factors)
+    }
+
+    /// Prepares `scene`, whose factors by scale, density first, are `factors`.
+    fn with_factors(scene: &Scene, factors: Vec<[AVec<T>; 2]>) -> Self {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
-        let scales: Vec<FieldScale<T>> = (scene.scales.iter())
-            .map(|scale| {
-                let prepared = FieldScale::new(scale, origin, first_tensor);
+        let scales: Vec<FieldScale<T>> = (scene.scales.iter().zip(factors))
+            .map(|(scale, factors)| {
+                let prepared = FieldScale::new(scale, factors, origin, first_tensor);
                 first_tensor += scale.cloud.len() as u32;
                 prepared
             })
@@ -89,6 +112,7 @@ impl<T: Real> Field<T> {
         Self {
             origin,
             covered,
+            density_cache: None,
             position_error: T::of(reach),
             bounds: scene.bounds,
             near_far: [scene.frame.near, scene.frame.far],

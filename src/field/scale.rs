@@ -116,10 +116,15 @@ pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
     [position[0] - center[0], position[1] - center[1], position[2] - center[2]]
 }
 
+/// `values` in the field's precision, on a cache line.
+pub(super) fn aligned<T: Real>(values: &[f32]) -> AVec<T> {
+    AVec::from_iter(CACHELINE_ALIGN, values.iter().map(|&v| T::of_f32(v)))
+}
+
 impl<T: Real> FieldScale<T> {
-    /// Prepares `scale` for positions relative to `origin`; `first_tensor` is the number of tensors before it.
-    pub fn new(scale: &Scale, origin: DVec3, first_tensor: u32) -> Self {
-        let convert = |values: &[f32]| AVec::from_iter(CACHELINE_ALIGN, values.iter().map(|&v| T::of_f32(v)));
+    /// Prepares `scale`, whose factors are `density` and `appearance`, for positions relative to `origin`;
+    /// `first_tensor` is the number of tensors before it.
+    pub(super) fn new(scale: &Scale, [density, appearance]: [AVec<T>; 2], origin: DVec3, first_tensor: u32) -> Self {
         Self {
             first_tensor,
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
@@ -127,8 +132,8 @@ impl<T: Real> FieldScale<T> {
             resolution: scale.cloud.resolution,
             density_rank: scale.factors.density_rank as usize,
             appearance_rank: scale.factors.appearance_rank as usize,
-            density: convert(&scale.factors.density),
-            appearance: convert(&scale.factors.appearance),
+            density,
+            appearance,
             top_k: scale.top_k as usize,
             index: CellIndex::new(&scale.cloud, origin),
             rows: TensorRows::new(scale.cloud.half, scale.cloud.resolution),

@@ -1,24 +1,56 @@
-//! The fast CPU renderer: the fast field in f32, rays in fixed chunks over all threads.
+//! The fast CPU renderer: the fast field in f32, a tile of the picture at a time, tiles over all threads.
 
 use rayon::prelude::*;
 
-use super::{Pixel, Renderer};
+use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
 use crate::field::{Activations, Field, Real, Samples, vectorised};
-use crate::geometry::Ray;
-use crate::model::Scene;
+use crate::geometry::{Camera, Ray};
+use crate::model::{DecoderMode, Scene};
 
-/// Rays that are marched and decoded together: enough for the decoder's products, few enough for the cache.
-const RAYS_PER_CHUNK: usize = 64;
+/// Pixels along the edge of a tile, whose rays are marched together: they meet mostly the same tensors.
+const TILE: usize = 16;
+
+/// Coloured samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
+const ROWS_AT_ONCE: usize = 768;
 
 /// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
 }
 
+/// What a thread needs besides the field. Reused from one tile to the next.
+#[derive(Default)]
+struct Scratch<T> {
+    samples: Samples<T>,
+    activations: Activations<T>,
+}
+
+/// The pixels of a tile.
+struct Tile<'a> {
+    corner: [u32; 2],
+    rows: Vec<&'a mut [Pixel]>,
+}
+
 impl CpuRenderer<f32> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
     pub fn new(scene: &Scene) -> Self {
         Self { field: Field::new(scene) }
+    }
+
+    /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`. Takes the scene, so that its
+    /// factors are in memory once.
+    ///
+    /// # Errors
+    ///
+    /// Where an option is out of range for this scene.
+    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
+        approximation.check(&scene)?;
+        approximation.reduce(&mut scene);
+        let mut field = Field::consuming(scene);
+        if let Some(cells) = approximation.density_cache {
+            field.cache_density(cells);
+        }
+        Ok(Self { field })
     }
 }
 
@@ -28,38 +60,99 @@ impl<T: Real> CpuRenderer<T> {
         Self { field }
     }
 
+    /// The memory that cached density features take, in bytes; `None` where they are not cached.
+    pub fn density_cache_bytes(&self) -> Option<u64> {
+        self.field.density_cache_bytes()
+    }
+
+    /// Calls `take` with what each of `rays` sees, in their order.
     #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) -> Vec<Pixel> {
+    fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) {
+        let Scratch { samples, activations } = scratch;
         self.field.march(rays, samples);
-        self.field.choose_colored(samples, None, &mut activations.colored);
-        self.field.decode(rays, samples, activations);
-        (0..rays.len())
-            .map(|r| {
-                let remaining = samples.remaining[r];
-                let color = activations.pixel(r, self.field.background.map(|c| remaining * c));
-                let (mut weights, mut distances) = (T::zero(), T::zero());
-                for &place in &samples.order[samples.of_ray(r)] {
-                    let weight = samples.weight(place as usize);
-                    weights += weight;
-                    distances += weight * samples.distances[place as usize];
-                }
-                let depth = if weights > T::zero() { distances / weights } else { T::zero() };
-                Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
-            })
-            .collect()
+        let at_once = match self.field.decoder.mode {
+            DecoderMode::PerSample => ROWS_AT_ONCE,
+            // A row is a ray.
+            DecoderMode::PerRay => usize::MAX,
+        };
+        let mut first = 0;
+        while first < rays.len() {
+            let count = self.field.choose_some_colored(samples, first, at_once, None, &mut activations.colored);
+            self.field.decode(&rays[first..first + count], samples, activations);
+            (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
+            first += count;
+        }
+    }
+
+    /// What `ray` sees, which is number `decoded` of those that `activations` are of.
+    #[inline(always)]
+    fn pixel(&self, decoded: usize, ray: usize, samples: &Samples<T>, activations: &Activations<T>) -> Pixel {
+        let remaining = samples.remaining[ray];
+        let color = activations.pixel(decoded, self.field.background.map(|c| remaining * c));
+        let (mut weights, mut distances) = (T::zero(), T::zero());
+        for &place in &samples.order[samples.of_ray(ray)] {
+            let weight = samples.weight(place as usize);
+            weights += weight;
+            distances += weight * samples.distances[place as usize];
+        }
+        let depth = if weights > T::zero() { distances / weights } else { T::zero() };
+        Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
+    }
+
+    /// The picture's pixels in the tile, as `camera` sees them.
+    #[inline(always)]
+    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) {
+        let [left, top] = tile.corner;
+        let width = tile.rows.first().map_or(0, |row| row.len());
+        let rays: Vec<Ray> = (0..tile.rows.len() as u32)
+            .flat_map(|y| (0..width as u32).map(move |x| camera.ray(left + x, top + y)))
+            .collect();
+        let mut pixels = tile.rows.into_iter().flatten();
+        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("a pixel a ray") = pixel);
     }
 }
 
 impl<T: Real> Renderer for CpuRenderer<T> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        rays.par_chunks(RAYS_PER_CHUNK)
-            .map_init(Default::default, |(samples, activations), chunk| {
+        rays.par_chunks(TILE * TILE)
+            .map_init(Scratch::default, |scratch, chunk| {
+                let mut pixels = Vec::with_capacity(chunk.len());
                 vectorised(
                     #[inline(always)]
-                    || self.trace_chunk(chunk, samples, activations),
-                )
+                    || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
+                );
+                pixels
             })
             .flatten_iter()
             .collect()
     }
+
+    fn render(&self, camera: &Camera) -> Picture {
+        let (width, height) = (camera.width, camera.height);
+        let mut pixels = vec![Pixel::default(); width as usize * height as usize];
+        tiles(&mut pixels, width as usize).into_par_iter().for_each_init(Scratch::default, |scratch, tile| {
+            vectorised(
+                #[inline(always)]
+                || self.render_tile(camera, tile, scratch),
+            );
+        });
+        Picture { width, height, pixels }
+    }
+}
+
+/// Cuts a picture of `width` columns into tiles, so that each is written where it belongs.
+fn tiles(pixels: &mut [Pixel], width: usize) -> Vec<Tile<'_>> {
+    let mut tiles = Vec::new();
+    for (row, band) in pixels.chunks_mut(TILE * width.max(1)).enumerate() {
+        let first = tiles.len();
+        for line in band.chunks_mut(width) {
+            for (column, part) in line.chunks_mut(TILE).enumerate() {
+                if first + column == tiles.len() {
+                    tiles.push(Tile { corner: [column, row].map(|n| (n * TILE) as u32), rows: Vec::new() });
+                }
+                tiles[first + column].rows.push(part);
+            }
+        }
+    }
+    tiles
 }

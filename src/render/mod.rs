@@ -1,8 +1,10 @@
 //! Pictures of a scene, behind one small trait.
 
+mod approximation;
 mod cpu;
 mod reference;
 
+pub use approximation::{Approximation, ApproximationError};
 pub use cpu::CpuRenderer;
 pub use reference::{ReferenceRenderer, Trace};
 

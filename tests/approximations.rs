@@ -1,0 +1,194 @@
+//! What each approximation of the fast renderer does: nothing at its exact value, something at a strong one.
+#![cfg(feature = "toolkit")]
+
+mod scenes;
+
+use strivec::geometry::{Aabb, Camera};
+use strivec::model::{DecoderMode, Occupancy, Scene};
+use strivec::render::{Approximation, CpuRenderer, Picture, Renderer};
+use strivec::train::TrainConfig;
+
+fn scene() -> Scene {
+    scenes::scene(&TrainConfig { factor_deviation: 0.8, ..scenes::config() })
+}
+
+/// Its size is no multiple of a tile's.
+fn camera() -> Camera {
+    Camera { width: 45, height: 39, ..scenes::camera(42, 0.7) }
+}
+
+fn picture(scene: &Scene, approximation: Approximation) -> Picture {
+    let renderer = CpuRenderer::with_approximation(scene.clone(), &approximation);
+    renderer.unwrap_or_else(|error| panic!("{approximation:?}: {error}")).render(&camera())
+}
+
+/// The root of the mean squared difference of colours.
+fn difference(a: &Picture, b: &Picture) -> f64 {
+    let channels = a.pixels.iter().zip(&b.pixels).flat_map(|(a, b)| (0..3).map(|i| a.color[i] - b.color[i]));
+    let sum: f64 = channels.map(|d| f64::from(d).powi(2)).sum();
+    (sum / (3 * a.pixels.len()) as f64).sqrt()
+}
+
+const EXACT: Approximation = Approximation {
+    neighbours: None,
+    scales: None,
+    step_scale: 1.0,
+    min_weight: None,
+    min_transmittance: None,
+    per_ray: None,
+    density_components: None,
+    density_cache: None,
+};
+
+#[test]
+fn nothing_is_left_out_by_default() {
+    assert_eq!(Approximation::default(), EXACT);
+    assert!(EXACT.is_exact());
+    assert_eq!(picture(&scene(), EXACT), CpuRenderer::new(&scene()).render(&camera()));
+}
+
+#[test]
+fn an_option_at_the_scenes_own_value_changes_no_bit() {
+    let scene = scene();
+    let exact = CpuRenderer::new(&scene).render(&camera());
+    for option in [
+        Approximation { neighbours: Some(4), ..EXACT },
+        Approximation { scales: Some(3), ..EXACT },
+        Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
+        Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
+        Approximation { per_ray: Some(scene.decoder.mode == DecoderMode::PerRay), ..EXACT },
+        Approximation { density_components: Some(9), ..EXACT },
+    ] {
+        assert!(!option.is_exact());
+        assert_eq!(picture(&scene, option), exact, "{option:?}");
+    }
+}
+
+#[test]
+fn a_strong_option_shows() {
+    let scene = scene();
+    let exact = CpuRenderer::new(&scene).render(&camera());
+    for option in [
+        Approximation { neighbours: Some(1), ..EXACT },
+        Approximation { scales: Some(1), ..EXACT },
+        Approximation { step_scale: 8.0, ..EXACT },
+        Approximation { min_weight: Some(0.05), ..EXACT },
+        Approximation { min_transmittance: Some(0.9), ..EXACT },
+        Approximation { per_ray: Some(true), ..EXACT },
+        Approximation { density_components: Some(1), ..EXACT },
+        Approximation { density_cache: Some(8), ..EXACT },
+    ] {
+        let change = difference(&picture(&scene, option), &exact);
+        assert!(change > 3e-4, "{option:?}: {change}");
+    }
+}
+
+#[test]
+fn longer_steps_keep_the_opacity() {
+    // A mean over the picture, so that what longer steps miss at one edge they meet at another.
+    let scene = scene();
+    let mean = |approximation| {
+        let picture = picture(&scene, approximation);
+        picture.pixels.iter().map(|p| f64::from(p.opacity)).sum::<f64>() / picture.pixels.len() as f64
+    };
+    let (exact, long) = (mean(EXACT), mean(Approximation { step_scale: 2.0, ..EXACT }));
+    assert!(exact > 0.1 && (long / exact - 1.0).abs() < 0.02, "{long} instead of {exact}");
+}
+
+#[test]
+fn a_finer_density_cache_is_closer() {
+    let mut config = scenes::config();
+    for mean in [false, true] {
+        config.field.density_mean = mean;
+        config.field.appearance_mean = mean;
+        config.field.coverage_all = !mean;
+        for occupied in [false, true] {
+            let mut scene = scenes::scene(&config);
+            if occupied {
+                scene.occupancy = Some(everywhere(scene.bounds));
+            }
+            let exact = CpuRenderer::new(&scene).render(&camera());
+            let change = |cells| {
+                let cached = picture(&scene, Approximation { density_cache: Some(cells), ..EXACT });
+                assert!(cached.pixels.iter().all(|p| p.color.iter().all(|c| c.is_finite())));
+                difference(&cached, &exact)
+            };
+            let (coarse, fine) = (change(16), change(120));
+            assert!(fine < 0.5 * coarse && fine < 0.03, "mean {mean}, occupied {occupied}: {fine}, {coarse}");
+        }
+    }
+}
+
+fn everywhere(bounds: Aabb) -> Occupancy {
+    let mut occupancy = Occupancy::empty(bounds, glam::UVec3::splat(9));
+    (0..729).for_each(|n| occupancy.set(glam::UVec3::new(n % 9, n / 9 % 9, n / 81)));
+    occupancy
+}
+
+#[test]
+fn the_density_cache_says_what_it_takes() {
+    let bytes = |cells| {
+        let option = Approximation { density_cache: Some(cells), ..EXACT };
+        CpuRenderer::with_approximation(scene(), &option).unwrap().density_cache_bytes().unwrap()
+    };
+    // 8³ cells to a brick, 9³ vertices of 4 bytes.
+    assert_eq!(bytes(8), 4 * (1 + 729));
+    assert!(bytes(128) > 20 * bytes(32));
+    assert_eq!(CpuRenderer::new(&scene()).density_cache_bytes(), None);
+}
+
+#[test]
+fn options_out_of_range_are_refused_by_name() {
+    let scene = scene();
+    let (nan, infinite) = (f64::NAN, f64::INFINITY);
+    for (option, name, expected) in [
+        (Approximation { neighbours: Some(0), ..EXACT }, "neighbours", "1 to 4"),
+        (Approximation { neighbours: Some(5), ..EXACT }, "neighbours", "1 to 4"),
+        (Approximation { scales: Some(0), ..EXACT }, "scales", "1 to 3"),
+        (Approximation { scales: Some(4), ..EXACT }, "scales", "1 to 3"),
+        (Approximation { step_scale: 0.0, ..EXACT }, "step_scale", "0.25 to 64"),
+        (Approximation { step_scale: nan, ..EXACT }, "step_scale", "0.25 to 64"),
+        (Approximation { step_scale: infinite, ..EXACT }, "step_scale", "0.25 to 64"),
+        (Approximation { min_weight: Some(1.0), ..EXACT }, "min_weight", "a number in [0, 1)"),
+        (Approximation { min_weight: Some(nan), ..EXACT }, "min_weight", "a number in [0, 1)"),
+        (Approximation { min_transmittance: Some(-0.1), ..EXACT }, "min_transmittance", "a number in [0, 1)"),
+        (Approximation { density_components: Some(0), ..EXACT }, "density_components", "1 to 9"),
+        (Approximation { density_components: Some(10), ..EXACT }, "density_components", "1 to 9"),
+        (Approximation { density_cache: Some(7), ..EXACT }, "density_cache", "8 to 2048"),
+        (Approximation { density_cache: Some(2049), ..EXACT }, "density_cache", "8 to 2048"),
+    ] {
+        let error = CpuRenderer::with_approximation(scene.clone(), &option).err().expect("a refusal");
+        assert_eq!((error.option, error.expected.as_str()), (name, expected), "{error}");
+    }
+}
+
+#[test]
+fn pictures_do_not_depend_on_the_number_of_threads() {
+    let scene = scene();
+    for option in [
+        EXACT,
+        Approximation { per_ray: Some(true), ..EXACT },
+        Approximation { density_cache: Some(64), step_scale: 2.0, ..EXACT },
+    ] {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| picture(&scene, option))
+        };
+        let one = with(1);
+        assert_eq!(one, with(2), "{option:?}");
+        assert_eq!(one, with(3), "{option:?}");
+    }
+}
+
+#[test]
+fn a_picture_is_what_its_rays_see() {
+    let renderer = CpuRenderer::new(&scene());
+    let (camera, picture) = (camera(), renderer.render(&camera()));
+    for (row, column) in [(0, 0), (20, 17), (38, 44), (15, 16), (16, 15), (25, 31)] {
+        let seen = renderer.trace(&[camera.ray(column, row)])[0];
+        let pixel = picture.pixels[(row * camera.width + column) as usize];
+        let close = |a: f32, b: f32| (a - b).abs() < 1e-5;
+        assert!((0..3).all(|i| close(seen.color[i], pixel.color[i])), "{seen:?}, {pixel:?}");
+        assert!(close(seen.opacity, pixel.opacity) && close(seen.depth, pixel.depth), "{seen:?}, {pixel:?}");
+    }
+}
