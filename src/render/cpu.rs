@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, vectorised};
+use crate::field::{Activations, Field, Real, Samples, Work, vectorised};
 use crate::geometry::Ray;
 use crate::model::Scene;
 
@@ -31,6 +31,11 @@ impl<T: Real> CpuRenderer<T> {
     /// Renders with `field`.
     pub fn of_field(field: Field<T>) -> Self {
         Self { field }
+    }
+
+    /// As [`Renderer::trace`], and what it took.
+    pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
+        (self.trace(rays), Work::default())
     }
 
     #[inline(always)]

@@ -9,7 +9,7 @@ use super::{
     Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldScale, vectorised};
+use crate::field::{Field, FieldScale, Work, vectorised};
 use crate::geometry::{Aabb, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -29,7 +29,7 @@ pub struct Trainer<'a> {
 }
 
 /// What one step came to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
     /// Steps done.
     pub step: u64,
@@ -39,6 +39,8 @@ pub struct StepReport {
     pub samples: u64,
     /// Samples that were coloured.
     pub colored: u64,
+    /// What it took.
+    pub work: Work,
 }
 
 /// Why a run cannot go on.
@@ -184,6 +186,7 @@ impl<'a> Trainer<'a> {
             mean_squared_error,
             samples: count(crate::field::Samples::len),
             colored: count(|s| s.colored.len()),
+            work: Work::default(),
         };
         self.follow_schedule();
         Ok(report)
