@@ -31,7 +31,7 @@ impl Comparison {
 
     /// Whether this build takes more than `limit` times as long as the other. A ratio that is no number does.
     pub fn is_above(&self, limit: f64) -> bool {
-        !(self.ratio <= limit)
+        self.ratio.is_nan() || self.ratio > limit
     }
 }
 

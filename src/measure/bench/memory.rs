@@ -11,9 +11,15 @@ pub struct MemoryMark {
 impl MemoryMark {
     /// Begins now: the system's high-water mark is set back to what is resident.
     pub fn set() -> Self {
+        Self { resident: status("VmRSS:") }.again()
+    }
+
+    /// Forgets the peak and keeps the mark. For a row of measurements: what the allocator keeps from one of them, and
+    /// gives to the next, is then in both.
+    pub fn again(self) -> Self {
         // "5" forgets the peak (proc_pid_clear_refs(5)). Where that is refused an older peak would pass for this one's.
         let reset = fs::write("/proc/self/clear_refs", "5").is_ok();
-        Self { resident: status("VmRSS:").filter(|_| reset) }
+        Self { resident: self.resident.filter(|_| reset) }
     }
 
     /// By how many bytes resident memory has been above the mark at most; `None` where the system does not tell.

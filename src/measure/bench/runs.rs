@@ -55,8 +55,7 @@ pub fn training_steps(
 }
 
 /// Frames of `scene` that `camera`, which is in the model's space, takes with the fast renderer.
-pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak) -> Measured {
-    let memory = MemoryMark::set();
+pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
     let field = Field::<f32>::new(scene);
     let shape = FieldShape::of(&field);
     let renderer = CpuRenderer::of_field(field);

@@ -16,11 +16,12 @@ use crate::train::{PrepareError, TrainConfig, initial_scene};
 /// Where the feature passes the density's shift: the ball's radius in model units.
 const RADIUS: f64 = 0.9;
 /// The feature at the centre, in shifts: how hard the surface is.
-const PEAK_IN_SHIFTS: f64 = 3.0;
+const PEAK_IN_SHIFTS: f64 = 3000.0;
 /// The radii between which tensors are placed.
-const SHELL: [f64; 2] = [0.6, 1.05];
-/// Up to where samples count: the density is next to nothing beyond.
-const OCCUPIED_RADIUS: f64 = 1.05;
+const SHELL: [f64; 2] = [0.75, 1.0];
+/// Up to where samples count. The density is next to nothing long before, as it is in a trained scene, where more
+/// samples are evaluated than coloured.
+const OCCUPIED_RADIUS: f64 = 1.0;
 /// Edge of the boxes on which tensors are placed, as of a prior's voxels.
 const VOXEL: f64 = 0.025;
 /// The cameras' distance, and their focal length in widths of the picture.
