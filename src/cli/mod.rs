@@ -3,6 +3,7 @@
 //! Results go to standard output, progress and messages to standard error. What the layers below return as errors
 //! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
 
+mod bench;
 mod console;
 mod demo;
 mod error;
@@ -74,6 +75,8 @@ enum Command {
     Info(info::Args),
     /// Make a synthetic dataset whose geometry is known exactly
     Synth(synth::Args),
+    /// Measure speed against what this machine can do
+    Bench(bench::Args),
 }
 
 /// What a command works with besides its own arguments.
@@ -117,6 +120,7 @@ fn start(cli: &Cli, session: &Session) -> Result<(), Error> {
         Command::Eval(args) => eval::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
+        Command::Bench(args) => bench::run(args, session),
     }
 }
 
