@@ -7,14 +7,14 @@ use std::sync::LazyLock;
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use strivec::container::{self, EncodeOptions, FactorEncoding};
-use strivec::field::{Activations, Field, Locator, Matrix, MatrixMut, Samples, multiply, vectorised};
+use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorised};
 use strivec::geometry::Ray;
 use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
-use strivec::train::{Backward, TrainConfig};
+use strivec::train::{Backward, Target, TrainConfig};
 
 /// Rays of a kernel's call, as many as training gives one.
-const RAYS: usize = 32;
+const RAYS: usize = 128;
 /// Rays of a whole batch.
 const BATCH: usize = 1024;
 
@@ -57,46 +57,17 @@ fn march(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Neighbours and density of the samples of a march.
+/// Neighbours and density, one point at a time.
 #[divan::bench]
-fn density_gather(bencher: Bencher<'_, '_>) {
+fn density_at_points(bencher: Bencher<'_, '_>) {
     let samples = marched(&rays(RAYS));
-    let mut locator = Locator::default();
+    let mut scratch = Samples::default();
     bencher.counter(ItemsCount::new(samples.len())).bench_local(|| {
         vectorised(
             #[inline(always)]
             || {
-                let feature = |&position| FIELD.density_feature(position, &mut locator);
+                let feature = |&position| FIELD.density_feature(position, &mut scratch);
                 samples.positions.iter().filter_map(feature).sum::<f32>()
-            },
-        )
-    });
-}
-
-/// Appearance components of the coloured samples of a march.
-#[divan::bench]
-fn appearance_gather(bencher: Bencher<'_, '_>) {
-    let samples = marched(&rays(RAYS));
-    let scales = FIELD.scales.len();
-    let mut components = vec![0f32; FIELD.component_count()];
-    bencher.counter(ItemsCount::new(samples.colored.len())).bench_local(|| {
-        vectorised(
-            #[inline(always)]
-            || {
-                for &sample in &samples.colored {
-                    let sample = sample as usize;
-                    let mut rest = components.as_mut_slice();
-                    for (s, scale) in FIELD.scales.iter().enumerate() {
-                        let (of_scale, after) = rest.split_at_mut(scale.appearance_rank);
-                        of_scale.fill(0.0);
-                        for pair in samples.pairs_of(sample, s, scales) {
-                            let tensor = pair.tensor - scale.first_tensor;
-                            scale.add_appearance_of(tensor, samples.positions[sample], pair.weight, of_scale);
-                        }
-                        rest = after;
-                    }
-                }
-                components[0]
             },
         )
     });
@@ -106,12 +77,13 @@ fn appearance_gather(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn decode(bencher: Bencher<'_, '_>) {
     let rays = rays(RAYS);
-    let samples = marched(&rays);
+    let mut samples = marched(&rays);
     let mut activations = Activations::default();
-    bencher.counter(ItemsCount::new(samples.colored.len())).bench_local(|| {
+    FIELD.choose_colored(&samples, None, &mut activations.colored);
+    bencher.counter(ItemsCount::new(activations.colored.len())).bench_local(|| {
         vectorised(
             #[inline(always)]
-            || FIELD.decode(&rays, &samples, &mut activations),
+            || FIELD.decode(&rays, &mut samples, &mut activations),
         );
     });
 }
@@ -120,9 +92,9 @@ fn decode(bencher: Bencher<'_, '_>) {
 #[divan::bench(sample_count = 20)]
 fn backward_loss(bencher: Bencher<'_, '_>) {
     let rays = rays(BATCH);
-    let targets = vec![[0.5; 3]; rays.len()];
+    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3] }; rays.len()];
     let mut backward = Backward::new(&FIELD);
-    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| backward.loss(&FIELD, &rays, &targets));
+    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| backward.loss(&FIELD, &rays, &targets, None));
 }
 
 /// Rows, inner length, columns: far beyond the caches, the decoder's layers, and the appearance matrices.

@@ -6,10 +6,10 @@ mod scenes;
 use glam::DVec3;
 use strivec::field::{Activations, Field, Real, Samples};
 use strivec::geometry::Ray;
-use strivec::model::Scene;
+use strivec::model::{DecoderMode, Scene};
 use strivec::random::Random;
 use strivec::render::ReferenceRenderer;
-use strivec::train::{Backward, Gradients, TrainConfig, network_parts};
+use strivec::train::{Backward, Gradients, Target, TrainConfig, network_parts};
 
 /// Rays whose decisions a perturbation of the parameters by the difference's step does not reach.
 const MIN_MARGIN: f64 = 1e-4;
@@ -56,9 +56,10 @@ fn vertex_distance(scene: &Scene, field: &Field<f64>, ray: &Ray) -> f64 {
     smallest
 }
 
-fn targets(count: usize) -> Vec<[f32; 3]> {
+fn targets(count: usize) -> Vec<Target> {
     let random = Random::new(2, "gradient test targets");
-    (0..count as u64).map(|i| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32)).collect()
+    let color = |i: u64| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32);
+    (0..count as u64).map(|i| Target { color: color(2 * i), background: color(2 * i + 1) }).collect()
 }
 
 /// The groups of parameters, as (name, analytic gradient, how to reach the parameters).
@@ -197,7 +198,8 @@ fn scene(config: &TrainConfig) -> Scene {
 fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
     let (mut samples, mut activations) = (Samples::default(), Activations::default());
     field.march(rays, &mut samples);
-    field.decode(rays, &samples, &mut activations);
+    field.choose_colored(&samples, None, &mut activations.colored);
+    field.decode(rays, &mut samples, &mut activations);
     let layers = &field.decoder.layers;
     let mut smallest = f64::INFINITY;
     for (layer, inputs) in layers[..layers.len() - 1].iter().zip(&activations.inputs) {
@@ -223,18 +225,28 @@ fn configs() -> Vec<TrainConfig> {
     vec![plain, other]
 }
 
+/// Scenes under both sets of rules, with a decoder call a sample and a ray.
+fn cases() -> Vec<Scene> {
+    let modes = [DecoderMode::PerSample, DecoderMode::PerRay];
+    let case = |config: &TrainConfig, mode| {
+        let mut scene = scene(config);
+        scene.decoder.mode = mode;
+        scene
+    };
+    configs().iter().flat_map(|config| modes.map(|mode| case(config, mode))).collect()
+}
+
 #[test]
 fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_does_not() {
-    for config in configs() {
-        let scene = scene(&config);
+    for scene in cases() {
         let rays = rays_far_from_decisions(&scene, 16);
         let targets = targets(rays.len());
         let mut field = Field::<f64>::new(&scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
-        let gradients = backward.gradients(&field, &rays, &targets);
+        let gradients = backward.gradients(&field, &rays, &targets, None);
         let mut losses = |field: &Field<f64>| {
-            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i]);
+            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], None);
             (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
         };
         for (name, values, reach) in groups(&scene, &gradients) {
@@ -252,14 +264,13 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
 
 #[test]
 fn gradients_in_f32_match_those_in_f64() {
-    for config in configs() {
-        let scene = scene(&config);
+    for scene in cases() {
         let rays = rays_far_from_decisions(&scene, 64);
         let targets = targets(rays.len());
         let exact_field = Field::<f64>::new(&scene);
-        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets);
+        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, None);
         let field = Field::<f32>::new(&scene);
-        let single = Backward::new(&field).gradients(&field, &rays, &targets);
+        let single = Backward::new(&field).gradients(&field, &rays, &targets, None);
         let single = Gradients {
             loss: single.loss.f64(),
             density: single.density.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
@@ -272,7 +283,8 @@ fn gradients_in_f32_match_those_in_f64() {
             let worst = sampled_entries(&exact).into_iter().map(|i| errors[i]).fold(0.0, f64::max);
             let mut sorted = errors;
             sorted.sort_by(f64::total_cmp);
-            let most = sorted[sorted.len() * 999 / 1000];
+            // Small groups may have one such entry, too.
+            let most = sorted[sorted.len() - 1 - (sorted.len() / 1000).max(1)];
             println!("{name}: sampled {worst:.1e}, 99.9 % of all {most:.1e}, all {:.1e}", sorted[sorted.len() - 1]);
             assert!(worst < 1e-3 && most < 1e-3, "{name}: relative error {worst:e}, {most:e}");
             let flipped: Vec<f64> = single.iter().map(|v| -v).collect();

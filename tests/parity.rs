@@ -15,19 +15,20 @@ use strivec::train::TrainConfig;
 /// Every combination of rules, with an occupancy that cuts through the model.
 fn cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
-    for bits in 0..16 {
+    for bits in 0..32 {
         let mut config = scenes::config();
         config.field.coverage_all = bits & 1 == 0;
         config.field.normalised = bits & 2 == 0;
         config.field.density_mean = bits & 4 != 0;
         config.field.appearance_mean = bits & 8 != 0;
+        config.decoder.per_ray = bits & 16 != 0;
         config.factor_deviation = 0.8;
         let mut scene = scenes::scene(&config);
         // Away from the tensors' faces, on which every ray's first sample would lie.
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
         scene.occupancy = Some(sliced(scene.bounds.grown(DVec3::splat(0.0345))));
         scene.check().unwrap();
-        cases.push((format!("{:?}", config.field), scene));
+        cases.push((format!("{:?}, {:?}", config.field, scene.decoder.mode), scene));
     }
     cases
 }

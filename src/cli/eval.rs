@@ -70,7 +70,7 @@ struct Evaluation<'a> {
 
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (scene, bytes) = scene_file::read_to_render(&args.file)?;
+    let (scene, bytes) = scene_file::read(&args.file)?;
     let options = LoadOptions { downscale: args.downscale, background: scene.frame.background };
     let dataset = dataset::load_blender(&args.dataset, &args.split, &options)?;
     let views = args.selection.of(dataset.views)?;

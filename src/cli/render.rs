@@ -86,7 +86,7 @@ struct DepthScale {
 
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (scene, _) = scene_file::read_to_render(&args.file)?;
+    let (scene, _) = scene_file::read(&args.file)?;
     let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 

@@ -6,18 +6,10 @@ use std::path::Path;
 use super::Error;
 use crate::container;
 use crate::model::Scene;
-use crate::render;
 
 /// The scene in the file `path`, and the file's bytes.
 pub(super) fn read(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
     let bytes = fs::read(path).map_err(Error::io("read", path))?;
     let scene = container::decode(&bytes).map_err(Error::malformed(path))?;
-    Ok((scene, bytes))
-}
-
-/// As [`read`], for scenes that are to be rendered.
-pub(super) fn read_to_render(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
-    let (scene, bytes) = read(path)?;
-    render::check_supported(&scene).map_err(Error::malformed(path))?;
     Ok((scene, bytes))
 }

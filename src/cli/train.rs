@@ -107,6 +107,8 @@ pub(super) enum Preset {
     P96,
     /// Two scales, two neighbours
     Fast,
+    /// 48, with one decoder call a ray: nearly as good, much faster to train and to render
+    PerRay,
 }
 
 impl Preset {
@@ -118,6 +120,7 @@ impl Preset {
             Self::P48 => "48",
             Self::P96 => "96",
             Self::Fast => "fast",
+            Self::PerRay => "per-ray",
         }
     }
 }

@@ -1,15 +1,17 @@
-//! Occupancy by cells instead of vertices: one bit tells whether any corner of a cell is set.
+//! Where samples can count, as one bit a cell and one a block of cells: for looking up, and for skipping what is empty.
 
 use glam::{DVec3, UVec3};
 
-use super::Real;
+use super::{CellIndex, Real};
 use crate::model::Occupancy;
 
-/// The decision of [`Occupancy::contains`] for points inside cells; on a face it is that of the cell beyond it.
+/// For an occupancy, the decision of [`Occupancy::contains`] for points inside cells; on a face it is that of the cell
+/// beyond it.
 #[derive(Clone, Debug)]
 pub struct OccupancyCells<T> {
     min: [T; 3],
     cells_per_unit: [T; 3],
+    cell_size: [T; 3],
     cells: [i32; 3],
     words: Vec<u64>,
     /// One bit a block of cells, 8 wide: small enough for the fastest cache, where most answers come from.
@@ -20,29 +22,31 @@ pub struct OccupancyCells<T> {
 /// Cells along a block's edge, as a shift.
 const BLOCK_SHIFT: i32 = 3;
 
+/// What a position's surroundings are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surroundings<T> {
+    /// Whether samples there count.
+    pub(super) occupied: bool,
+    /// How far along the ray, in model units, that stays so; approximate.
+    pub(super) distance: T,
+}
+
 impl<T: Real> OccupancyCells<T> {
-    /// Prepares `occupancy` for positions relative to `origin`.
+    /// Prepares `occupancy` for positions relative to `origin`. A cell counts where any of its corners is set.
     pub fn new(occupancy: &Occupancy, origin: DVec3) -> Self {
         let cells = occupancy.vertices - 1;
-        let mut grid = Self {
-            min: (occupancy.bounds.min - origin).to_array().map(T::of),
-            cells_per_unit: (1.0 / occupancy.cell_size()).to_array().map(T::of),
-            cells: cells.as_ivec3().to_array(),
-            words: words_for(cells),
-            blocks: ((cells - 1) / (1 << BLOCK_SHIFT) + 1).as_ivec3().to_array(),
-            block_words: words_for((cells - 1) / (1 << BLOCK_SHIFT) + 1),
-        };
+        let mut grid = Self::empty(
+            (occupancy.bounds.min - origin).to_array().map(T::of),
+            (1.0 / occupancy.cell_size()).to_array().map(T::of),
+            cells.as_ivec3().to_array(),
+        );
         for vertex in occupancy.iter() {
             let first = vertex.saturating_sub(UVec3::ONE);
             let last = vertex.min(cells - 1);
             for z in first.z..=last.z {
                 for y in first.y..=last.y {
                     for x in first.x..=last.x {
-                        let cell = [x as i32, y as i32, z as i32];
-                        let bit = bit_number(cell, grid.cells);
-                        grid.words[bit / 64] |= 1 << (bit % 64);
-                        let bit = bit_number(cell.map(|c| c >> BLOCK_SHIFT), grid.blocks);
-                        grid.block_words[bit / 64] |= 1 << (bit % 64);
+                        grid.set([x as i32, y as i32, z as i32]);
                     }
                 }
             }
@@ -50,30 +54,99 @@ impl<T: Real> OccupancyCells<T> {
         grid
     }
 
+    /// The cells that any tensor of `index` reaches into; those at the grid's border also stand for what is beyond it, so
+    /// that rounding cannot take a point on its outermost faces out of it.
+    pub(super) fn of_index(index: &CellIndex<T>) -> Self {
+        let (min, cells_per_unit, cells) = index.grid();
+        let padded_min = [0, 1, 2].map(|a| min[a] - T::one() / cells_per_unit[a]);
+        let mut grid = Self::empty(padded_min, cells_per_unit, cells.map(|c| c + 2));
+        for (n, _) in index.covered_cells().enumerate().filter(|c| c.1) {
+            let (row, layer) = (cells[0] as usize, cells[0] as usize * cells[1] as usize);
+            let cell = [n % row, n % layer / row, n / layer];
+            let [xs, ys, zs] = [0, 1, 2].map(|a| {
+                let c = cell[a] as i32;
+                let first = if c == 0 { 0 } else { c + 1 };
+                let last = if c + 1 == cells[a] { c + 2 } else { c + 1 };
+                first..=last
+            });
+            for z in zs {
+                for y in ys.clone() {
+                    for x in xs.clone() {
+                        grid.set([x, y, z]);
+                    }
+                }
+            }
+        }
+        grid
+    }
+
+    fn empty(min: [T; 3], cells_per_unit: [T; 3], cells: [i32; 3]) -> Self {
+        let blocks = cells.map(|c| ((c - 1) >> BLOCK_SHIFT) + 1);
+        let words_for = |[x, y, z]: [i32; 3]| vec![0; (x as usize * y as usize * z as usize).div_ceil(64)];
+        Self {
+            min,
+            cells_per_unit,
+            cell_size: cells_per_unit.map(|c| T::one() / c),
+            cells,
+            words: words_for(cells),
+            blocks,
+            block_words: words_for(blocks),
+        }
+    }
+
+    fn set(&mut self, cell: [i32; 3]) {
+        let bit = bit_number(cell, self.cells);
+        self.words[bit / 64] |= 1 << (bit % 64);
+        let bit = bit_number(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
+        self.block_words[bit / 64] |= 1 << (bit % 64);
+    }
+
     /// Whether samples at `position` count.
     #[inline(always)]
     pub fn contains(&self, position: [T; 3]) -> bool {
-        let mut at = [0; 3];
+        self.look(self.in_cells(position)).is_some_and(|found| found.0)
+    }
+
+    /// What is around `position` on a ray whose direction's reciprocal is `inverse`.
+    #[inline(always)]
+    pub(super) fn surroundings(&self, position: [T; 3], inverse: [T; 3]) -> Surroundings<T> {
+        let at = self.in_cells(position);
+        let Some((occupied, width)) = self.look(at) else {
+            return Surroundings { occupied: false, distance: T::zero() };
+        };
+        let mut distance = T::infinity();
         for a in 0..3 {
-            at[a] = ((position[a] - self.min[a]) * self.cells_per_unit[a]).floor_i32();
-            if at[a] < 0 || at[a] >= self.cells[a] {
-                return false;
+            let lower = at[a].floor_i32() & !(width - 1);
+            let face = if inverse[a] > T::zero() { lower + width } else { lower };
+            distance = distance.min((T::of_i32(face) - at[a]) * self.cell_size[a] * inverse[a]);
+        }
+        Surroundings { occupied, distance }
+    }
+
+    #[inline(always)]
+    fn in_cells(&self, position: [T; 3]) -> [T; 3] {
+        [0, 1, 2].map(|a| (position[a] - self.min[a]) * self.cells_per_unit[a])
+    }
+
+    /// Whether the cell counts, and how many cells wide its surroundings are that are the same; `None` outside.
+    #[inline(always)]
+    fn look(&self, at: [T; 3]) -> Option<(bool, i32)> {
+        let cell = at.map(T::floor_i32);
+        for a in 0..3 {
+            if cell[a] < 0 || cell[a] >= self.cells[a] {
+                return None;
             }
         }
-        let block = bit_number(at.map(|c| c >> BLOCK_SHIFT), self.blocks);
+        let block = bit_number(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
         if self.block_words[block / 64] >> (block % 64) & 1 == 0 {
-            return false;
+            return Some((false, 1 << BLOCK_SHIFT));
         }
-        let bit = bit_number(at, self.cells);
-        self.words[bit / 64] >> (bit % 64) & 1 == 1
+        let bit = bit_number(cell, self.cells);
+        Some((self.words[bit / 64] >> (bit % 64) & 1 == 1, 1))
     }
 }
 
 #[inline(always)]
 fn bit_number([x, y, z]: [i32; 3], sizes: [i32; 3]) -> usize {
     (z as usize * sizes[1] as usize + y as usize) * sizes[0] as usize + x as usize
-}
-
-fn words_for(sizes: UVec3) -> Vec<u64> {
-    vec![0; (sizes.x as usize * sizes.y as usize * sizes.z as usize).div_ceil(64)]
 }

@@ -1,8 +1,11 @@
-//! Appearance and decoder for many samples at once, as matrix products (DESIGN, section 2.7).
+//! Appearance and decoder for many samples at once, as matrix products (DESIGN, sections 2.7 and 2.8).
 
-use super::{Field, Matrix, MatrixMut, Real, Samples, multiply};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::march::count_pairs;
+use super::{Colored, Field, Located, Matrix, MatrixMut, Real, Samples, Stage, multiply};
 use crate::geometry::Ray;
-use crate::model::{Reduction, Scene};
+use crate::model::{DecoderMode, Reduction, Scene};
 
 /// A fully connected layer.
 #[derive(Clone, Debug)]
@@ -20,6 +23,8 @@ pub struct Dense<T> {
 /// The appearance matrices and the MLP.
 #[derive(Clone, Debug)]
 pub struct FieldDecoder<T> {
+    /// Where it is called.
+    pub mode: DecoderMode,
     /// P.
     pub features: usize,
     /// \[P\]\[ΣR\]: the scales' matrices side by side.
@@ -30,20 +35,57 @@ pub struct FieldDecoder<T> {
     pub layers: Vec<Dense<T>>,
 }
 
-/// What the decoder computed for a batch of n coloured samples. Reused from one batch to the next.
+/// What became of the coloured samples of a few rays. A row is a call of the decoder: a coloured sample, or a ray that
+/// has any. Reused from one batch to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
-    /// \[n\]\[ΣR\] aggregated appearance components.
+    /// The samples that add colour.
+    pub colored: Colored<T>,
+    /// \[coloured\]\[ΣR\] aggregated appearance components, reduced over scales.
     pub components: Vec<T>,
-    /// \[n\] what the features are multiplied by: 1, or 1 over the number of covering scales.
+    /// \[coloured\] 1 over the number of covering scales; empty where scales are summed.
     pub reductions: Vec<T>,
-    /// \[layer\]\[n\]\[inputs of that layer\]: the encoded features, then each layer's rectified outputs.
+    /// \[row\]\[ΣR\] the rays' composited components; empty where every sample is decoded.
+    pub composites: Vec<T>,
+    /// \[row\] what its colour weighs in its pixel.
+    pub weights: Vec<T>,
+    /// \[ray\] its first row, and the number of rows.
+    pub ray_rows: Vec<u32>,
+    /// \[layer\]\[row\]\[inputs of that layer\]: the encoded features, then each layer's rectified outputs.
     pub inputs: Vec<Vec<T>>,
-    /// \[n\] colours in [0, 1].
+    /// \[row\] colours in [0, 1].
     pub colors: Vec<[T; 3]>,
     outputs: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
+    located: Vec<Located<T>>,
+}
+
+impl<T: Real> Activations<T> {
+    /// \[row\]\[ΣR\] what the appearance matrices are multiplied with.
+    pub fn decoded_components(&self, mode: DecoderMode) -> &[T] {
+        match mode {
+            DecoderMode::PerSample => &self.components,
+            DecoderMode::PerRay => &self.composites,
+        }
+    }
+
+    /// The rows of `ray`.
+    pub fn rows_of_ray(&self, ray: usize) -> std::ops::Range<usize> {
+        self.ray_rows[ray] as usize..self.ray_rows[ray + 1] as usize
+    }
+
+    /// What `ray` sees in front of `behind`.
+    #[inline(always)]
+    pub fn pixel(&self, ray: usize, behind: [T; 3]) -> [T; 3] {
+        let mut color = behind;
+        for row in self.rows_of_ray(ray) {
+            for (sum, &value) in color.iter_mut().zip(&self.colors[row]) {
+                *sum += self.weights[row] * value;
+            }
+        }
+        color
+    }
 }
 
 impl<T: Real> FieldDecoder<T> {
@@ -67,7 +109,7 @@ impl<T: Real> FieldDecoder<T> {
             })
             .collect();
         let frequencies = [scene.decoder.feature_frequencies, scene.decoder.direction_frequencies];
-        Self { features, appearance, frequencies, layers }
+        Self { mode: scene.decoder.mode, features, appearance, frequencies, layers }
     }
 
     /// Where each part of the first layer's input begins: direction, PE(features), PE(direction).
@@ -99,12 +141,103 @@ fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: 
 }
 
 impl<T: Real> Field<T> {
-    /// Colours of all coloured `samples` of `rays`.
+    /// Colours of the rows of `activations.colored`, which is of `samples` of `rays`.
     #[inline(always)]
-    pub fn decode(&self, rays: &[Ray], samples: &Samples<T>, activations: &mut Activations<T>) {
-        self.gather_appearance(samples, activations);
-        self.encode_inputs(rays, samples, activations);
-        let n = samples.colored.len();
+    pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
+        Arch::new().dispatch(GatherAppearance { field: self, samples, activations });
+        samples.clock.lap(Stage::AppearanceGather);
+        self.compose_rows(rays.len(), activations);
+        samples.clock.lap(Stage::Composite);
+        self.multiply_appearance(activations);
+        samples.clock.lap(Stage::AppearanceMatrices);
+        self.encode_inputs(rays, activations);
+        samples.clock.lap(Stage::Encoding);
+        self.run_layers(activations);
+        samples.clock.lap(Stage::Decoder);
+        let work = &mut samples.clock.work;
+        let places = activations.colored.places.iter().map(|&place| place as usize);
+        work.colored = activations.colored.len() as u64;
+        work.colored_pairs = count_pairs(&samples.pair_ranges, places, self.scales.len());
+        work.decoded = activations.weights.len() as u64;
+    }
+
+    /// Fills `weights` and `ray_rows`, and `composites` where rays are decoded: F = Σ w·f / Σ w.
+    #[inline(always)]
+    fn compose_rows(&self, rays: usize, activations: &mut Activations<T>) {
+        let Activations { colored, components, composites, weights, ray_rows, .. } = activations;
+        composites.clear();
+        if self.decoder.mode == DecoderMode::PerSample {
+            weights.clone_from(&colored.weights);
+            ray_rows.clone_from(&colored.ray_starts);
+            return;
+        }
+        let width = self.component_count();
+        weights.clear();
+        ray_rows.clear();
+        ray_rows.push(0);
+        for ray in (0..rays).map(|ray| colored.of_ray(ray)) {
+            if !ray.is_empty() {
+                let weight: T = colored.weights[ray.clone()].iter().copied().sum();
+                let first = composites.len();
+                composites.resize(first + width, T::zero());
+                let composite = &mut composites[first..];
+                for c in ray {
+                    let share = colored.weights[c] / weight;
+                    for (sum, &v) in composite.iter_mut().zip(&components[c * width..][..width]) {
+                        *sum += share * v;
+                    }
+                }
+                weights.push(weight);
+            }
+            ray_rows.push(weights.len() as u32);
+        }
+    }
+
+    /// Fills the features in the first layer's inputs.
+    #[inline(always)]
+    fn multiply_appearance(&self, activations: &mut Activations<T>) {
+        let decoder = &self.decoder;
+        let n = activations.weights.len();
+        let components = self.component_count();
+        let inputs = decoder.layers[0].inputs;
+        let mut all_inputs = std::mem::take(&mut activations.inputs);
+        all_inputs.resize(decoder.layers.len(), Vec::new());
+        let rows = &mut all_inputs[0];
+        rows.resize(n * inputs, T::zero());
+        multiply(
+            MatrixMut::new(rows, n, decoder.features, inputs),
+            Matrix::new(activations.decoded_components(decoder.mode), n, components, components),
+            Matrix::new(&decoder.appearance, decoder.features, components, components).transposed(),
+            false,
+        );
+        activations.inputs = all_inputs;
+    }
+
+    /// Fills the rest of the first layer's inputs.
+    #[inline(always)]
+    fn encode_inputs(&self, rays: &[Ray], activations: &mut Activations<T>) {
+        let decoder = &self.decoder;
+        let features = decoder.features;
+        let inputs = decoder.layers[0].inputs;
+        let Activations { inputs: all_inputs, ray_rows, direction: direction_row, angles, .. } = activations;
+        let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
+        direction_row.resize(inputs - encoded_direction_at, T::zero());
+        for (ray, rows) in rays.iter().zip(ray_rows.windows(2)) {
+            let direction = ray.direction.to_array().map(T::of);
+            encode(&direction, decoder.frequencies[1] as usize, direction_row, angles);
+            for row in all_inputs[0][rows[0] as usize * inputs..rows[1] as usize * inputs].chunks_exact_mut(inputs) {
+                row[direction_at..encoded_at].copy_from_slice(&direction);
+                let (values, encoded) = row[..encoded_direction_at].split_at_mut(encoded_at);
+                encode(&values[..features], decoder.frequencies[0] as usize, encoded, angles);
+                row[encoded_direction_at..].copy_from_slice(direction_row);
+            }
+        }
+    }
+
+    /// Fills the inputs of the layers after the first, and `colors`.
+    #[inline(always)]
+    fn run_layers(&self, activations: &mut Activations<T>) {
+        let n = activations.weights.len();
         let layers = &self.decoder.layers;
         for (l, layer) in layers.iter().enumerate() {
             let last = l + 1 == layers.len();
@@ -128,65 +261,41 @@ impl<T: Real> Field<T> {
         let sigmoid = |x: T| T::one() / (T::one() + (-x).exp());
         activations.colors.extend(activations.outputs.chunks_exact(3).map(|c| [0, 1, 2].map(|i| sigmoid(c[i]))));
     }
+}
 
-    /// Fills `components` and `reductions`.
+/// Fills `components` and `reductions`.
+struct GatherAppearance<'a, T> {
+    field: &'a Field<T>,
+    samples: &'a Samples<T>,
+    activations: &'a mut Activations<T>,
+}
+
+impl<T: Real> WithSimd for GatherAppearance<'_, T> {
+    type Output = ();
+
     #[inline(always)]
-    fn gather_appearance(&self, samples: &Samples<T>, activations: &mut Activations<T>) {
-        let width = self.component_count();
-        let scales = self.scales.len();
-        activations.components.clear();
-        activations.components.resize(samples.colored.len() * width, T::zero());
-        activations.reductions.clear();
-        for (row, &sample) in activations.components.chunks_exact_mut(width).zip(&samples.colored) {
-            let sample = sample as usize;
-            let mut rest = row;
-            for (s, scale) in self.scales.iter().enumerate() {
-                let (components, after) = rest.split_at_mut(scale.appearance_rank);
-                for pair in samples.pairs_of(sample, s, scales) {
-                    let tensor = pair.tensor - scale.first_tensor;
-                    scale.add_appearance_of(tensor, samples.positions[sample], pair.weight, components);
-                }
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { field, samples, activations } = self;
+        let width = field.component_count();
+        let scales = field.scales.len();
+        let Activations { colored, components, reductions, located, .. } = activations;
+        components.resize(colored.len() * width, T::zero());
+        reductions.clear();
+        for (row, &place) in components.chunks_exact_mut(width.max(1)).zip(&colored.places) {
+            let place = place as usize;
+            let mut rest = &mut *row;
+            for (s, scale) in field.scales.iter().enumerate() {
+                let (of_scale, after) = rest.split_at_mut(scale.appearance_rank);
+                let pairs = samples.pairs_of(place, s, scales).iter();
+                located.clear();
+                located.extend(pairs.map(|pair| scale.locate(*pair, samples.positions[place])));
+                scale.appearance_of(simd, located, of_scale);
                 rest = after;
             }
-            activations.reductions.push(match self.rules.appearance_reduction {
-                Reduction::Sum => T::one(),
-                Reduction::Mean => T::one() / T::of(samples.covering_scales(sample, scales) as f64),
-            });
-        }
-    }
-
-    /// Fills the first layer's inputs.
-    #[inline(always)]
-    fn encode_inputs(&self, rays: &[Ray], samples: &Samples<T>, activations: &mut Activations<T>) {
-        let decoder = &self.decoder;
-        let n = samples.colored.len();
-        let features = decoder.features;
-        let components = self.component_count();
-        let inputs = decoder.layers[0].inputs;
-        activations.inputs.resize(decoder.layers.len(), Vec::new());
-        let Activations { inputs: all_inputs, components: sums, reductions, direction: direction_row, angles, .. } =
-            activations;
-        let rows = &mut all_inputs[0];
-        rows.resize(n * inputs, T::zero());
-        multiply(
-            MatrixMut::new(rows, n, features, inputs),
-            Matrix::new(sums, n, components, components),
-            Matrix::new(&decoder.appearance, features, components, components).transposed(),
-            false,
-        );
-        let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
-        direction_row.resize(inputs - encoded_direction_at, T::zero());
-        for (r, ray) in rays.iter().enumerate() {
-            let direction = ray.direction.to_array().map(T::of);
-            encode(&direction, decoder.frequencies[1] as usize, direction_row, angles);
-            for c in samples.colored_of_ray(r) {
-                let row = &mut rows[c * inputs..(c + 1) * inputs];
-                let reduction = reductions[c];
-                row[..features].iter_mut().for_each(|f| *f *= reduction);
-                row[direction_at..encoded_at].copy_from_slice(&direction);
-                let (values, encoded) = row[..encoded_direction_at].split_at_mut(encoded_at);
-                encode(&values[..features], decoder.frequencies[0] as usize, encoded, angles);
-                row[encoded_direction_at..].copy_from_slice(direction_row);
+            if field.rules.appearance_reduction == Reduction::Mean {
+                let reduction = T::one() / T::of(samples.covering_scales(place, scales) as f64);
+                row.iter_mut().for_each(|v| *v *= reduction);
+                reductions.push(reduction);
             }
         }
     }

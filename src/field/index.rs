@@ -1,20 +1,39 @@
 //! Which tensors may cover a point: a grid of candidate lists over one scale's cloud.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::Real;
 use crate::geometry::Aabb;
 use crate::model::TensorCloud;
 
-/// For each cell of a regular grid, the tensors whose boxes reach into it, ascending.
+/// Candidates that are tested at once. Where tensors reach less than two pitches they are the corners of a lattice cell.
+pub(super) const BLOCK: usize = 16;
+
+/// Some of a list's tensors, with what testing them needs side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CandidateBlock<T> {
+    /// How many.
+    pub(super) count: u32,
+    /// \[axis\] centres, relative to the field's origin; at infinity beyond the count.
+    pub(super) centers: [[T; BLOCK]; 3],
+    /// Numbers in the scale, ascending.
+    pub(super) tensors: [u32; BLOCK],
+}
+
+/// For each cell of a regular grid, the tensors whose boxes reach into it, ascending. Cells with the same tensors share
+/// a list.
 #[derive(Clone, Debug)]
 pub struct CellIndex<T> {
     min: [T; 3],
     cells_per_unit: [T; 3],
-    cells: [u32; 3],
-    /// \[cell\] where its list begins, and the end of the last.
+    cells: [i32; 3],
+    /// \[cell\] its list.
+    lists: Vec<u32>,
+    /// \[list\] where its blocks begin, and the number of blocks. List 0 is empty.
     starts: Vec<u32>,
-    tensors: Vec<u32>,
+    blocks: Vec<CandidateBlock<T>>,
 }
 
 impl<T: Real> CellIndex<T> {
@@ -32,59 +51,107 @@ impl<T: Real> CellIndex<T> {
             width *= 1.25;
         }
         let cells = (bounds.size() / width).ceil().max(DVec3::ONE).as_uvec3();
-        let cell_count = cells.x as usize * cells.y as usize * cells.z as usize;
-        // Rounding in T must not take a point to a cell whose list lacks its tensor.
-        let slack = 1e-3 * width;
-        let ranges: Vec<_> = (cloud.centers())
-            .map(|center| {
-                let cell_at = |p: DVec3| (p / width).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
-                let relative = center - origin - bounds.min;
-                (cell_at(relative - cloud.half - slack), cell_at(relative + cloud.half + slack))
-            })
-            .collect();
-        let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {
-            for (n, (first, last)) in ranges.iter().enumerate() {
-                for z in first.z..=last.z {
-                    for y in first.y..=last.y {
-                        for x in first.x..=last.x {
-                            visit(((z * cells.y + y) * cells.x + x) as usize, n as u32);
-                        }
-                    }
-                }
-            }
-        };
-        let mut starts = vec![0u32; cell_count + 1];
-        for_each_cell(&mut |cell, _| starts[cell + 1] += 1);
-        for cell in 0..cell_count {
-            starts[cell + 1] += starts[cell];
-        }
-        let mut next = starts.clone();
-        let mut tensors = vec![0; starts[cell_count] as usize];
-        for_each_cell(&mut |cell, n| {
-            tensors[next[cell] as usize] = n;
-            next[cell] += 1;
-        });
-        Self {
+        let (starts, tensors) = tensors_by_cell(cloud, origin + bounds.min, width, cells);
+
+        let mut index = Self {
             min: bounds.min.to_array().map(T::of),
             cells_per_unit: (1.0 / width).to_array().map(T::of),
-            cells: cells.to_array(),
-            starts,
-            tensors,
+            cells: cells.as_ivec3().to_array(),
+            lists: Vec::with_capacity(starts.len() - 1),
+            starts: vec![0, 0],
+            blocks: Vec::new(),
+        };
+        let centers: Vec<[T; 3]> = cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect();
+        let mut known = HashMap::from([(&[][..], 0)]);
+        for cell in starts.windows(2) {
+            let list = &tensors[cell[0] as usize..cell[1] as usize];
+            let number = *known.entry(list).or_insert_with(|| {
+                index.blocks.extend(list.chunks(BLOCK).map(|part| block_of(part, &centers)));
+                index.starts.push(index.blocks.len() as u32);
+                index.starts.len() as u32 - 2
+            });
+            index.lists.push(number);
         }
+        index
     }
 
-    /// Every tensor that may cover `position`, ascending.
+    /// The list of the cell that `position` is in; 0 where no tensor is near.
     #[inline(always)]
-    pub fn candidates(&self, position: [T; 3]) -> &[u32] {
+    pub(super) fn list_at(&self, position: [T; 3]) -> u32 {
         let mut cell = 0;
         for a in [2, 1, 0] {
             let at = ((position[a] - self.min[a]) * self.cells_per_unit[a]).floor_i32();
             // A point on the outermost face belongs to the last cell; one beyond it finds that no box contains it.
-            if at < -1 || at > self.cells[a] as i32 {
-                return &[];
+            if at < -1 || at > self.cells[a] {
+                return 0;
             }
-            cell = cell * self.cells[a] as usize + at.clamp(0, self.cells[a] as i32 - 1) as usize;
+            cell = cell * self.cells[a] as usize + at.clamp(0, self.cells[a] - 1) as usize;
         }
-        &self.tensors[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+        self.lists[cell]
     }
+
+    /// The tensors of `list`, ascending.
+    #[inline(always)]
+    pub(super) fn blocks(&self, list: u32) -> &[CandidateBlock<T>] {
+        &self.blocks[self.starts[list as usize] as usize..self.starts[list as usize + 1] as usize]
+    }
+
+    /// The grid: its lower corner relative to the field's origin, cells per unit, and cells, per axis.
+    pub(super) fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
+        (self.min, self.cells_per_unit, self.cells)
+    }
+
+    /// Which cells tensors reach into, x fastest.
+    pub(super) fn covered_cells(&self) -> impl Iterator<Item = bool> {
+        self.lists.iter().map(|&list| list != 0)
+    }
+}
+
+fn block_of<T: Real>(tensors: &[u32], centers: &[[T; 3]]) -> CandidateBlock<T> {
+    let mut block =
+        CandidateBlock { count: tensors.len() as u32, centers: [[T::infinity(); BLOCK]; 3], tensors: [0; BLOCK] };
+    for (l, &n) in tensors.iter().enumerate() {
+        for a in 0..3 {
+            block.centers[a][l] = centers[n as usize][a];
+        }
+        block.tensors[l] = n;
+    }
+    block
+}
+
+/// \[cell\] where its tensors begin, and their number; and the tensors. `corner` is the grid's lower one.
+fn tensors_by_cell(cloud: &TensorCloud, corner: DVec3, width: DVec3, cells: glam::UVec3) -> (Vec<u32>, Vec<u32>) {
+    // Rounding in T must not take a point to a cell whose list lacks its tensor.
+    let slack = 1e-3 * width;
+    let cell_at = |p: DVec3| (p / width).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
+    let ranges: Vec<_> = (cloud.centers())
+        .map(|center| {
+            let relative = center - corner;
+            (cell_at(relative - cloud.half - slack), cell_at(relative + cloud.half + slack))
+        })
+        .collect();
+    let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {
+        for (n, (first, last)) in ranges.iter().enumerate() {
+            for z in first.z..=last.z {
+                for y in first.y..=last.y {
+                    for x in first.x..=last.x {
+                        visit((z as usize * cells.y as usize + y as usize) * cells.x as usize + x as usize, n as u32);
+                    }
+                }
+            }
+        }
+    };
+    let cell_count = cells.x as usize * cells.y as usize * cells.z as usize;
+    let mut starts = vec![0u32; cell_count + 1];
+    for_each_cell(&mut |cell, _| starts[cell + 1] += 1);
+    for cell in 0..cell_count {
+        starts[cell + 1] += starts[cell];
+    }
+    let mut next = starts.clone();
+    let mut tensors = vec![0; starts[cell_count] as usize];
+    for_each_cell(&mut |cell, n| {
+        tensors[next[cell] as usize] = n;
+        next[cell] += 1;
+    });
+    (starts, tensors)
 }

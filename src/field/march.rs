@@ -1,102 +1,137 @@
-//! Marching rays front to back, density only (DESIGN, section 2.9): which samples count, what they weigh, and which of
-//! them need a colour.
+//! Marching rays front to back, density only (DESIGN, section 2.9): which samples count, and what they weigh.
+//!
+//! Rays advance together, a few samples each at a time, so that every stage is a loop over hundreds of samples, and
+//! hardly one behind a surface is evaluated.
 
-use super::{Field, Nearest, Real, sum};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::neighbours::{Neighbours, Positions};
+use super::{Field, Located, Pair, Real, Stage, StageClock, Walk};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
-/// A tensor that a sample aggregates.
-#[derive(Clone, Copy, Debug)]
-pub struct Pair<T> {
-    /// Its number, counted over all scales.
-    pub tensor: u32,
-    /// Its weight in its scale.
-    pub weight: T,
-}
+/// Samples that a ray advances by at a time: those behind its end are computed in vain.
+const STRIDE: u32 = 8;
 
-/// What finding a point's density needs besides the field. Reused.
-#[derive(Clone, Debug, Default)]
-pub struct Locator<T> {
-    /// \[scale\] the point's neighbours.
-    pub nearest: Vec<Nearest<T>>,
-    /// \[density rank of the current scale\] aggregated density components.
-    components: Vec<T>,
-}
-
-/// The samples of a few rays, in order of ray and distance. Reused from one march to the next.
+/// The samples of a few rays. Reused from one march to the next.
+///
+/// A sample's place is where it was evaluated, which is not the order along rays; that is in `order`.
 #[derive(Clone, Debug, Default)]
 pub struct Samples<T> {
-    /// \[ray\] its first sample, and the number of samples.
+    /// \[place\] distance along the ray, in model units.
+    pub distances: Vec<T>,
+    /// \[place\] position relative to the field's origin.
+    pub positions: Vec<[T; 3]>,
+    /// \[place\] the density feature f.
+    pub features: Vec<T>,
+    /// \[place\] 1 − exp(−σ·δ·distance_scale).
+    pub alphas: Vec<T>,
+    /// \[place\] the transmittance before it; 0 where the ray ended before.
+    pub transmittances: Vec<T>,
+    /// \[place × scales\] where its pairs of each scale begin and end.
+    pub pair_ranges: Vec<[u32; 2]>,
+    /// Pairs, in no particular order.
+    pub pairs: Vec<Pair<T>>,
+    /// \[ray\] where its samples begin in `order`, and their number.
     pub ray_starts: Vec<u32>,
+    /// The places of the samples that count, by ray and distance.
+    pub order: Vec<u32>,
     /// \[ray\] the transmittance that is left at the end.
     pub remaining: Vec<T>,
-    /// \[sample\] distance along the ray, in model units.
-    pub distances: Vec<T>,
-    /// \[sample\] position relative to the field's origin.
-    pub positions: Vec<[T; 3]>,
-    /// \[sample\] the density feature f.
-    pub features: Vec<T>,
-    /// \[sample\] the transmittance before it.
-    pub transmittances: Vec<T>,
-    /// \[sample\] 1 − exp(−σ·δ·distance_scale).
-    pub alphas: Vec<T>,
-    /// \[sample × scales\] where its pairs of each scale begin, and the number of pairs.
-    pub pair_starts: Vec<u32>,
-    /// Pairs, by sample, scale, and distance.
-    pub pairs: Vec<Pair<T>>,
-    /// The samples that add colour, ascending.
-    pub colored: Vec<u32>,
-    /// \[ray\] its first coloured sample, and the number of those.
-    pub colored_starts: Vec<u32>,
-    locator: Locator<T>,
+    /// Time and counts of the march and what follows.
+    pub clock: StageClock,
+    active: Vec<ActiveRay<T>>,
+    runs: Vec<Run>,
+    /// The samples that are being evaluated: distances and positions.
+    waiting: Vec<T>,
+    waiting_positions: Positions<T>,
+    /// \[scale × waiting\] where their pairs are in `located`.
+    waiting_ranges: Vec<[u32; 2]>,
+    /// What interpolating their pairs needs.
+    located: Vec<Located<T>>,
+}
+
+/// A ray that is still on its way.
+#[derive(Clone, Copy, Debug)]
+struct ActiveRay<T> {
+    ray: u32,
+    /// How many of the waiting samples are its.
+    waiting: u32,
+    exhausted: bool,
+    transmittance: T,
+    walk: Walk<T>,
+}
+
+/// Neighbouring places of one ray, front to back.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    ray: u32,
+    first: u32,
+    count: u32,
 }
 
 impl<T: Real> Samples<T> {
-    fn clear(&mut self) {
-        for starts in [&mut self.ray_starts, &mut self.colored_starts, &mut self.pair_starts] {
-            starts.clear();
-            starts.push(0);
-        }
+    fn clear(&mut self, rays: usize) {
         for values in
-            [&mut self.remaining, &mut self.distances, &mut self.features, &mut self.transmittances, &mut self.alphas]
+            [&mut self.distances, &mut self.features, &mut self.alphas, &mut self.transmittances, &mut self.remaining]
         {
             values.clear();
         }
+        self.order.clear();
+        self.pair_ranges.clear();
+        self.ray_starts.clear();
+        self.ray_starts.resize(rays + 1, 0);
+        self.remaining.resize(rays, T::one());
         self.positions.clear();
         self.pairs.clear();
-        self.colored.clear();
+        self.active.clear();
+        self.runs.clear();
+        self.clock.restart();
     }
 
-    /// Number of samples.
+    /// Lets samples of these distances and positions wait for evaluation.
+    #[inline(always)]
+    fn wait_for(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
+        self.waiting.clear();
+        self.waiting_positions.clear();
+        for (distance, position) in samples {
+            self.waiting.push(distance);
+            self.waiting_positions.push(position);
+        }
+        self.waiting_positions.pad();
+    }
+
+    /// Number of samples that count.
     pub fn len(&self) -> usize {
-        self.distances.len()
+        self.order.len()
     }
 
-    /// Whether no sample counted.
+    /// Whether no sample counts.
     pub fn is_empty(&self) -> bool {
-        self.distances.is_empty()
+        self.order.is_empty()
     }
 
-    /// The samples of `ray`.
+    /// Where `ray`'s samples are in `order`.
     pub fn of_ray(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 
-    /// The places in `colored` of `ray`'s coloured samples.
-    pub fn colored_of_ray(&self, ray: usize) -> std::ops::Range<usize> {
-        self.colored_starts[ray] as usize..self.colored_starts[ray + 1] as usize
-    }
-
-    /// The pairs of `sample` in `scale`, of `scales`.
+    /// What the sample at `place` weighs in its pixel.
     #[inline(always)]
-    pub fn pairs_of(&self, sample: usize, scale: usize, scales: usize) -> &[Pair<T>] {
-        let at = sample * scales + scale;
-        &self.pairs[self.pair_starts[at] as usize..self.pair_starts[at + 1] as usize]
+    pub fn weight(&self, place: usize) -> T {
+        self.transmittances[place] * self.alphas[place]
     }
 
-    /// How many scales cover `sample`.
-    pub fn covering_scales(&self, sample: usize, scales: usize) -> usize {
-        (0..scales).filter(|&s| !self.pairs_of(sample, s, scales).is_empty()).count()
+    /// The pairs of the sample at `place` in `scale`, of `scales`.
+    #[inline(always)]
+    pub fn pairs_of(&self, place: usize, scale: usize, scales: usize) -> &[Pair<T>] {
+        let [first, end] = self.pair_ranges[place * scales + scale];
+        &self.pairs[first as usize..end as usize]
+    }
+
+    /// How many scales cover the sample at `place`.
+    pub fn covering_scales(&self, place: usize, scales: usize) -> usize {
+        (0..scales).filter(|&s| !self.pairs_of(place, s, scales).is_empty()).count()
     }
 }
 
@@ -105,15 +140,6 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     pub fn relative(&self, point: glam::DVec3) -> [T; 3] {
         (point - self.origin).to_array().map(T::of)
-    }
-
-    /// The distances between which `ray` marches, empty where it misses the bounds.
-    #[inline(always)]
-    fn span(&self, ray: &Ray) -> (f64, f64) {
-        match self.bounds.intersect(ray) {
-            Some((entry, exit)) => (entry.max(self.near_far[0]), exit.min(self.near_far[1])),
-            None => (0.0, 0.0),
-        }
     }
 
     /// Whether `position` is in the model.
@@ -130,47 +156,24 @@ impl<T: Real> Field<T> {
     /// Where the first sample of `ray` is that may count: occupied, or where there is no occupancy in the model.
     #[inline(always)]
     pub fn first_sample(&self, ray: &Ray) -> Option<[T; 3]> {
-        let (start, end) = self.span(ray);
-        (0..).map(|k| start + f64::from(k) * self.rules.step).take_while(|&t| t < end).find_map(|t| {
-            let position = self.relative(ray.at(t));
-            let counts = match &self.occupancy {
-                Some(occupancy) => occupancy.contains(position),
-                None => self.covers(position),
-            };
-            counts.then_some(position)
-        })
+        let mut walk = Walk::new(self, ray);
+        loop {
+            let (_, position) = walk.advance(self)?;
+            if self.occupancy.is_some() || self.covers(position) {
+                return Some(position);
+            }
+        }
     }
 
-    /// The density feature at `position`, with the neighbours found there left in `locator`; `None` outside the model.
+    /// The density feature at `position`; `None` outside the model. For single points: `samples` is scratch.
     #[inline(always)]
-    pub fn density_feature(&self, position: [T; 3], locator: &mut Locator<T>) -> Option<T> {
-        let Locator { nearest, components } = locator;
-        nearest.resize(self.scales.len(), Nearest::default());
-        let mut covering = 0;
-        for s in (0..self.scales.len()).rev() {
-            self.scales[s].find_nearest(position, self.rules.aggregation, &mut nearest[s]);
-            if nearest[s].count > 0 {
-                covering += 1;
-            } else if self.rules.coverage == Coverage::All {
-                return None;
-            }
-        }
-        if covering == 0 {
-            return None;
-        }
-        let mut feature = T::zero();
-        for (scale, nearest) in self.scales.iter().zip(nearest.iter()) {
-            components.clear();
-            components.resize(scale.density_rank, T::zero());
-            for (&tensor, &weight) in nearest.tensors[..nearest.count].iter().zip(&nearest.weights) {
-                scale.add_density_of(tensor, position, weight, components);
-            }
-            feature += sum(components);
-        }
-        if self.rules.density_reduction == Reduction::Mean {
-            feature /= T::of(f64::from(covering));
-        }
-        Some(feature)
+    pub fn density_feature(&self, position: [T; 3], samples: &mut Samples<T>) -> Option<T> {
+        samples.clear(0);
+        samples.wait_for([(T::zero(), position)].into_iter());
+        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        self.place(samples, 0..1);
+        Arch::new().dispatch(GatherDensity { field: self, samples });
+        samples.features.first().copied()
     }
 
     /// σ·δ·distance_scale for a density feature.
@@ -184,49 +187,208 @@ impl<T: Real> Field<T> {
     /// Marches `rays` into `samples`.
     #[inline(always)]
     pub fn march(&self, rays: &[Ray], samples: &mut Samples<T>) {
-        samples.clear();
+        samples.clear(rays.len());
+        samples.active.extend(rays.iter().zip(0..).map(|(ray, number)| ActiveRay {
+            ray: number,
+            waiting: 0,
+            exhausted: false,
+            transmittance: T::one(),
+            walk: Walk::new(self, ray),
+        }));
+        while !samples.active.is_empty() {
+            self.advance_rays(samples);
+            samples.clock.lap(Stage::March);
+            self.find_neighbours(samples);
+            samples.clock.lap(Stage::Neighbours);
+            Arch::new().dispatch(GatherDensity { field: self, samples });
+            samples.clock.lap(Stage::DensityGather);
+            self.follow_transmittance(samples);
+            samples.clock.lap(Stage::Composite);
+        }
+        order_by_ray(samples);
+        let scales = self.scales.len();
+        let work = &mut samples.clock.work;
+        work.rays = rays.len() as u64;
+        work.evaluated = samples.positions.len() as u64;
+        work.samples = samples.order.len() as u64;
+        work.pairs = count_pairs(&samples.pair_ranges, 0..samples.positions.len(), scales);
+        samples.clock.lap(Stage::Composite);
+    }
+
+    /// Puts the next samples of each ray into `waiting`.
+    #[inline(always)]
+    fn advance_rays(&self, samples: &mut Samples<T>) {
+        let mut active = std::mem::take(&mut samples.active);
+        samples.wait_for(active.iter_mut().flat_map(|ray| {
+            ray.waiting = 0;
+            std::iter::from_fn(move || {
+                // An exhausted ray must not be asked again.
+                if ray.exhausted || ray.waiting == STRIDE {
+                    return None;
+                }
+                let next = ray.walk.advance(self);
+                ray.exhausted = next.is_none();
+                ray.waiting += u32::from(next.is_some());
+                next.map(|(t, position)| (T::of(t), position))
+            })
+        }));
+        samples.active = active;
+    }
+
+    /// Gives those waiting samples that are in the model a place, with their pairs.
+    fn find_neighbours(&self, samples: &mut Samples<T>) {
+        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        let mut next = 0;
+        for ray in 0..samples.active.len() {
+            let ActiveRay { ray, waiting, .. } = samples.active[ray];
+            let first = samples.positions.len() as u32;
+            let waiting = next..next + waiting as usize;
+            next = waiting.end;
+            self.place(samples, waiting);
+            samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
+        }
+    }
+
+    /// Gives those of the `waiting` samples that are in the model a place.
+    #[inline(always)]
+    fn place(&self, samples: &mut Samples<T>, waiting: std::ops::Range<usize>) {
+        let scales = self.scales.len();
+        let needed = match self.rules.coverage {
+            Coverage::All => scales,
+            Coverage::Any => 1,
+        };
+        let Samples { waiting_ranges, pairs, pair_ranges, .. } = samples;
+        let first_pair = (pairs.len() - samples.located.len()) as u32;
+        for at in waiting {
+            let first = pair_ranges.len();
+            let of_sample = (0..scales).map(|s| waiting_ranges[s * samples.waiting.len() + at]);
+            pair_ranges.extend(of_sample.map(|range| range.map(|n| first_pair + n)));
+            let covering = pair_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
+            if covering < needed {
+                pair_ranges.truncate(first);
+                continue;
+            }
+            samples.distances.push(samples.waiting[at]);
+            samples.positions.push(samples.waiting_positions.get(at));
+        }
+    }
+
+    /// Takes the transmittance of each ray through its newest samples; drops rays that have ended.
+    #[inline(always)]
+    fn follow_transmittance(&self, samples: &mut Samples<T>) {
+        for place in samples.alphas.len()..samples.features.len() {
+            samples.alphas.push(-(-self.optical_depth(samples.features[place])).exp_m1());
+        }
         let min_transmittance = T::of(self.rules.min_transmittance);
-        let min_weight = T::of(self.rules.min_weight);
-        let mut locator = std::mem::take(&mut samples.locator);
-        for ray in rays {
-            let (start, end) = self.span(ray);
-            let mut transmittance = T::one();
-            let mut k = 0;
-            loop {
-                let t = start + f64::from(k) * self.rules.step;
-                if t >= end {
-                    break;
-                }
-                k += 1;
-                let position = self.relative(ray.at(t));
-                if self.occupancy.as_ref().is_some_and(|o| !o.contains(position)) {
-                    continue;
-                }
-                let Some(feature) = self.density_feature(position, &mut locator) else { continue };
-                let alpha = -(-self.optical_depth(feature)).exp_m1();
-                if transmittance * alpha > min_weight {
-                    samples.colored.push(samples.distances.len() as u32);
-                }
-                samples.distances.push(T::of(t));
-                samples.positions.push(position);
-                samples.features.push(feature);
-                samples.transmittances.push(transmittance);
-                samples.alphas.push(alpha);
-                for (scale, nearest) in self.scales.iter().zip(&locator.nearest) {
-                    for (&tensor, &weight) in nearest.tensors[..nearest.count].iter().zip(&nearest.weights) {
-                        samples.pairs.push(Pair { tensor: scale.first_tensor + tensor, weight });
-                    }
-                    samples.pair_starts.push(samples.pairs.len() as u32);
-                }
-                transmittance *= T::one() - alpha;
-                if transmittance < min_transmittance {
+        let first_run = samples.runs.len() - samples.active.len();
+        let Samples { active, runs, transmittances, alphas, remaining, .. } = samples;
+        let mut newest = runs[first_run..].iter_mut();
+        active.retain_mut(|ray| {
+            let run = newest.next().expect("a run a ray");
+            let places = run.first as usize..(run.first + run.count) as usize;
+            let mut ended = ray.exhausted;
+            let mut counted = 0;
+            for &alpha in &alphas[places.clone()] {
+                transmittances.push(ray.transmittance);
+                ray.transmittance *= T::one() - alpha;
+                counted += 1;
+                if ray.transmittance < min_transmittance {
+                    ended = true;
                     break;
                 }
             }
-            samples.remaining.push(transmittance);
-            samples.ray_starts.push(samples.distances.len() as u32);
-            samples.colored_starts.push(samples.colored.len() as u32);
-        }
-        samples.locator = locator;
+            run.count = counted;
+            transmittances.resize(places.end, T::zero());
+            remaining[ray.ray as usize] = ray.transmittance;
+            !ended
+        });
     }
+}
+
+/// The pairs of the waiting samples, in `located` and appended to `pairs`.
+struct FindNeighbours<'a, T> {
+    field: &'a Field<T>,
+    samples: &'a mut Samples<T>,
+}
+
+impl<T: Real> WithSimd for FindNeighbours<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Samples { waiting_positions, waiting_ranges, located, pairs, .. } = self.samples;
+        located.clear();
+        waiting_ranges.clear();
+        let mut found = Neighbours::new(self.field.rules.aggregation, located, waiting_ranges);
+        for scale in &self.field.scales {
+            scale.find_nearest(simd, waiting_positions, &mut found);
+        }
+        pairs.extend(located.iter().map(|at| Pair { tensor: at.tensor, weight: at.weight }));
+    }
+}
+
+/// The density features of all placed samples that have none yet.
+struct GatherDensity<'a, T> {
+    field: &'a Field<T>,
+    samples: &'a mut Samples<T>,
+}
+
+impl<T: Real> WithSimd for GatherDensity<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { field, samples } = self;
+        let scales = field.scales.len();
+        let first_place = samples.features.len();
+        let first_pair = (samples.pairs.len() - samples.located.len()) as u32;
+        for place in first_place..samples.positions.len() {
+            let mut feature = T::zero();
+            for (s, scale) in field.scales.iter().enumerate() {
+                let [first, end] = samples.pair_ranges[place * scales + s];
+                let located = &samples.located[(first - first_pair) as usize..(end - first_pair) as usize];
+                feature += scale.density_of(simd, located);
+            }
+            if field.rules.density_reduction == Reduction::Mean {
+                feature /= T::of(samples.covering_scales(place, scales) as f64);
+            }
+            samples.features.push(feature);
+        }
+    }
+}
+
+/// Fills `ray_starts` and `order` from the runs.
+fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
+    let Samples { ray_starts, order, runs, .. } = samples;
+    for run in runs.iter() {
+        ray_starts[run.ray as usize + 1] += run.count;
+    }
+    for ray in 1..ray_starts.len() {
+        ray_starts[ray] += ray_starts[ray - 1];
+    }
+    order.resize(ray_starts[ray_starts.len() - 1] as usize, 0);
+    // Runs of a ray come front to back; each moves its ray's start on, and all are moved back at the end.
+    for run in runs.iter() {
+        let start = &mut ray_starts[run.ray as usize];
+        for (at, place) in (*start..).zip(run.first..).take(run.count as usize) {
+            order[at as usize] = place;
+        }
+        *start += run.count;
+    }
+    ray_starts.rotate_right(1);
+    let rays = ray_starts.len() - 1;
+    // What was the end of the last ray is now in front, and each start is that of the ray before.
+    ray_starts[0] = 0;
+    debug_assert_eq!(ray_starts[rays] as usize, order.len());
+}
+
+/// \[scale\] how many pairs the samples at `places` have.
+pub(super) fn count_pairs(ranges: &[[u32; 2]], places: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
+    let mut counts = vec![0; scales];
+    for place in places {
+        for (count, [first, end]) in counts.iter_mut().zip(&ranges[place * scales..]) {
+            *count += u64::from(end - first);
+        }
+    }
+    counts
 }

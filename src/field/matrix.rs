@@ -59,6 +59,12 @@ impl<'a, T> MatrixMut<'a, T> {
     }
 }
 
+/// Columns that `gemm` makes at once at most: those of a product in excess of a multiple cost as much as all of them.
+const COLUMNS_AT_ONCE: usize = 16;
+
+/// Terms from which on a product is worth copying for making it faster.
+const MANY_TERMS: usize = 256;
+
 /// `product` = `left`·`right`, or `product` += `left`·`right` where `accumulate` is set; on this thread, in an order
 /// that depends on the shapes alone.
 pub fn multiply<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
@@ -66,6 +72,38 @@ pub fn multiply<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T
     if product.rows == 0 || product.columns == 0 {
         return;
     }
+    let fills_better_exchanged = !product.columns.is_multiple_of(COLUMNS_AT_ONCE)
+        && product.rows.is_multiple_of(COLUMNS_AT_ONCE)
+        && left.columns >= MANY_TERMS.max(product.rows).max(product.columns);
+    if fills_better_exchanged {
+        multiply_exchanged(product, left, right, accumulate);
+    } else {
+        multiply_in_place(product, left, right, accumulate);
+    }
+}
+
+/// As [`multiply`], by way of the transposed product, `right`ᵀ·`left`ᵀ.
+fn multiply_exchanged<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
+    let (rows, columns) = (product.rows, product.columns);
+    // At a stride of a power of two, a column would fall on few sets of the cache.
+    let stride = rows + COLUMNS_AT_ONCE;
+    let mut exchanged = vec![T::zero(); columns * stride];
+    multiply_in_place(
+        MatrixMut::new(&mut exchanged, columns, rows, stride),
+        right.transposed(),
+        left.transposed(),
+        false,
+    );
+    for (i, row) in product.values.chunks_mut(product.row_stride).take(rows).enumerate() {
+        for (to, from) in row[..columns].iter_mut().zip(exchanged.chunks_exact(stride)) {
+            *to = if accumulate { *to + from[i] } else { from[i] };
+        }
+    }
+}
+
+/// As [`multiply`], for a product that is not empty and factors whose shapes agree with its.
+fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
+    assert!(left.rows == product.rows && right.columns == product.columns && left.columns == right.rows);
     // SAFETY: the views' constructors checked that every element that shape and strides reach lies in their slices;
     // the shapes agree (asserted above); `product` is borrowed mutably, so it overlaps neither factor.
     unsafe {
@@ -109,6 +147,60 @@ mod tests {
             true,
         );
         assert_eq!(product, [18.0, 24.0, 1.0, 40.0, 54.0]);
+    }
+
+    /// Compares `rows`×`terms` by `terms`×`columns`, each factor as stored or transposed, with sums in f64, within what
+    /// rounding explains.
+    fn compare<T: Real>(rows: usize, terms: usize, columns: usize) {
+        let value = |i: usize| T::of(((i * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5);
+        let (left_values, right_values): (Vec<T>, Vec<T>) =
+            ((0..rows * terms).map(value).collect(), (0..terms * columns).map(|i| value(i + 500)).collect());
+        let stride = columns + 2;
+        for (transposed, accumulate) in [(0, false), (1, false), (2, true), (3, true)] {
+            let left = match transposed & 1 {
+                0 => Matrix::new(&left_values, rows, terms, terms),
+                _ => Matrix::new(&left_values, terms, rows, rows).transposed(),
+            };
+            let right = match transposed & 2 {
+                0 => Matrix::new(&right_values, terms, columns, columns),
+                _ => Matrix::new(&right_values, columns, terms, terms).transposed(),
+            };
+            let mut product = vec![T::one(); rows * stride];
+            multiply(MatrixMut::new(&mut product, rows, columns, stride), left, right, accumulate);
+            for i in 0..rows {
+                for j in 0..stride {
+                    let a = |k: usize| left.values[i * left.row_stride + k * left.column_stride].f64();
+                    let b = |k: usize| right.values[k * right.row_stride + j * right.column_stride].f64();
+                    let mut expected = if j < columns && !accumulate { 0.0 } else { 1.0 };
+                    let mut size = 1.0;
+                    for k in 0..if j < columns { terms } else { 0 } {
+                        expected += a(k) * b(k);
+                        size += (a(k) * b(k)).abs();
+                    }
+                    let tolerance = (terms + 1) as f64 * T::epsilon().f64() * size;
+                    let found = product[i * stride + j].f64();
+                    assert!((found - expected).abs() <= tolerance, "({i}, {j}): {found} instead of {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn products_of_all_shapes_agree_with_plain_sums() {
+        // The last two are made by way of their transposes.
+        for (rows, terms, columns) in [
+            (1, 150, 128),
+            (7, 144, 27),
+            (61, 128, 3),
+            (61, 3, 128),
+            (33, 0, 5),
+            (3, 300, 128),
+            (32, 300, 22),
+            (16, 256, 1),
+        ] {
+            compare::<f32>(rows, terms, columns);
+            compare::<f64>(rows, terms, columns);
+        }
     }
 
     #[test]

@@ -4,29 +4,38 @@
 //! Positions are relative to the centre of the scene's bounds, so that f32 keeps its precision far from the origin.
 
 mod cells;
+mod colored;
 mod decoder;
+mod gather;
 mod index;
 mod march;
 mod matrix;
+mod neighbours;
 mod real;
 mod scale;
 mod stages;
+mod vector;
+mod walk;
 
 pub use cells::OccupancyCells;
+pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
+pub use gather::Located;
+pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
-pub use march::{Locator, Pair, Samples};
+pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
-use scale::sum;
-pub use scale::{FieldScale, Nearest, TensorRows};
-pub(crate) use scale::{Interpolation, RowPairs, offset};
+pub use scale::{FieldScale, Pair, TensorRows};
+pub(crate) use scale::{Interpolation, offset};
 pub use stages::{Stage, StageClock, Work};
+pub use vector::Vector;
+pub use walk::Walk;
 
 use glam::DVec3;
 
 use crate::geometry::Aabb;
-use crate::model::{Rules, Scene};
+use crate::model::{Coverage, Rules, Scene};
 
 /// Runs `work` compiled for the best instruction set that this machine has. What `work` calls takes part only where it
 /// is inlined into it.
@@ -54,6 +63,10 @@ pub struct Field<T> {
     pub decoder: FieldDecoder<T>,
     /// Where samples count.
     pub occupancy: Option<OccupancyCells<T>>,
+    /// Where there is no occupancy: what the finest scale may cover, if only that counts.
+    covered: Option<OccupancyCells<T>>,
+    /// How far rounding may move a position, in model units.
+    position_error: T,
 }
 
 impl<T: Real> Field<T> {
@@ -61,15 +74,22 @@ impl<T: Real> Field<T> {
     pub fn new(scene: &Scene) -> Self {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
-        let scales = (scene.scales.iter())
+        let scales: Vec<FieldScale<T>> = (scene.scales.iter())
             .map(|scale| {
                 let prepared = FieldScale::new(scale, origin, first_tensor);
                 first_tensor += scale.cloud.len() as u32;
                 prepared
             })
             .collect();
+        let covered = match (&scene.occupancy, scene.rules.coverage, scales.last()) {
+            (None, Coverage::All, Some(finest)) => Some(OccupancyCells::of_index(finest.index())),
+            _ => None,
+        };
+        let reach = (scene.bounds.size().max_element() + scene.frame.far) * T::epsilon().f64();
         Self {
             origin,
+            covered,
+            position_error: T::of(reach),
             bounds: scene.bounds,
             near_far: [scene.frame.near, scene.frame.far],
             rules: scene.rules.clone(),

@@ -3,9 +3,11 @@
 use std::fmt::Debug;
 use std::iter::Sum;
 
+use super::Vector;
+
 /// f32 or f64.
 pub trait Real:
-    num_traits::Float + num_traits::NumAssign + bytemuck::Pod + Debug + Default + Send + Sync + Sum + 'static
+    Vector + num_traits::Float + num_traits::NumAssign + bytemuck::Pod + Debug + Default + Send + Sync + Sum + 'static
 {
     /// The nearest value to `v`.
     fn of(v: f64) -> Self;
@@ -15,8 +17,14 @@ pub trait Real:
     fn f64(self) -> f64;
     /// The value rounded to f32.
     fn f32(self) -> f32;
-    /// Rounded towards −∞, saturating.
+    /// Rounded towards −∞, for numbers within ±2²²; some number for others.
     fn floor_i32(self) -> i32;
+    /// The nearest value to `v`.
+    fn of_i32(v: i32) -> Self;
+    /// What to add so that the sum is rounded to an integer, which its lowest bits tell.
+    const ROUND: Self;
+    /// The integer in 0..2²² that this is.
+    fn small_u32(self) -> u32;
     /// Sine and cosine; cheap enough to be called for every feature of every sample.
     fn sine_cosine(self) -> (Self, Self);
 }
@@ -43,6 +51,15 @@ impl Real for f64 {
         self.floor() as i32
     }
     #[inline(always)]
+    fn of_i32(v: i32) -> Self {
+        f64::from(v)
+    }
+    const ROUND: Self = 6_755_399_441_055_744.0;
+    #[inline(always)]
+    fn small_u32(self) -> u32 {
+        (self + Self::ROUND).to_bits() as u32
+    }
+    #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
         self.sin_cos()
     }
@@ -67,20 +84,27 @@ impl Real for f32 {
     }
     #[inline(always)]
     fn floor_i32(self) -> i32 {
-        // Truncation and a correction: `floor` is a library call without SSE4.1.
-        let truncated = self as i32;
-        truncated.saturating_sub(i32::from(truncated as f32 > self))
+        let shifted = self + Self::ROUND;
+        let nearest = (shifted.to_bits() as i32).wrapping_sub(Self::ROUND.to_bits() as i32);
+        nearest - i32::from(shifted - Self::ROUND > self)
+    }
+    #[inline(always)]
+    fn of_i32(v: i32) -> Self {
+        v as f32
+    }
+    const ROUND: Self = 12_582_912.0;
+    #[inline(always)]
+    fn small_u32(self) -> u32 {
+        (self + Self::ROUND).to_bits() & 0x3f_ffff
     }
 
     /// Within 1.2e-7 for |x| < 1000 (tested): π/2 is subtracted in three parts, then Taylor polynomials on [−π/4, π/4].
     /// Free of branches, so that loops over it vectorise.
     #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
-        // Adding and subtracting 1.5·2²³ rounds to the nearest integer.
-        const ROUND: f32 = 12_582_912.0;
         const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
-        let shifted = self * std::f32::consts::FRAC_2_PI + ROUND;
-        let turns = shifted - ROUND;
+        let shifted = self * std::f32::consts::FRAC_2_PI + Self::ROUND;
+        let turns = shifted - Self::ROUND;
         let quadrant = shifted.to_bits();
         let r = ((self - turns * PARTS[0]) - turns * PARTS[1]) - turns * PARTS[2];
         // Out of the rounding trick's range the remainder is meaningless; keep the results finite all the same.

@@ -137,20 +137,35 @@ impl Work {
     }
 }
 
-/// Tells the time of one stage after another.
-#[derive(Clone, Copy, Debug)]
-pub struct StageClock(Instant);
+/// Books time and counts as work goes from one stage to the next.
+#[derive(Clone, Debug)]
+pub struct StageClock {
+    /// What was booked.
+    pub work: Work,
+    last: Instant,
+}
+
+impl Default for StageClock {
+    fn default() -> Self {
+        Self { work: Work::default(), last: Instant::now() }
+    }
+}
 
 impl StageClock {
-    /// Starts now.
-    pub fn start() -> Self {
-        Self(Instant::now())
+    /// Forgets what was booked, and begins now.
+    pub fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Forgets the time since the last call.
+    pub fn skip(&mut self) {
+        self.last = Instant::now();
     }
 
     /// Books the time since the last call under `stage`.
-    pub fn lap(&mut self, stage: Stage, work: &mut Work) {
+    pub fn lap(&mut self, stage: Stage) {
         let now = Instant::now();
-        work.seconds[stage as usize] += (now - self.0).as_secs_f64();
-        self.0 = now;
+        self.work.seconds[stage as usize] += (now - self.last).as_secs_f64();
+        self.last = now;
     }
 }

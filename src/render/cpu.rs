@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, Work, vectorised};
+use crate::field::{Activations, Field, Real, Samples, Stage, Work, vectorised};
 use crate::geometry::Ray;
 use crate::model::Scene;
 
@@ -17,12 +17,7 @@ pub struct CpuRenderer<T = f32> {
 
 impl CpuRenderer<f32> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
-    ///
-    /// # Panics
-    ///
-    /// Where [`super::check_supported`] fails.
     pub fn new(scene: &Scene) -> Self {
-        super::insist_on_support(scene);
         Self { field: Field::new(scene) }
     }
 }
@@ -35,47 +30,54 @@ impl<T: Real> CpuRenderer<T> {
 
     /// As [`Renderer::trace`], and what it took.
     pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
-        (self.trace(rays), Work::default())
-    }
-
-    #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) -> Vec<Pixel> {
-        self.field.march(rays, samples);
-        self.field.decode(rays, samples, activations);
-        (0..rays.len())
-            .map(|r| {
-                let remaining = samples.remaining[r];
-                let mut color = self.field.background.map(|c| remaining * c);
-                for c in samples.colored_of_ray(r) {
-                    let sample = samples.colored[c] as usize;
-                    let weight = samples.transmittances[sample] * samples.alphas[sample];
-                    for (sum, &value) in color.iter_mut().zip(&activations.colors[c]) {
-                        *sum += weight * value;
-                    }
-                }
-                let (mut weights, mut distances) = (T::zero(), T::zero());
-                for sample in samples.of_ray(r) {
-                    let weight = samples.transmittances[sample] * samples.alphas[sample];
-                    weights += weight;
-                    distances += weight * samples.distances[sample];
-                }
-                let depth = if weights > T::zero() { distances / weights } else { T::zero() };
-                Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
-            })
-            .collect()
-    }
-}
-
-impl<T: Real> Renderer for CpuRenderer<T> {
-    fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        rays.par_chunks(RAYS_PER_CHUNK)
+        let chunks: Vec<_> = rays
+            .par_chunks(RAYS_PER_CHUNK)
             .map_init(Default::default, |(samples, activations), chunk| {
                 vectorised(
                     #[inline(always)]
                     || self.trace_chunk(chunk, samples, activations),
                 )
             })
-            .flatten_iter()
-            .collect()
+            .collect();
+        let (mut pixels, mut work) = (Vec::with_capacity(rays.len()), Work::default());
+        for (of_chunk, chunk_work) in chunks {
+            pixels.extend(of_chunk);
+            work.add(&chunk_work);
+        }
+        (pixels, work)
+    }
+
+    #[inline(always)]
+    fn trace_chunk(
+        &self,
+        rays: &[Ray],
+        samples: &mut Samples<T>,
+        activations: &mut Activations<T>,
+    ) -> (Vec<Pixel>, Work) {
+        self.field.march(rays, samples);
+        self.field.choose_colored(samples, None, &mut activations.colored);
+        self.field.decode(rays, samples, activations);
+        let pixels = (0..rays.len())
+            .map(|r| {
+                let remaining = samples.remaining[r];
+                let color = activations.pixel(r, self.field.background.map(|c| remaining * c));
+                let (mut weights, mut distances) = (T::zero(), T::zero());
+                for &place in &samples.order[samples.of_ray(r)] {
+                    let weight = samples.weight(place as usize);
+                    weights += weight;
+                    distances += weight * samples.distances[place as usize];
+                }
+                let depth = if weights > T::zero() { distances / weights } else { T::zero() };
+                Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
+            })
+            .collect();
+        samples.clock.lap(Stage::Composite);
+        (pixels, std::mem::take(&mut samples.clock.work))
+    }
+}
+
+impl<T: Real> Renderer for CpuRenderer<T> {
+    fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
+        self.trace_with_work(rays).0
     }
 }

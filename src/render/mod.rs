@@ -7,35 +7,6 @@ pub use cpu::CpuRenderer;
 pub use reference::{ReferenceRenderer, Trace};
 
 use crate::geometry::{Camera, Ray};
-use crate::model::{DecoderMode, Scene};
-
-/// What a scene asks for that the renderers here cannot do.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: expected {expected}, found {found}, which this version does not render")]
-pub struct Unsupported {
-    place: &'static str,
-    expected: &'static str,
-    found: &'static str,
-}
-
-/// Checks that `scene` can be rendered here. The renderers' constructors insist on it.
-///
-/// # Errors
-///
-/// Names what it asks for that is not there yet.
-pub fn check_supported(scene: &Scene) -> Result<(), Unsupported> {
-    match scene.decoder.mode {
-        DecoderMode::PerSample => Ok(()),
-        DecoderMode::PerRay => Err(Unsupported { place: "decoder mode", expected: "per_sample", found: "per_ray" }),
-    }
-}
-
-/// [`check_supported`] for constructors.
-fn insist_on_support(scene: &Scene) {
-    if let Err(unsupported) = check_supported(scene) {
-        panic!("{unsupported}");
-    }
-}
 
 /// What a ray sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

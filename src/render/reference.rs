@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Pixel, Renderer};
 use crate::geometry::Ray;
-use crate::model::{MARGIN_HORIZON, ReferenceField, Scene, alpha, sigmoid};
+use crate::model::{DecoderMode, MARGIN_HORIZON, ReferenceField, Scene, alpha, sigmoid};
 
 /// What a ray sees, in f64, and how close it came to seeing something else.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,20 +27,18 @@ pub struct ReferenceRenderer<'a> {
 
 impl<'a> ReferenceRenderer<'a> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
-    ///
-    /// # Panics
-    ///
-    /// Where [`super::check_supported`] fails.
     pub fn new(scene: &'a Scene) -> Self {
-        super::insist_on_support(scene);
         Self { field: ReferenceField::new(scene) }
     }
 
-    /// Marches one ray (DESIGN, section 2.9).
+    /// Marches one ray (DESIGN, sections 2.8 and 2.9).
     pub fn trace_one(&self, ray: &Ray) -> Trace {
         let scene = self.field.scene();
         let rules = &scene.rules;
         let mut color = [0.0; 3];
+        // Where rays are decoded: Σ w and Σ w·f over the coloured samples.
+        let mut composed_weight = 0.0;
+        let mut composed = vec![0.0; scene.features() as usize];
         let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
         let mut transmittance = 1.0;
         let mut margin = MARGIN_HORIZON;
@@ -81,8 +79,16 @@ impl<'a> ReferenceRenderer<'a> {
                 margin = margin.min((weight - rules.min_weight).abs() / weight_sensitivity);
                 if weight > rules.min_weight {
                     let features = self.field.appearance_features(&point);
-                    let sample_color = self.field.decode(&features, ray.direction);
-                    color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
+                    match scene.decoder.mode {
+                        DecoderMode::PerSample => {
+                            let sample_color = self.field.decode(&features, ray.direction);
+                            color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
+                        }
+                        DecoderMode::PerRay => {
+                            composed_weight += weight;
+                            composed.iter_mut().zip(features).for_each(|(sum, f)| *sum += weight * f);
+                        }
+                    }
                 }
                 weight_sum += weight;
                 distance_sum += weight * t;
@@ -94,6 +100,10 @@ impl<'a> ReferenceRenderer<'a> {
                     break;
                 }
             }
+        }
+        if composed_weight > 0.0 {
+            composed.iter_mut().for_each(|f| *f /= composed_weight);
+            color = self.field.decode(&composed, ray.direction).map(|c| composed_weight * c);
         }
         for (c, &background) in color.iter_mut().zip(&scene.frame.background) {
             *c += transmittance * f64::from(background);

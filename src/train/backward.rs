@@ -5,9 +5,9 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::NetworkLayout;
-use super::chunk::{Chunk, RAYS_PER_CHUNK, Scratch};
+use super::chunk::{Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
-use crate::field::{Field, Real, vectorised};
+use crate::field::{Field, Real, Thinning, Work, vectorised};
 use crate::geometry::Ray;
 
 /// Values of which there are as many as threads have ever needed at once.
@@ -21,6 +21,11 @@ impl<S: Default> Pool<S> {
         let result = work(&mut value);
         self.0.lock().expect("no task panics while it holds the lock").push(value);
         result
+    }
+
+    /// Calls `visit` with each value, while none is in use.
+    pub(super) fn for_each(&self, visit: impl FnMut(&mut S)) {
+        self.0.lock().expect("no task panics while it holds the lock").iter_mut().for_each(visit);
     }
 }
 
@@ -52,21 +57,30 @@ impl<T: Real> Backward<T> {
     }
 
     /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.
-    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[[f32; 3]]) -> f64 {
+    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], thinning: Option<Thinning>) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
         let (layout, scratch) = (&self.layout, &self.scratch);
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
-            .for_each(|(chunk, (rays, targets))| {
+            .enumerate()
+            .for_each(|(n, (chunk, (rays, targets)))| {
+                let thinning = thinning.map(|t| Thinning { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t });
                 scratch.with(|scratch| {
                     vectorised(
                         #[inline(always)]
-                        || chunk.run(field, layout, rays, targets, loss_scale, scratch),
+                        || chunk.run(field, layout, rays, targets, loss_scale, thinning, scratch),
                     );
                 });
             });
         self.chunks.iter().map(|c| c.squared_error).sum::<f64>() * loss_scale
+    }
+
+    /// What the last batch took, over all chunks.
+    pub fn work(&self) -> Work {
+        let mut work = Work::default();
+        self.chunks.iter().for_each(|c| work.add(&c.samples.clock.work));
+        work
     }
 
     /// The gradients of the shared weights, summed over chunks in their order.
@@ -83,8 +97,14 @@ impl<T: Real> Backward<T> {
     }
 
     /// The loss of a batch and all its gradients, by the same code that training runs.
-    pub fn gradients(&mut self, field: &Field<T>, rays: &[Ray], targets: &[[f32; 3]]) -> Gradients<T> {
-        let loss = T::of(self.loss(field, rays, targets));
+    pub fn gradients(
+        &mut self,
+        field: &Field<T>,
+        rays: &[Ray],
+        targets: &[Target],
+        thinning: Option<Thinning>,
+    ) -> Gradients<T> {
+        let loss = T::of(self.loss(field, rays, targets, thinning));
         let networks = self.network_gradients();
         let mut tensor = TensorGradient::default();
         let (mut density, mut appearance) = (Vec::new(), Vec::new());

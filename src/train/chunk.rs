@@ -1,54 +1,58 @@
 //! One chunk of rays, forward and backward: loss, the gradients of the shared weights, and what each (tensor, sample)
 //! pair needs for the gradients of its factors.
 //!
-//! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, a pixel is
-//! C = Σ w·c + T_end·background, so ∂C/∂τ_i = T_{i+1}·c_i − (Σ_{j>i} w_j·c_j + T_end·background), where samples
-//! without colour have c = 0, and ∂C/∂c_i = w_i.
+//! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, let s_i be ∂L/∂w_i by way
+//! of colours (0 for samples without one) and b the gradient of the pixel times the background; then
+//! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). Where every sample is decoded, s_i is the pixel's gradient times
+//! the sample's colour. Where rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
+//! gradient times c plus ∂L/∂F·(f_i − F)/W.
 
 use super::NetworkLayout;
-use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Samples, multiply};
+use super::pairs::TensorPairs;
+use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Samples, Stage, Thinning, multiply};
 use crate::geometry::Ray;
-use crate::model::Reduction;
+use crate::model::{DecoderMode, Reduction};
 
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
-pub(super) const RAYS_PER_CHUNK: usize = 32;
+pub(super) const RAYS_PER_CHUNK: usize = 128;
 
-/// No colour: the `colored` of a pair whose sample has none.
-pub(super) const NOT_COLORED: u32 = u32::MAX;
-
-/// A (tensor, sample) pair of a chunk.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SortedPair<T> {
-    pub(super) sample: u32,
-    /// The sample's place among the coloured ones, or [`NOT_COLORED`].
-    pub(super) colored: u32,
-    pub(super) weight: T,
+/// What a ray should see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// The photographed colour.
+    pub color: [f32; 3],
+    /// What is behind everything.
+    pub background: [f32; 3],
 }
 
 /// What a chunk leaves for the tensors and the shared weights. Reused from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
     pub(super) samples: Samples<T>,
-    /// \[sample\] ∂L/∂(a scale's density feature).
-    pub(super) feature_gradients: Vec<T>,
-    /// \[coloured\]\[ΣR\] ∂L/∂components.
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components).
     pub(super) component_gradients: Vec<T>,
     /// ∂L/∂shared weights, in the flat layout.
     pub(super) network_gradients: Vec<T>,
-    /// \[tensor\] its first pair in `pairs`, and the number of pairs.
-    pub(super) pair_starts: Vec<u32>,
-    /// Pairs by tensor, then sample.
-    pub(super) pairs: Vec<SortedPair<T>>,
+    /// Pairs of all samples, with the gradients of their density features.
+    pub(super) density_pairs: TensorPairs<T>,
+    /// Pairs of the coloured samples.
+    pub(super) appearance_pairs: TensorPairs<T>,
     /// Σ over rays and channels of the squared error.
     pub(super) squared_error: f64,
-    colored_of: Vec<u32>,
 }
 
 /// What a thread needs while it works on a chunk. Reused.
 #[derive(Debug, Default)]
 pub(super) struct Scratch<T> {
     activations: Activations<T>,
-    color_gradients: Vec<T>,
+    /// \[ray\] ∂L/∂pixel.
+    pixel_gradients: Vec<[T; 3]>,
+    /// \[coloured\] ∂L/∂(the sample's weight), by way of colours.
+    weight_gradients: Vec<T>,
+    /// \[coloured\] its row, and what that row's gradients are multiplied by to be those of the sample's components.
+    component_shares: Vec<(u32, T)>,
+    /// \[place\] ∂L/∂(a scale's density feature).
+    feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
 }
@@ -57,87 +61,129 @@ impl<T: Real> Chunk<T> {
     /// Marches and decodes `rays`, compares with `targets`, and goes back. The loss is the squared error times
     /// `loss_scale`.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "a chunk's inputs, each from another owner")]
     pub(super) fn run(
         &mut self,
         field: &Field<T>,
         layout: &NetworkLayout,
         rays: &[Ray],
-        targets: &[[f32; 3]],
+        targets: &[Target],
         loss_scale: f64,
+        thinning: Option<Thinning>,
         scratch: &mut Scratch<T>,
     ) {
         field.march(rays, &mut self.samples);
-        field.decode(rays, &self.samples, &mut scratch.activations);
-        self.composite(field, targets, T::of(loss_scale), scratch);
+        field.choose_colored(&self.samples, thinning, &mut scratch.activations.colored);
+        field.decode(rays, &mut self.samples, &mut scratch.activations);
+        self.compare(targets, T::of(loss_scale), scratch);
+        self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
-        self.sort_pairs(field);
+        self.weigh_backward(field, scratch);
+        self.composite_backward(field, targets, scratch);
+        self.samples.clock.lap(Stage::CompositeBackward);
+        self.sort_pairs(field, scratch);
+        self.samples.clock.lap(Stage::PairOrder);
     }
 
-    /// Compositing and loss, and back to density features and colours.
+    /// Pixels, loss, and the gradients of pixels and of the rows' colours before the sigmoid.
     #[inline(always)]
-    fn composite(&mut self, field: &Field<T>, targets: &[[f32; 3]], loss_scale: T, scratch: &mut Scratch<T>) {
-        let samples = &self.samples;
-        let colors = &scratch.activations.colors;
-        let scales = field.scales.len();
-        let shift = T::of(field.rules.density_shift);
-        let depth_per_density = T::of(field.rules.step * field.rules.distance_scale);
-        self.feature_gradients.clear();
-        self.feature_gradients.resize(samples.len(), T::zero());
-        scratch.color_gradients.clear();
-        scratch.color_gradients.resize(3 * colors.len(), T::zero());
+    fn compare(&mut self, targets: &[Target], loss_scale: T, scratch: &mut Scratch<T>) {
+        let Scratch { activations, pixel_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
-
-        for (r, target) in targets.iter().enumerate() {
-            let behind_all = field.background.map(|c| samples.remaining[r] * c);
-            let mut color = behind_all;
-            for c in samples.colored_of_ray(r) {
-                let sample = samples.colored[c] as usize;
-                let weight = samples.transmittances[sample] * samples.alphas[sample];
-                for (sum, &value) in color.iter_mut().zip(&colors[c]) {
-                    *sum += weight * value;
-                }
-            }
-            let error = [0, 1, 2].map(|i| color[i] - T::of_f32(target[i]));
+        pixel_gradients.clear();
+        output_gradients.clear();
+        for (ray, target) in targets.iter().enumerate() {
+            let remaining = self.samples.remaining[ray];
+            let color = activations.pixel(ray, target.background.map(|c| remaining * T::of_f32(c)));
+            let error = [0, 1, 2].map(|i| color[i] - T::of_f32(target.color[i]));
             self.squared_error += error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
-            let pixel_gradient = error.map(|e| (e + e) * loss_scale);
-
-            let mut behind = behind_all;
-            let mut colored = samples.colored_of_ray(r);
-            for sample in samples.of_ray(r).rev() {
-                let (transmittance, alpha) = (samples.transmittances[sample], samples.alphas[sample]);
-                let weight = transmittance * alpha;
-                let mut value = [T::zero(); 3];
-                if colored.end > colored.start && samples.colored[colored.end - 1] as usize == sample {
-                    colored.end -= 1;
-                    value = colors[colored.end];
-                    for i in 0..3 {
-                        // Through the sigmoid.
-                        scratch.color_gradients[3 * colored.end + i] =
-                            pixel_gradient[i] * weight * value[i] * (T::one() - value[i]);
-                    }
-                }
-                let after = transmittance * (T::one() - alpha);
-                let mut depth_gradient = T::zero();
-                for i in 0..3 {
-                    depth_gradient += pixel_gradient[i] * (after * value[i] - behind[i]);
-                    behind[i] += weight * value[i];
-                }
-                let softplus_slope = T::one() / (T::one() + (-(samples.features[sample] + shift)).exp());
-                let mut gradient = depth_gradient * depth_per_density * softplus_slope;
-                if field.rules.density_reduction == Reduction::Mean {
-                    gradient /= T::of(samples.covering_scales(sample, scales) as f64);
-                }
-                self.feature_gradients[sample] = gradient;
+            let gradient = error.map(|e| (e + e) * loss_scale);
+            pixel_gradients.push(gradient);
+            for row in activations.rows_of_ray(ray) {
+                let (weight, color) = (activations.weights[row], activations.colors[row]);
+                output_gradients.extend([0, 1, 2].map(|i| gradient[i] * weight * color[i] * (T::one() - color[i])));
             }
         }
     }
 
-    /// From colour gradients to those of the layers, the appearance matrices and the components.
+    /// `component_shares`, and the gradients of the samples' weights.
+    #[inline(always)]
+    fn weigh_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
+        let Scratch { activations, pixel_gradients, weight_gradients, component_shares, .. } = scratch;
+        let colored = &activations.colored;
+        let width = field.component_count();
+        component_shares.clear();
+        weight_gradients.clear();
+        for (ray, gradient) in pixel_gradients.iter().enumerate() {
+            for c in colored.of_ray(ray) {
+                let row = match field.decoder.mode {
+                    DecoderMode::PerSample => c,
+                    DecoderMode::PerRay => activations.rows_of_ray(ray).start,
+                };
+                let color = activations.colors[row];
+                let mut sum = gradient[0] * color[0] + gradient[1] * color[1] + gradient[2] * color[2];
+                let mut share = activations.reductions.get(c).copied().unwrap_or(T::one());
+                if field.decoder.mode == DecoderMode::PerRay {
+                    let weight = activations.weights[row];
+                    sum += difference_along(
+                        &self.component_gradients[row * width..][..width],
+                        &activations.components[c * width..][..width],
+                        &activations.composites[row * width..][..width],
+                    ) / weight;
+                    share *= colored.weights[c] / weight;
+                }
+                // A thinned sample's colour weighs more than the sample.
+                let place = colored.places[c] as usize;
+                weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
+                component_shares.push((row as u32, share));
+            }
+        }
+        self.samples.clock.lap(Stage::CompositeBackward);
+    }
+
+    /// From the gradients of weights to those of density features.
+    #[inline(always)]
+    fn composite_backward(&mut self, field: &Field<T>, targets: &[Target], scratch: &mut Scratch<T>) {
+        let Scratch { activations, pixel_gradients, weight_gradients, feature_gradients, .. } = scratch;
+        let (samples, colored) = (&self.samples, &activations.colored);
+        let scales = field.scales.len();
+        let shift = T::of(field.rules.density_shift);
+        let depth_per_density = T::of(field.rules.step * field.rules.distance_scale);
+        feature_gradients.clear();
+        feature_gradients.resize(samples.positions.len(), T::zero());
+        for (ray, target) in targets.iter().enumerate() {
+            let gradient = pixel_gradients[ray];
+            let mut behind = T::zero();
+            for i in 0..3 {
+                behind += samples.remaining[ray] * T::of_f32(target.background[i]) * gradient[i];
+            }
+            let mut of_ray = colored.of_ray(ray);
+            for &place in samples.order[samples.of_ray(ray)].iter().rev() {
+                let mut weight_gradient = T::zero();
+                if of_ray.end > of_ray.start && colored.places[of_ray.end - 1] == place {
+                    of_ray.end -= 1;
+                    weight_gradient = weight_gradients[of_ray.end];
+                }
+                let place = place as usize;
+                let after = samples.transmittances[place] * (T::one() - samples.alphas[place]);
+                let depth_gradient = after * weight_gradient - behind;
+                behind += samples.weight(place) * weight_gradient;
+                let softplus_slope = T::one() / (T::one() + (-(samples.features[place] + shift)).exp());
+                let mut gradient = depth_gradient * depth_per_density * softplus_slope;
+                if field.rules.density_reduction == Reduction::Mean {
+                    gradient /= T::of(samples.covering_scales(place, scales) as f64);
+                }
+                feature_gradients[place] = gradient;
+            }
+        }
+    }
+
+    /// From the gradients of the rows' outputs to those of the layers, the appearance matrices and the components.
     #[inline(always)]
     fn decode_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
-        let Scratch { activations, color_gradients, input_gradients, output_gradients } = scratch;
+        let Scratch { activations, input_gradients, output_gradients, .. } = scratch;
         let decoder = &field.decoder;
-        let n = activations.colors.len();
+        let n = activations.weights.len();
         let components = field.component_count();
         self.network_gradients.clear();
         self.network_gradients.resize(layout.len(), T::zero());
@@ -145,7 +191,6 @@ impl<T: Real> Chunk<T> {
         if n == 0 {
             return;
         }
-        std::mem::swap(output_gradients, color_gradients);
         let encoded_direction_at = decoder.input_parts()[2];
         for (l, layer) in decoder.layers.iter().enumerate().rev() {
             let inputs = &activations.inputs[l];
@@ -183,13 +228,15 @@ impl<T: Real> Chunk<T> {
             }
             std::mem::swap(output_gradients, input_gradients);
         }
+        self.samples.clock.lap(Stage::DecoderBackward);
         // `output_gradients` now holds those of the first layer's input.
         encode_backward(field, activations, output_gradients, encoded_direction_at);
+        self.samples.clock.lap(Stage::EncodingBackward);
         let feature_gradients = Matrix::new(output_gradients, n, decoder.features, encoded_direction_at);
         multiply(
             MatrixMut::new(&mut self.network_gradients[..layout.appearance], decoder.features, components, components),
             feature_gradients.transposed(),
-            Matrix::new(&activations.components, n, components, components),
+            Matrix::new(activations.decoded_components(decoder.mode), n, components, components),
             false,
         );
         multiply(
@@ -198,49 +245,39 @@ impl<T: Real> Chunk<T> {
             Matrix::new(&decoder.appearance, decoder.features, components, components),
             false,
         );
+        self.samples.clock.lap(Stage::AppearanceMatricesBackward);
     }
 
-    /// A stable counting sort of the pairs by tensor.
-    fn sort_pairs(&mut self, field: &Field<T>) {
-        let samples = &self.samples;
-        self.colored_of.clear();
-        self.colored_of.resize(samples.len(), NOT_COLORED);
-        for (c, &sample) in samples.colored.iter().enumerate() {
-            self.colored_of[sample as usize] = c as u32;
-        }
-        // `pair_starts[n + 1]` counts tensor n, then becomes where it begins, then where it ends.
-        self.pair_starts.clear();
-        self.pair_starts.resize(field.tensor_count() + 2, 0);
-        for pair in &samples.pairs {
-            self.pair_starts[pair.tensor as usize + 2] += 1;
-        }
-        for n in 2..self.pair_starts.len() {
-            self.pair_starts[n] += self.pair_starts[n - 1];
-        }
-        self.pairs.resize(samples.pairs.len(), SortedPair { sample: 0, colored: 0, weight: T::zero() });
-        let per_sample = field.scales.len();
-        for sample in 0..samples.len() {
-            let first = samples.pair_starts[sample * per_sample] as usize;
-            let last = samples.pair_starts[(sample + 1) * per_sample] as usize;
-            for pair in &samples.pairs[first..last] {
-                let at = &mut self.pair_starts[pair.tensor as usize + 1];
-                self.pairs[*at as usize] =
-                    SortedPair { sample: sample as u32, colored: self.colored_of[sample], weight: pair.weight };
-                *at += 1;
-            }
-        }
-        self.pair_starts.pop();
-    }
-
-    /// The pairs of `tensor`, counted over all scales.
-    #[inline(always)]
-    pub(super) fn pairs_of(&self, tensor: usize) -> &[SortedPair<T>] {
-        &self.pairs[self.pair_starts[tensor] as usize..self.pair_starts[tensor + 1] as usize]
+    /// Fills the pairs by tensor.
+    fn sort_pairs(&mut self, field: &Field<T>, scratch: &Scratch<T>) {
+        let (samples, scales, tensors) = (&self.samples, field.scales.len(), field.tensor_count());
+        let gradients = &scratch.feature_gradients;
+        let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
+        self.density_pairs.sort(samples, scales, tensors, counted);
+        let colored = scratch.activations.colored.places.iter().zip(&scratch.component_shares);
+        let colored = colored.map(|(&place, &(row, share))| (place, row, share));
+        self.appearance_pairs.sort(samples, scales, tensors, colored);
     }
 }
 
-/// Adds the gradients of PE(features) to those of the features, and applies the reduction over scales. `gradients` has
-/// rows of `width`: the first layer's input without the encoded direction.
+/// Σ gradient·(from − to).
+#[inline(always)]
+fn difference_along<T: Real>(gradient: &[T], from: &[T], to: &[T]) -> T {
+    let mut sums = [T::zero(); 16];
+    let (gradients, gradient_rest) = gradient.as_chunks::<16>();
+    let (froms, from_rest) = from.as_chunks::<16>();
+    let (tos, to_rest) = to.as_chunks::<16>();
+    for ((g, f), t) in gradients.iter().zip(froms).zip(tos) {
+        for l in 0..16 {
+            sums[l] += g[l] * (f[l] - t[l]);
+        }
+    }
+    let rest: T = gradient_rest.iter().zip(from_rest).zip(to_rest).map(|((&g, &f), &t)| g * (f - t)).sum();
+    sums.into_iter().fold(rest, |sum, s| sum + s)
+}
+
+/// Adds the gradients of PE(features) to those of the features. `gradients` has rows of `width`: the first layer's input
+/// without the encoded direction.
 #[inline(always)]
 fn encode_backward<T: Real>(field: &Field<T>, activations: &Activations<T>, gradients: &mut [T], width: usize) {
     let decoder = &field.decoder;
@@ -248,7 +285,7 @@ fn encode_backward<T: Real>(field: &Field<T>, activations: &Activations<T>, grad
     let encoded_at = decoder.input_parts()[1];
     let sines_len = decoder.features * frequencies;
     let inputs = activations.inputs[0].chunks_exact(decoder.layers[0].inputs);
-    for ((row, input), &reduction) in gradients.chunks_exact_mut(width).zip(inputs).zip(&activations.reductions) {
+    for (row, input) in gradients.chunks_exact_mut(width).zip(inputs) {
         let (direct, encoded) = row.split_at_mut(encoded_at);
         let (sine_gradients, cosine_gradients) = encoded.split_at(sines_len);
         let (sines, cosines) = input[encoded_at..].split_at(sines_len);
@@ -259,7 +296,7 @@ fn encode_backward<T: Real>(field: &Field<T>, activations: &Activations<T>, grad
                 sum += frequency * (sine_gradients[i] * cosines[i] - cosine_gradients[i] * sines[i]);
                 frequency += frequency;
             }
-            *g = sum * reduction;
+            *g = sum;
         }
     }
 }

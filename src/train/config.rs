@@ -33,6 +33,9 @@ pub struct TrainConfig {
     pub learning_rate_decay: f64,
     /// Weight of the mean absolute density factor, of each axis of each scale, in the loss.
     pub density_l1: f64,
+    /// Samples that weigh less are coloured at random, with a probability of their weight over this, and then weigh this:
+    /// the expected pixel stays the same, at less cost. 0 colours all. Rendering never does this.
+    pub color_thinning: f64,
     /// Standard deviation of the factors at the start.
     pub factor_deviation: f64,
     /// After these steps the factors go to their next resolution.
@@ -75,6 +78,8 @@ pub struct FieldConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DecoderConfig {
+    /// Whether it is called once a ray, on composited features, instead of once a sample.
+    pub per_ray: bool,
     /// P.
     pub features: u32,
     /// Frequencies of PE(features).
@@ -116,6 +121,7 @@ impl Default for TrainConfig {
             network_learning_rate: 0.001,
             learning_rate_decay: 0.1,
             density_l1: 1e-5,
+            color_thinning: 0.0,
             factor_deviation: 0.2,
             upsample_at: vec![2000, 3000, 4000, 5500, 7000],
             occupancy_at: vec![2000, 4000],
@@ -162,7 +168,7 @@ impl FieldConfig {
 
 impl Default for DecoderConfig {
     fn default() -> Self {
-        Self { features: 27, feature_frequencies: 2, direction_frequencies: 2, hidden: vec![128, 128] }
+        Self { per_ray: false, features: 27, feature_frequencies: 2, direction_frequencies: 2, hidden: vec![128, 128] }
     }
 }
 
@@ -209,7 +215,7 @@ pub enum ConfigError {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 5] = ["12", "24", "48", "96", "fast"];
+    pub const PRESETS: [&str; 6] = ["12", "24", "48", "96", "fast", "per-ray"];
 
     /// The preset `name`.
     ///
@@ -217,12 +223,18 @@ impl TrainConfig {
     ///
     /// [`ConfigError::UnknownPreset`].
     pub fn preset(name: &str) -> Result<Self, ConfigError> {
-        let scales = match name {
+        let mut preset = Self { preset: name.into(), ..Self::default() };
+        preset.scales = match name {
+            "per-ray" => {
+                preset.decoder.per_ray = true;
+                preset.color_thinning = 0.002;
+                preset_scales(48)
+            }
             "fast" => preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect(),
             "12" | "24" | "48" | "96" => preset_scales(name.parse().expect("a number")),
             _ => return Err(ConfigError::UnknownPreset { name: name.into() }),
         };
-        Ok(Self { preset: name.into(), scales, ..Self::default() })
+        Ok(preset)
     }
 
     /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s.
@@ -235,8 +247,15 @@ impl TrainConfig {
         let given: toml::Table = toml::from_str(text).map_err(toml_error)?;
         let preset = given.get("preset").and_then(toml::Value::as_str).unwrap_or("48");
         let mut config: Self = toml::from_str(text).map_err(toml_error)?;
+        let preset = Self::preset(preset)?;
         if !given.contains_key("scales") {
-            config.scales = Self::preset(preset)?.scales;
+            config.scales = preset.scales;
+        }
+        if !given.contains_key("color_thinning") {
+            config.color_thinning = preset.color_thinning;
+        }
+        if given.get("decoder").is_none_or(|d| d.get("per_ray").is_none()) {
+            config.decoder.per_ray = preset.decoder.per_ray;
         }
         config.check()?;
         Ok(config)
@@ -281,8 +300,10 @@ impl TrainConfig {
         positive("factor_deviation", self.factor_deviation)?;
         positive("field.distance_scale", self.field.distance_scale)?;
         positive("decoder.features", f64::from(self.decoder.features))?;
-        if !(self.density_l1 >= 0.0 && self.density_l1.is_finite()) {
-            return Err(error("density_l1".into(), "a number of at least 0", self.density_l1.to_string()));
+        for (place, value) in [("density_l1", self.density_l1), ("color_thinning", self.color_thinning)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(error(place.into(), "a number of at least 0", value.to_string()));
+            }
         }
         if let Some([near, far]) = self.near_far
             && !(near >= 0.0 && near < far && far.is_finite())

@@ -1,9 +1,11 @@
 //! Gradients of the tensors' factors. One task owns a tensor: it walks the tensor's pairs in the order of chunk and
 //! sample, so its vectors and their gradient stay in cache and have one writer.
 
-use super::chunk::{Chunk, NOT_COLORED};
-use crate::field::{FieldScale, Interpolation, Real, RowPairs, offset};
-use crate::model::Factors;
+use aligned_vec::{AVec, CACHELINE_ALIGN};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::chunk::Chunk;
+use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, load, offset, register_at};
 
 /// Where a scale's components lie in a coloured sample's row.
 #[derive(Clone, Copy, Debug)]
@@ -15,42 +17,164 @@ pub(super) struct ComponentRange {
 }
 
 /// A tensor's gradients, laid out as its factors. Reused.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct TensorGradient<T> {
-    pub(super) density: Vec<T>,
-    pub(super) appearance: Vec<T>,
+    pub(super) density: AVec<T>,
+    pub(super) appearance: AVec<T>,
     /// Whether `appearance` is anything but zero.
     pub(super) has_appearance: bool,
+    /// Time since a step began.
+    pub(super) clock: StageClock,
+}
+
+impl<T> Default for TensorGradient<T> {
+    fn default() -> Self {
+        Self {
+            density: AVec::new(CACHELINE_ALIGN),
+            appearance: AVec::new(CACHELINE_ALIGN),
+            has_appearance: false,
+            clock: StageClock::default(),
+        }
+    }
 }
 
 impl<T: Real> TensorGradient<T> {
     /// Computes the gradients of tensor `n` of `scale`, whose factors are `density` and `appearance`.
-    #[inline(always)]
     pub(super) fn accumulate(
         &mut self,
         scale: ScaleGeometry<'_, T>,
         n: usize,
-        [density, appearance]: [&[T]; 2],
+        factors: [&[T]; 2],
         chunks: &[Chunk<T>],
     ) {
-        for (gradient, factors) in [(&mut self.density, density), (&mut self.appearance, appearance)] {
+        Arch::new().dispatch(Accumulate { sums: self, scale, n, factors, chunks });
+    }
+}
+
+/// [`TensorGradient::accumulate`].
+struct Accumulate<'a, T> {
+    sums: &'a mut TensorGradient<T>,
+    scale: ScaleGeometry<'a, T>,
+    n: usize,
+    factors: [&'a [T]; 2],
+    chunks: &'a [Chunk<T>],
+}
+
+impl<T: Real> WithSimd for Accumulate<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sums, scale, n, factors: [density, appearance], chunks } = self;
+        for (gradient, factors) in [(&mut sums.density, density), (&mut sums.appearance, appearance)] {
             gradient.clear();
             gradient.resize(factors.len(), T::zero());
         }
-        self.has_appearance = false;
+        let (of_density, of_appearance) = (sums.density.as_mut_slice(), sums.appearance.as_mut_slice());
         let center = scale.centers[n];
+        let [density_rank, appearance_rank] = scale.ranks;
         for chunk in chunks {
-            for pair in chunk.pairs_of(scale.first_tensor + n) {
-                let sample = pair.sample as usize;
-                let at = scale.rows.at(offset(chunk.samples.positions[sample], center));
-                let feature_gradient = pair.weight * chunk.feature_gradients[sample];
-                scale.add(density, &mut self.density, scale.ranks[0], &at, |_| feature_gradient);
-                if pair.colored != NOT_COLORED {
-                    self.has_appearance = true;
-                    let first = pair.colored as usize * scale.components.width + scale.components.first;
-                    let gradients = &chunk.component_gradients[first..][..scale.ranks[1]];
-                    scale.add(appearance, &mut self.appearance, scale.ranks[1], &at, |r| pair.weight * gradients[r]);
-                }
+            for pair in chunk.density_pairs.of(scale.first_tensor + n) {
+                let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
+                let gradient = T::splat(simd, pair.weight);
+                add(
+                    simd,
+                    density,
+                    of_density,
+                    density_rank,
+                    &at,
+                    #[inline(always)]
+                    |_| gradient,
+                );
+            }
+        }
+        sums.clock.lap(Stage::DensityBackward);
+        sums.has_appearance = false;
+        for chunk in chunks {
+            for pair in chunk.appearance_pairs.of(scale.first_tensor + n) {
+                sums.has_appearance = true;
+                let weight = T::splat(simd, pair.weight);
+                let first = pair.row as usize * scale.components.width + scale.components.first;
+                let gradients = &chunk.component_gradients[first..][..appearance_rank];
+                let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
+                add(
+                    simd,
+                    appearance,
+                    of_appearance,
+                    appearance_rank,
+                    &at,
+                    #[inline(always)]
+                    |first| T::times(simd, weight, T::load(simd, &gradients[first..])),
+                );
+            }
+        }
+        sums.clock.lap(Stage::AppearanceBackward);
+    }
+}
+
+/// Adds one pair's gradients: each of x·y·z by the product of the other two, shared between the two vertices.
+/// `component(r)` is ∂L/∂component for the register that begins with component r.
+#[inline(always)]
+fn add<T: Real, S: Simd>(
+    simd: S,
+    factors: &[T],
+    gradients: &mut [T],
+    rank: usize,
+    at: &Interpolation<T>,
+    component: impl Fn(usize) -> T::Register<S>,
+) {
+    // Apart, so that full registers are not burdened with what others need.
+    if rank >= T::lanes::<S>() {
+        add_registers::<T, S, true>(simd, factors, gradients, rank, at, component);
+    } else {
+        add_registers::<T, S, false>(simd, factors, gradients, rank, at, component);
+    }
+}
+
+/// [`add`] with registers of which all, or not all, are full.
+#[inline(always)]
+fn add_registers<T: Real, S: Simd, const FULL: bool>(
+    simd: S,
+    factors: &[T],
+    gradients: &mut [T],
+    rank: usize,
+    at: &Interpolation<T>,
+    component: impl Fn(usize) -> T::Register<S>,
+) {
+    // No `map` over arrays of registers: it is compiled for the least instruction set.
+    let [fx, fy, fz] = at.fractions;
+    let fractions = [T::splat(simd, fx), T::splat(simd, fy), T::splat(simd, fz)];
+    let firsts = [at.rows[0] * rank, at.rows[1] * rank, at.rows[2] * rank];
+    for n in 0..rank.div_ceil(T::lanes::<S>()) {
+        let (first, overlap) = register_at::<T, S>(rank, n);
+        let mut values = fractions;
+        for a in 0..3 {
+            let rows = &factors[firsts[a]..][..2 * rank];
+            let lower = load::<T, S, FULL>(simd, &rows[first..rank]);
+            let upper = load::<T, S, FULL>(simd, &rows[rank + first..]);
+            values[a] = T::times_plus(simd, fractions[a], T::minus(simd, upper, lower), lower);
+        }
+        let mut gradient = component(first);
+        if overlap > 0 {
+            gradient = T::times(simd, gradient, all_but::<T, S>(simd, overlap));
+        }
+        let [x, y, z] = values;
+        let with_x = T::times(simd, gradient, x);
+        let of_axes =
+            [T::times(simd, T::times(simd, gradient, y), z), T::times(simd, with_x, z), T::times(simd, with_x, y)];
+        for a in 0..3 {
+            let (lower, upper) = gradients[firsts[a]..][..2 * rank].split_at_mut(rank);
+            let (lower, upper) = (&mut lower[first..], &mut upper[first..]);
+            let to_upper = T::times(simd, fractions[a], of_axes[a]);
+            let to_lower = T::minus(simd, of_axes[a], to_upper);
+            let new_lower = T::plus(simd, load::<T, S, FULL>(simd, lower), to_lower);
+            let new_upper = T::plus(simd, load::<T, S, FULL>(simd, upper), to_upper);
+            if FULL {
+                T::store_full(simd, lower, new_lower);
+                T::store_full(simd, upper, new_upper);
+            } else {
+                T::store(simd, lower, new_lower);
+                T::store(simd, upper, new_upper);
             }
         }
     }
@@ -78,73 +202,5 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
             ranks: [scale.density_rank, scale.appearance_rank],
             components,
         }
-    }
-
-    /// Adds one pair's gradients: each of x·y·z by the product of the other two, shared between the two vertices.
-    /// `component(r)` is ∂L/∂(component r).
-    #[inline(always)]
-    fn add(
-        &self,
-        factors: &[T],
-        gradients: &mut [T],
-        rank: usize,
-        at: &Interpolation<T>,
-        component: impl Fn(usize) -> T,
-    ) {
-        let rows = RowPairs::new(factors, rank, at);
-        let [_, second, third] = Factors::axis_rows(self.resolution);
-        let (x_rows, rest) = gradients.split_at_mut(second * rank);
-        let (y_rows, z_rows) = rest.split_at_mut((third - second) * rank);
-        let (gx0, gx1) = x_rows[at.rows[0] * rank..][..2 * rank].split_at_mut(rank);
-        let (gy0, gy1) = y_rows[(at.rows[1] - second) * rank..][..2 * rank].split_at_mut(rank);
-        let (gz0, gz1) = z_rows[(at.rows[2] - third) * rank..][..2 * rank].split_at_mut(rank);
-        let [fx, fy, fz] = at.fractions;
-        let mut r = 0;
-        // Blocks of one vector register, values apart from sums: this form vectorises without checks for overlap.
-        while r + LANES <= rank {
-            let [x, y, z] = [0, 1, 2].map(|a| {
-                let (lower, upper) = (lanes(&rows.lower[a][r..]), lanes(&rows.upper[a][r..]));
-                std::array::from_fn::<T, LANES, _>(|l| lower[l] + at.fractions[a] * (upper[l] - lower[l]))
-            });
-            let g: [T; LANES] = std::array::from_fn(|l| component(r + l));
-            add_lanes(&mut gx0[r..], &mut gx1[r..], fx, std::array::from_fn(|l| g[l] * y[l] * z[l]));
-            add_lanes(&mut gy0[r..], &mut gy1[r..], fy, std::array::from_fn(|l| g[l] * x[l] * z[l]));
-            add_lanes(&mut gz0[r..], &mut gz1[r..], fz, std::array::from_fn(|l| g[l] * x[l] * y[l]));
-            r += LANES;
-        }
-        for r in r..rank {
-            let [x, y, z] =
-                [0, 1, 2].map(|a| rows.lower[a][r] + at.fractions[a] * (rows.upper[a][r] - rows.lower[a][r]));
-            let g = component(r);
-            for (lower, upper, fraction, product) in [
-                (&mut gx0[r], &mut gx1[r], fx, g * y * z),
-                (&mut gy0[r], &mut gy1[r], fy, g * x * z),
-                (&mut gz0[r], &mut gz1[r], fz, g * x * y),
-            ] {
-                let to_upper = fraction * product;
-                *upper += to_upper;
-                *lower += product - to_upper;
-            }
-        }
-    }
-}
-
-/// Components that the gradient's kernel handles at once.
-const LANES: usize = 8;
-
-#[inline(always)]
-fn lanes<T>(values: &[T]) -> &[T; LANES] {
-    values[..LANES].try_into().expect("LANES long")
-}
-
-/// Shares `product` between the lower and the upper vertex's gradients.
-#[inline(always)]
-fn add_lanes<T: Real>(lower: &mut [T], upper: &mut [T], fraction: T, product: [T; LANES]) {
-    let lower: &mut [T; LANES] = (&mut lower[..LANES]).try_into().expect("LANES long");
-    let upper: &mut [T; LANES] = (&mut upper[..LANES]).try_into().expect("LANES long");
-    for l in 0..LANES {
-        let to_upper = fraction * product[l];
-        upper[l] += to_upper;
-        lower[l] += product[l] - to_upper;
     }
 }

@@ -91,7 +91,7 @@ fn uniform(stream: &Random, inputs: u32, first: u32, count: u32) -> Vec<f32> {
 fn initial_decoder(config: &TrainConfig) -> Decoder {
     let shape = &config.decoder;
     let mut decoder = Decoder {
-        mode: DecoderMode::PerSample,
+        mode: if config.decoder.per_ray { DecoderMode::PerRay } else { DecoderMode::PerSample },
         feature_frequencies: shape.feature_frequencies,
         direction_frequencies: shape.direction_frequencies,
         layers: Vec::new(),

@@ -11,6 +11,7 @@ mod factors;
 mod initial;
 mod networks;
 mod occupancy;
+mod pairs;
 mod photographs;
 mod prepare;
 mod progress;
@@ -19,6 +20,7 @@ mod upsample;
 
 pub use adam::Moments;
 pub use backward::{Backward, Gradients};
+pub use chunk::Target;
 pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};

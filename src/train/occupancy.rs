@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use crate::field::{Field, Locator, Real, vectorised};
+use crate::field::{Field, Real, Samples, vectorised};
 use crate::model::Occupancy;
 
 /// Vertices count from this opacity of one step on, without the distance scale.
@@ -39,14 +39,14 @@ pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
 /// \[y\]\[x\] whether the vertices of layer `z` are dense themselves.
 #[inline(always)]
 fn dense_vertices<T: Real>(field: &Field<T>, grid: &Occupancy, z: u32) -> Vec<bool> {
-    let mut locator = Locator::default();
+    let mut samples = Samples::default();
     let mut dense = Vec::with_capacity((grid.vertices.x * grid.vertices.y) as usize);
     let min_depth = -(-MIN_ALPHA).ln_1p() * field.rules.distance_scale;
     for y in 0..grid.vertices.y {
         for x in 0..grid.vertices.x {
             let position = field.relative(grid.position(UVec3::new(x, y, z)));
             let known_empty = field.occupancy.as_ref().is_some_and(|o| !o.contains(position));
-            let feature = if known_empty { None } else { field.density_feature(position, &mut locator) };
+            let feature = if known_empty { None } else { field.density_feature(position, &mut samples) };
             dense.push(feature.is_some_and(|f| field.optical_depth(f).f64() >= min_depth));
         }
     }

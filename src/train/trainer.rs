@@ -6,10 +6,10 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
+    Photographs, Progress, ProgressError, Target, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldScale, Work, vectorised};
+use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorised};
 use crate::geometry::{Aabb, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -35,10 +35,6 @@ pub struct StepReport {
     pub step: u64,
     /// Mean squared error of the step's rays, before its update.
     pub mean_squared_error: f64,
-    /// Samples that were marched.
-    pub samples: u64,
-    /// Samples that were coloured.
-    pub colored: u64,
     /// What it took.
     pub work: Work,
 }
@@ -138,8 +134,8 @@ impl<'a> Trainer<'a> {
         let mut first = 0;
         for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
             scale.cloud.resolution = trained.resolution;
-            scale.factors.density.clone_from(&trained.density);
-            scale.factors.appearance.clone_from(&trained.appearance);
+            scale.factors.density = trained.density.to_vec();
+            scale.factors.appearance = trained.appearance.to_vec();
             let rank = trained.appearance_rank;
             for (p, row) in scale.appearance_matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
                 row.copy_from_slice(&matrices[p * width + first..][..rank]);
@@ -160,6 +156,7 @@ impl<'a> Trainer<'a> {
     ///
     /// Where the loss is not finite.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
+        let mut clock = StageClock::default();
         let batch = self.config.batch_rays as u64;
         let first = self.progress.step * batch;
         let mut drawn: Vec<_> = (first..first + batch)
@@ -170,24 +167,29 @@ impl<'a> Trainer<'a> {
             })
             .collect();
         drawn.sort_by_key(|d| d.0);
-        let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|d| (d.1, d.2)).unzip();
-        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets);
+        let background = self.scene.frame.background;
+        let (rays, targets): (Vec<_>, Vec<_>) =
+            drawn.into_iter().map(|(_, ray, color)| (ray, Target { color, background })).unzip();
+        let thinning = (self.config.color_thinning > 0.0).then(|| Thinning {
+            below: self.config.color_thinning,
+            random: Random::new(self.config.seed, "thinning").substream(self.progress.step),
+            first_ray: 0,
+        });
+        // Drawn by all threads.
+        clock.lap(Stage::Rays);
+        let threads = rayon::current_num_threads() as f64;
+        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, thinning);
         self.progress.step += 1;
         if !mean_squared_error.is_finite() {
             return Err(TrainError::Diverged(self.progress.step, mean_squared_error));
         }
+        clock.skip();
         self.update_networks();
-        self.update_factors();
-        let count = |of: fn(&crate::field::Samples<f32>) -> usize| {
-            self.backward.chunks.iter().map(|c| of(&c.samples) as u64).sum()
-        };
-        let report = StepReport {
-            step: self.progress.step,
-            mean_squared_error,
-            samples: count(crate::field::Samples::len),
-            colored: count(|s| s.colored.len()),
-            work: Work::default(),
-        };
+        clock.lap(Stage::Optimiser);
+        clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
+        self.update_factors(&mut clock.work);
+        clock.work.add(&self.backward.work());
+        let report = StepReport { step: self.progress.step, mean_squared_error, work: clock.work };
         self.follow_schedule();
         Ok(report)
     }
@@ -211,10 +213,11 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    fn update_factors(&mut self) {
+    fn update_factors(&mut self, work: &mut Work) {
         let adam = self.adam(self.config.factor_learning_rate);
         let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
+        pool.for_each(|gradient| gradient.clock.restart());
         for (s, scale) in self.field.scales.iter_mut().enumerate() {
             let geometry = ScaleGeometry::new(scale, &[], ranges[s]);
             let FieldScale { centers, density, appearance, .. } = scale;
@@ -229,10 +232,11 @@ impl<'a> Trainer<'a> {
             density.into_par_iter().zip(appearance.into_par_iter()).enumerate().for_each(
                 |(n, ((density, d_first, d_second), (appearance, a_first, a_second)))| {
                     pool.with(|gradient| {
+                        gradient.clock.skip();
+                        gradient.accumulate(geometry, n, [density, appearance], chunks);
                         vectorised(
                             #[inline(always)]
                             || {
-                                gradient.accumulate(geometry, n, [density, appearance], chunks);
                                 l1.add(density, &mut gradient.density);
                                 adam.update::<false>(density, d_first, d_second, &gradient.density);
                                 if gradient.has_appearance {
@@ -240,10 +244,12 @@ impl<'a> Trainer<'a> {
                                 }
                             },
                         );
+                        gradient.clock.lap(Stage::Optimiser);
                     });
                 },
             );
         }
+        pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
 
     /// Occupancy, bounds and resolution (DESIGN, section 2: Training).

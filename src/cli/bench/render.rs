@@ -50,7 +50,7 @@ impl Args {
 /// `file`'s scene or the ball, and what to call it.
 pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> {
     if let Some(file) = file {
-        return Ok((scene_file::read_to_render(file)?.0, file.display().to_string()));
+        return Ok((scene_file::read(file)?.0, file.display().to_string()));
     }
     let config = TrainConfig::preset(BALL_PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
     Ok((ball(&config, config.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))

@@ -119,7 +119,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
         let preset = args.preset.name();
         return Err(Error::Usage(format!("--upsampled: expected 0 to {last} for preset {preset}, found {found}")));
     }
-    let scene = args.start.scene.as_deref().map(scene_file::read_to_render).transpose()?.map(|(scene, _)| scene);
+    let scene = args.start.scene.as_deref().map(scene_file::read).transpose()?.map(|(scene, _)| scene);
     let background = scene.as_ref().map_or(config.background, |scene| scene.frame.background);
     let load = |folder: &Path| {
         let options = LoadOptions { downscale: args.downscale, background };

@@ -1,0 +1,66 @@
+//! A chunk's (tensor, sample) pairs in the order of tensors, with what each needs for the gradients of its factors.
+
+use crate::field::{Real, Samples};
+
+/// A sample that a tensor takes part in.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TensorPair<T> {
+    /// The sample's place.
+    pub(super) place: u32,
+    /// The row of the component gradients, where there are any.
+    pub(super) row: u32,
+    /// What those are multiplied by; for density, the gradient itself.
+    pub(super) weight: T,
+}
+
+/// Pairs by tensor, then in the order in which samples were given. Reused.
+#[derive(Debug, Default)]
+pub(super) struct TensorPairs<T> {
+    /// \[tensor\] its first pair, and the number of pairs.
+    starts: Vec<u32>,
+    pairs: Vec<TensorPair<T>>,
+}
+
+impl<T: Real> TensorPairs<T> {
+    /// The pairs of `tensor`, counted over all scales.
+    #[inline(always)]
+    pub(super) fn of(&self, tensor: usize) -> &[TensorPair<T>] {
+        &self.pairs[self.starts[tensor] as usize..self.starts[tensor + 1] as usize]
+    }
+
+    /// A stable counting sort of the pairs of those of `samples` that `sources` name by place, each with its row and
+    /// what the weights of its pairs are multiplied by.
+    pub(super) fn sort(
+        &mut self,
+        samples: &Samples<T>,
+        scales: usize,
+        tensors: usize,
+        sources: impl Iterator<Item = (u32, u32, T)> + Clone,
+    ) {
+        let pairs_at = |place: u32| {
+            let ranges = &samples.pair_ranges[place as usize * scales..][..scales];
+            ranges.iter().flat_map(|range| &samples.pairs[range[0] as usize..range[1] as usize])
+        };
+        // `starts[n + 2]` counts tensor n's, then becomes where those of n + 1 begin; `starts[n + 1]` moves from where
+        // n's begin to where they end.
+        self.starts.clear();
+        self.starts.resize(tensors + 2, 0);
+        for (place, ..) in sources.clone() {
+            for pair in pairs_at(place) {
+                self.starts[pair.tensor as usize + 2] += 1;
+            }
+        }
+        for n in 2..self.starts.len() {
+            self.starts[n] += self.starts[n - 1];
+        }
+        self.pairs.resize(self.starts[tensors + 1] as usize, TensorPair::default());
+        for (place, row, factor) in sources {
+            for pair in pairs_at(place) {
+                let at = &mut self.starts[pair.tensor as usize + 1];
+                self.pairs[*at as usize] = TensorPair { place, row, weight: pair.weight * factor };
+                *at += 1;
+            }
+        }
+        self.starts.pop();
+    }
+}
