@@ -148,6 +148,7 @@ mod tests {
             features: 1,
             frequencies: [1, 1],
             layers: vec![[1000, 1000]],
+            per_ray: false,
             first_layer_columns: 1000,
         }
     }

@@ -13,6 +13,7 @@ fn shape() -> FieldShape {
         frequencies: [1, 1],
         // 2 features, direction, PE(features) 4, PE(direction) 6.
         layers: vec![[15, 4], [4, 3]],
+        per_ray: false,
         first_layer_columns: 9,
     }
 }
@@ -36,12 +37,24 @@ fn expect(stage: Stage, flop: f64, bytes: f64) {
     assert_eq!(shape().cost(stage, &work(), 1), Cost { flop, bytes }, "{}", stage.name());
 }
 
+#[track_caller]
+fn expect_close(found: f64, expected: f64) {
+    assert!((found - expected).abs() < 1e-9 * expected, "{found}, expected {expected}");
+}
+
 #[test]
 fn gathering_counts_pairs_times_ranks() {
-    // 4·2 + 5·1 = 13 components of 13 FLOP, 9 pairs of 12, and 3 samples sum 2 + 1 components.
-    expect(Stage::DensityGather, 13.0 * 13.0 + 9.0 * 12.0 + 9.0, 13.0 * 24.0 + 9.0 * 12.0 + 12.0);
-    // 1·1 + 2·3 = 7 components, 3 pairs; a row of 4 components is written.
-    expect(Stage::AppearanceGather, 7.0 * 13.0 + 3.0 * 12.0, 7.0 * 24.0 + 3.0 * 12.0 + 16.0);
+    // 4·2 + 5·1 = 13 components of 13 FLOP; 3 samples sum 2 + 1 components. 9 pairs of 7 words, 3 samples of 5.
+    expect(Stage::DensityGather, 13.0 * 13.0 + 9.0, 4.0 * (13.0 * 6.0 + 9.0 * 7.0 + 3.0 * 5.0));
+    // 1·1 + 2·3 = 7 components, 3 pairs of 12; pairs of 5 words, ranges 4, a position 3 and a row of 4 components.
+    expect(Stage::AppearanceGather, 7.0 * 13.0 + 3.0 * 12.0, 4.0 * (7.0 * 6.0 + 3.0 * 5.0 + 11.0));
+}
+
+#[test]
+fn finding_counts_pairs_and_samples() {
+    expect(Stage::March, 3.0 * 11.0, 3.0 * 16.0);
+    // 3 samples in 2 scales: 9 words each, and 8 a sample.
+    expect(Stage::Neighbours, 9.0 * 25.0 + 6.0 * 7.0, 4.0 * (9.0 * 10.0 + 6.0 * 9.0 + 3.0 * 8.0));
 }
 
 #[test]
@@ -56,24 +69,49 @@ fn products_count_two_a_weight() {
 
 #[test]
 fn encoding_counts_elements() {
-    // Two features of one frequency and their reduction; one direction.
-    expect(Stage::Encoding, 2.0 * 31.0 + 3.0 * 30.0, 4.0 * (2.0 + 15.0));
-    expect(Stage::EncodingBackward, 2.0 * 6.0, 4.0 * 2.0 * 6.0);
+    // Two features of one frequency; one direction.
+    expect(Stage::Encoding, 2.0 * 30.0 + 3.0 * 30.0, 4.0 * 15.0);
+    expect(Stage::EncodingBackward, 2.0 * 5.0, 4.0 * 2.0 * 6.0);
     let two = FieldShape { frequencies: [2, 2], ..shape() };
-    assert_eq!(two.cost(Stage::Encoding, &work(), 1).flop, 2.0 * 35.0 + 3.0 * 34.0);
+    assert_eq!(two.cost(Stage::Encoding, &work(), 1).flop, 2.0 * 34.0 + 3.0 * 34.0);
 }
 
 #[test]
 fn scattering_counts_pairs_times_ranks() {
-    expect(Stage::DensityBackward, 13.0 * 27.0 + 9.0 * 13.0, 13.0 * 72.0 + 9.0 * 28.0);
-    expect(Stage::AppearanceBackward, 7.0 * 28.0, 7.0 * 76.0);
-    expect(Stage::PairOrder, 0.0, 9.0 * 28.0);
+    // All 3 samples count: 13 components of 9 pairs. 8 tensors in one chunk.
+    let work = Work { samples: 3, ..work() };
+    let all = |stage| shape().cost(stage, &work, 1);
+    let density = Cost { flop: 13.0 * 26.0 + 9.0 * 12.0, bytes: 4.0 * (13.0 * 18.0 + 9.0 * 6.0 + 8.0) };
+    assert_eq!(all(Stage::DensityBackward), density);
+    expect(Stage::AppearanceBackward, 7.0 * 27.0 + 3.0 * 12.0, 4.0 * (7.0 * 19.0 + 3.0 * 6.0 + 8.0));
+    // All 9 pairs and the 3 coloured; two sums over 8 tensors.
+    assert_eq!(all(Stage::PairOrder), Cost { flop: 12.0, bytes: 4.0 * (12.0 * 6.0 + 32.0) });
+}
+
+#[test]
+fn samples_behind_a_ray_s_end_have_no_gradients() {
+    let third = Work { samples: 1, ..work() };
+    expect_close(shape().cost(Stage::DensityBackward, &third, 1).flop, (13.0 * 26.0 + 9.0 * 12.0) / 3.0);
+    expect_close(shape().cost(Stage::PairOrder, &third, 1).flop, 9.0 / 3.0 + 3.0);
 }
 
 #[test]
 fn compositing_counts_samples() {
-    expect(Stage::Composite, 3.0 * 33.0 + 2.0 * 3.0 + 6.0, 3.0 * 8.0 + 2.0 * 8.0 + 12.0);
-    expect(Stage::CompositeBackward, 2.0 * 36.0 + 12.0 + 15.0, 2.0 * 16.0 + 24.0);
+    expect(Stage::Composite, 3.0 * 34.0 + 2.0 * 3.0 + 6.0, 4.0 * (3.0 * 3.0 + 2.0 * 3.0 + 2.0 + 4.0));
+    expect(Stage::CompositeBackward, 2.0 * 22.0 + 8.0 + 12.0 + 24.0, 4.0 * (2.0 * 5.0 + 7.0 + 7.0));
+}
+
+#[test]
+fn a_decoder_once_a_ray_composites_components() {
+    let (per_ray, work) = (FieldShape { per_ray: true, ..shape() }, Work { colored: 2, ..work() });
+    let more = |stage| {
+        let [with, without] = [&per_ray, &shape()].map(|shape| shape.cost(stage, &work, 1));
+        [with.flop - without.flop, with.bytes - without.bytes]
+    };
+    // Two samples of 4 components, one row of 4.
+    assert_eq!(more(Stage::Composite), [2.0 * (4.0 * 2.0 + 2.0), 4.0 * (8.0 + 4.0)]);
+    assert_eq!(more(Stage::CompositeBackward), [2.0 * (4.0 * 3.0 + 4.0), 4.0 * (8.0 + 2.0 * 4.0)]);
+    assert_eq!(more(Stage::Decoder), [0.0, 0.0]);
 }
 
 #[test]
