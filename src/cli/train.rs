@@ -172,7 +172,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
-    let saved = if args.resume { Some(files.read_state()?) } else { None };
+    let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
     let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
     let dataset = dataset::load_blender(folder, "train", &options)?;
     let held_out = match args.eval_every {
@@ -281,7 +281,7 @@ fn interrupts() -> Result<Arc<AtomicBool>, Error> {
 }
 
 /// Prior and placement.
-fn begin<'a>(
+pub(super) fn begin<'a>(
     config: TrainConfig,
     dataset: &'a Dataset,
     interrupted: &AtomicBool,
@@ -438,6 +438,14 @@ impl Run<'_> {
     }
 }
 
+/// The state that an unfinished run left in the file `path`.
+pub(super) fn read_state(path: &Path) -> Result<(train::Progress, Scene), Error> {
+    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(path))?;
+    let scene = container::decode(&scene).map_err(Error::malformed(path))?;
+    Ok((progress, scene))
+}
+
 /// Where a run writes.
 struct Files {
     state: PathBuf,
@@ -459,13 +467,6 @@ impl Files {
             }
         }
         Ok(Self { state })
-    }
-
-    fn read_state(&self) -> Result<(train::Progress, Scene), Error> {
-        let bytes = std::fs::read(&self.state).map_err(Error::io("read", &self.state))?;
-        let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(&self.state))?;
-        let scene = container::decode(&scene).map_err(Error::malformed(&self.state))?;
-        Ok((progress, scene))
     }
 
     fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {

@@ -14,7 +14,7 @@ use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
-pub(super) const RAYS_PER_CHUNK: usize = 128;
+pub(crate) const RAYS_PER_CHUNK: usize = 128;
 
 /// What a ray should see.
 #[derive(Clone, Copy, Debug, PartialEq)]
