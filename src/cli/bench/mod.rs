@@ -25,7 +25,7 @@ Examples:
   strivec bench growth --json
   strivec bench against ../before/target/release/strivec --fail-above 1.05
 
-Without a subcommand: peak, training, rendering, files and growth on a ball of tensors, in about a minute.";
+Without a subcommand: peak, training, rendering, files and growth on a ball of tensors, in a minute or two.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -125,9 +125,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
                 files: files::measure(&files::Args::quick(), session)?,
                 growth: growth::measure(&growth::Args::quick(), session)?,
             };
-            session
-                .console
-                .result(&everything, |e| [e.train.text(), e.render.text(), e.files.text(), e.growth.text()].join("\n"))
+            session.console.result(&everything, |e| {
+                [e.train.text(), e.render.text(), e.files.text(), e.growth.text()]
+                    .map(|part| part.trim_end().to_owned() + "\n")
+                    .join("\n")
+            })
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::train::TrainConfig;
 const EXAMPLES: &str = "\
 Examples:
   strivec bench render
-  strivec bench render lego.strivec --size 400x400 --threads-list 1,2";
+  strivec bench render lego.strivec --size 800x800 --threads-list 1,2";
 /// The ball's model: that of the paper's middle row, at its finest.
 const BALL_PRESET: &str = "24";
 
@@ -25,7 +25,7 @@ pub(super) struct Args {
     /// The scene [default: a ball that is made in memory]
     file: Option<PathBuf>,
     /// Size of the frame, the first of an orbit
-    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = picture_size::parse)]
+    #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = picture_size::parse)]
     size: [u32; 2],
     #[command(flatten)]
     repeats: Repeats,

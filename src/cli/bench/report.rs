@@ -18,13 +18,13 @@ pub(super) fn peak(peak: &Peak) -> String {
     table.text()
 }
 
-/// The stages of a step or frame.
+/// The stages of a step or frame; rates and shares are those of a thread while it is at one.
 pub(super) fn stages(measured: &Measured) -> String {
     let total = &measured.stages.total;
     if measured.stages.rows.is_empty() {
         return "no stages were booked\n".into();
     }
-    let columns = ["stage", "core ms", "share", "GFLOP", "GB", "GFLOP/s a core", "of peak", "of copy", "bound by"];
+    let columns = ["stage", "core ms", "share", "GFLOP", "GB", "GFLOP/s", "of peak", "of copy", "bound by"];
     let mut table = Table::new(columns);
     for row in &measured.stages.rows {
         table.row([
@@ -40,7 +40,7 @@ pub(super) fn stages(measured: &Measured) -> String {
         ]);
     }
     format!(
-        "{}total: {:.1} ms on {} threads, of which {} idle or not booked; {:.2} GFLOP, {:.1} ms at the peak: {}\n",
+        "{}total: {:.1} ms on {} threads, {} of it idle or not booked; {:.2} GFLOP would take {:.1} ms at the peak: {}\n",
         table.text(),
         total.wall_ms,
         total.threads,
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(words(1), "decoder 150.0 100.0 % 8.000 0.500 53.3 53.3 % 30.0 % arithmetic");
         assert_eq!(
             words(2),
-            "total: 100.0 ms on 2 threads, of which 25.0 % idle or not booked; 8.00 GFLOP, 40.0 ms at the peak: 40.0 %"
+            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not booked; 8.00 GFLOP would take 40.0 ms at the peak: 40.0 %"
         );
         assert_eq!(stages(&measured(2, 100.0, Vec::new())), "no stages were booked\n");
     }

@@ -74,6 +74,7 @@ fn measured(
 ) -> Measured {
     let mut all = Work::default();
     works.for_each(|work| all.add(&work));
-    let stages = StageTable::new(&all, seconds.count, shape, peak, seconds.median);
+    // Of the average, as stages are: the median would leave nothing to be idle in where one run took long.
+    let stages = StageTable::new(&all, seconds.count, shape, peak, seconds.mean);
     Measured { threads: peak.threads, seconds, stages, peak_bytes }
 }

@@ -9,6 +9,8 @@ use serde::Serialize;
 pub struct Spread {
     /// The middle one: what a report calls the result.
     pub median: f64,
+    /// Their average.
+    pub mean: f64,
     /// First and third quartile.
     pub quartiles: [f64; 2],
     /// Smallest and largest.
@@ -31,6 +33,7 @@ impl Spread {
         };
         Some(Self {
             median: quantile(0.5),
+            mean: sorted.iter().sum::<f64>() / sorted.len() as f64,
             quartiles: [quantile(0.25), quantile(0.75)],
             range: [sorted[0], sorted[last]],
             count: sorted.len(),
@@ -76,6 +79,7 @@ mod tests {
     fn quantiles_of_few_values() {
         let spread = Spread::of(&[4.0, 1.0, 3.0, 2.0]).unwrap();
         assert_eq!((spread.median, spread.quartiles, spread.range), (2.5, [1.75, 3.25], [1.0, 4.0]));
+        assert_eq!(spread.mean, 2.5);
         assert_eq!(Spread::of(&[7.0]).unwrap().quartiles, [7.0, 7.0]);
         assert_eq!(Spread::of(&[]), None);
     }
