@@ -105,7 +105,7 @@ fn tasks(args: &Args) -> Vec<Task> {
     };
     vec![
         task("training step", &["bench", "train", "--upsampled", "5"], "/points/0/seconds/median"),
-        task("frame", &["bench", "render", "--size", "400x400"], "/frames/0/seconds/median"),
+        task("frame", &["bench", "render", "--size", "200x200"], "/frames/0/seconds/median"),
     ]
 }
 

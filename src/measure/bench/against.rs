@@ -35,7 +35,8 @@ impl Comparison {
     }
 }
 
-/// Runs `this` and `other` by turns, `rounds` times each, and lists what each measured.
+/// Runs `this` and `other` by turns, `rounds` times each, and lists what each measured. Every other round begins with
+/// `other`, so that neither is always the one that comes second.
 ///
 /// # Errors
 ///
@@ -46,9 +47,14 @@ pub fn by_turns<V, E>(
     mut other: impl FnMut() -> Result<V, E>,
 ) -> Result<[Vec<V>; 2], E> {
     let mut values = [Vec::new(), Vec::new()];
-    for _ in 0..rounds {
-        values[0].push(this()?);
-        values[1].push(other()?);
+    for round in 0..rounds {
+        if round % 2 == 0 {
+            values[0].push(this()?);
+            values[1].push(other()?);
+        } else {
+            values[1].push(other()?);
+            values[0].push(this()?);
+        }
     }
     Ok(values)
 }
@@ -91,7 +97,7 @@ mod tests {
             if order.borrow().len() < 6 { Ok(0.0) } else { Err("broken") }
         };
         assert_eq!(by_turns(9, || turn('A'), || turn('B')), Err("broken"));
-        assert_eq!(*order.borrow(), "ABABAB");
+        assert_eq!(*order.borrow(), "ABBAAB");
     }
 
     #[test]
