@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
 use serde_json::{Value, json};
-use strivec::dataset::{Error, ErrorKind, LoadOptions, load_blender, load_blender_cameras};
+use strivec::dataset::{Error, ErrorKind, LoadOptions, Pixels, load_blender, load_blender_cameras};
 use tempfile::TempDir;
 
 const POSE: [[f64; 4]; 4] = [[1.0, 0.0, 0.0, 0.5], [0.0, 0.0, -1.0, -4.0], [0.0, 1.0, 0.0, 0.25], [0.0, 0.0, 0.0, 1.0]];
@@ -79,17 +79,21 @@ fn blender_layout_gives_names_cameras_and_composited_pixels() {
     // The camera looks along its −z: here along the world's +y, with the world's z upwards.
     assert!((view.camera.ray_through(3.0, 2.0).direction - DVec3::Y).length() < 1e-12);
     assert!(view.camera.ray(0, 0).direction.z > 0.0);
-    assert_eq!(view.pixels[0], [1.0, 0.8, 0.8]);
-    assert_eq!(view.pixels[5], [0.0, 0.0, 1.0]);
+    let Pixels::Rgba8(pixels) = &view.pixels else { panic!("8-bit files stay so") };
+    assert_eq!([pixels[0], pixels[5]], [[255, 0, 0, 51], [0, 0, 255, 255]]);
+    assert_eq!(view.pixels.color(0, [1.0; 3]), [1.0, 0.8, 0.8]);
+    assert_eq!(view.pixels.color(0, [0.0, 0.5, 1.0]), [0.2, 0.4, 0.8]);
+    assert_eq!(view.pixels.color(5, [1.0; 3]), [0.0, 0.0, 1.0]);
 }
 
 #[test]
 fn downscaling_averages_blocks_and_drops_what_is_left() {
-    let dataset = Small::new().load(&LoadOptions { downscale: 4, background: [0.0; 3] }).unwrap();
+    let dataset = Small::new().load(&LoadOptions { downscale: 4, ..LoadOptions::default() }).unwrap();
     let view = &dataset.views[0];
     assert_eq!((view.camera.width, view.camera.height), (1, 1));
     assert_eq!(view.camera.principal, [0.75, 0.5]);
-    assert_eq!(view.pixels, [[0.15, 0.0, 0.25]]);
+    assert_eq!(view.pixels.colors([0.0; 3]), [[0.15, 0.0, 0.25]]);
+    assert_eq!(view.pixels.colors([0.0, 1.0, 0.0]), [[0.15, 0.6, 0.25]]);
 }
 
 #[test]
@@ -98,8 +102,10 @@ fn pictures_without_alpha_are_opaque_and_16_bit_ones_keep_their_depth() {
     ImageBuffer::from_pixel(6, 4, Rgb([0_u8, 51, 255])).save(small.path("train/r_0.png")).unwrap();
     ImageBuffer::from_pixel(6, 4, Rgba([0_u16, 257, 65_534, 65_535])).save(small.path("train/r_1.png")).unwrap();
     let views = small.load(&LoadOptions::default()).unwrap().views;
-    assert_eq!(views[0].pixels[7], [0.0, 0.2, 1.0]);
-    assert_eq!(views[1].pixels[7], [0.0, (257.0 / 65_535.0) as f32, (65_534.0 / 65_535.0_f64) as f32]);
+    assert_eq!(views[0].pixels.color(7, [1.0; 3]), [0.0, 0.2, 1.0]);
+    let deep = [0.0, (257.0 / 65_535.0) as f32, (65_534.0 / 65_535.0_f64) as f32];
+    assert_eq!(views[1].pixels.color(7, [1.0; 3]), deep);
+    assert!(views.iter().all(|v| v.pixels.is_opaque()));
 }
 
 #[test]
@@ -243,10 +249,32 @@ fn senseless_arguments_are_the_caller_s_fault() {
         let error = small.load(&LoadOptions { downscale, ..LoadOptions::default() }).unwrap_err();
         assert_error(described(error), ErrorKind::Argument, &["downscale", "1 to 4", &downscale.to_string()]);
     }
-    for found in [f32::NAN, -0.1, 1.5] {
-        let error = small.load(&LoadOptions { downscale: 1, background: [0.0, found, 0.0] }).unwrap_err();
-        assert_error(described(error), ErrorKind::Argument, &["background"]);
+    for (start, end, every) in [(0, 3, 1), (1, 1, 1), (2, 1, 1), (5, usize::MAX, 1), (0, 2, 0)] {
+        let error = small.load(&LoadOptions { views: Some(start..end), every, downscale: 1 }).unwrap_err();
+        let found = format!("found {start}..{end} by {every}");
+        assert_error(described(error), ErrorKind::Argument, &["transforms_train.json: views", "0..2", &found]);
     }
+}
+
+#[test]
+fn only_the_chosen_views_are_looked_at() {
+    let mut small = Small::new();
+    let frame = small.json["frames"][1].clone();
+    small.json["frames"] = (0..10).map(|_| frame.clone()).collect();
+    for frame in [0, 1, 3, 4, 6, 7, 9] {
+        small.json["frames"][frame]["file_path"] = json!(format!("absent/r_{frame}"));
+    }
+    for (frame, x) in [(2, 0.0), (5, 1.0), (8, 2.0)] {
+        small.json["frames"][frame]["transform_matrix"][0][3] = json!(x);
+    }
+    let options = LoadOptions { views: Some(2..9), every: 3, downscale: 1 };
+    let views = small.load(&options).unwrap().views;
+    assert_eq!(views.iter().map(|v| v.camera.position.x).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
+    assert!(views.iter().all(|v| v.name == "r_1" && v.pixels.len() == 24));
+    let far = LoadOptions { every: 100, views: Some(5..10), downscale: 1 };
+    assert_eq!(small.load(&far).unwrap().views.len(), 1);
+    let error = small.load(&LoadOptions { every: 2, ..options }).unwrap_err();
+    assert_error(described(error), ErrorKind::Io, &["frame 4", "r_4.png"]);
 }
 
 /// The lego scene, or `None` with a printed reason. Fails where `CI` is set, so that it is not skipped unnoticed.
@@ -273,7 +301,7 @@ fn lego_loads_with_orthonormal_poses_and_white_corners() {
         assert!((view.camera.position.length() - 4.031).abs() < 1e-3, "{}", view.name);
         let middle = view.camera.ray_through(50.0, 50.0);
         assert!(middle.at(view.camera.position.length()).length() < 1e-3, "{}", view.name);
-        assert_eq!(view.pixels[0], [1.0; 3], "{}", view.name);
+        assert_eq!(view.pixels.color(0, [1.0; 3]), [1.0; 3], "{}", view.name);
     }
     let cameras = load_blender_cameras(&folder.join("transforms_test.json"), None, 2).unwrap();
     assert_eq!((cameras.len(), cameras[0].camera.width), (200, 400));

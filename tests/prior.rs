@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{DQuat, DVec3, UVec3};
-use strivec::dataset::{Dataset, LoadOptions, View, load_blender};
+use strivec::dataset::{Dataset, LoadOptions, Pixels, View, load_blender};
 use strivec::geometry::{Aabb, Camera, Lattice, Ray, Similarity};
 use strivec::model::{Placement, TensorCloud};
 use strivec::prior::coarse::reconstruct;
@@ -25,7 +25,7 @@ fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
         let radius = (1.0 - height * height).sqrt();
         let position = 3.0 * scale * DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
         let camera = Camera::looking_at([size, size], 1.3 * f64::from(size), position, DVec3::ZERO, DVec3::Z);
-        let pixels = (0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size))).collect();
+        let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size))));
         View { name: format!("r_{n}"), camera, pixels }
     };
     Dataset { name: "box".into(), views: (0..views).map(view).collect() }
@@ -103,7 +103,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
     let dataset = photographs(6, 16, 1.0);
     let options = CoarseOptions { steps: vec![20], ..small_options() };
     let mut empty = dataset.clone();
-    empty.views.iter_mut().for_each(|v| v.pixels.fill([1.0; 3]));
+    empty.views.iter_mut().for_each(|v| v.pixels = Pixels::opaque(vec![[1.0; 3]; v.pixels.len()]));
     let error = run(&empty, &options).unwrap_err();
     assert!(matches!(error, Error::EmptyReconstruction { steps: 20, .. }), "{error}");
     assert!(error.to_string().contains("background"), "{error}");
@@ -112,7 +112,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
     assert_eq!(run(&none, &options), Err(Error::NoViews { dataset: "none".into() }));
 
     let mut short = dataset.clone();
-    short.views[3].pixels.pop();
+    short.views[3].pixels = Pixels::opaque(vec![[1.0; 3]; 16 * 16 - 1]);
     assert!(matches!(run(&short, &options), Err(Error::View { view, .. }) if view == "r_3"));
 
     for broken in [
@@ -139,7 +139,7 @@ fn one_view_or_parallel_views_still_reconstruct_something_or_say_why_not() {
     for (n, view) in parallel.views.iter_mut().enumerate() {
         let position = DVec3::new(0.2 * n as f64, -3.0, 0.0);
         view.camera = Camera::looking_at([24, 24], 31.2, position, position + DVec3::Y, DVec3::Z);
-        view.pixels = (0..576).map(|p| color(&SOLID, &view.camera.ray(p % 24, p / 24))).collect();
+        view.pixels = Pixels::opaque((0..576).map(|p| color(&SOLID, &view.camera.ray(p % 24, p / 24))));
     }
     for dataset in [one, parallel] {
         match run(&dataset, &CoarseOptions { steps: vec![80], ..small_options() }) {
@@ -311,7 +311,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     };
     let (mut object, mut missed, mut empty, mut fog) = (0, 0, 0, 0);
     for view in dataset.views.iter().step_by(5) {
-        for (n, color) in view.pixels.iter().enumerate() {
+        for (n, color) in view.pixels.colors([1.0; 3]).iter().enumerate() {
             let ray = view.camera.ray(n as u32 % view.camera.width, n as u32 / view.camera.width);
             if color.iter().any(|&c| c < 0.7) {
                 object += 1;

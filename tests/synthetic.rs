@@ -57,14 +57,14 @@ fn dataset_reads_back_with_distinct_cameras_and_soft_silhouettes() {
     assert_eq!(made.pictures, 5 + 1 + 3);
     let mut positions = Vec::new();
     for (split, count) in [("train", 5), ("val", 1), ("test", 3)] {
-        let black = load_blender(folder.path(), split, &LoadOptions { downscale: 1, background: [0.0; 3] }).unwrap();
-        let white = load_blender(folder.path(), split, &LoadOptions::default()).unwrap();
-        assert_eq!(white.views.len(), count);
-        for (black, white) in black.views.iter().zip(&white.views) {
-            assert_eq!((white.camera.width, white.camera.height), (32, 24));
-            positions.push(white.camera.position);
+        let dataset = load_blender(folder.path(), split, &LoadOptions::default()).unwrap();
+        assert_eq!(dataset.views.len(), count);
+        for view in &dataset.views {
+            assert_eq!((view.camera.width, view.camera.height), (32, 24));
+            positions.push(view.camera.position);
             // What the background adds is what the pixel lets through.
-            let through: Vec<f32> = black.pixels.iter().zip(&white.pixels).map(|(b, w)| w[1] - b[1]).collect();
+            let [black, white] = [0.0, 1.0].map(|value| view.pixels.colors([value; 3]));
+            let through: Vec<f32> = black.iter().zip(&white).map(|(b, w)| w[1] - b[1]).collect();
             let share = |keep: fn(f32) -> bool| through.iter().filter(|&&t| keep(t)).count();
             assert!(share(|t| t < 1e-3) > 60, "opaque");
             assert!(share(|t| t > 0.999) > 200, "empty");

@@ -4,7 +4,7 @@
 mod scenes;
 
 use strivec::container::{self, EncodeOptions, FactorEncoding};
-use strivec::dataset::View;
+use strivec::dataset::{Pixels, View};
 use strivec::measure::psnr_of_mse;
 use strivec::model::Scene;
 use strivec::render::{CpuRenderer, Renderer};
@@ -19,7 +19,7 @@ fn views() -> Vec<View> {
     (0..8)
         .map(|i| {
             let camera = scenes::camera(24, f64::from(i));
-            let pixels = renderer.render(&camera).pixels.iter().map(|p| p.color).collect();
+            let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
             View { name: i.to_string(), camera, pixels }
         })
         .collect()
@@ -111,7 +111,9 @@ fn a_damaged_state_and_other_photographs_are_named() {
         assert!(!changed, "a flipped bit at {at} goes unnoticed");
         assert!(Progress::from_bytes(&state[..at]).is_err(), "cut at {at}");
     }
-    views[0].pixels[0][0] += 0.5;
+    let mut colors = views[0].pixels.colors([0.0; 3]);
+    colors[0][0] += 0.5;
+    views[0].pixels = Pixels::opaque(colors);
     let error = Trainer::resume(progress, scene, &views).unwrap_err().to_string();
     assert!(error.contains("photographs"), "{error}");
 }

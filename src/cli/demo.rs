@@ -115,10 +115,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     for view in &held_out.views {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
         let (size, rendered) = ([picture.width, picture.height], colors(&picture));
-        reports.push(ViewReport::new(&view.name, size, &rendered, &view.pixels)?);
+        let photograph = view.pixels.colors(scene.frame.background);
+        reports.push(ViewReport::new(&view.name, size, &rendered, &photograph)?);
         if rows.len() < ON_SHEET {
-            let difference = error_map(&rendered, &view.pixels, ERROR_FULL)?;
-            let pictures = [view.pixels.clone(), rendered, difference].map(|colors| Canvas { size, colors });
+            let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
+            let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
             rows.push(side_by_side(&pictures));
         }
     }

@@ -12,7 +12,7 @@ use super::render::{RendererKind, colors};
 use super::table::Table;
 use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::dataset::{self, LoadOptions, View};
+use crate::dataset::{self, Dataset, View};
 use crate::measure::{self, Canvas, F32_POSITION_ERROR, ViewReport, color_png, error_map, side_by_side};
 use crate::render::{Approximation, CpuRenderer};
 
@@ -82,9 +82,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let bytes = bytes.len() as u64;
     let approximation = args.approximations.chosen();
     approximation.check(&scene)?;
-    let options = LoadOptions { downscale: args.downscale, background: scene.frame.background };
-    let dataset = dataset::load_blender(&args.dataset, &args.split, &options)?;
-    let views = args.selection.of(dataset.views)?;
+    let options = args.selection.options(args.downscale);
+    let Dataset { name, views } = dataset::load_blender(&args.dataset, &args.split, &options)?;
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;
@@ -105,11 +104,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let picture = renderer.render(&view.camera.mapped(&frame.model_from_dataset));
         seconds += start.elapsed().as_secs_f64();
         let size = [picture.width, picture.height];
-        let rendered = colors(&picture);
-        let report = ViewReport::new(&view.name, size, &rendered, &view.pixels)?;
+        let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
+        let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
         if let Some(folder) = &args.sheets {
-            let difference = error_map(&rendered, &view.pixels, ERROR_FULL)?;
-            let pictures = [view.pixels.clone(), rendered, difference].map(|colors| Canvas { size, colors });
+            let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
+            let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
             let joined = side_by_side(&pictures);
             write_atomically(&sheet(folder, view), &color_png(joined.size, &joined.colors)?, session.force)?;
         }
@@ -136,7 +135,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let evaluation = Evaluation {
         file: &args.file,
         bytes,
-        dataset: &dataset.name,
+        dataset: &name,
         split: &args.split,
         downscale: args.downscale,
         renderer: args.renderer,

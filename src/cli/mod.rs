@@ -4,6 +4,7 @@
 //! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
 
 mod approximations;
+mod bench;
 mod console;
 mod demo;
 mod error;
@@ -75,6 +76,8 @@ enum Command {
     Info(info::Args),
     /// Make a synthetic dataset whose geometry is known exactly
     Synth(synth::Args),
+    /// Measure speed against what this machine can do
+    Bench(bench::Args),
 }
 
 /// What a command works with besides its own arguments.
@@ -118,6 +121,7 @@ fn start(cli: &Cli, session: &Session) -> Result<(), Error> {
         Command::Eval(args) => eval::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
+        Command::Bench(args) => bench::run(args, session),
     }
 }
 

@@ -40,7 +40,7 @@ pub(super) struct Args {
     /// The file to write
     #[arg(long, short, value_name = "FILE", required_unless_present = "print_config")]
     pub(super) output: Option<PathBuf>,
-    /// Appearance components of the model, or two scales only [default: the configuration's, else 48]
+    /// The model [default: the configuration's, else 48]
     #[arg(long, value_enum)]
     pub(super) preset: Option<Preset>,
     /// Settings as --print-config writes them; the arguments here go before them
@@ -107,7 +107,7 @@ pub(super) enum Preset {
     P96,
     /// Two scales, two neighbours
     Fast,
-    /// 48, with one decoder call a ray: nearly as good, much faster to train and to render
+    /// 48 appearance components, the network called once a ray instead of once a sample
     PerRay,
 }
 
@@ -172,12 +172,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
-    let saved = if args.resume { Some(files.read_state()?) } else { None };
-    let background = saved.as_ref().map_or(config.background, |(progress, _)| progress.config.background);
-    let options = LoadOptions { downscale: args.downscale, background };
+    let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
+    let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
     let dataset = dataset::load_blender(folder, "train", &options)?;
     let held_out = match args.eval_every {
-        Some(_) => dataset::load_blender(folder, "test", &options)?.views,
+        Some(_) => {
+            let count = dataset::load_blender_cameras(&folder.join("transforms_test.json"), None, 1)?.len();
+            let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
+            dataset::load_blender(folder, "test", &options)?.views
+        }
         None => Vec::new(),
     };
 
@@ -244,7 +247,12 @@ fn configuration(args: &Args) -> Result<TrainConfig, Error> {
     };
     if let Some(preset) = args.preset {
         let preset = TrainConfig::preset(preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
-        config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
+        if args.config.is_none() {
+            config = preset;
+        } else {
+            config.decoder.per_ray = preset.decoder.per_ray;
+            config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
+        }
     }
     config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
     config.seed = args.seed.unwrap_or(config.seed);
@@ -273,7 +281,7 @@ fn interrupts() -> Result<Arc<AtomicBool>, Error> {
 }
 
 /// Prior and placement.
-fn begin<'a>(
+pub(super) fn begin<'a>(
     config: TrainConfig,
     dataset: &'a Dataset,
     interrupted: &AtomicBool,
@@ -405,14 +413,14 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The mean PSNR over a few of the held-out views.
+    /// The mean PSNR over the held-out views.
     fn evaluate(&self, scene: &Scene) -> f64 {
         let renderer = CpuRenderer::new(scene);
-        let every = self.held_out.len().div_ceil(HELD_OUT);
-        let psnrs: Vec<f64> = (self.held_out.iter().step_by(every))
+        let background = scene.frame.background;
+        let psnrs: Vec<f64> = (self.held_out.iter())
             .map(|view| {
                 let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
-                measure::psnr(&super::render::colors(&picture), &view.pixels).unwrap_or(f64::NAN)
+                measure::psnr(&super::render::colors(&picture), &view.pixels.colors(background)).unwrap_or(f64::NAN)
             })
             .collect();
         psnrs.iter().sum::<f64>() / psnrs.len() as f64
@@ -428,6 +436,14 @@ impl Run<'_> {
         // The row before made it, or the start checked that it may be made.
         write_atomically(path, text.as_bytes(), true)
     }
+}
+
+/// The state that an unfinished run left in the file `path`.
+pub(super) fn read_state(path: &Path) -> Result<(train::Progress, Scene), Error> {
+    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(path))?;
+    let scene = container::decode(&scene).map_err(Error::malformed(path))?;
+    Ok((progress, scene))
 }
 
 /// Where a run writes.
@@ -453,13 +469,6 @@ impl Files {
         Ok(Self { state })
     }
 
-    fn read_state(&self) -> Result<(train::Progress, Scene), Error> {
-        let bytes = std::fs::read(&self.state).map_err(Error::io("read", &self.state))?;
-        let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(&self.state))?;
-        let scene = container::decode(&scene).map_err(Error::malformed(&self.state))?;
-        Ok((progress, scene))
-    }
-
     fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
         // Exactly as trained, and quickly.
         let options = EncodeOptions { factors: FactorEncoding::F32, zstd_level: 1 };
@@ -473,6 +482,20 @@ impl Files {
         match std::fs::remove_file(&self.state) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),
             _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_knows_every_preset_and_no_other() {
+        let names: Vec<_> = Preset::value_variants().iter().map(|p| p.name()).collect();
+        assert_eq!(names, TrainConfig::PRESETS);
+        for preset in Preset::value_variants() {
+            assert_eq!(Preset::from_str(preset.name(), false), Ok(*preset));
         }
     }
 }

@@ -10,6 +10,10 @@ use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};
 use crate::model::{Frame, UpAxis};
 
+/// Degrees that a picture of an orbit spans, and above the horizon, where nothing else is asked for.
+const FOV: f64 = 40.0;
+const ELEVATION: f64 = 30.0;
+
 /// One way to say where pictures are taken from, and what they are like.
 #[derive(Clone, Debug, clap::Args)]
 #[group(skip)]
@@ -33,11 +37,11 @@ pub(super) struct Viewpoints {
     #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
     /// Degrees that a picture spans from left to right, with --orbit and --pose
-    #[arg(long, value_name = "DEGREES", default_value_t = 40.0, conflicts_with = "cameras",
+    #[arg(long, value_name = "DEGREES", default_value_t = FOV, conflicts_with = "cameras",
         value_parser = angle(1.0, 170.0))]
     fov: f64,
     /// Degrees above the horizon, with --orbit
-    #[arg(long, value_name = "DEGREES", default_value_t = 30.0, allow_negative_numbers = true,
+    #[arg(long, value_name = "DEGREES", default_value_t = ELEVATION, allow_negative_numbers = true,
         conflicts_with_all = ["cameras", "pose"],
         value_parser = angle(-89.0, 89.0))]
     elevation: f64,
@@ -73,6 +77,21 @@ impl Viewpoints {
             (None, Some(pose)) => Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, focal)? }]),
             (None, None) => Err(Error::Usage("expected one of --cameras, --orbit and --pose, found none".into())),
         }
+    }
+
+    /// The first camera of an orbit with the defaults of the command line, for pictures of `size`.
+    pub(super) fn first_of_orbit(frame: &Frame, bounds: &Aabb, size: [u32; 2]) -> Camera {
+        let defaults = Self {
+            cameras: None,
+            orbit: Some(1),
+            pose: None,
+            downscale: 1,
+            size: None,
+            fov: FOV,
+            elevation: ELEVATION,
+            radius: None,
+        };
+        defaults.orbit(frame, bounds, 1, size, Camera::focal_of_angle(size[0], FOV.to_radians()))[0].camera
     }
 
     fn orbit(&self, frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2], focal: f64) -> Vec<NamedCamera> {

@@ -11,10 +11,10 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::picture::{self, MAX_EDGE};
-use super::{Dataset, Error, LoadOptions, NamedCamera, View, pose};
+use super::{Dataset, Error, LoadOptions, NamedCamera, Pixels, View, pose};
 use crate::geometry::Camera;
 
-/// The most pixels of a split, after downscaling; they take 12 bytes each.
+/// The most pixels of what is loaded, after downscaling; they take 4 bytes each, 16 where they were averaged or are deep.
 const MAX_PIXELS: u64 = 1 << 30;
 /// A `file_path` that ends in one of these is complete; any other lacks `.png`.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -47,39 +47,49 @@ struct Frame {
     transform_matrix: [[f64; 4]; 4],
 }
 
-/// The split `split` (as in `train`) of the dataset in `folder`: its views in the order of `frames`.
+/// The split `split` (as in `train`) of the dataset in `folder`: the views that `options` select, in the order of
+/// `frames`. Pictures of others are not looked at.
 ///
 /// Fails on everything [`Error`] lists but writing; of several broken pictures the first in order is reported.
 pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
-    if options.background.iter().any(|v| !(0.0..=1.0).contains(v)) {
-        return Err(Error::Background { found: options.background });
-    }
     let json = folder.join(format!("transforms_{split}.json"));
     let transforms = Transforms::read(&json)?;
     let pictures = transforms.pictures(&json)?;
-    if let Some(frame) = pictures.iter().position(|(_, picture)| !picture.is_file()) {
+    let frames = chosen(&json, pictures.len(), options)?;
+    if let Some(&frame) = frames.iter().find(|&&frame| !pictures[frame].1.is_file()) {
         return Err(Error::MissingPicture { path: json, frame, picture: pictures[frame].1.clone() });
     }
     let (size, like) = match transforms.size(&json)? {
         Some(size) => (size, json.as_path()),
-        None => (picture::size(&pictures[0].1)?, pictures[0].1.as_path()),
+        None => {
+            let first = pictures[frames[0]].1.as_path();
+            (picture::size(first)?, first)
+        }
     };
     let cameras = transforms.cameras(&json, size, options.downscale)?;
 
     let (width, height) = (u64::from(cameras[0].width), u64::from(cameras[0].height));
-    let found = (width * height).saturating_mul(pictures.len() as u64);
+    let found = (width * height).saturating_mul(frames.len() as u64);
     if found > MAX_PIXELS {
         return Err(Error::TooLarge { path: json, what: "pixels of all pictures", limit: MAX_PIXELS, found });
     }
     // Collected before the first error is picked, so that it does not depend on which thread was faster.
-    let pixels: Vec<_> = pictures.par_iter().map(|(_, path)| picture::load(path, size, like, options)).collect();
-    let views = pictures
-        .iter()
-        .zip(cameras)
-        .zip(pixels)
-        .map(|(((name, _), camera), pixels)| Ok(View { name: name.clone(), camera, pixels: pixels? }))
-        .collect::<Result<_, Error>>()?;
+    let load = |&frame: &usize| picture::load(&pictures[frame].1, size, like, options.downscale);
+    let pixels: Vec<_> = frames.par_iter().map(load).collect();
+    let view = |(&frame, pixels): (&usize, Result<Pixels, Error>)| {
+        Ok(View { name: pictures[frame].0.clone(), camera: cameras[frame], pixels: pixels? })
+    };
+    let views = frames.iter().zip(pixels).map(view).collect::<Result<_, Error>>()?;
     Ok(Dataset { name: name_of(folder), views })
+}
+
+/// Numbers of the views that `options` select of `count`, at least one.
+fn chosen(json: &Path, count: usize, options: &LoadOptions) -> Result<Vec<usize>, Error> {
+    let (range, every) = (options.views.clone().unwrap_or(0..count), options.every);
+    if range.is_empty() || range.end > count || every == 0 {
+        return Err(Error::Views { path: json.to_path_buf(), count, range, every });
+    }
+    Ok(range.step_by(every).collect())
 }
 
 /// The cameras of one JSON file in the order of `frames`, for rendering; no picture is decoded.

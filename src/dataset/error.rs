@@ -1,6 +1,7 @@
 //! What can be wrong with a dataset, in one line each: the file, the place in it, what was expected, what was found.
 
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Who has to act on an [`Error`].
@@ -162,11 +163,20 @@ pub enum Error {
         /// The value.
         found: u32,
     },
-    /// A background that is no colour.
-    #[error("background: expected three numbers in [0, 1], found {found:?}")]
-    Background {
-        /// The value.
-        found: [f32; 3],
+    /// A selection of views that selects none, or some that are not there.
+    #[error(
+        "{}: views: expected a range within 0..{count} and a stride of at least 1, found {}..{} by {every}",
+        path.display(), range.start, range.end
+    )]
+    Views {
+        /// The JSON file.
+        path: PathBuf,
+        /// Views of the split.
+        count: usize,
+        /// The range that was asked for.
+        range: Range<usize>,
+        /// The stride that was asked for.
+        every: usize,
     },
 }
 
@@ -183,10 +193,9 @@ impl Error {
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
             | Self::PictureSize { .. } => ErrorKind::Malformed,
-            Self::Downscale { .. }
-            | Self::FolderNotEmpty { .. }
-            | Self::SynthOption { .. }
-            | Self::Background { .. } => ErrorKind::Argument,
+            Self::Downscale { .. } | Self::FolderNotEmpty { .. } | Self::SynthOption { .. } | Self::Views { .. } => {
+                ErrorKind::Argument
+            }
             Self::TooLarge { .. } => ErrorKind::Limit,
         }
     }

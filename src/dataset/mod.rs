@@ -7,12 +7,16 @@
 mod blender;
 mod error;
 mod picture;
+mod pixels;
 mod pose;
 mod synthetic;
 
 pub use blender::{load_blender, load_blender_cameras};
 pub use error::{Error, ErrorKind};
+pub use pixels::Pixels;
 pub use synthetic::{SynthOptions, Synthesised, synthesise};
+
+use std::ops::Range;
 
 use crate::geometry::Camera;
 
@@ -32,8 +36,8 @@ pub struct View {
     pub name: String,
     /// Where it was taken from; its size is the picture's.
     pub camera: Camera,
-    /// \[height\]\[width\] sRGB colours in [0, 1], row-major from the top left, composited on the background.
-    pub pixels: Vec<[f32; 3]>,
+    /// What it shows.
+    pub pixels: Pixels,
 }
 
 /// A camera without its photograph.
@@ -45,19 +49,21 @@ pub struct NamedCamera {
     pub camera: Camera,
 }
 
-/// How photographs become colours.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Which photographs are loaded, and how large.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colours;
     /// columns and rows that do not fill a block are dropped. At least 1.
     pub downscale: u32,
-    /// The sRGB colour behind transparent pictures, in [0, 1].
-    pub background: [f32; 3],
+    /// Only the views of these numbers in the split; all where absent.
+    pub views: Option<Range<usize>>,
+    /// Of these only every so many, the first included. At least 1.
+    pub every: usize,
 }
 
 impl Default for LoadOptions {
-    /// Full size on white.
+    /// All at full size.
     fn default() -> Self {
-        Self { downscale: 1, background: [1.0; 3] }
+        Self { downscale: 1, views: None, every: 1 }
     }
 }

@@ -1,4 +1,4 @@
-//! PNG pictures to colours: decoding within limits, averaging blocks, compositing on a background.
+//! PNG pictures to pixels: decoding within limits, averaging blocks.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::{Error, LoadOptions};
+use super::{Error, Pixels};
 
 /// The longest edge of a picture that is decoded.
 pub(super) const MAX_EDGE: u32 = 16_384;
@@ -35,9 +35,9 @@ pub(super) fn size(path: &Path) -> Result<[u32; 2], Error> {
     Ok([width, height])
 }
 
-/// The colours of the picture at `path` as [`super::View::pixels`], of `size` (columns and rows) divided by
-/// `options.downscale`, rounded down. `size` is what the file `like` says; another one is an error.
-pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, options: &LoadOptions) -> Result<Vec<[f32; 3]>, Error> {
+/// What the picture at `path` shows, of `size` (columns and rows) divided by `downscale`, rounded down. `size` is what
+/// the file `like` says; another one is an error.
+pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> Result<Pixels, Error> {
     let bytes = read_file(path)?;
     let decoder = decoder(path, &bytes)?;
     let found: [u32; 2] = decoder.dimensions().into();
@@ -46,11 +46,13 @@ pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, options: &LoadOptio
     }
     let deep = matches!(decoder.color_type(), ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16);
     let picture = DynamicImage::from_decoder(decoder).map_err(undecodable(path))?;
-    let width = size[0] as usize;
+    let (width, downscale) = (size[0] as usize, downscale as usize);
     Ok(if deep {
-        averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), options)
+        averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), downscale)
+    } else if downscale > 1 {
+        averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), downscale)
     } else {
-        averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), options)
+        Pixels::Rgba8(picture.into_rgba8().as_chunks::<4>().0.to_vec())
     })
 }
 
@@ -77,13 +79,11 @@ fn undecodable(path: &Path) -> impl FnOnce(image::ImageError) -> Error + use<> {
     move |error| Error::Picture { path, found: error.to_string() }
 }
 
-/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colours and
-/// composites them on the background. Sums are exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
-fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, options: &LoadOptions) -> Vec<[f32; 3]> {
-    let factor = options.downscale as usize;
+/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colours. Sums are
+/// exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
+fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, factor: usize) -> Pixels {
     let rows = rgba.len() / (4 * width) / factor;
     let columns = width / factor;
-    let background = options.background.map(f64::from);
     let mut pixels = Vec::with_capacity(rows * columns);
     for row in 0..rows {
         for column in 0..columns {
@@ -100,14 +100,11 @@ fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, options: &L
                 }
             }
             let count = (factor * factor) as u64;
-            let through = (count * max - alpha) as f64 / (count * max) as f64;
-            pixels.push([0, 1, 2].map(|c| {
-                let premultiplied = colour[c] as f64 / (count * max * max) as f64;
-                (premultiplied + through * background[c]) as f32
-            }));
+            let [r, g, b] = colour.map(|sum| (sum as f64 / (count * max * max) as f64) as f32);
+            pixels.push([r, g, b, (alpha as f64 / (count * max) as f64) as f32]);
         }
     }
-    pixels
+    Pixels::Premultiplied(pixels)
 }
 
 #[cfg(test)]
@@ -118,15 +115,15 @@ mod tests {
     fn block_is_averaged_premultiplied_and_the_last_column_dropped() {
         // One opaque red and one transparent green pixel (its colour must not count), then a column beyond the block.
         let rgba: [u8; 24] = [255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9, 255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9];
-        let options = LoadOptions { downscale: 2, background: [0.0, 0.0, 1.0] };
-        assert_eq!(averaged(&rgba, 3, 255, &options), [[0.5, 0.0, 0.5]]);
+        let pixels = averaged(&rgba, 3, 255, 2);
+        assert_eq!(pixels, Pixels::Premultiplied(vec![[0.5, 0.0, 0.0, 0.5]]));
+        assert_eq!(pixels.colors([0.0, 0.0, 1.0]), [[0.5, 0.0, 0.5]]);
     }
 
     #[test]
     fn full_size_opaque_colours_are_the_file_s() {
         let rgba: [u16; 8] = [1, 2, 65_535, 65_535, 40_000, 0, 7, 65_535];
-        let options = LoadOptions { downscale: 1, background: [1.0; 3] };
         let expected = [[1, 2, 65_535], [40_000, 0, 7]].map(|p| p.map(|v| (f64::from(v) / 65_535.0) as f32));
-        assert_eq!(averaged(&rgba, 2, 65_535, &options), expected);
+        assert_eq!(averaged(&rgba, 2, 65_535, 1).colors([1.0; 3]), expected);
     }
 }

@@ -127,15 +127,16 @@ fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: 
     let n = values.len();
     angles.resize(2 * n, T::zero());
     let (first_sines, first_cosines) = angles.split_at_mut(n);
-    for i in 0..n {
-        (first_sines[i], first_cosines[i]) = values[i].sine_cosine();
+    for ((s, c), &value) in first_sines.iter_mut().zip(first_cosines.iter_mut()).zip(values) {
+        (*s, *c) = value.sine_cosine();
     }
     let (sines, cosines) = encoded.split_at_mut(n * frequencies);
-    for i in 0..n {
-        let (mut s, mut c) = (first_sines[i], first_cosines[i]);
-        for k in i * frequencies..(i + 1) * frequencies {
-            (sines[k], cosines[k]) = (s, c);
-            (s, c) = ((s + s) * c, T::one() - (s + s) * s);
+    for frequency in 0..frequencies {
+        for (encoded, known) in [(&mut *sines, &*first_sines), (&mut *cosines, &*first_cosines)] {
+            encoded.iter_mut().skip(frequency).step_by(frequencies).zip(known).for_each(|(to, &from)| *to = from);
+        }
+        for (s, c) in first_sines.iter_mut().zip(first_cosines.iter_mut()) {
+            (*s, *c) = ((*s + *s) * *c, T::one() - (*s + *s) * *s);
         }
     }
 }

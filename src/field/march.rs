@@ -218,8 +218,17 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     pub fn optical_depth(&self, feature: T) -> T {
         let x = feature + T::of(self.rules.density_shift);
-        let density = x.max(T::zero()) + (-x.abs()).exp().ln_1p();
+        let density = x.max(T::zero()) + (-x.abs()).exp_of_negative().ln_1p_of_unit();
         density * T::of(self.rules.step * self.rules.distance_scale)
+    }
+
+    /// The slope of [`Field::optical_depth`].
+    #[inline(always)]
+    pub fn optical_depth_slope(&self, feature: T) -> T {
+        let x = feature + T::of(self.rules.density_shift);
+        let e = (-x.abs()).exp_of_negative();
+        let above = if x > T::zero() { T::one() } else { e };
+        above / (T::one() + e) * T::of(self.rules.step * self.rules.distance_scale)
     }
 
     /// Marches `rays` into `samples`.
@@ -336,8 +345,10 @@ impl<T: Real> Field<T> {
     /// Takes the transmittance of each ray through its newest samples; drops rays that have ended.
     #[inline(always)]
     fn follow_transmittance(&self, samples: &mut Samples<T>) {
-        for place in samples.alphas.len()..samples.features.len() {
-            samples.alphas.push(-(-self.optical_depth(samples.features[place])).exp_m1());
+        let known = samples.alphas.len();
+        samples.alphas.resize(samples.features.len(), T::zero());
+        for (alpha, &feature) in samples.alphas[known..].iter_mut().zip(&samples.features[known..]) {
+            *alpha = -(-self.optical_depth(feature)).exp_m1_of_negative();
         }
         let min_transmittance = T::of(self.rules.min_transmittance);
         let first_run = samples.runs.len() - samples.active.len();

@@ -55,7 +55,7 @@ pub fn reconstruct(
     progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
 ) -> Result<VoxelBoxes, Error> {
     options.check()?;
-    let photographs = Photographs::new(dataset)?;
+    let photographs = Photographs::new(dataset, options.background)?;
     let (near, far) = near_and_far(dataset, options)?;
     let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
     if !frusta.is_solid() {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, vectorised};
+use crate::field::{Activations, Field, Real, Samples, Stage, Work, vectorised};
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene};
 
@@ -65,9 +65,29 @@ impl<T: Real> CpuRenderer<T> {
         self.field.density_cache_bytes()
     }
 
-    /// Calls `take` with what each of `rays` sees, in their order.
+    /// As [`Renderer::trace`], and what it took.
+    pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
+        let chunks: Vec<_> = (rays.par_chunks(TILE * TILE))
+            .map_init(Scratch::default, |scratch, chunk| {
+                let mut pixels = Vec::with_capacity(chunk.len());
+                let work = vectorised(
+                    #[inline(always)]
+                    || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
+                );
+                (pixels, work)
+            })
+            .collect();
+        let (mut pixels, mut work) = (Vec::with_capacity(rays.len()), Work::default());
+        for (of_chunk, chunk_work) in chunks {
+            pixels.extend(of_chunk);
+            work.add(&chunk_work);
+        }
+        (pixels, work)
+    }
+
+    /// Calls `take` with what each of `rays` sees, in their order; returns what it took.
     #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) {
+    fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) -> Work {
         let Scratch { samples, activations } = scratch;
         self.field.march(rays, samples);
         let at_once = match self.field.decoder.mode {
@@ -80,8 +100,10 @@ impl<T: Real> CpuRenderer<T> {
             let count = self.field.choose_some_colored(samples, first, at_once, None, &mut activations.colored);
             self.field.decode(&rays[first..first + count], samples, activations);
             (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
+            samples.clock.lap(Stage::Composite);
             first += count;
         }
+        std::mem::take(&mut samples.clock.work)
     }
 
     /// What `ray` sees, which is number `decoded` of those that `activations` are of.
@@ -114,17 +136,7 @@ impl<T: Real> CpuRenderer<T> {
 
 impl<T: Real> Renderer for CpuRenderer<T> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        rays.par_chunks(TILE * TILE)
-            .map_init(Scratch::default, |scratch, chunk| {
-                let mut pixels = Vec::with_capacity(chunk.len());
-                vectorised(
-                    #[inline(always)]
-                    || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
-                );
-                pixels
-            })
-            .flatten_iter()
-            .collect()
+        self.trace_with_work(rays).0
     }
 
     fn render(&self, camera: &Camera) -> Picture {

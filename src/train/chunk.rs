@@ -14,7 +14,7 @@ use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
-pub(super) const RAYS_PER_CHUNK: usize = 128;
+pub(crate) const RAYS_PER_CHUNK: usize = 128;
 
 /// What a ray should see.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,10 +147,9 @@ impl<T: Real> Chunk<T> {
         let Scratch { activations, pixel_gradients, weight_gradients, feature_gradients, .. } = scratch;
         let (samples, colored) = (&self.samples, &activations.colored);
         let scales = field.scales.len();
-        let shift = T::of(field.rules.density_shift);
-        let depth_per_density = T::of(field.rules.step * field.rules.distance_scale);
+        // Slopes first: a loop without branches.
         feature_gradients.clear();
-        feature_gradients.resize(samples.positions.len(), T::zero());
+        feature_gradients.extend(samples.features.iter().map(|&feature| field.optical_depth_slope(feature)));
         for (ray, target) in targets.iter().enumerate() {
             let gradient = pixel_gradients[ray];
             let mut behind = T::zero();
@@ -168,8 +167,7 @@ impl<T: Real> Chunk<T> {
                 let after = samples.transmittances[place] * (T::one() - samples.alphas[place]);
                 let depth_gradient = after * weight_gradient - behind;
                 behind += samples.weight(place) * weight_gradient;
-                let softplus_slope = T::one() / (T::one() + (-(samples.features[place] + shift)).exp());
-                let mut gradient = depth_gradient * depth_per_density * softplus_slope;
+                let mut gradient = depth_gradient * feature_gradients[place];
                 if field.rules.density_reduction == Reduction::Mean {
                     gradient /= T::of(samples.covering_scales(place, scales) as f64);
                 }

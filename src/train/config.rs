@@ -22,6 +22,9 @@ pub struct TrainConfig {
     pub batch_rays: usize,
     /// sRGB behind the photographs' transparent parts.
     pub background: [f32; 3],
+    /// Whether every ray of a photograph with transparent parts is compared on a random background of its own instead,
+    /// so that no part of the scene can pass for background. The prior and all rendering keep `background`.
+    pub random_background: bool,
     /// Where rays begin and end, in the dataset's units; found from the cameras where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_far: Option<[f64; 2]>,
@@ -116,6 +119,7 @@ impl Default for TrainConfig {
             steps: PRESET_STEPS,
             batch_rays: 4096,
             background: [1.0; 3],
+            random_background: false,
             near_far: None,
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
@@ -357,6 +361,9 @@ mod tests {
     fn a_file_that_names_a_preset_gets_its_scales() {
         let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100").unwrap();
         assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
+        let per_ray = |text| TrainConfig::from_toml(text).unwrap().decoder.per_ray;
+        assert!(per_ray("preset = \"per-ray\"\n[decoder]\nfeatures = 9") && !per_ray("[decoder]\nfeatures = 9"));
+        assert!(!per_ray("preset = \"per-ray\"\n[decoder]\nper_ray = false"));
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use rayon::prelude::*;
 
+use super::{Target, TrainConfig};
 use crate::dataset::View;
 use crate::field::{Field, Real, vectorised};
-use crate::geometry::{Camera, Ray, Similarity};
+use crate::geometry::{Camera, Ray};
+use crate::model::Frame;
 use crate::random::Random;
 
 /// Photographs in the model's space, and which of their pixels are trained on.
@@ -16,22 +18,31 @@ pub struct Photographs<'a> {
     firsts: Vec<u64>,
     /// Numbers of the pixels whose rays meet the model, ascending.
     kept: Vec<u32>,
+    /// Behind transparent pixels.
+    background: [f32; 3],
+    /// Random backgrounds instead, and for \[view\] whether it has them.
+    random: Option<(Random, Vec<bool>)>,
 }
 
 impl<'a> Photographs<'a> {
-    /// All pixels of `views`, whose cameras `model_from_dataset` maps into the model's space; none kept yet.
+    /// All pixels of `views`, whose cameras `frame` maps into the model's space; none kept yet. `config` says what is
+    /// behind transparent ones: `frame`'s background or random ones.
     ///
     /// # Panics
     ///
     /// On 2³² pixels or more.
-    pub fn new(views: &'a [View], model_from_dataset: &Similarity) -> Self {
+    pub fn new(views: &'a [View], frame: &Frame, config: &TrainConfig) -> Self {
         let mut firsts = vec![0];
         for view in views {
             firsts.push(firsts[firsts.len() - 1] + view.pixels.len() as u64);
         }
         assert!(firsts[views.len()] < 1 << 32, "{} pixels are more than a run can number", firsts[views.len()]);
-        let cameras = views.iter().map(|v| v.camera.mapped(model_from_dataset)).collect();
-        Self { views, cameras, firsts, kept: Vec::new() }
+        let cameras = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
+        let random = config.random_background.then(|| {
+            let transparent = views.par_iter().map(|v| !v.pixels.is_opaque()).collect();
+            (Random::new(config.seed, "backgrounds"), transparent)
+        });
+        Self { views, cameras, firsts, kept: Vec::new(), background: frame.background, random }
     }
 
     /// Keeps the pixels whose rays have at least one sample in the model (DESIGN, section 2: Training).
@@ -81,15 +92,15 @@ impl<'a> Photographs<'a> {
     pub fn checksum(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
         for (view, camera) in self.views.iter().zip(&self.cameras) {
-            hasher.update(bytemuck::cast_slice(&view.pixels));
+            hasher.update(view.pixels.bytes());
             hasher.update(format!("{camera:?}").as_bytes());
         }
         hasher.finalize()
     }
 
     /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again,
-    /// and the colour that was photographed there.
-    pub fn draw(&self, order: &Random, draw: u64) -> (Ray, [f32; 3]) {
+    /// what is behind it, and the colour that was photographed there.
+    pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
         let kept = self.kept.len() as u64;
         let at = order.substream(draw / kept).permuted(draw % kept, kept);
         let pixel = u64::from(self.kept[at as usize]);
@@ -97,6 +108,10 @@ impl<'a> Photographs<'a> {
         let within = (pixel - self.firsts[v]) as u32;
         let camera = &self.cameras[v];
         let ray = camera.ray(within % camera.width, within / camera.width);
-        (ray, self.views[v].pixels[within as usize])
+        let background = match &self.random {
+            Some((random, transparent)) if transparent[v] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
+            _ => self.background,
+        };
+        (ray, Target { color: self.views[v].pixels.color(within as usize, background), background })
     }
 }

@@ -6,7 +6,7 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    Photographs, Progress, ProgressError, Target, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
+    Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorised};
@@ -61,7 +61,7 @@ impl<'a> Trainer<'a> {
     /// [`TrainError::NoRays`].
     pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = Photographs::new(views, &scene.frame.model_from_dataset);
+        let mut photographs = Photographs::new(views, &scene.frame, &config);
         photographs.keep_rays_that_meet(&field);
         let progress = Progress::start(&config, &field, &photographs);
         Self::assemble(config, scene, field, photographs, progress)
@@ -74,7 +74,7 @@ impl<'a> Trainer<'a> {
     /// Where `views` are not those that the run began with, or `scene` is not `progress`'s.
     pub fn resume(progress: Progress, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = Photographs::new(views, &scene.frame.model_from_dataset);
+        let mut photographs = Photographs::new(views, &scene.frame, &progress.config);
         progress.check(&field, &mut photographs)?;
         Self::assemble(progress.config.clone(), scene, field, photographs, progress)
     }
@@ -167,9 +167,7 @@ impl<'a> Trainer<'a> {
             })
             .collect();
         drawn.sort_by_key(|d| d.0);
-        let background = self.scene.frame.background;
-        let (rays, targets): (Vec<_>, Vec<_>) =
-            drawn.into_iter().map(|(_, ray, color)| (ray, Target { color, background })).unzip();
+        let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
         let thinning = (self.config.color_thinning > 0.0).then(|| Thinning {
             below: self.config.color_thinning,
             random: Random::new(self.config.seed, "thinning").substream(self.progress.step),

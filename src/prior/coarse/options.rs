@@ -42,7 +42,7 @@ pub struct CoarseOptions {
     pub seen_weight: f64,
     /// Every how many-th pixel of every how many-th row is looked at for that.
     pub seen_stride: u32,
-    /// The sRGB colour behind everything, as the photographs were composited.
+    /// The sRGB colour behind everything, photographs' transparent parts included.
     #[serde(skip)]
     pub background: [f32; 3],
     /// Where rays begin, in dataset units; from the cameras where not given.

@@ -23,10 +23,12 @@ pub(super) struct Photographs<'a> {
     dataset: &'a Dataset,
     /// The number of each view's first pixel, and of all pixels.
     begins: Vec<u64>,
+    /// Behind transparent pixels.
+    background: [f32; 3],
 }
 
 impl<'a> Photographs<'a> {
-    pub(super) fn new(dataset: &'a Dataset) -> Result<Self, Error> {
+    pub(super) fn new(dataset: &'a Dataset, background: [f32; 3]) -> Result<Self, Error> {
         let mut begins = vec![0];
         for view in &dataset.views {
             let camera = &view.camera;
@@ -46,7 +48,7 @@ impl<'a> Photographs<'a> {
         if dataset.views.is_empty() {
             return Err(Error::NoViews { dataset: dataset.name.clone() });
         }
-        Ok(Self { dataset, begins })
+        Ok(Self { dataset, begins, background })
     }
 
     /// The ray and the colour of the random pixel number `draw`.
@@ -56,7 +58,7 @@ impl<'a> Photographs<'a> {
         let view = &self.dataset.views[index];
         let pixel = (number - self.begins[index]) as u32;
         let ray = view.camera.ray(pixel % view.camera.width, pixel / view.camera.width);
-        (ray, view.pixels[pixel as usize])
+        (ray, view.pixels.color(pixel as usize, self.background))
     }
 
     fn cameras(&self) -> Vec<Camera> {

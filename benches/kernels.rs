@@ -1,0 +1,132 @@
+//! The kernels alone, on one thread: `cargo bench`, or `cargo bench -- march` for some.
+//!
+//! `strivec bench` measures them at work, on all threads and against the machine's peak.
+
+use std::sync::LazyLock;
+
+use divan::Bencher;
+use divan::counter::{BytesCount, ItemsCount};
+use strivec::container::{self, EncodeOptions, FactorEncoding};
+use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorised};
+use strivec::geometry::Ray;
+use strivec::measure::bench::{ball, ball_views};
+use strivec::model::Scene;
+use strivec::train::{Backward, Target, TrainConfig};
+
+/// Rays of a kernel's call, as many as training gives one.
+const RAYS: usize = 128;
+/// Rays of a whole batch.
+const BATCH: usize = 1024;
+
+fn main() {
+    divan::main();
+}
+
+/// The preset "24" in the middle of its schedule.
+static SCENE: LazyLock<Scene> = LazyLock::new(|| {
+    let config = TrainConfig::preset("24").expect("a preset");
+    ball(&config, 2).expect("a ball")
+});
+static FIELD: LazyLock<Field<f32>> = LazyLock::new(|| Field::new(&SCENE));
+
+/// `count` neighbouring rays, row by row, that meet the ball.
+fn rays(count: usize) -> Vec<Ray> {
+    let camera = ball_views(1, 100).remove(0).camera;
+    let middle = (30..70).flat_map(|row| (30..70).map(move |column| (row, column)));
+    middle.take(count).map(|(row, column)| camera.ray(column, row)).collect()
+}
+
+fn marched(rays: &[Ray]) -> Samples<f32> {
+    let mut samples = Samples::default();
+    vectorised(
+        #[inline(always)]
+        || FIELD.march(rays, &mut samples),
+    );
+    samples
+}
+
+#[divan::bench]
+fn march(bencher: Bencher<'_, '_>) {
+    let rays = rays(RAYS);
+    let mut samples = marched(&rays);
+    bencher.counter(ItemsCount::new(samples.len())).bench_local(|| {
+        vectorised(
+            #[inline(always)]
+            || FIELD.march(&rays, &mut samples),
+        );
+    });
+}
+
+/// Neighbours and density, one point at a time.
+#[divan::bench]
+fn density_at_points(bencher: Bencher<'_, '_>) {
+    let samples = marched(&rays(RAYS));
+    let mut scratch = Samples::default();
+    bencher.counter(ItemsCount::new(samples.len())).bench_local(|| {
+        vectorised(
+            #[inline(always)]
+            || {
+                let feature = |&position| FIELD.density_feature(position, &mut scratch);
+                samples.positions.iter().filter_map(feature).sum::<f32>()
+            },
+        )
+    });
+}
+
+/// Colours of the coloured samples of a march: gathering, matrices, encoding and MLP.
+#[divan::bench]
+fn decode(bencher: Bencher<'_, '_>) {
+    let rays = rays(RAYS);
+    let mut samples = marched(&rays);
+    let mut activations = Activations::default();
+    FIELD.choose_colored(&samples, None, &mut activations.colored);
+    bencher.counter(ItemsCount::new(activations.colored.len())).bench_local(|| {
+        vectorised(
+            #[inline(always)]
+            || FIELD.decode(&rays, &mut samples, &mut activations),
+        );
+    });
+}
+
+/// A batch forward and backward up to the factors, on all threads.
+#[divan::bench(sample_count = 20)]
+fn backward_loss(bencher: Bencher<'_, '_>) {
+    let rays = rays(BATCH);
+    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3] }; rays.len()];
+    let mut backward = Backward::new(&FIELD);
+    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| backward.loss(&FIELD, &rays, &targets, None));
+}
+
+/// Rows, inner length, columns: far beyond the caches, the decoder's layers, and the appearance matrices.
+#[divan::bench(args = [[1024, 1024, 1024], [4096, 150, 128], [512, 150, 128], [512, 128, 128], [512, 128, 3], [512, 72, 27]])]
+fn product(bencher: Bencher<'_, '_>, [rows, inner, columns]: [usize; 3]) {
+    let (left, right) = (vec![0.5f32; rows * inner], vec![0.25f32; inner * columns]);
+    let mut product = vec![0f32; rows * columns];
+    // An item is a multiplication and an addition.
+    bencher.counter(ItemsCount::new(rows * inner * columns)).bench_local(|| {
+        multiply(
+            MatrixMut::new(&mut product, rows, columns, columns),
+            Matrix::new(&left, rows, inner, inner),
+            Matrix::new(&right, inner, columns, columns),
+            false,
+        );
+    });
+}
+
+const ENCODINGS: [FactorEncoding; 2] = [FactorEncoding::F16, FactorEncoding::F32];
+
+fn encoded(factors: FactorEncoding) -> Vec<u8> {
+    container::encode(&SCENE, &EncodeOptions { factors, ..EncodeOptions::default() }).expect("a sound scene")
+}
+
+#[divan::bench(args = ENCODINGS, sample_count = 5)]
+fn container_encode(bencher: Bencher<'_, '_>, factors: FactorEncoding) {
+    let bytes = encoded(factors).len();
+    bencher.counter(BytesCount::new(bytes)).bench_local(|| encoded(factors));
+}
+
+#[divan::bench(args = ENCODINGS, sample_count = 5)]
+fn container_decode(bencher: Bencher<'_, '_>, factors: FactorEncoding) {
+    let bytes = encoded(factors);
+    bencher.counter(BytesCount::new(bytes.len())).bench_local(|| container::decode(&bytes).expect("as written"));
+}

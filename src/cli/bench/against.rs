@@ -1,0 +1,207 @@
+//! `strivec bench against`: this build and another by turns, as a check that fails where this one is slower.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::report;
+use crate::cli::table::Table;
+use crate::cli::{Error, Session};
+use crate::measure::bench::{Comparison, by_turns};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec bench against ../before/target/release/strivec
+  strivec bench against old/strivec --rounds 9 --fail-above 1.05
+  strivec bench against old/strivec --fail-above 1.05 -- eval lego.strivec lego --every 20
+  strivec bench against old/strivec --value /seconds_per_view -- eval lego.strivec lego --every 20 --json
+
+Without a command the two builds compare their `bench train` and `bench render`; an older build that has no bench needs \
+a command. A command that writes files runs many times: give it --force. Whatever fails the check has exit code 4.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The other build's executable
+    other: PathBuf,
+    /// Times that each build runs, by turns
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
+    rounds: u16,
+    /// Fail where this build's median is more than R times the other's
+    #[arg(long, value_name = "R", value_parser = ratio)]
+    fail_above: Option<f64>,
+    /// Compare this number of the command's JSON instead of its wall time, as in /points/0/seconds/median
+    #[arg(long, value_name = "POINTER", requires = "command")]
+    value: Option<String>,
+    /// What both builds run, after --
+    #[arg(last = true, value_name = "COMMAND")]
+    command: Vec<String>,
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err(format!("expected a positive ratio, found {text:?}")),
+    }
+}
+
+/// What both builds run.
+struct Task {
+    name: String,
+    arguments: Vec<String>,
+    /// Where the time is in its JSON; the wall time where there is none.
+    value: Option<String>,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Report<'a> {
+    other: &'a Path,
+    comparisons: Vec<Row>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    name: String,
+    #[serde(flatten)]
+    comparison: Comparison,
+}
+
+/// Compares, prints, and fails where the limit is exceeded.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let this = std::env::current_exe().map_err(|e| Error::Io(format!("this executable: cannot find it: {e}")))?;
+    let mut comparisons = Vec::new();
+    for task in tasks(args) {
+        session.console.say(&format!("bench: {}, {} rounds", task.name, args.rounds));
+        let [this, other] =
+            by_turns(args.rounds.into(), || task.seconds(this.as_os_str()), || task.seconds(args.other.as_os_str()))?;
+        let comparison = Comparison::of(&this, &other).ok_or_else(|| Error::Runtime("no rounds".into()))?;
+        comparisons.push(Row { name: task.name, comparison });
+    }
+    let report = Report { other: &args.other, comparisons };
+    session.console.result(&report, Report::text)?;
+    check(&report, args.fail_above)
+}
+
+/// The command that was asked for, else a step of training and a frame.
+fn tasks(args: &Args) -> Vec<Task> {
+    if !args.command.is_empty() {
+        let (name, arguments) = (args.command.join(" "), args.command.clone());
+        return vec![Task { name, arguments, value: args.value.clone() }];
+    }
+    let threads = rayon::current_num_threads().to_string();
+    let task = |name: &str, arguments: &[&str], value: &str| Task {
+        name: name.into(),
+        arguments: [arguments, &["--threads", &threads, "--quiet", "--json"]]
+            .concat()
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
+        value: Some(value.into()),
+    };
+    vec![
+        task("training step", &["bench", "train", "--upsampled", "5"], "/points/0/seconds/median"),
+        task("frame", &["bench", "render", "--size", "400x400"], "/frames/0/seconds/median"),
+    ]
+}
+
+impl Task {
+    /// Runs `executable` once.
+    fn seconds(&self, executable: &OsStr) -> Result<f64, Error> {
+        let shown = Path::new(executable).display();
+        let start = Instant::now();
+        let output = (Command::new(executable).args(&self.arguments).stdin(Stdio::null()).output())
+            .map_err(|e| Error::Io(format!("{shown}: cannot run it: {e}")))?;
+        let wall = start.elapsed().as_secs_f64();
+        if !output.status.success() {
+            let message = String::from_utf8_lossy(&output.stderr);
+            let last = message.lines().last().unwrap_or("no message").to_owned();
+            let command = self.arguments.join(" ");
+            return Err(Error::Runtime(format!(
+                "{shown} {command}: expected success, found {}: {last}",
+                output.status
+            )));
+        }
+        match &self.value {
+            None => Ok(wall),
+            Some(pointer) => number(&output.stdout, pointer).map_err(Error::malformed(Path::new(executable))),
+        }
+    }
+}
+
+/// The positive number at `pointer` in the JSON `text`.
+fn number(text: &[u8], pointer: &str) -> Result<f64, String> {
+    let json: serde_json::Value =
+        serde_json::from_slice(text).map_err(|e| format!("output: expected JSON, found {e}"))?;
+    let value = json.pointer(pointer);
+    let positive = value.and_then(serde_json::Value::as_f64).filter(|v| *v > 0.0);
+    positive.ok_or_else(|| {
+        let found = value.map_or_else(|| "nothing".to_owned(), ToString::to_string);
+        format!("output {pointer}: expected a positive number, found {found}")
+    })
+}
+
+fn check(report: &Report<'_>, limit: Option<f64>) -> Result<(), Error> {
+    let Some(limit) = limit else { return Ok(()) };
+    let slower = report.comparisons.iter().filter(|row| row.comparison.is_above(limit));
+    let slower: Vec<_> = slower.map(|row| format!("{}: {:.3}", row.name, row.comparison.ratio)).collect();
+    if slower.is_empty() {
+        return Ok(());
+    }
+    let other = report.other.display();
+    Err(Error::Runtime(format!("expected at most {limit} times the time of {other}, found {}", slower.join(", "))))
+}
+
+impl Report<'_> {
+    fn text(&self) -> String {
+        let mut table = Table::new(["this against other", "this, ms", "other, ms", "ratio", "quartiles", "range"]);
+        for row in &self.comparisons {
+            let Comparison { this, other, ratio, rounds } = &row.comparison;
+            let between = |[low, high]: [f64; 2]| format!("{low:.3} to {high:.3}");
+            table.row([
+                row.name.clone(),
+                report::ms(this.median),
+                report::ms(other.median),
+                format!("{ratio:.3}"),
+                between(rounds.quartiles),
+                between(rounds.range),
+            ]);
+        }
+        table.text()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(this: &[f64], other: &[f64]) -> Report<'static> {
+        let comparison = Comparison::of(this, other).unwrap();
+        Report { other: Path::new("old"), comparisons: vec![Row { name: "step".into(), comparison }] }
+    }
+
+    #[test]
+    fn a_planted_slowdown_is_exit_code_4_and_names_what_is_slower() {
+        let slower = report(&[1.2, 1.25, 1.19], &[1.0, 1.04, 1.0]);
+        let error = check(&slower, Some(1.05)).unwrap_err();
+        assert_eq!(error.exit_code(), 4);
+        assert_eq!(error.to_string(), "expected at most 1.05 times the time of old, found step: 1.200");
+        assert!(check(&slower, None).is_ok() && check(&slower, Some(1.25)).is_ok());
+        assert!(check(&report(&[1.0, 1.04, 1.0], &[1.02, 1.0, 1.01]), Some(1.05)).is_ok());
+    }
+
+    #[test]
+    fn numbers_are_found_where_the_pointer_says() {
+        let json = br#"{"points": [{"seconds": {"median": 0.25}}], "none": null}"#;
+        assert_eq!(number(json, "/points/0/seconds/median"), Ok(0.25));
+        for (pointer, found) in [("/points/1", "nothing"), ("/none", "null"), ("/points/0", "{\"seconds\"")] {
+            let error = number(json, pointer).unwrap_err();
+            assert!(error.contains(pointer) && error.contains(found), "{error}");
+        }
+        assert!(number(b"text", "/x").unwrap_err().contains("expected JSON"));
+    }
+}

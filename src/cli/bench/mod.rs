@@ -1,0 +1,184 @@
+//! `strivec bench`: how fast this build is, and what share of the machine's limit that is.
+//!
+//! Each subcommand measures one thing and the machine's peak in the same run; without one, everything is measured
+//! quickly on a ball that is made for it.
+
+mod against;
+mod files;
+mod growth;
+mod peak;
+mod render;
+mod report;
+mod train;
+
+use clap::Subcommand;
+use serde::Serialize;
+
+use super::{Error, Session};
+use crate::measure::bench::{Peak, Runs};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec bench
+  strivec bench train lego --scene lego.strivec --batch 4096 --threads-list 1,2
+  strivec bench render lego.strivec --size 800x800 --runs 5
+  strivec bench growth --json
+  strivec bench against ../before/target/release/strivec --fail-above 1.05
+
+Without a subcommand: peak, training, rendering, files and growth on a ball of tensors, in a minute or two.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    what: Option<What>,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// What this machine can do: arithmetic and memory
+    Peak(peak::Args),
+    /// Steps of training, stage by stage
+    Train(train::Args),
+    /// Frames, stage by stage
+    Render(render::Args),
+    /// Reading and writing scenes, and making their factors finer
+    Files(files::Args),
+    /// How time and memory grow with pictures, tensors, ranks, batch and step
+    Growth(growth::Args),
+    /// This build against another, by turns
+    Against(against::Args),
+}
+
+/// How often something is measured, and on how many threads.
+#[derive(Clone, Debug, clap::Args)]
+struct Repeats {
+    /// Runs that count; their median is the result
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
+    runs: u16,
+    /// Runs before those, which do not count
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    warm_up: u16,
+    /// Measure on each of these numbers of threads [default: those of the whole command]
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4096))]
+    threads_list: Vec<u16>,
+}
+
+impl Repeats {
+    /// Few runs on the command's own threads.
+    fn quick(runs: u16) -> Self {
+        Self { runs, warm_up: 1, threads_list: Vec::new() }
+    }
+
+    fn runs(&self) -> Runs {
+        Runs { warm_up: self.warm_up.into(), measured: self.runs.into() }
+    }
+
+    /// Calls `measure` with the peak of each pool of threads, within that pool.
+    fn on_each_pool<R: Send>(
+        &self,
+        session: &Session,
+        mut measure: impl FnMut(&Peak) -> Result<R, Error> + Send,
+    ) -> Result<Vec<R>, Error> {
+        let mut measured = Vec::new();
+        let mut on_this_pool = || {
+            session.console.say(&format!("bench: peak of {} threads", rayon::current_num_threads()));
+            measure(&Peak::measure())
+        };
+        if self.threads_list.is_empty() {
+            return Ok(vec![on_this_pool()?]);
+        }
+        for &threads in &self.threads_list {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads.into())
+                .build()
+                .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
+            measured.push(pool.install(&mut on_this_pool)?);
+        }
+        Ok(measured)
+    }
+}
+
+/// Everything, as `--json` prints it.
+#[derive(Serialize)]
+struct Everything {
+    train: train::Report,
+    render: render::Report,
+    files: files::Report,
+    growth: growth::Report,
+}
+
+/// Measures what was asked for.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    match &args.what {
+        Some(What::Peak(args)) => session.console.result(&peak::measure(args), report::peak),
+        Some(What::Train(args)) => session.console.result(&train::measure(args, session)?, train::Report::text),
+        Some(What::Render(args)) => session.console.result(&render::measure(args, session)?, render::Report::text),
+        Some(What::Files(args)) => session.console.result(&files::measure(args, session)?, files::Report::text),
+        Some(What::Growth(args)) => session.console.result(&growth::measure(args, session)?, growth::Report::text),
+        Some(What::Against(args)) => against::run(args, session),
+        None => {
+            let everything = Everything {
+                train: train::measure(&train::Args::quick(), session)?,
+                render: render::measure(&render::Args::quick(), session)?,
+                files: files::measure(&files::Args::quick(), session)?,
+                growth: growth::measure(&growth::Args::quick(), session)?,
+            };
+            session.console.result(&everything, |e| {
+                [e.train.text(), e.render.text(), e.files.text(), e.growth.text()]
+                    .map(|part| part.trim_end().to_owned() + "\n")
+                    .join("\n")
+            })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser};
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    #[command(name = "bench")]
+    struct Bench {
+        #[command(flatten)]
+        globals: crate::cli::Globals,
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn every_example_of_every_subcommand_can_be_typed() {
+        let mut bench = Bench::command();
+        let mut helps = vec![EXAMPLES.to_owned()];
+        for sub in bench.get_subcommands_mut() {
+            let help = sub.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("  strivec bench {}", sub.get_name())), "{} has no example", sub.get_name());
+            helps.push(help);
+        }
+        for example in helps.iter().flat_map(|help| help.lines()).filter_map(|line| line.strip_prefix("  strivec ")) {
+            Bench::try_parse_from(example.split_whitespace()).unwrap_or_else(|e| panic!("{example}: {e}"));
+        }
+    }
+
+    #[test]
+    fn arguments_that_contradict_each_other_are_refused() {
+        for arguments in [
+            &["train", "lego"][..],
+            &["train", "--scene", "a"],
+            &["train", "lego", "--scene", "a", "--resume", "b"],
+            &["train", "lego", "--scene", "a", "--preset", "24"],
+            &["train", "lego", "--at", "0", "--upsampled", "1"],
+            &["train", "--downscale", "2"],
+            &["render", "--runs", "0"],
+            &["render", "--threads-list", "1,0"],
+            &["against"],
+            &["against", "old", "--value", "/x"],
+            &["against", "old", "--fail-above", "-1"],
+        ] {
+            assert!(Bench::try_parse_from([&["bench"], arguments].concat()).is_err(), "{arguments:?}");
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! `strivec bench render`: frames.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::{Repeats, report};
+use crate::cli::viewpoints::Viewpoints;
+use crate::cli::{Error, Session, picture_size, scene_file};
+use crate::measure::bench::{Measured, MemoryMark, Peak, ball, frames};
+use crate::model::Scene;
+use crate::train::TrainConfig;
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec bench render
+  strivec bench render lego.strivec --size 800x800 --threads-list 1,2";
+/// The ball's model: that of the paper's middle row, at its finest.
+const BALL_PRESET: &str = "24";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The scene [default: a ball that is made in memory]
+    file: Option<PathBuf>,
+    /// Size of the frame, the first of an orbit
+    #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = picture_size::parse)]
+    size: [u32; 2],
+    #[command(flatten)]
+    repeats: Repeats,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+pub(super) struct Report {
+    subject: String,
+    size: [u32; 2],
+    peaks: Vec<Peak>,
+    frames: Vec<Measured>,
+}
+
+impl Args {
+    /// A small frame of the ball.
+    pub(super) fn quick() -> Self {
+        Self { file: None, size: [200, 200], repeats: Repeats::quick(3) }
+    }
+}
+
+/// `file`'s scene or the ball, and what to call it.
+pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> {
+    if let Some(file) = file {
+        return Ok((scene_file::read(file)?.0, file.display().to_string()));
+    }
+    let config = TrainConfig::preset(BALL_PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
+    Ok((ball(&config, config.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))
+}
+
+/// Measures on all numbers of threads.
+pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
+    let (scene, name) = subject(args.file.as_ref())?;
+    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, args.size);
+    let camera = camera.mapped(&scene.frame.model_from_dataset);
+    let measured = args.repeats.on_each_pool(session, |peak| {
+        session.console.say("bench: rendering");
+        Ok((peak.clone(), frames(&scene, &camera, args.repeats.runs(), peak, MemoryMark::set())))
+    })?;
+    let (peaks, frames) = measured.into_iter().unzip();
+    Ok(Report { subject: name, size: args.size, peaks, frames })
+}
+
+impl Report {
+    /// For people.
+    pub(super) fn text(&self) -> String {
+        let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
+        for frame in &self.frames {
+            text += &format!(
+                "rendering {}, {}x{}, {} threads\n{}, {}\n{}\n",
+                self.subject,
+                self.size[0],
+                self.size[1],
+                frame.threads,
+                report::seconds(&frame.seconds),
+                report::memory(frame.peak_bytes),
+                report::stages(frame),
+            );
+        }
+        text + &report::scaling(&self.frames.iter().collect::<Vec<_>>())
+    }
+}

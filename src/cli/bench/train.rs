@@ -1,0 +1,240 @@
+//! `strivec bench train`: steps of training.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+
+use super::{Repeats, report};
+use crate::cli::train::{Preset, begin, read_state};
+use crate::cli::{Error, Session, scene_file};
+use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::measure::bench::{Measured, MemoryMark, Peak, at_rest, ball, ball_views, training_steps};
+use crate::model::Scene;
+use crate::train::{TrainConfig, Trainer};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec bench train
+  strivec bench train --preset 48 --upsampled 0,3,5 --threads-list 1,2
+  strivec bench train lego --scene lego.strivec
+  strivec bench train lego --resume lego.strivec.state --batch 8192
+  strivec bench train lego --preset 24 --downscale 4 --at 0,500,2500
+
+With a scene or a state, and on the ball, the steps change nothing but moments, so that all are alike; with --at the run \
+really trains, and the steps that are measured are part of it.";
+/// Photographs of the ball, and their edges: enough rays that a batch does not repeat any.
+const BALL_VIEWS: u32 = 12;
+const BALL_SIZE: u32 = 200;
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Folder of the dataset [default: a ball that is made in memory]
+    #[arg(requires = "start")]
+    dataset: Option<PathBuf>,
+    #[command(flatten)]
+    start: Start,
+    /// Tensors as fine as after N upsamplings, on the ball [default: 0 and all]
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', conflicts_with = "dataset")]
+    upsampled: Vec<usize>,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
+        requires = "dataset")]
+    downscale: u32,
+    /// The model of the ball, and of --at
+    #[arg(long, value_enum, default_value = "24", conflicts_with_all = ["scene", "resume"])]
+    preset: Preset,
+    /// Rays a step [default: the preset's or the state's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    batch: Option<u32>,
+    #[command(flatten)]
+    repeats: Repeats,
+}
+
+/// What a measurement on a dataset starts from.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[group(id = "start", multiple = false)]
+struct Start {
+    /// Train this scene
+    #[arg(long, value_name = "FILE", requires = "dataset")]
+    scene: Option<PathBuf>,
+    /// Go on from the state that `strivec train --checkpoint` left
+    #[arg(long, value_name = "STATE", requires = "dataset")]
+    resume: Option<PathBuf>,
+    /// Reconstruct the prior, train, and measure after these steps
+    #[arg(long, value_name = "STEP,STEP,…", value_delimiter = ',', requires = "dataset")]
+    at: Option<Vec<u64>>,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+pub(super) struct Report {
+    subject: String,
+    batch_rays: usize,
+    peaks: Vec<Peak>,
+    points: Vec<Point>,
+}
+
+/// A point of a run.
+#[derive(Serialize)]
+struct Point {
+    /// Which one.
+    name: String,
+    /// Cells of a tensor of each scale.
+    resolutions: Vec<[u32; 3]>,
+    tensors: usize,
+    parameters: u64,
+    #[serde(flatten)]
+    measured: Measured,
+}
+
+impl Args {
+    /// A short measurement on the ball.
+    pub(super) fn quick() -> Self {
+        Self {
+            dataset: None,
+            start: Start::default(),
+            upsampled: Vec::new(),
+            downscale: 1,
+            preset: Preset::P24,
+            batch: None,
+            repeats: Repeats::quick(3),
+        }
+    }
+}
+
+/// Measures all points on all numbers of threads.
+pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
+    let mut config = TrainConfig::preset(args.preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
+    let state = args.start.resume.as_deref().map(read_state).transpose()?;
+    if let Some((progress, _)) = &state {
+        config = progress.config.clone();
+    }
+    config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
+    let last = config.upsample_at.len();
+    let upsampled = if args.upsampled.is_empty() { vec![0, last] } else { args.upsampled.clone() };
+    if let Some(found) = upsampled.iter().find(|&&n| n > last) {
+        let preset = args.preset.name();
+        return Err(Error::Usage(format!("--upsampled: expected 0 to {last} for preset {preset}, found {found}")));
+    }
+    let scene = args.start.scene.as_deref().map(scene_file::read).transpose()?.map(|(scene, _)| scene);
+    let load = |folder: &Path| {
+        let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
+        dataset::load_blender(folder, "train", &options)
+    };
+    let dataset = args.dataset.as_deref().map(load).transpose()?;
+    let subject = Subject { args, config, session };
+    let measured = args.repeats.on_each_pool(session, |peak| {
+        let points = match (&dataset, &state, &scene) {
+            (Some(dataset), Some((progress, scene)), _) => {
+                let memory = MemoryMark::set();
+                let mut progress = progress.clone();
+                progress.config = at_rest(&subject.config);
+                let name = format!("step {}", progress.step);
+                let trainer = Trainer::resume(progress, scene.clone(), &dataset.views)?;
+                vec![subject.point(name, trainer, peak, memory)?]
+            }
+            (Some(dataset), None, Some(scene)) => {
+                let name = format!("the scene of step {}", scene.provenance.steps);
+                vec![subject.at_rest(name, scene.clone(), &dataset.views, peak)?]
+            }
+            (Some(dataset), None, None) => subject.on_the_way(dataset, peak)?,
+            (None, ..) => {
+                let views = ball_views(BALL_VIEWS, BALL_SIZE);
+                let point = |&n: &usize| {
+                    let scene = ball(&subject.config, n)?;
+                    subject.at_rest(format!("after {n} upsamplings"), scene, &views, peak)
+                };
+                upsampled.iter().map(point).collect::<Result<Vec<_>, Error>>()?
+            }
+        };
+        Ok((peak.clone(), points))
+    })?;
+    let (peaks, points): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+    let name = dataset.map_or_else(|| format!("a ball, preset {}", args.preset.name()), |dataset| dataset.name);
+    let points = points.into_iter().flatten().collect();
+    Ok(Report { subject: name, batch_rays: subject.config.batch_rays, peaks, points })
+}
+
+/// What is trained.
+struct Subject<'a> {
+    args: &'a Args,
+    config: TrainConfig,
+    session: &'a Session,
+}
+
+impl Subject<'_> {
+    /// Steps that leave `scene` as it is.
+    fn at_rest(&self, name: String, scene: Scene, views: &[View], peak: &Peak) -> Result<Point, Error> {
+        let memory = MemoryMark::set();
+        let trainer = Trainer::new(at_rest(&self.config), scene, views)?;
+        self.point(name, trainer, peak, memory)
+    }
+
+    fn point(&self, name: String, mut trainer: Trainer<'_>, peak: &Peak, memory: MemoryMark) -> Result<Point, Error> {
+        self.session.console.say(&format!("bench: training, {name}"));
+        let measured = training_steps(&mut trainer, self.args.repeats.runs(), peak, memory)?;
+        Ok(Point::new(name, &trainer.scene(), measured))
+    }
+
+    /// Trains on `dataset` and measures after the steps of `--at`.
+    fn on_the_way(&self, dataset: &Dataset, peak: &Peak) -> Result<Vec<Point>, Error> {
+        let memory = MemoryMark::set();
+        let mut trainer = begin(self.config.clone(), dataset, &AtomicBool::new(false), self.session)?;
+        let mut stops = self.args.start.at.clone().unwrap_or_default();
+        stops.sort_unstable();
+        let mut points = Vec::new();
+        for stop in stops {
+            while trainer.steps_done() < stop {
+                trainer.step()?;
+            }
+            let name = format!("step {}", trainer.steps_done());
+            self.session.console.say(&format!("bench: training, {name}"));
+            let measured = training_steps(&mut trainer, self.args.repeats.runs(), peak, memory)?;
+            points.push(Point::new(name, &trainer.scene(), measured));
+        }
+        Ok(points)
+    }
+}
+
+impl Point {
+    fn new(name: String, scene: &Scene, measured: Measured) -> Self {
+        Self {
+            name,
+            resolutions: scene.scales.iter().map(|s| s.cloud.resolution).collect(),
+            tensors: scene.scales.iter().map(|s| s.cloud.len()).sum(),
+            parameters: scene.parameter_count(),
+            measured,
+        }
+    }
+}
+
+impl Report {
+    /// For people.
+    pub(super) fn text(&self) -> String {
+        let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
+        for point in &self.points {
+            text += &format!(
+                "training {}, {}: {} tensors, {:.1} M parameters, {} rays a step, {} threads\n{}, {}\n{}\n",
+                self.subject,
+                point.name,
+                point.tensors,
+                1e-6 * point.parameters as f64,
+                self.batch_rays,
+                point.measured.threads,
+                report::seconds(&point.measured.seconds),
+                report::memory(point.measured.peak_bytes),
+                report::stages(&point.measured),
+            );
+        }
+        // The same points come once for each number of threads.
+        let each = self.points.len() / self.peaks.len().max(1);
+        for first in 0..each {
+            let same: Vec<_> = self.points[first..].iter().step_by(each).map(|point| &point.measured).collect();
+            text += &report::scaling(&same);
+        }
+        text
+    }
+}

@@ -1,0 +1,103 @@
+//! Two builds compared: the same work by turns, so that whatever else the machine does meets both alike.
+
+use serde::Serialize;
+
+use super::Spread;
+
+/// This build's measurements and another's, taken by turns.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// This build's.
+    pub this: Spread,
+    /// The other build's.
+    pub other: Spread,
+    /// Median by median: above 1 this build is the slower one.
+    pub ratio: f64,
+    /// The ratios within the rounds: how much the machine itself varied.
+    pub rounds: Spread,
+}
+
+impl Comparison {
+    /// Of positive measurements; round i is `this[i]` and `other[i]`. `None` for no rounds, or lists of different
+    /// lengths.
+    pub fn of(this: &[f64], other: &[f64]) -> Option<Self> {
+        if this.len() != other.len() {
+            return None;
+        }
+        let rounds: Vec<f64> = this.iter().zip(other).map(|(a, b)| a / b).collect();
+        let (this, other) = (Spread::of(this)?, Spread::of(other)?);
+        Some(Self { ratio: this.median / other.median, rounds: Spread::of(&rounds)?, this, other })
+    }
+
+    /// Whether this build takes more than `limit` times as long as the other. A ratio that is no number does.
+    pub fn is_above(&self, limit: f64) -> bool {
+        self.ratio.is_nan() || self.ratio > limit
+    }
+}
+
+/// Runs `this` and `other` by turns, `rounds` times each, and lists what each measured.
+///
+/// # Errors
+///
+/// The first of either.
+pub fn by_turns<V, E>(
+    rounds: usize,
+    mut this: impl FnMut() -> Result<V, E>,
+    mut other: impl FnMut() -> Result<V, E>,
+) -> Result<[Vec<V>; 2], E> {
+    let mut values = [Vec::new(), Vec::new()];
+    for _ in 0..rounds {
+        values[0].push(this()?);
+        values[1].push(other()?);
+    }
+    Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Durations of a machine that is slow at times: both builds meet the same.
+    fn planted(rounds: usize, factor: f64) -> [Vec<f64>; 2] {
+        let machine = |i: usize| 1.0 + 0.3 * (i as f64 * 2.4).sin();
+        let noise = |i: usize| 1.0 + 0.01 * (i as f64 * 1.7).cos();
+        let turn = std::cell::Cell::new(0);
+        let next = |factor: f64| {
+            let i = turn.replace(turn.get() + 1);
+            Ok::<_, ()>(factor * machine(i / 2) * noise(i))
+        };
+        by_turns(rounds, || next(factor), || next(1.0)).unwrap()
+    }
+
+    #[test]
+    fn a_planted_slowdown_is_found_and_fails_the_check() {
+        let [this, other] = planted(9, 1.2);
+        let slower = Comparison::of(&this, &other).unwrap();
+        assert!((slower.ratio - 1.2).abs() < 0.04, "{slower:?}");
+        assert!(slower.is_above(1.05) && !slower.is_above(1.3));
+        assert!(slower.rounds.range[0] > 1.15 && slower.rounds.range[1] < 1.25, "{slower:?}");
+
+        let [this, other] = planted(9, 1.0);
+        let equal = Comparison::of(&this, &other).unwrap();
+        assert!(!equal.is_above(1.05), "{equal:?}");
+        assert!(Comparison::of(&other, &other).unwrap().ratio == 1.0);
+    }
+
+    #[test]
+    fn turns_alternate_and_an_error_ends_them() {
+        let order = std::cell::RefCell::new(String::new());
+        let turn = |name: char| {
+            order.borrow_mut().push(name);
+            if order.borrow().len() < 6 { Ok(0.0) } else { Err("broken") }
+        };
+        assert_eq!(by_turns(9, || turn('A'), || turn('B')), Err("broken"));
+        assert_eq!(*order.borrow(), "ABABAB");
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        assert_eq!(Comparison::of(&[], &[]), None);
+        assert_eq!(Comparison::of(&[1.0], &[1.0, 2.0]), None);
+        assert!(Comparison::of(&[0.0], &[0.0]).unwrap().is_above(1.05));
+    }
+}

@@ -1,0 +1,80 @@
+//! Training steps and frames, timed.
+
+use std::convert::Infallible;
+
+use serde::Serialize;
+
+use super::{FieldShape, MemoryMark, Peak, Runs, Spread, StageTable};
+use crate::field::{Field, Work};
+use crate::geometry::{Camera, Ray};
+use crate::model::Scene;
+use crate::render::CpuRenderer;
+use crate::train::{TrainConfig, TrainError, Trainer};
+
+/// Steps or frames of one kind on the threads of one pool.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measured {
+    /// Threads of the pool.
+    pub threads: usize,
+    /// Of a step or frame.
+    pub seconds: Spread,
+    /// What it was made of.
+    pub stages: StageTable,
+    /// Bytes above what the process held before, at the peak; absent where the system does not tell.
+    pub peak_bytes: Option<u64>,
+}
+
+/// A training configuration that leaves its scene as it is, for measurements of many steps at one point: no schedule,
+/// and learning rates that move no factor by as much as its rounding.
+pub fn at_rest(config: &TrainConfig) -> TrainConfig {
+    const STILL: f64 = 1e-20;
+    TrainConfig {
+        factor_learning_rate: STILL,
+        network_learning_rate: STILL,
+        upsample_at: Vec::new(),
+        occupancy_at: Vec::new(),
+        ..config.clone()
+    }
+}
+
+/// The next steps of `trainer`; `memory` was set before it was made.
+///
+/// # Errors
+///
+/// As [`Trainer::step`].
+pub fn training_steps(
+    trainer: &mut Trainer<'_>,
+    runs: Runs,
+    peak: &Peak,
+    memory: MemoryMark,
+) -> Result<Measured, TrainError> {
+    let (seconds, reports) = runs.time(|| trainer.step())?;
+    let peak_bytes = memory.peak();
+    let shape = FieldShape::of(&Field::<f32>::new(&trainer.scene()));
+    Ok(measured(seconds, reports.into_iter().map(|report| report.work), &shape, peak, peak_bytes))
+}
+
+/// Frames of `scene` that `camera`, which is in the model's space, takes with the fast renderer.
+pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
+    let field = Field::<f32>::new(scene);
+    let shape = FieldShape::of(&field);
+    let renderer = CpuRenderer::of_field(field);
+    let rays: Vec<Ray> = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
+    let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.trace_with_work(&rays).1));
+    let Ok((seconds, works)) = timed;
+    measured(seconds, works.into_iter(), &shape, peak, memory.peak())
+}
+
+fn measured(
+    seconds: Spread,
+    works: impl Iterator<Item = Work>,
+    shape: &FieldShape,
+    peak: &Peak,
+    peak_bytes: Option<u64>,
+) -> Measured {
+    let mut all = Work::default();
+    works.for_each(|work| all.add(&work));
+    // Of the average, as stages are: the median would leave nothing to be idle in where one run took long.
+    let stages = StageTable::new(&all, seconds.count, shape, peak, seconds.mean);
+    Measured { threads: peak.threads, seconds, stages, peak_bytes }
+}

@@ -1,0 +1,160 @@
+//! Something to measure where there is no scene at hand: a soft ball with the tensors of a preset, made at once.
+//!
+//! The density feature is a Gaussian around the origin, which is a product of a function of x, y and z each: the first
+//! component of scale 0 holds it exactly at every tensor, whatever its neighbours weigh. Rays therefore end a few dozen
+//! samples inside a surface, as in a trained scene, without any training; all other factors are the random ones that
+//! training starts from. Tensors lie on a shell around the surface, as sparse as on a solid thing.
+
+use glam::{DVec3, UVec3};
+
+use crate::dataset::{Pixels, View};
+use crate::geometry::{Aabb, Camera, Lattice, Similarity};
+use crate::model::{ColorSpace, Factors, Frame, Occupancy, Scale, Scene, UpAxis};
+use crate::prior::{self, ScaleShape, VoxelBoxes};
+use crate::train::{PrepareError, TrainConfig, initial_scene};
+
+/// Where the feature passes the density's shift: the ball's radius in model units.
+const RADIUS: f64 = 0.9;
+/// The feature at the centre, in shifts: how hard the surface is.
+const PEAK_IN_SHIFTS: f64 = 3000.0;
+/// The radii between which tensors are placed.
+const SHELL: [f64; 2] = [0.75, 1.0];
+/// Up to where samples count. The density is next to nothing long before, as it is in a trained scene, where more
+/// samples are evaluated than coloured.
+const OCCUPIED_RADIUS: f64 = 1.0;
+/// Edge of the boxes on which tensors are placed, as of a prior's voxels.
+const VOXEL: f64 = 0.025;
+/// The cameras' distance, and their focal length in widths of the picture.
+const DISTANCE: f64 = 4.0;
+const FOCAL: f64 = 1.39;
+
+/// A ball of `config`'s tensors, as fine as after `upsampled` of its upsamplings.
+///
+/// # Errors
+///
+/// Where `config` has no tensors, or the ball cannot be covered by them.
+pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
+    let mut config = config.clone();
+    for scale in &mut config.scales {
+        // After the last upsampling nothing gets finer.
+        let resolution = scale.resolutions.get(upsampled).or(scale.resolutions.last()).copied();
+        scale.resolutions = vec![resolution.unwrap_or([1; 3])];
+    }
+    let boxes = shell();
+    let clouds = (config.scales.iter())
+        .map(|s| {
+            prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let frame = Frame {
+        model_from_dataset: Similarity::IDENTITY,
+        up: UpAxis::Z,
+        metres_per_unit: None,
+        near: DISTANCE - 2.0,
+        far: DISTANCE + 2.0,
+        background: config.background,
+        color_space: ColorSpace::Srgb,
+    };
+    let mut scene = initial_scene(&config, clouds, frame, "ball")?;
+    let peak = -PEAK_IN_SHIFTS * scene.rules.density_shift;
+    if let Some(coarsest) = scene.scales.first_mut() {
+        write_gaussian(coarsest, peak);
+    }
+    scene.bounds = Aabb::around(DVec3::ZERO, DVec3::splat(OCCUPIED_RADIUS)).intersection(&scene.bounds);
+    scene.occupancy = Some(occupancy(scene.bounds, scene.scales[0].cloud.cell_size()));
+    scene.check()?;
+    Ok(scene)
+}
+
+/// `count` grey photographs of `size`×`size` pixels around the ball. What they show takes no part in how long it takes.
+pub fn ball_views(count: u32, size: u32) -> Vec<View> {
+    (0..count)
+        .map(|n| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(n) / f64::from(count)).sin_cos();
+            let position = DISTANCE * DVec3::new(0.8 * cos, 0.8 * sin, 0.6);
+            let camera = Camera::looking_at([size; 2], FOCAL * f64::from(size), position, DVec3::ZERO, DVec3::Z);
+            View { name: n.to_string(), camera, pixels: Pixels::opaque(vec![[0.5; 3]; size as usize * size as usize]) }
+        })
+        .collect()
+}
+
+/// The voxels whose centres are in the shell.
+fn shell() -> VoxelBoxes {
+    let cells = (2.0 * SHELL[1] / VOXEL).ceil() as u32;
+    let lattice = Lattice { origin: DVec3::splat(-0.5 * f64::from(cells) * VOXEL), pitch: DVec3::splat(VOXEL) };
+    let inside = |cell: &UVec3| {
+        let radius = (lattice.origin + (cell.as_dvec3() + 0.5) * VOXEL).length();
+        (SHELL[0]..=SHELL[1]).contains(&radius)
+    };
+    let all = (0..cells).flat_map(|z| (0..cells).flat_map(move |y| (0..cells).map(move |x| UVec3::new(x, y, z))));
+    VoxelBoxes { lattice, cells: all.filter(inside).collect() }
+}
+
+/// Makes the first density component of `scale` a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the
+/// ball's surface.
+fn write_gaussian(scale: &mut Scale, peak: f64) {
+    let exponent = PEAK_IN_SHIFTS.ln() / (RADIUS * RADIUS);
+    let (cloud, rank) = (&scale.cloud, scale.factors.density_rank as usize);
+    let tensor_len = Factors::rows(cloud.resolution) * rank;
+    let first_rows = Factors::axis_rows(cloud.resolution);
+    for (factors, center) in scale.factors.density.chunks_exact_mut(tensor_len).zip(cloud.centers()) {
+        for a in 0..3 {
+            for vertex in 0..=cloud.resolution[a] {
+                let x = center[a] - cloud.half[a] + f64::from(vertex) * cloud.cell_size()[a];
+                let value = peak.cbrt() * (-exponent * x * x).exp();
+                factors[(first_rows[a] + vertex as usize) * rank] = value as f32;
+            }
+        }
+    }
+}
+
+/// What is in the ball, on cells of about `cell`.
+fn occupancy(bounds: Aabb, cell: DVec3) -> Occupancy {
+    let vertices = (bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
+    let mut occupancy = Occupancy::empty(bounds, vertices);
+    for z in 0..vertices.z {
+        for y in 0..vertices.y {
+            for x in 0..vertices.x {
+                let vertex = UVec3::new(x, y, z);
+                if occupancy.position(vertex).length_squared() <= OCCUPIED_RADIUS * OCCUPIED_RADIUS {
+                    occupancy.set(vertex);
+                }
+            }
+        }
+    }
+    occupancy
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::{CpuRenderer, Renderer};
+
+    fn config() -> TrainConfig {
+        let mut config = TrainConfig::preset("12").unwrap();
+        // Two scales and few components keep this quick.
+        config.scales.truncate(2);
+        config.scales.iter_mut().for_each(|s| (s.density_rank, s.appearance_rank) = (4, 2));
+        config
+    }
+
+    #[test]
+    fn the_ball_is_solid_within_its_radius_and_nothing_is_far_outside() {
+        let scene = ball(&config(), 0).unwrap();
+        let renderer = CpuRenderer::new(&scene);
+        let view = &ball_views(4, 33)[1];
+        let picture = renderer.render(&view.camera);
+        let opacity = |column: usize, row: usize| picture.pixels[row * 33 + column].opacity;
+        assert!(opacity(16, 16) > 0.999, "{}", opacity(16, 16));
+        assert_eq!(opacity(0, 0), 0.0);
+        let depth = picture.pixels[16 * 33 + 16].depth;
+        assert!((f64::from(depth) - (DISTANCE - RADIUS)).abs() < 0.1, "{depth}");
+    }
+
+    #[test]
+    fn each_upsampling_makes_it_finer_and_the_last_stays() {
+        let steps = [0, 1, 5, 9].map(|n| ball(&config(), n).unwrap().rules.step);
+        assert!(steps[0] > steps[1] && steps[1] > steps[2], "{steps:?}");
+        assert_eq!(steps[2], steps[3]);
+    }
+}
