@@ -36,7 +36,6 @@ const EXACT: Approximation = Approximation {
     min_weight: None,
     min_transmittance: None,
     per_ray: None,
-    density_components: None,
     density_cache: None,
 };
 
@@ -57,7 +56,6 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
         Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
         Approximation { per_ray: Some(scene.decoder.mode == DecoderMode::PerRay), ..EXACT },
-        Approximation { density_components: Some(9), ..EXACT },
     ] {
         assert!(!option.is_exact());
         assert_eq!(picture(&scene, option), exact, "{option:?}");
@@ -75,7 +73,6 @@ fn a_strong_option_shows() {
         Approximation { min_weight: Some(0.05), ..EXACT },
         Approximation { min_transmittance: Some(0.9), ..EXACT },
         Approximation { per_ray: Some(true), ..EXACT },
-        Approximation { density_components: Some(1), ..EXACT },
         Approximation { density_cache: Some(8), ..EXACT },
     ] {
         let change = difference(&picture(&scene, option), &exact);
@@ -152,8 +149,6 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { min_weight: Some(1.0), ..EXACT }, "min_weight", "a number in [0, 1)"),
         (Approximation { min_weight: Some(nan), ..EXACT }, "min_weight", "a number in [0, 1)"),
         (Approximation { min_transmittance: Some(-0.1), ..EXACT }, "min_transmittance", "a number in [0, 1)"),
-        (Approximation { density_components: Some(0), ..EXACT }, "density_components", "1 to 9"),
-        (Approximation { density_components: Some(10), ..EXACT }, "density_components", "1 to 9"),
         (Approximation { density_cache: Some(7), ..EXACT }, "density_cache", "8 to 2048"),
         (Approximation { density_cache: Some(2049), ..EXACT }, "density_cache", "8 to 2048"),
     ] {

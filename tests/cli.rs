@@ -61,6 +61,7 @@ fn wrong_usage_is_1_and_says_so_on_standard_error() {
         &["render", "a", "--out", "b", "--orbit", "3", "--downscale", "2"],
         &["render", "a", "--out", "b", "--orbit", "3", "--size", "0x5"],
         &["render", "a", "--out", "b", "--orbit", "3", "--elevation", "90"],
+        &["render", "a", "--out", "b", "--orbit", "3", "--step-scale", "long"],
         &["eval", "a", "b", "--views", "5"],
         &["train", "a"],
         &["train", "a", "-o", "b", "--preset", "7"],

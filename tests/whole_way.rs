@@ -76,6 +76,25 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(parity["near_999"].as_f64().unwrap() < 1e-2, "{parity}");
     assert!(parity["clear_rays"].as_u64().unwrap() > 3000, "{parity}");
 
+    // An approximation is in the result, shows in the picture, and is nothing that the reference takes.
+    assert_eq!(evaluation["approximation"]["step_scale"], 1.0);
+    let quick =
+        ["eval", "a.strivec", "data", "--split", "test", "--step-scale", "4", "--per-ray", "--density-cache", "32"];
+    let approximated = json(folder, &quick);
+    assert_eq!(approximated["approximation"]["step_scale"], 4.0);
+    assert_eq!(approximated["approximation"]["per_ray"], true);
+    assert!(approximated["density_cache_bytes"].as_u64().unwrap() > 729, "{approximated}");
+    assert!((approximated["psnr"].as_f64().unwrap() - psnr).abs() > 1e-3, "{approximated}");
+    for (wrong, expected) in [
+        (["--neighbours", "17"], "--neighbours: expected 1 to "),
+        (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
+        (["--renderer=reference", "--scales=1"], "--renderer reference: expected no approximations"),
+    ] {
+        let output = strivec(folder, &[&["eval", "a.strivec", "data", "--quiet"][..], &wrong].concat());
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(1) && message.contains(expected), "{message}");
+    }
+
     // Pictures that are rendered to files are those that are evaluated, to the rounding of 8 bits (58.9 dB): the
     // renderings, laid out as a dataset of their own, are what the scene looks like.
     fs::create_dir(folder.join("copy")).unwrap();

@@ -26,9 +26,6 @@ pub(super) struct Approximations {
     /// --per-ray=false, the other way round
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
     per_ray: Option<bool>,
-    /// Only each tensor's N strongest density components
-    #[arg(long, value_name = "N")]
-    density_components: Option<u32>,
     /// Density baked on a grid of N cells along the longest edge; its memory is in --json
     #[arg(long, value_name = "N")]
     density_cache: Option<u32>,
@@ -44,7 +41,6 @@ impl Approximations {
             min_weight: self.min_weight,
             min_transmittance: self.min_transmittance,
             per_ray: self.per_ray,
-            density_components: self.density_components,
             density_cache: self.density_cache,
         }
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{DecoderMode, Factors, Scene};
+use crate::model::{DecoderMode, Scene};
 
 /// What a renderer may leave out. The default leaves out nothing: the picture is the reference's, within tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,8 +20,6 @@ pub struct Approximation {
     pub min_transmittance: Option<f64>,
     /// Whether the decoder is called once a ray, on composited features; as the scene was trained where there is none.
     pub per_ray: Option<bool>,
-    /// Density components of each tensor at most, the strongest; all where there is none.
-    pub density_components: Option<u32>,
     /// Density features are baked on a grid of so many cells along the longest edge of the bounds, and interpolated
     /// between its vertices.
     pub density_cache: Option<u32>,
@@ -36,7 +34,6 @@ impl Default for Approximation {
             min_weight: None,
             min_transmittance: None,
             per_ray: None,
-            density_components: None,
             density_cache: None,
         }
     }
@@ -66,11 +63,10 @@ impl Approximation {
     ///
     /// Names the first that is out of range.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
-        let most = |of: fn(&crate::model::Scale) -> u32| scene.scales.iter().map(of).max().unwrap_or(0);
+        let most_neighbours = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
         for (option, value, [least, most]) in [
-            ("neighbours", self.neighbours, [1, most(|s| s.top_k)]),
+            ("neighbours", self.neighbours, [1, most_neighbours]),
             ("scales", self.scales, [1, scene.scales.len() as u32]),
-            ("density_components", self.density_components, [1, most(|s| s.factors.density_rank)]),
             ("density_cache", self.density_cache, [8, 2048]),
         ] {
             if let Some(found) = value.filter(|v| !(least..=most).contains(v)) {
@@ -103,9 +99,6 @@ impl Approximation {
         }
         for scale in &mut scene.scales {
             scale.top_k = self.neighbours.map_or(scale.top_k, |n| n.min(scale.top_k));
-            if let Some(components) = self.density_components {
-                keep_strongest(&mut scale.factors, scale.cloud.resolution, components);
-            }
         }
         let rules = &mut scene.rules;
         rules.step *= self.step_scale;
@@ -117,30 +110,4 @@ impl Approximation {
             Some(false) => DecoderMode::PerSample,
         };
     }
-}
-
-/// Leaves each tensor the `count` density components whose products of the axes' norms are largest, in their order.
-fn keep_strongest(factors: &mut Factors, resolution: [u32; 3], count: u32) {
-    let (rank, count) = (factors.density_rank as usize, count as usize);
-    if count >= rank {
-        return;
-    }
-    let first_rows = Factors::axis_rows(resolution);
-    let rows = Factors::rows(resolution);
-    let axes = [0..first_rows[1], first_rows[1]..first_rows[2], first_rows[2]..rows];
-    let mut kept = Vec::with_capacity(factors.density.len() / rank * count);
-    for tensor in factors.density.chunks_exact(rows * rank) {
-        let value = |row: usize, component: usize| f64::from(tensor[row * rank + component]);
-        let norm = |axis: &std::ops::Range<usize>, c: usize| axis.clone().map(|row| value(row, c).powi(2)).sum::<f64>();
-        let strength: Vec<f64> = (0..rank).map(|c| axes.iter().map(|axis| norm(axis, c)).product()).collect();
-        let mut strongest: Vec<usize> = (0..rank).collect();
-        strongest.sort_by(|&a, &b| strength[b].total_cmp(&strength[a]));
-        strongest.truncate(count);
-        strongest.sort_unstable();
-        for row in tensor.chunks_exact(rank) {
-            kept.extend(strongest.iter().map(|&component| row[component]));
-        }
-    }
-    factors.density = kept;
-    factors.density_rank = count as u32;
 }
