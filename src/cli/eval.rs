@@ -13,7 +13,10 @@ use super::table::Table;
 use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::dataset::{self, Dataset, View};
-use crate::measure::{self, Canvas, F32_POSITION_ERROR, ViewReport, color_png, error_map, side_by_side};
+use crate::measure::{
+    self, Canvas, F32_POSITION_ERROR, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map,
+    side_by_side,
+};
 use crate::render::{Approximation, CpuRenderer};
 
 const EXAMPLES: &str = "\
@@ -72,6 +75,8 @@ struct Evaluation<'a> {
     seconds_per_view: f64,
     #[serde(flatten)]
     report: measure::Report,
+    /// Where the errors are.
+    regions: Vec<RegionReport>,
     /// The fast renderer against the reference.
     parity: Option<measure::Parity>,
 }
@@ -98,6 +103,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "eval", views.len() as u64);
     let mut reports: Vec<ViewReport> = Vec::new();
+    let mut errors = RegionErrors::default();
     let mut seconds = 0.0;
     for view in &views {
         let start = Instant::now();
@@ -106,6 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let size = [picture.width, picture.height];
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
+        errors.add(&Region::of_photograph(size, &photograph, &view.pixels.opacities())?, &rendered, &photograph)?;
         if let Some(folder) = &args.sheets {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
             let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
@@ -144,9 +151,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         seconds_preparing,
         seconds_per_view,
         report,
+        regions: errors.report(),
         parity,
     };
-    session.console.result(&evaluation, |e| text(&e.report) + &e.parity.map_or_else(String::new, parity_text))
+    session.console.result(&evaluation, |e| {
+        text(&e.report) + "\n" + &regions_text(&e.regions) + &e.parity.map_or_else(String::new, parity_text)
+    })
 }
 
 fn parity_text(parity: measure::Parity) -> String {
@@ -161,6 +171,16 @@ fn parity_text(parity: measure::Parity) -> String {
         parity.near_999,
         parity.near_maximum
     )
+}
+
+fn regions_text(regions: &[RegionReport]) -> String {
+    let mut table = Table::new(["region", "pixels", "error", "PSNR"]);
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    for r in regions {
+        let name = r.region.name().to_owned();
+        table.row([name, percent(r.share_of_pixels), percent(r.share_of_error), format!("{:.2}", r.psnr)]);
+    }
+    table.text()
 }
 
 fn text(report: &measure::Report) -> String {

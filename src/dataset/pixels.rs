@@ -55,6 +55,14 @@ impl Pixels {
         }
     }
 
+    /// How opaque each pixel is, from 0 to 1.
+    pub fn opacities(&self) -> Vec<f32> {
+        match self {
+            Self::Rgba8(pixels) => pixels.iter().map(|p| f32::from(p[3]) / 255.0).collect(),
+            Self::Premultiplied(pixels) => pixels.iter().map(|p| p[3]).collect(),
+        }
+    }
+
     /// All colours on `background`.
     pub fn colors(&self, background: [f32; 3]) -> Vec<[f32; 3]> {
         (0..self.len()).map(|pixel| self.color(pixel, background)).collect()
@@ -88,6 +96,8 @@ mod tests {
             let far = found.iter().flatten().zip(expected.iter().flatten()).any(|(a, b)| (a - b).abs() > 1e-7);
             assert!(!far && found[1..] == expected[1..], "{found:?}");
             assert!(!pixels.is_opaque());
+            let opacities = [0.4, 0.0, 1.0f32];
+            assert!(pixels.opacities().iter().zip(opacities).all(|(a, b)| (a - b).abs() < 1e-7));
         }
     }
 
