@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     dataset::synthesise(&folder, &options)?;
     let seconds_dataset = start.elapsed().as_secs_f64();
 
-    let mut config = TrainConfig::from_toml(SETTINGS).map_err(|e| Error::Runtime(e.to_string()))?;
+    let mut config = TrainConfig::from_toml(SETTINGS, None).map_err(|e| Error::Runtime(e.to_string()))?;
     config.seed = args.seed;
     let load = |split| dataset::load_blender(&folder, split, &LoadOptions::default());
     let (training, held_out) = (load("train")?, load("test")?);

@@ -51,6 +51,11 @@ impl<'a> Progress<'a> {
         }
     }
 
+    /// Something else was done meanwhile, which says nothing about how long the rest takes.
+    pub(super) fn forget_pace(&self) {
+        self.bar.reset_eta();
+    }
+
     /// A message that does not disturb the bar.
     pub(super) fn say(&self, message: &str) {
         self.bar.suspend(|| self.console.say(message));

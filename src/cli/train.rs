@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -238,22 +238,14 @@ struct CurvePoint {
 
 /// The settings that the arguments lead to: preset, then file, then single arguments.
 fn configuration(args: &Args) -> Result<TrainConfig, Error> {
+    let preset = args.preset.map(Preset::name);
     let mut config = match &args.config {
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-            TrainConfig::from_toml(&text).map_err(Error::malformed(path))?
+            TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))?
         }
-        None => TrainConfig::default(),
+        None => TrainConfig::preset(preset.unwrap_or("48")).map_err(|e| Error::Usage(e.to_string()))?,
     };
-    if let Some(preset) = args.preset {
-        let preset = TrainConfig::preset(preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
-        if args.config.is_none() {
-            config = preset;
-        } else {
-            config.decoder.per_ray = preset.decoder.per_ray;
-            config = TrainConfig { scales: preset.scales, preset: preset.preset, ..config };
-        }
-    }
     config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
     config.seed = args.seed.unwrap_or(config.seed);
     config.background = args.background.map_or(config.background, Background::color);
@@ -355,6 +347,12 @@ impl<'a> Meter<'a> {
         });
     }
 
+    /// `time` went by with something else than steps.
+    fn skip(&mut self, time: Duration) {
+        self.begun += time;
+        self.progress.forget_pace();
+    }
+
     fn finish(self) {
         self.progress.finish(&format!("train: {:.2} dB on the last rays", measure::psnr_of_mse(self.error)));
     }
@@ -391,6 +389,7 @@ impl Run<'_> {
             let due = |every: Option<u64>| every.is_some_and(|n| step.is_multiple_of(n));
             if stop || due(self.args.checkpoint_every) || due(Some(row_every)) || step == steps {
                 trainer.add_seconds(since.elapsed().as_secs_f64());
+                since = Instant::now();
                 if due(Some(row_every)) || step == steps {
                     let test_psnr = self.args.eval_every.map(|_| self.evaluate(&trainer.scene()));
                     let train_psnr = measure::psnr_of_mse(error_sum / error_count);
@@ -402,6 +401,7 @@ impl Run<'_> {
                 if stop || due(self.args.checkpoint_every) {
                     self.files.write_state(trainer)?;
                 }
+                meter.skip(since.elapsed());
                 since = Instant::now();
             }
             if stop {

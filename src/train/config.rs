@@ -39,6 +39,9 @@ pub struct TrainConfig {
     /// Samples that weigh less are coloured at random, with a probability of their weight over this, and then weigh this:
     /// the expected pixel stays the same, at less cost. 0 colours all. Rendering never does this.
     pub color_thinning: f64,
+    /// Samples whose density's gradient is smaller than this many of a chunk's means are left out at random, in the same
+    /// way. 0 leaves out none.
+    pub density_thinning: f64,
     /// Standard deviation of the factors at the start.
     pub factor_deviation: f64,
     /// After these steps the factors go to their next resolution.
@@ -55,7 +58,7 @@ pub struct TrainConfig {
     pub scales: Vec<ScaleConfig>,
 }
 
-/// The rules that training starts from; the step follows from scale 0.
+/// The rules that training starts from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FieldConfig {
@@ -71,6 +74,8 @@ pub struct FieldConfig {
     pub density_shift: f64,
     /// See [`Rules::distance_scale`].
     pub distance_scale: f64,
+    /// The march's step in cells of scale 0, at any of its resolutions.
+    pub step_cells: f64,
     /// See [`Rules::min_transmittance`].
     pub min_transmittance: f64,
     /// See [`Rules::min_weight`].
@@ -126,6 +131,7 @@ impl Default for TrainConfig {
             learning_rate_decay: 0.1,
             density_l1: 1e-5,
             color_thinning: 0.0,
+            density_thinning: 0.0,
             factor_deviation: 0.2,
             upsample_at: vec![2000, 3000, 4000, 5500, 7000],
             occupancy_at: vec![2000, 4000],
@@ -146,6 +152,7 @@ impl Default for FieldConfig {
             appearance_mean: false,
             density_shift: -10.0,
             distance_scale: 25.0,
+            step_cells: 0.5,
             min_transmittance: 1e-3,
             min_weight: 1e-4,
         }
@@ -241,26 +248,28 @@ impl TrainConfig {
         Ok(preset)
     }
 
-    /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s.
+    /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s. Another `preset` takes the place
+    /// of the file's, of its scales and of its decoder's mode.
     ///
     /// # Errors
     ///
     /// Names the line, or the first field that makes no sense.
-    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+    pub fn from_toml(text: &str, preset: Option<&str>) -> Result<Self, ConfigError> {
         let toml_error = |e| ConfigError::Toml(Box::new(e));
-        let given: toml::Table = toml::from_str(text).map_err(toml_error)?;
+        let mut given: toml::Table = toml::from_str(text).map_err(toml_error)?;
+        // Only the text itself has lines that an error can name.
+        toml::from_str::<Self>(text).map_err(toml_error)?;
+        if let Some(preset) = preset {
+            given.insert("preset".into(), preset.into());
+            given.remove("scales");
+            if let Some(decoder) = given.get_mut("decoder").and_then(toml::Value::as_table_mut) {
+                decoder.remove("per_ray");
+            }
+        }
         let preset = given.get("preset").and_then(toml::Value::as_str).unwrap_or("48");
-        let mut config: Self = toml::from_str(text).map_err(toml_error)?;
-        let preset = Self::preset(preset)?;
-        if !given.contains_key("scales") {
-            config.scales = preset.scales;
-        }
-        if !given.contains_key("color_thinning") {
-            config.color_thinning = preset.color_thinning;
-        }
-        if given.get("decoder").is_none_or(|d| d.get("per_ray").is_none()) {
-            config.decoder.per_ray = preset.decoder.per_ray;
-        }
+        let mut whole = toml::Table::try_from(Self::preset(preset)?).expect("a configuration has a TOML form");
+        overlay(&mut whole, given);
+        let config: Self = whole.try_into().map_err(toml_error)?;
         config.check()?;
         Ok(config)
     }
@@ -303,8 +312,13 @@ impl TrainConfig {
         positive("learning_rate_decay", self.learning_rate_decay)?;
         positive("factor_deviation", self.factor_deviation)?;
         positive("field.distance_scale", self.field.distance_scale)?;
+        positive("field.step_cells", self.field.step_cells)?;
         positive("decoder.features", f64::from(self.decoder.features))?;
-        for (place, value) in [("density_l1", self.density_l1), ("color_thinning", self.color_thinning)] {
+        for (place, value) in [
+            ("density_l1", self.density_l1),
+            ("color_thinning", self.color_thinning),
+            ("density_thinning", self.density_thinning),
+        ] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(error(place.into(), "a number of at least 0", value.to_string()));
             }
@@ -344,6 +358,16 @@ impl TrainConfig {
     }
 }
 
+/// Puts what is `given` in place of what is there, table by table.
+fn overlay(table: &mut toml::Table, given: toml::Table) {
+    for (key, value) in given {
+        match (table.get_mut(&key), value) {
+            (Some(toml::Value::Table(inner)), toml::Value::Table(given)) => overlay(inner, given),
+            (_, value) => drop(table.insert(key, value)),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -353,22 +377,25 @@ mod tests {
         for name in TrainConfig::PRESETS {
             let preset = TrainConfig::preset(name).unwrap();
             preset.check().unwrap();
-            assert_eq!(TrainConfig::from_toml(&preset.to_toml()).unwrap(), preset);
+            assert_eq!(TrainConfig::from_toml(&preset.to_toml(), None).unwrap(), preset);
         }
     }
 
     #[test]
     fn a_file_that_names_a_preset_gets_its_scales() {
-        let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100").unwrap();
+        let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100", None).unwrap();
         assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
-        let per_ray = |text| TrainConfig::from_toml(text).unwrap().decoder.per_ray;
+        let per_ray = |text| TrainConfig::from_toml(text, None).unwrap().decoder.per_ray;
         assert!(per_ray("preset = \"per-ray\"\n[decoder]\nfeatures = 9") && !per_ray("[decoder]\nfeatures = 9"));
-        assert!(!per_ray("preset = \"per-ray\"\n[decoder]\nper_ray = false"));
+        let text = "preset = \"per-ray\"\nseed = 7\n[decoder]\nper_ray = false";
+        assert!(!per_ray(text));
+        let per_ray = TrainConfig::preset("per-ray").unwrap();
+        assert_eq!(TrainConfig::from_toml(text, Some("per-ray")).unwrap(), TrainConfig { seed: 7, ..per_ray });
     }
 
     #[test]
     fn unknown_fields_and_senseless_values_are_named() {
-        let message = |text| TrainConfig::from_toml(text).unwrap_err().to_string();
+        let message = |text| TrainConfig::from_toml(text, None).unwrap_err().to_string();
         assert!(message("stepz = 3").contains("stepz"));
         assert!(message("steps = 0").contains("steps"));
         assert!(message("preset = \"7\"").contains("12, 24"));

@@ -172,7 +172,7 @@ impl Progress {
             }
             Ok(moments)
         };
-        let config = TrainConfig::from_toml(text("config")?)?;
+        let config = TrainConfig::from_toml(text("config")?, None)?;
         let of_scales = |name: &str| {
             (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
         };
