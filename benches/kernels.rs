@@ -11,7 +11,7 @@ use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, v
 use strivec::geometry::Ray;
 use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
-use strivec::train::{Backward, Target, TrainConfig};
+use strivec::train::{Backward, BatchThinning, Target, TrainConfig};
 
 /// Rays of a kernel's call, as many as training gives one.
 const RAYS: usize = 128;
@@ -94,7 +94,9 @@ fn backward_loss(bencher: Bencher<'_, '_>) {
     let rays = rays(BATCH);
     let targets = vec![Target { color: [0.5; 3], background: [1.0; 3] }; rays.len()];
     let mut backward = Backward::new(&FIELD);
-    bencher.counter(ItemsCount::new(rays.len())).bench_local(|| backward.loss(&FIELD, &rays, &targets, None));
+    bencher
+        .counter(ItemsCount::new(rays.len()))
+        .bench_local(|| backward.loss(&FIELD, &rays, &targets, BatchThinning::default()));
 }
 
 /// Rows, inner length, columns: far beyond the caches, the decoder's layers, and the appearance matrices.

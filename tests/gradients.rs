@@ -4,12 +4,12 @@
 mod scenes;
 
 use glam::DVec3;
-use strivec::field::{Activations, Field, Real, Samples};
+use strivec::field::{Activations, Field, Real, Samples, Thinning};
 use strivec::geometry::Ray;
 use strivec::model::{DecoderMode, Scene};
 use strivec::random::Random;
 use strivec::render::ReferenceRenderer;
-use strivec::train::{Backward, Gradients, Target, TrainConfig, network_parts};
+use strivec::train::{Backward, BatchThinning, Gradients, Target, TrainConfig, network_parts};
 
 /// Rays whose decisions a perturbation of the parameters by the difference's step does not reach.
 const MIN_MARGIN: f64 = 1e-4;
@@ -244,9 +244,9 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
         let mut field = Field::<f64>::new(&scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
-        let gradients = backward.gradients(&field, &rays, &targets, None);
+        let gradients = backward.gradients(&field, &rays, &targets, BatchThinning::default());
         let mut losses = |field: &Field<f64>| {
-            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], None);
+            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchThinning::default());
             (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
         };
         for (name, values, reach) in groups(&scene, &gradients) {
@@ -268,9 +268,9 @@ fn gradients_in_f32_match_those_in_f64() {
         let rays = rays_far_from_decisions(&scene, 64);
         let targets = targets(rays.len());
         let exact_field = Field::<f64>::new(&scene);
-        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, None);
+        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, BatchThinning::default());
         let field = Field::<f32>::new(&scene);
-        let single = Backward::new(&field).gradients(&field, &rays, &targets, None);
+        let single = Backward::new(&field).gradients(&field, &rays, &targets, BatchThinning::default());
         let single = Gradients {
             loss: single.loss.f64(),
             density: single.density.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
@@ -291,6 +291,34 @@ fn gradients_in_f32_match_those_in_f64() {
             assert!(relative_errors(&exact, &flipped).into_iter().fold(0.0, f64::max) > 1.0, "{name}: sign error");
         }
     }
+}
+
+#[test]
+fn thinned_density_gradients_are_right_on_average() {
+    const DRAWS: u64 = 400;
+    let scene = &cases()[0];
+    let rays = rays_far_from_decisions(scene, 64);
+    let targets = targets(rays.len());
+    let field = Field::<f64>::new(scene);
+    let mut backward = Backward::new(&field);
+    let exact = backward.gradients(&field, &rays, &targets, BatchThinning::default()).density.concat();
+    let mut mean = vec![0.0; exact.len()];
+    let mut dropped = 0;
+    for draw in 0..DRAWS {
+        let thinning = Thinning { below: 1.0, random: Random::new(0, "test").substream(draw), first_ray: 0 };
+        let thinning = BatchThinning { density: Some(thinning), ..BatchThinning::default() };
+        let thinned = backward.gradients(&field, &rays, &targets, thinning).density.concat();
+        dropped += thinned.iter().zip(&exact).filter(|(t, e)| **t == 0.0 && **e != 0.0).count();
+        mean.iter_mut().zip(&thinned).for_each(|(m, t)| *m += t / DRAWS as f64);
+    }
+    let length = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+    let error = |scale: f64| {
+        let difference = length(&mut mean.iter().zip(&exact).map(|(m, e)| scale * m - e));
+        difference / length(&mut exact.iter().copied())
+    };
+    println!("{dropped} entries dropped in {DRAWS} draws, mean off by {:.1e}", error(1.0));
+    assert!(dropped > 0 && error(1.0) < 0.03, "{}", error(1.0));
+    assert!(error(1.1) > 0.05, "ten percent too much go unnoticed ({})", error(1.1));
 }
 
 /// Entries in which large terms cancel have a relative error in f32 that no arrangement of the sums avoids; they are

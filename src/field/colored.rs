@@ -14,11 +14,11 @@ pub struct Colored<T> {
     pub ray_starts: Vec<u32>,
 }
 
-/// Colouring a random part of the samples that weigh little, for training: a sample of weight w < `below` is coloured
-/// with probability w/`below` and then weighs `below`, so the expected pixel is the same.
+/// Leaving out a random part of the samples that matter little, for training: one of magnitude m < `below` is kept with
+/// probability m/`below` and then counts as `below`, so that expectations stay the same.
 #[derive(Clone, Copy, Debug)]
 pub struct Thinning {
-    /// The weight from which on every sample is coloured.
+    /// The magnitude from which on every sample is kept.
     pub below: f64,
     /// The batch's draws.
     pub random: Random,
@@ -27,14 +27,14 @@ pub struct Thinning {
 }
 
 impl Thinning {
-    /// What a sample's colour weighs, given the sample's own weight; 0 where it is left out.
+    /// What a sample of `magnitude` counts as; 0 where it is left out.
     #[inline(always)]
-    fn weigh<T: Real>(&self, weight: T, ray: usize, sample: usize) -> T {
+    pub fn thin<T: Real>(&self, magnitude: T, ray: usize, sample: usize) -> T {
         let below = T::of(self.below);
         let drawn = || T::of(self.random.uniform((self.first_ray + ray as u64) << 24 | sample as u64));
-        if weight >= below {
-            weight
-        } else if drawn() * below < weight {
+        if magnitude >= below {
+            magnitude
+        } else if drawn() * below < magnitude {
             below
         } else {
             T::zero()
@@ -91,7 +91,7 @@ impl<T: Real> Field<T> {
                 if weight <= min_weight {
                     continue;
                 }
-                let weight = thinning.map_or(weight, |t| t.weigh(weight, ray, at - first));
+                let weight = thinning.map_or(weight, |t| t.thin(weight, ray, at - first));
                 if weight > T::zero() {
                     colored.places.push(place);
                     colored.weights.push(weight);

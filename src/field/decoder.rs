@@ -293,9 +293,11 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
             let mut rest = &mut *row;
             for (s, scale) in field.scales.iter().enumerate() {
                 let (of_scale, after) = rest.split_at_mut(scale.appearance_rank);
-                let pairs = samples.pairs_of(place, s, scales).iter();
                 located.clear();
-                located.extend(pairs.map(|pair| scale.locate(*pair, samples.positions[place])));
+                // Not `extend`: it is compiled for the least instruction set.
+                for &pair in samples.pairs_of(place, s, scales) {
+                    located.push(scale.locate(pair, samples.positions[place]));
+                }
                 scale.appearance_of(simd, located, of_scale);
                 rest = after;
             }

@@ -92,13 +92,23 @@ impl<T: Real> Samples<T> {
     /// Lets samples of these distances and positions wait for evaluation.
     #[inline(always)]
     fn wait_for(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
-        self.waiting.clear();
-        self.waiting_positions.clear();
+        self.clear_waiting();
         for (distance, position) in samples {
-            self.waiting.push(distance);
-            self.waiting_positions.push(position);
+            self.wait(distance, position);
         }
         self.waiting_positions.pad();
+    }
+
+    #[inline(always)]
+    fn clear_waiting(&mut self) {
+        self.waiting.clear();
+        self.waiting_positions.clear();
+    }
+
+    #[inline(always)]
+    fn wait(&mut self, distance: T, position: [T; 3]) {
+        self.waiting.push(distance);
+        self.waiting_positions.push(position);
     }
 
     /// Number of samples that count.
@@ -271,19 +281,21 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     fn advance_rays(&self, samples: &mut Samples<T>) {
         let mut active = std::mem::take(&mut samples.active);
-        samples.wait_for(active.iter_mut().flat_map(|ray| {
+        samples.clear_waiting();
+        for ray in &mut active {
             ray.waiting = 0;
-            std::iter::from_fn(move || {
-                // An exhausted ray must not be asked again.
-                if ray.exhausted || ray.waiting == STRIDE {
-                    return None;
+            // An exhausted ray must not be asked again.
+            while !ray.exhausted && ray.waiting < STRIDE {
+                match ray.walk.advance(self) {
+                    Some((t, position)) => {
+                        samples.wait(T::of(t), position);
+                        ray.waiting += 1;
+                    }
+                    None => ray.exhausted = true,
                 }
-                let next = ray.walk.advance(self);
-                ray.exhausted = next.is_none();
-                ray.waiting += u32::from(next.is_some());
-                next.map(|(t, position)| (T::of(t), position))
-            })
-        }));
+            }
+        }
+        samples.waiting_positions.pad();
         samples.active = active;
     }
 

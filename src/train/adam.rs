@@ -48,6 +48,26 @@ impl<T: Real> Adam<T> {
         second: &mut [T],
         gradients: &[T],
     ) {
+        /// Few samples meet a tensor, so whole runs of its entries have no gradient: they are not even read.
+        const RUN: usize = 64;
+        for (n, gradients) in gradients.chunks(RUN).enumerate() {
+            if SKIP_ZEROS && !gradients.iter().fold(false, |any, &g| any | (g != T::zero())) {
+                continue;
+            }
+            let run = n * RUN..n * RUN + gradients.len();
+            let (first, second) = (&mut first[run.clone()], &mut second[run.clone()]);
+            self.update_run::<SKIP_ZEROS>(&mut parameters[run], first, second, gradients);
+        }
+    }
+
+    #[inline(always)]
+    fn update_run<const SKIP_ZEROS: bool>(
+        &self,
+        parameters: &mut [T],
+        first: &mut [T],
+        second: &mut [T],
+        gradients: &[T],
+    ) {
         let [beta1, beta2] = BETAS.map(T::of);
         let [rest1, rest2] = BETAS.map(|b| T::of(1.0 - b));
         let epsilon = T::of(EPSILON);

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::NetworkLayout;
-use super::chunk::{Chunk, RAYS_PER_CHUNK, Scratch, Target};
+use super::chunk::{BatchThinning, Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
 use crate::field::{Field, Real, Thinning, Work, vectorised};
 use crate::geometry::Ray;
@@ -57,7 +57,7 @@ impl<T: Real> Backward<T> {
     }
 
     /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.
-    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], thinning: Option<Thinning>) -> f64 {
+    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], thinning: BatchThinning) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
         let (layout, scratch) = (&self.layout, &self.scratch);
@@ -65,7 +65,9 @@ impl<T: Real> Backward<T> {
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
             .for_each(|(n, (chunk, (rays, targets)))| {
-                let thinning = thinning.map(|t| Thinning { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t });
+                let of_chunk = |t| Thinning { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
+                let thinning =
+                    BatchThinning { color: thinning.color.map(of_chunk), density: thinning.density.map(of_chunk) };
                 scratch.with(|scratch| {
                     vectorised(
                         #[inline(always)]
@@ -102,7 +104,7 @@ impl<T: Real> Backward<T> {
         field: &Field<T>,
         rays: &[Ray],
         targets: &[Target],
-        thinning: Option<Thinning>,
+        thinning: BatchThinning,
     ) -> Gradients<T> {
         let loss = T::of(self.loss(field, rays, targets, thinning));
         let networks = self.network_gradients();

@@ -25,6 +25,15 @@ pub struct Target {
     pub background: [f32; 3],
 }
 
+/// What a batch leaves out at random.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BatchThinning {
+    /// Of the colours of samples, by weight.
+    pub color: Option<Thinning>,
+    /// Of the gradients of samples' densities, by their size in means of a chunk.
+    pub density: Option<Thinning>,
+}
+
 /// What a chunk leaves for the tensors and the shared weights. Reused from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
@@ -69,17 +78,20 @@ impl<T: Real> Chunk<T> {
         rays: &[Ray],
         targets: &[Target],
         loss_scale: f64,
-        thinning: Option<Thinning>,
+        thinning: BatchThinning,
         scratch: &mut Scratch<T>,
     ) {
         field.march(rays, &mut self.samples);
-        field.choose_colored(&self.samples, thinning, &mut scratch.activations.colored);
+        field.choose_colored(&self.samples, thinning.color, &mut scratch.activations.colored);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
         self.compare(targets, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
         self.weigh_backward(field, scratch);
         self.composite_backward(field, targets, scratch);
+        if let Some(thinning) = thinning.density {
+            self.thin_density(thinning, &mut scratch.feature_gradients);
+        }
         self.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
         self.samples.clock.lap(Stage::PairOrder);
@@ -176,6 +188,21 @@ impl<T: Real> Chunk<T> {
         }
     }
 
+    /// Leaves out a random part of the small gradients of density features.
+    #[inline(always)]
+    fn thin_density(&self, thinning: Thinning, gradients: &mut [T]) {
+        let samples = &self.samples;
+        let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
+        let mean = total.f64() / samples.len().max(1) as f64;
+        let thinning = Thinning { below: thinning.below * mean, ..thinning };
+        for ray in 0..samples.remaining.len() {
+            for (n, &place) in samples.order[samples.of_ray(ray)].iter().enumerate() {
+                let gradient = &mut gradients[place as usize];
+                *gradient = thinning.thin(gradient.abs(), ray, n).copysign(*gradient);
+            }
+        }
+    }
+
     /// From the gradients of the rows' outputs to those of the layers, the appearance matrices and the components.
     #[inline(always)]
     fn decode_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
@@ -251,6 +278,7 @@ impl<T: Real> Chunk<T> {
         let (samples, scales, tensors) = (&self.samples, field.scales.len(), field.tensor_count());
         let gradients = &scratch.feature_gradients;
         let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
+        let counted = counted.filter(|&(.., gradient)| gradient != T::zero());
         self.density_pairs.sort(samples, scales, tensors, counted);
         let colored = scratch.activations.colored.places.iter().zip(&scratch.component_shares);
         let colored = colored.map(|(&place, &(row, share))| (place, row, share));

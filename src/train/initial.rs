@@ -8,9 +8,9 @@ use crate::model::{
 };
 use crate::random::Random;
 
-/// δ for a cloud at its current resolution: half a cell, averaged over the axes (DESIGN, section 2.9).
-pub fn march_step(cloud: &TensorCloud) -> f64 {
-    0.5 * cloud.cell_size().element_sum() / 3.0
+/// δ for a cloud at its current resolution: so many of its cells, averaged over the axes (DESIGN, section 2.9).
+pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
+    cells * cloud.cell_size().element_sum() / 3.0
 }
 
 /// A scene with `clouds`, coarsest first, as `config` says: random factors and networks, and bounds around the model
@@ -25,7 +25,7 @@ pub fn initial_scene(
     frame: Frame,
     dataset: &str,
 ) -> Result<Scene, ConfigError> {
-    let rules = config.field.rules(march_step(&clouds[0]));
+    let rules = config.field.rules(march_step(&clouds[0], config.field.step_cells));
     let boxes = clouds.iter().map(TensorCloud::bounds);
     let bounds = match rules.coverage {
         Coverage::All => boxes.reduce(|a, b| a.intersection(&b)),

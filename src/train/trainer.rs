@@ -6,7 +6,8 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts, upsample,
+    BatchThinning, Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts,
+    upsample,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorised};
@@ -168,11 +169,14 @@ impl<'a> Trainer<'a> {
             .collect();
         drawn.sort_by_key(|d| d.0);
         let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
-        let thinning = (self.config.color_thinning > 0.0).then(|| Thinning {
-            below: self.config.color_thinning,
-            random: Random::new(self.config.seed, "thinning").substream(self.progress.step),
-            first_ray: 0,
-        });
+        let thinning = |below: f64, name: &str| {
+            let random = Random::new(self.config.seed, name).substream(self.progress.step);
+            (below > 0.0).then_some(Thinning { below, random, first_ray: 0 })
+        };
+        let thinning = BatchThinning {
+            color: thinning(self.config.color_thinning, "thinning"),
+            density: thinning(self.config.density_thinning, "density thinning"),
+        };
         // Drawn by all threads.
         clock.lap(Stage::Rays);
         let threads = rayon::current_num_threads() as f64;
@@ -276,7 +280,7 @@ impl<'a> Trainer<'a> {
                 trained.set_resolution(to, density, appearance);
                 scale.cloud.resolution = to;
             }
-            self.scene.rules.step = march_step(&self.scene.scales[0].cloud);
+            self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
             self.field.rules.step = self.scene.rules.step;
             self.progress.restart(&self.field);
         }
