@@ -34,6 +34,8 @@ pub struct TrainConfig {
     pub network_learning_rate: f64,
     /// By what learning rates would fall over a whole run without restarts.
     pub learning_rate_decay: f64,
+    /// How they fall.
+    pub learning_rate_fall: Fall,
     /// Weight of the mean absolute density factor, of each axis of each scale, in the loss.
     pub density_l1: f64,
     /// Samples that weigh less are coloured at random, with a probability of their weight over this, and then weigh this:
@@ -56,6 +58,30 @@ pub struct TrainConfig {
     pub prior: CoarseOptions,
     /// Coarsest first.
     pub scales: Vec<ScaleConfig>,
+}
+
+/// How learning rates fall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fall {
+    /// By the same factor at every step; what restarts leave of a run is too short to reach the end (the paper's).
+    Exponential,
+    /// Along half a cosine from each restart to the run's last step: slow, fast, slow.
+    Cosine,
+}
+
+impl Fall {
+    /// What learning rates are multiplied by `since_restart` steps after one that happened after step `restarted_at` of
+    /// `steps`, where they end at `decay`.
+    pub(super) fn factor(self, decay: f64, since_restart: u64, restarted_at: u64, steps: u64) -> f64 {
+        match self {
+            Self::Exponential => decay.powf(since_restart as f64 / steps as f64),
+            Self::Cosine => {
+                let along = since_restart as f64 / (steps - restarted_at) as f64;
+                decay + (1.0 - decay) * 0.5 * (1.0 + (std::f64::consts::PI * along).cos())
+            }
+        }
+    }
 }
 
 /// The rules that training starts from.
@@ -129,12 +155,13 @@ impl Default for TrainConfig {
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
             learning_rate_decay: 0.1,
+            learning_rate_fall: Fall::Exponential,
             density_l1: 1e-5,
-            color_thinning: 0.0,
-            density_thinning: 0.0,
+            color_thinning: 0.001,
+            density_thinning: 1.0,
             factor_deviation: 0.2,
             upsample_at: vec![2000, 3000, 4000, 5500, 7000],
-            occupancy_at: vec![2000, 4000],
+            occupancy_at: vec![2000, 4000, 8000, 16_000],
             field: FieldConfig::default(),
             decoder: DecoderConfig::default(),
             prior: CoarseOptions::default(),
@@ -403,9 +430,17 @@ mod tests {
     }
 
     #[test]
+    fn learning_rates_fall_to_their_end() {
+        let of = |fall: Fall, since| fall.factor(0.1, since, 400, 1000);
+        assert_eq!([of(Fall::Exponential, 0), of(Fall::Cosine, 0)], [1.0; 2]);
+        assert!((of(Fall::Exponential, 600) - 0.1f64.powf(0.6)).abs() < 1e-12);
+        assert!((of(Fall::Cosine, 600) - 0.1).abs() < 1e-12 && (of(Fall::Cosine, 300) - 0.55).abs() < 1e-12);
+    }
+
+    #[test]
     fn scaling_the_steps_scales_the_schedule() {
         let config = TrainConfig::preset("24").unwrap().with_steps(3000);
         assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
-        assert_eq!(config.occupancy_at, [200, 400]);
+        assert_eq!(config.occupancy_at, [200, 400, 800, 1600]);
     }
 }
