@@ -3,8 +3,11 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
+use pulp::Simd;
 
 use super::Real;
+use super::neighbours::Positions;
+use super::vector::{MAX_LANES, floor};
 use crate::geometry::Aabb;
 use crate::model::TensorCloud;
 
@@ -75,19 +78,44 @@ impl<T: Real> CellIndex<T> {
         index
     }
 
-    /// The list of the cell that `position` is in; 0 where no tensor is near.
+    /// The list of the cell that `position` is in, or of the nearest one to it: no box contains a point beyond them all.
     #[inline(always)]
     pub(super) fn list_at(&self, position: [T; 3]) -> u32 {
-        let mut cell = 0;
-        for a in [2, 1, 0] {
-            let at = ((position[a] - self.min[a]) * self.cells_per_unit[a]).floor_i32();
-            // A point on the outermost face belongs to the last cell; one beyond it finds that no box contains it.
-            if at < -1 || at > self.cells[a] {
-                return 0;
+        let cell = [0, 1, 2].map(|a| {
+            let u = (position[a] - self.min[a]) * self.cells_per_unit[a];
+            u.floor_i32().clamp(0, self.cells[a] - 1) as u32
+        });
+        self.list_of(cell)
+    }
+
+    /// [`CellIndex::list_at`] for all `positions`.
+    #[inline(always)]
+    pub(super) fn lists_at<S: Simd>(&self, simd: S, positions: &Positions<T>, lists: &mut Vec<u32>) {
+        let lanes = T::lanes::<S>();
+        let zero = T::splat(simd, T::zero());
+        let mut cells = [[T::zero(); MAX_LANES]; 3];
+        lists.clear();
+        for first in (0..positions.len()).step_by(lanes) {
+            for (a, cells) in cells.iter_mut().enumerate() {
+                let position = T::load_full(simd, &positions.axis(a)[first..]);
+                let offset = T::minus(simd, position, T::splat(simd, self.min[a]));
+                let u = T::times(simd, offset, T::splat(simd, self.cells_per_unit[a]));
+                let u = T::select(simd, T::less_or_equal(simd, zero, u), u, zero);
+                let last = T::of_i32(self.cells[a] - 1);
+                let floor = floor::<T, S>(simd, T::smaller(simd, u, T::splat(simd, last)));
+                T::store_full(simd, cells, floor);
             }
-            cell = cell * self.cells[a] as usize + at.clamp(0, self.cells[a] - 1) as usize;
+            for lane in 0..lanes.min(positions.len() - first) {
+                let cell = [cells[0][lane].small_u32(), cells[1][lane].small_u32(), cells[2][lane].small_u32()];
+                lists.push(self.list_of(cell));
+            }
         }
-        self.lists[cell]
+    }
+
+    #[inline(always)]
+    fn list_of(&self, [x, y, z]: [u32; 3]) -> u32 {
+        let [columns, rows, _] = self.cells;
+        self.lists[(z as usize * rows as usize + y as usize) * columns as usize + x as usize]
     }
 
     /// The tensors of `list`, ascending.

@@ -40,6 +40,12 @@ impl<T: Real> Positions<T> {
         [self.axes[0][n], self.axes[1][n], self.axes[2][n]]
     }
 
+    /// The coordinates on axis `a`.
+    #[inline(always)]
+    pub(super) fn axis(&self, a: usize) -> &[T] {
+        &self.axes[a]
+    }
+
     pub(super) fn len(&self) -> usize {
         self.len
     }
@@ -53,6 +59,8 @@ pub(super) struct Neighbours<'a, T> {
     /// \[sample\] where its pairs are in `located`.
     ranges: &'a mut Vec<[u32; 2]>,
     covering: Covering<T>,
+    /// \[sample\] the list of its cell.
+    lists: Vec<u32>,
 }
 
 /// What is known of the candidates that cover any of a group of samples, a lane a sample.
@@ -78,7 +86,7 @@ impl<'a, T: Real> Neighbours<'a, T> {
             lowers: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
             fractions: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
         };
-        Self { aggregation, located, ranges, covering }
+        Self { aggregation, located, ranges, covering, lists: Vec::new() }
     }
 }
 
@@ -103,22 +111,20 @@ impl<T: Real> FieldScale<T> {
     /// Appends, for each of `positions`, its `top_k` nearest covering tensors.
     #[inline(always)]
     pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbours<T>) {
-        let list_at = |n| self.index().list_at(positions.get(n));
+        let mut lists = std::mem::take(&mut found.lists);
+        self.index().lists_at(simd, positions, &mut lists);
         let mut first = 0;
-        let mut next = (positions.len() > 0).then(|| list_at(0));
-        while let Some(list) = next.take() {
+        while first < lists.len() {
+            let list = lists[first];
             let mut end = first + 1;
-            while end < positions.len() && next.is_none() {
-                let of_next = list_at(end);
-                if of_next != list || end == first + T::lanes::<S>() {
-                    next = Some(of_next);
-                } else {
-                    end += 1;
-                }
+            let most = lists.len().min(first + T::lanes::<S>());
+            while end < most && lists[end] == list {
+                end += 1;
             }
             self.find_of_group(simd, positions, first..end, list, found);
             first = end;
         }
+        found.lists = lists;
     }
 
     /// [`FieldScale::find_nearest`] for samples in cells with the same `list`, of no more than a register's lanes.

@@ -5,6 +5,7 @@ use glam::DVec3;
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
 
+use super::vector::floor;
 use super::{CellIndex, Real};
 use crate::model::{Factors, Scale};
 
@@ -84,12 +85,8 @@ impl<T: Real> TensorRows<T> {
         offset: T::Register<S>,
     ) -> (T::Register<S>, T::Register<S>) {
         let half = T::splat(simd, self.half[a]);
-        let round = T::splat(simd, T::ROUND);
         let u = T::times(simd, T::plus(simd, offset, half), T::splat(simd, self.cells_per_unit[a]));
-        let rounded = T::minus(simd, T::plus(simd, u, round), round);
-        let below = T::minus(simd, rounded, T::splat(simd, T::one()));
-        let floor = T::select(simd, T::less_or_equal(simd, rounded, u), rounded, below);
-        let lower = T::smaller(simd, floor, T::splat(simd, T::of_i32(self.last_cell[a])));
+        let lower = T::smaller(simd, floor::<T, S>(simd, u), T::splat(simd, T::of_i32(self.last_cell[a])));
         (lower, T::minus(simd, u, lower))
     }
 

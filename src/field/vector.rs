@@ -5,6 +5,8 @@
 
 use pulp::Simd;
 
+use super::Real;
+
 /// No register holds more numbers.
 pub(super) const MAX_LANES: usize = 16;
 
@@ -184,3 +186,12 @@ vector!(
     splat_f64s add_f64s, sub_f64s mul_f64s, div_f64s mul_add_e_f64s,
     sqrt_f64s abs_f64s, min_f64s less_than_or_equal_f64s, and_m64s select_f64s, reduce_sum_f64s reduce_min_f64s,
 );
+
+/// The largest whole numbers that are not above `values`, of less than 2²² in size.
+#[inline(always)]
+pub(super) fn floor<T: Real, S: Simd>(simd: S, values: T::Register<S>) -> T::Register<S> {
+    let round = T::splat(simd, T::ROUND);
+    let nearest = T::minus(simd, T::plus(simd, values, round), round);
+    let below = T::minus(simd, nearest, T::splat(simd, T::one()));
+    T::select(simd, T::less_or_equal(simd, nearest, values), nearest, below)
+}
