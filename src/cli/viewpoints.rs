@@ -103,6 +103,9 @@ impl Viewpoints {
             UpAxis::X => [DVec3::Y, DVec3::Z, DVec3::X],
             UpAxis::Y => [DVec3::Z, DVec3::X, DVec3::Y],
             UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
+            UpAxis::MinusX => [DVec3::Z, DVec3::Y, -DVec3::X],
+            UpAxis::MinusY => [DVec3::X, DVec3::Z, -DVec3::Y],
+            UpAxis::MinusZ => [DVec3::Y, DVec3::X, -DVec3::Z],
         };
         let (rise, level) = self.elevation.to_radians().sin_cos();
         let digits = (count - 1).to_string().len().max(3);
@@ -184,7 +187,14 @@ mod tests {
 
     #[test]
     fn an_orbit_looks_at_the_middle_from_one_height_and_distance() {
-        for (up, axis) in [(UpAxis::X, DVec3::X), (UpAxis::Y, DVec3::Y), (UpAxis::Z, DVec3::Z)] {
+        for (up, axis) in [
+            (UpAxis::X, DVec3::X),
+            (UpAxis::Y, DVec3::Y),
+            (UpAxis::Z, DVec3::Z),
+            (UpAxis::MinusX, -DVec3::X),
+            (UpAxis::MinusY, -DVec3::Y),
+            (UpAxis::MinusZ, -DVec3::Z),
+        ] {
             let arguments = ["--orbit", "7", "--radius", "5", "--elevation", "30", "--size", "40x20"];
             let cameras = cameras(&arguments, up).unwrap();
             assert_eq!(cameras.len(), 7);

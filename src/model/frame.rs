@@ -12,6 +12,12 @@ pub enum UpAxis {
     Y,
     /// +z, as in Blender.
     Z,
+    /// −x.
+    MinusX,
+    /// −y, as in photographs' own coordinates.
+    MinusY,
+    /// −z.
+    MinusZ,
 }
 
 /// What the numbers of a colour mean.

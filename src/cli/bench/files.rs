@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{Repeats, render, report};
 use crate::cli::table::Table;
 use crate::cli::{Error, Session, write_atomically};
-use crate::container::{self, EncodeOptions, FactorEncoding};
+use crate::container::{self, EncodeOptions, Encoding};
 use crate::measure::bench::Spread;
 use crate::train;
 
@@ -59,8 +59,8 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (runs, mut rows) = (args.repeats.runs(), Vec::new());
     let folder = TempDir::new().map_err(|e| Error::Io(format!("folder for temporary files: cannot make it: {e}")))?;
     let path = folder.path().join("scene.strivec");
-    for (name, factors) in [("f16", FactorEncoding::F16), ("f32", FactorEncoding::F32)] {
-        let options = EncodeOptions { factors, ..EncodeOptions::default() };
+    for (name, factors) in [("f16", Encoding::F16), ("f32", Encoding::F32)] {
+        let options = EncodeOptions::uniform(factors);
         let refused = |e: container::Error| Error::Runtime(format!("{subject}: {e}"));
         let mut row = |what: &str, seconds: Spread, bytes: u64| {
             rows.push(Row { name: format!("{what}, {name}"), seconds, bytes });
