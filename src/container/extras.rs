@@ -126,7 +126,7 @@ pub struct TrainingCamera {
 /// A section of a kind that this version does not define, kept as it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnknownSection {
-    /// Its entry.
+    /// Its entry; its offset is 0.
     pub section: Section,
     /// Its payload as it was in the file.
     pub payload: Vec<u8>,

@@ -170,7 +170,7 @@ impl<S: Source> Reader<S> {
             for section in unknown {
                 budget.spend(section, section.length)?;
                 let payload = bytes.payload(section)?.bytes().to_vec();
-                extras.unknown.push(UnknownSection { section: section.clone(), payload });
+                extras.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
             }
         }
 
@@ -307,10 +307,12 @@ impl<'a> ScaleSections<'a> {
         let matrix = order.take(SectionKind::Matrix, Some(index), None)?;
         let mut chunks = Vec::new();
         // Their number is checked against what SCALE says.
-        while let Some(placement) = order.take_if(SectionKind::Placement, Some(index), Some(chunks.len() as u32)) {
+        let mut next = Some(order.take(SectionKind::Placement, Some(index), Some(0))?);
+        while let Some(placement) = next {
             let chunk = Some(chunks.len() as u32);
             let density = order.take(SectionKind::Density, Some(index), chunk)?;
             chunks.push([placement, density, order.take(SectionKind::Appearance, Some(index), chunk)?]);
+            next = order.take_if(SectionKind::Placement, Some(index), Some(chunks.len() as u32));
         }
         let prefix = if may_have_prefix { order.take_if(SectionKind::Prefix, Some(index), None) } else { None };
         Ok(Self { scale, matrix, chunks, prefix })

@@ -259,7 +259,7 @@ impl Limits for Scale {
         limits::check(format!("{place} appearance rank"), limits::RANK, self.appearance_rank)?;
         limits::check(format!("{place} chunks"), limits::CHUNKS, self.chunks)?;
         // Of centres that are explicit it is 0.
-        let cells = if self.placement == 0 { limits::CELL_EXTENT } else { 0..=0 };
+        let cells = if self.placement == 1 { 0..=0 } else { limits::CELL_EXTENT };
         self.extent.iter().try_for_each(|&e| limits::check(format!("{place} cells along an axis"), cells.clone(), e))
     }
 }

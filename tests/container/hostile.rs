@@ -111,7 +111,7 @@ fn sections_missing_doubled_or_out_of_order() {
             let twice = f.part(kind).clone();
             f.sections.insert(f.index(kind), twice);
         });
-        malformed(error, "order of sections");
+        malformed(error, if kind == "APPEARANCE" { "chunks" } else { "order of sections" });
     }
     malformed(refused(|f| f.sections.swap(0, 1)), "order of sections");
     malformed(refused(|f| f.sections.push(f.sections[17].clone())), "order of sections");
@@ -258,7 +258,7 @@ fn components_that_tensors_do_not_have() {
         decode(&file.bytes()).expect_err("the file is wrong")
     };
     malformed(ragged(&|p| p.payload[0] = 2), "ragged");
-    malformed(ragged(&|p| p.payload[BODY] = 6), "unused bits");
+    malformed(ragged(&|p| p.payload[BODY] = 6), "components");
     malformed(ragged(&|p| p.payload[BODY] = 3), "bytes of numbers");
     malformed(ragged(&|p| p.payload[BODY] = 0), "bytes of numbers");
     malformed(ragged(&|p| p.payload[0] = 0), "bytes of numbers");
@@ -357,7 +357,7 @@ fn zstd_frames() {
         compressed(&|p| {
             p.payload.splice(BODY..BODY, [0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0]);
         }),
-        "FACTORS",
+        "DENSITY",
     );
     // A frame of another size, or of none that it declares.
     let replaced = |frame: Vec<u8>| {
