@@ -8,7 +8,7 @@
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `prior`: where the scene
 //!    is, and placing tensors there. `field`: the fast field that rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
-//! 4. `measure`: PSNR, SSIM, speed.
+//! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
 //! 5. `cli`: the commands.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built.
@@ -24,6 +24,8 @@ pub mod dataset;
 pub mod field;
 #[cfg(feature = "toolkit")]
 pub mod measure;
+#[cfg(feature = "toolkit")]
+pub mod pack;
 #[cfg(feature = "toolkit")]
 pub mod prior;
 #[cfg(feature = "toolkit")]

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 11] = [
+const LAYERS: [(&str, u32); 12] = [
     ("geometry", 0),
     ("random", 0),
     ("model", 1),
@@ -19,6 +19,7 @@ const LAYERS: [(&str, u32); 11] = [
     ("render", 3),
     ("train", 3),
     ("measure", 4),
+    ("pack", 4),
     ("cli", 5),
 ];
 

@@ -1,0 +1,13 @@
+//! Making files small: what each number of a scene is worth, and which encoding spends fewest bytes on a given loss.
+//!
+//! In: a scene. Out: a scene with components dropped, the options to encode it with, and what the loss measures. Neither
+//! a dataset nor training is needed: a scene is judged by its own pictures from cameras around it.
+#![forbid(unsafe_code)]
+
+mod lossy;
+mod rays;
+mod sensitivity;
+
+pub use lossy::{Lossy, lossy};
+pub use rays::{Views, probe_views};
+pub use sensitivity::{Sensitivity, sensitivity};
