@@ -4,10 +4,16 @@
 //! a dataset nor training is needed: a scene is judged by its own pictures from cameras around it.
 #![forbid(unsafe_code)]
 
+mod judge;
 mod lossy;
+mod prefix;
 mod rays;
+mod search;
 mod sensitivity;
 
+pub use judge::Judge;
 pub use lossy::{Lossy, lossy};
+pub use prefix::{beginning, fit_prefix};
 pub use rays::{Views, probe_views};
+pub use search::{Goal, Packed, pack, search};
 pub use sensitivity::{Sensitivity, sensitivity};
