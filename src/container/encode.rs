@@ -1,10 +1,14 @@
 //! From a scene to bytes.
 
+use std::collections::BTreeMap;
+
 use super::array::{ArrayOptions, Encoding, Filter};
 use super::extras::Extras;
-use super::section::SectionKind;
+use super::section::{Section, SectionKind};
 use super::writer::{Place, Writer};
-use super::{Error, decoder, factors, frame, limits, matrix, occupancy, placement, prefix, provenance, rules};
+use super::{
+    Error, decoder, factors, frame, limits, matrix, occupancy, placement, prefix, provenance, rules, sections,
+};
 use crate::model::Scene;
 
 /// Choices of the writer; the same scene with the same choices gives the same bytes.
@@ -121,5 +125,23 @@ pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) 
         }
     }
     extras.write_tail(&mut writer)?;
+    writer.finish()
+}
+
+/// The file `bytes` with other notes. Nothing else of it changes but where sections are.
+///
+/// # Errors
+///
+/// Where `bytes` are no whole file, or the notes exceed the format's limits.
+pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<u8>, Error> {
+    let contents = sections(bytes)?;
+    contents.check_whole(bytes)?;
+    let mut writer = Writer::new(None);
+    let is_unknown = |section: &&Section| matches!(section.kind, SectionKind::Other(_));
+    let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
+    let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
+    known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.as_it_was(s, payload(s)));
+    Extras { notes: notes.clone(), ..Extras::default() }.write_tail(&mut writer)?;
+    unknown.iter().for_each(|s| writer.as_it_was(s, payload(s)));
     writer.finish()
 }

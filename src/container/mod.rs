@@ -35,7 +35,7 @@ mod writer;
 
 pub use array::{ArrayOptions, Encoding, Filter, GRID_BITS, step, step_code};
 pub use codec::Codec;
-pub use encode::{EncodeOptions, FactorOptions, encode, encode_document};
+pub use encode::{EncodeOptions, FactorOptions, encode, encode_document, with_notes};
 pub use error::Error;
 pub use extras::{
     Extras, Pose, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, UnknownSection, Views,

@@ -7,6 +7,7 @@
 mod judge;
 mod lossy;
 mod prefix;
+mod prune;
 mod rays;
 mod search;
 mod sensitivity;
@@ -14,6 +15,7 @@ mod sensitivity;
 pub use judge::Judge;
 pub use lossy::{Lossy, lossy};
 pub use prefix::{beginning, fit_prefix};
+pub use prune::{crop, prune};
 pub use rays::{Views, probe_views};
-pub use search::{Goal, Packed, pack, search};
+pub use search::{Candidate, Goal, search};
 pub use sensitivity::{Sensitivity, sensitivity};

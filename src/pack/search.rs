@@ -1,7 +1,7 @@
 //! Finding the loss that a user asked for.
 
 use super::{Judge, Lossy, Sensitivity, lossy};
-use crate::container::{Document, Error, Extras, Limits, decode_document, encode_document};
+use crate::container::{EncodeOptions, Error, Extras, Limits, decode_document, encode_document};
 use crate::model::Scene;
 
 /// What a file should be.
@@ -13,17 +13,19 @@ pub enum Goal {
     Bytes(u64),
 }
 
-/// A file that meets a goal.
+/// A scene, ready to be written, and what that does to it.
 #[derive(Clone, Debug)]
-pub struct Packed {
-    /// The file.
-    pub bytes: Vec<u8>,
-    /// What a reader gets from it.
-    pub document: Document,
-    /// The mean squared error of its pictures to those of the scene.
+pub struct Candidate {
+    /// What is to be written.
+    pub scene: Scene,
+    /// How.
+    pub options: EncodeOptions,
+    /// What a reader gets.
+    pub decoded: Scene,
+    /// Bytes of the file without extras.
+    pub bytes: u64,
+    /// The mean squared error of a reader's pictures to those of the scene as it was.
     pub error: f64,
-    /// The loss that [`lossy`] was asked for.
-    pub loss: f64,
 }
 
 /// log10 of the smallest and the largest loss that is tried.
@@ -31,52 +33,52 @@ const RANGE: [f64; 2] = [-17.0, -8.0];
 /// Halvings of that range: to a hundredth of a decade.
 const HALVINGS: usize = 10;
 
-/// Encodes `scene` for `goal`; `None` where even the largest loss misses it. `tried` hears of every file.
+impl Candidate {
+    /// What `options` make of `scene`, which `judge` knows as `pictured`.
+    ///
+    /// # Errors
+    ///
+    /// Where the scene cannot be encoded.
+    pub fn new(scene: Scene, options: EncodeOptions, judge: &Judge) -> Result<Self, Error> {
+        let bytes = encode_document(&scene, &Extras::default(), &options)?;
+        let decoded = decode_document(&bytes, Limits { memory: u64::MAX })?.scene;
+        let error = judge.error(&decoded);
+        Ok(Self { scene, options, decoded, bytes: bytes.len() as u64, error })
+    }
+}
+
+/// Chooses among all losses for `scene`, `reserved` bytes being wanted for extras; `None` where even the largest loss misses
+/// `goal`. `tried` hears of every candidate.
 ///
 /// # Errors
 ///
 /// Where the scene cannot be encoded.
 pub fn search(
     scene: &Scene,
-    extras: &Extras,
     sensitivity: &Sensitivity,
     judge: &Judge,
     goal: Goal,
-    tried: &mut dyn FnMut(&Packed),
-) -> Result<Option<Packed>, Error> {
+    reserved: u64,
+    tried: &mut dyn FnMut(&Candidate),
+) -> Result<Option<Candidate>, Error> {
     let [mut low, mut high] = RANGE;
-    let mut best: Option<Packed> = None;
+    let mut best = None;
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        let packed = pack(scene, extras, sensitivity, judge, 10f64.powf(middle))?;
-        tried(&packed);
-        let (meets, wants_more_loss) = match goal {
-            Goal::Error(most) => (packed.error <= most, packed.error <= most),
-            Goal::Bytes(most) => (packed.bytes.len() as u64 <= most, packed.bytes.len() as u64 > most),
+        let Lossy { scene, options, .. } = lossy(scene, sensitivity, 10f64.powf(middle));
+        let candidate = Candidate::new(scene, options, judge)?;
+        tried(&candidate);
+        let (meets, may_lose_more) = match goal {
+            Goal::Error(most) => (candidate.error <= most, candidate.error <= most),
+            Goal::Bytes(most) => {
+                let fits = candidate.bytes + reserved <= most;
+                (fits, !fits)
+            }
         };
         if meets {
-            best = Some(packed);
+            best = Some(candidate);
         }
-        if wants_more_loss { low = middle } else { high = middle }
+        if may_lose_more { low = middle } else { high = middle }
     }
     Ok(best)
-}
-
-/// The file of this loss.
-///
-/// # Errors
-///
-/// Where the scene cannot be encoded.
-pub fn pack(
-    scene: &Scene,
-    extras: &Extras,
-    sensitivity: &Sensitivity,
-    judge: &Judge,
-    loss: f64,
-) -> Result<Packed, Error> {
-    let Lossy { scene, options, .. } = lossy(scene, sensitivity, loss);
-    let bytes = encode_document(&scene, extras, &options)?;
-    let document = decode_document(&bytes, Limits { memory: u64::MAX })?;
-    let error = judge.error(&document.scene);
-    Ok(Packed { bytes, document, error, loss })
 }

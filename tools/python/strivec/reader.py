@@ -1,11 +1,12 @@
-"""From a file to a `Scene`: the order of sections (section 2.3 of the format), and what one section says of another."""
+"""From a file to a `Scene`: the order of sections (section 2.3 of the format)."""
 
 import mmap
 import os
 
+import numpy as np
+
 from . import limits, sections
 from .container import Container
-from .errors import NotAScene
 from .scales import read_scale
 from .scene import Provenance, Scene, UnknownSection
 
@@ -26,7 +27,11 @@ def open(path, budget=limits.DEFAULT_BUDGET):
 
 def read(data, budget=limits.DEFAULT_BUDGET):
     """The scene of a bytes-like object that holds a whole file; fails with a StrivecError."""
-    container = Container(data, limits.Budget(budget))
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is found and refused
+        return _read_scene(Container(data, limits.Budget(budget)))
+
+
+def _read_scene(container):
     frame = sections.read_frame(container.require("FRAME"))
     rules = sections.read_rules(container.require("RULES"))
 
@@ -44,12 +49,11 @@ def read(data, budget=limits.DEFAULT_BUDGET):
 
     scales, prefixes = [], {}
     for index in range(rules.scales):
-        scales.append(read_scale(container, index))
-        _check_features(index, scales, decoder)
+        scales.append(read_scale(container, index, decoder.features))
         payload = container.find("PREFIX", index) if index + 1 < rules.scales else None
         if payload is not None:
             ranks = sum(scale.matrix.shape[1] for scale in scales)
-            prefixes[index] = sections.read_prefix(payload, len(scales[0].matrix), ranks)
+            prefixes[index] = sections.read_prefix(payload, decoder.features, ranks)
 
     probes = optional(sections.read_probes, "PROBES")
     cameras = optional(sections.read_cameras, "CAMERAS") or []
@@ -73,17 +77,6 @@ def read(data, budget=limits.DEFAULT_BUDGET):
         notes,
         _unknown_sections(container),
     )
-
-
-def _check_features(index, scales, decoder):
-    """All scales have one number of features P, and the network's first layer takes it."""
-    features = len(scales[index].matrix)
-    if features != len(scales[0].matrix):
-        raise NotAScene(f"MATRIX of scale {index} features", len(scales[0].matrix), features)
-    inputs = features * (1 + 2 * decoder.feature_frequencies) + 3 * (1 + 2 * decoder.direction_frequencies)
-    found = decoder.layers[0].weights.shape[1]
-    if found != inputs:
-        raise NotAScene("DECODER inputs of layer 0", f"{inputs} for {features} features", found)
 
 
 def _unknown_sections(container):

@@ -15,19 +15,22 @@ CHUNK = np.dtype([("tensors", "<u4"), ("smallest", "<f8", 3), ("largest", "<f8",
 LEB128_BYTES = 9  # of a cell's number, at most
 PLACEMENT_TRANSIENT = 96  # bytes a tensor
 
-Layout = namedtuple("Layout", "tensors neighbours half_edges resolution placement density_rank appearance_rank "
-                              "origin pitch extent chunks")
+Layout = namedtuple(
+    "Layout",
+    "tensors neighbours half_edges resolution placement density_rank appearance_rank origin pitch extent chunks",
+)
 
 
-def read_scale(container, index):
-    """The `Scale` of this index, from its SCALE to its last chunk."""
+def read_scale(container, index, features):
+    """The `Scale` of this index, from its SCALE to its last chunk, of a scene of `features` features."""
     budget = container.budget
     payload = container.require("SCALE", index)
     layout = _read_layout(payload)
-    matrix = read_matrix(container.require("MATRIX", index), layout.appearance_rank)
+    matrix = read_matrix(container.require("MATRIX", index), features, layout.appearance_rank)
 
-    numbers = layout.tensors * (layout.density_rank + layout.appearance_rank) * sum(layout.resolution + np.ones(3, int))
-    budget.take(24 * layout.tensors + 4 * int(numbers), payload.name)
+    vertices = sum(cells + 1 for cells in layout.resolution)
+    numbers = layout.tensors * (layout.density_rank + layout.appearance_rank) * vertices
+    budget.take(24 * layout.tensors + 4 * numbers, payload.name)
     centres = np.zeros((layout.tensors, 3))
     density, appearance = (
         [np.zeros((layout.tensors, rank, cells + 1), np.float32) for cells in layout.resolution]
@@ -115,14 +118,14 @@ def _read_placement(payload, layout, centres):
         if layout.placement == "explicit":
             with payload.body(24 * count) as body:
                 centres[:] = np.frombuffer(body, "<f8").reshape(count, 3)
-            if not np.isfinite(centres).all():
-                raise NotAScene(f"{payload.name} centres", "finite numbers", "another number")
         else:
             with payload.body(count, LEB128_BYTES * count) as body:
                 gaps = _read_leb128(body, count, payload.name)
             cells = _cells(gaps, layout.extent, payload.name)
             centres[:] = layout.origin + (cells + 0.5) * np.array(layout.pitch)
             extent = cells.max(axis=0) + 1
+        if not np.isfinite(centres).all():
+            raise NotAScene(f"{payload.name} centres", "finite numbers", "another number")
         _check_ascending(payload.name, centres)
     return extent
 

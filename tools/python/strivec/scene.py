@@ -106,6 +106,7 @@ class Decoder:
     """Section 3.5: the network from features and direction to colour."""
 
     mode: str  # per sample, per ray
+    features: int  # P
     feature_frequencies: int
     direction_frequencies: int
     layers: List[Layer]

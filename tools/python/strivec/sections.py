@@ -140,7 +140,7 @@ def read_thumbnail(payload):
 
 
 def read_decoder(payload):
-    """Section 3.5. That its inputs fit the features is checked with the first MATRIX."""
+    """Section 3.5."""
     record = payload.record
     mode = record.code("mode", ("per sample", "per ray"))
     feature_frequencies = record.u32("frequencies of features", limits.FREQUENCIES)
@@ -151,6 +151,11 @@ def read_decoder(payload):
         expected, found = shapes[layer - 1][1], shapes[layer][0]
         record.require(found == expected, f"inputs of layer {layer}", expected, found)
     record.require(shapes[-1][1] == 3, "outputs of the last layer", 3, shapes[-1][1])
+    direction = 3 * (1 + 2 * direction_frequencies)
+    features, rest = divmod(shapes[0][0] - direction, 1 + 2 * feature_frequencies)
+    fits = rest == 0 and limits.FEATURES[0] <= features <= limits.FEATURES[1]
+    expected = f"{direction} and 1 to 256 times {1 + 2 * feature_frequencies}"
+    record.require(fits, "inputs of layer 0", expected, shapes[0][0])
     head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
 
     lengths = np.concatenate([[inputs] * outputs + [outputs] for inputs, outputs in shapes])
@@ -161,7 +166,7 @@ def read_decoder(payload):
         middle, end = start + inputs * outputs, start + (inputs + 1) * outputs
         layers.append(Layer(numbers[start:middle].reshape(outputs, inputs), numbers[middle:end]))
         start = end
-    return Decoder(mode, feature_frequencies, direction_frequencies, layers)
+    return Decoder(mode, features, feature_frequencies, direction_frequencies, layers)
 
 
 def read_occupancy(payload):
@@ -179,10 +184,11 @@ def read_occupancy(payload):
     return Occupancy(corners, vertices, bits)
 
 
-def read_matrix(payload, rank):
-    """Section 3.8: float32[P][R], R being `rank`."""
+def read_matrix(payload, features, rank):
+    """Section 3.8: float32[P][R], P being `features` and R `rank`."""
     record = payload.record
-    features = record.u32("features", limits.FEATURES)
+    found = record.u32("features", limits.FEATURES)
+    record.require(found == features, "features", f"{features} by the inputs of the network", found)
     found = record.u32("appearance rank", limits.RANK)
     if found != rank:
         raise Malformed(f"{payload.name} appearance rank", rank, found)

@@ -1,0 +1,262 @@
+//! `strivec-pack pack`.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::encoding::{LayoutArgs, lossless};
+use super::input::{self, Inputs, Outputs};
+use crate::cli::progress::Progress;
+use crate::cli::table::grouped;
+use crate::cli::{Error, Session, train};
+use crate::container::{self, Document, Extras, Limits, Quality};
+use crate::measure::{make_probes, psnr_of_mse};
+use crate::model::Scene;
+use crate::pack::{Candidate, Goal, Judge, Views, beginning, fit_prefix, probe_views, search, sensitivity};
+
+/// Pictures that a scene is judged by, and their size.
+const JUDGED: (usize, u32) = (12, 320);
+/// Cameras and batches of rays that sensitivities are estimated from.
+const PROBED: (usize, usize) = (64, 48);
+/// Steps of fitting a prefix.
+const PREFIX_STEPS: usize = 150;
+/// A model of unknown quality is taken to be this good, in dB, where a loss in dB is asked for.
+const USUAL_PSNR: f64 = 36.0;
+
+/// Arguments of `strivec-pack pack`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  strivec-pack pack lego.strivec -o small.strivec
+  strivec-pack pack lego.strivec -o small.strivec --max-loss 0.05dB
+  strivec-pack pack 'scenes/*.strivec' -o packed --target-size 2MB")]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// The file to write, a folder for several inputs, or - for standard output
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    goal: GoalArgs,
+    #[command(flatten)]
+    layout: LayoutArgs,
+    /// Rays with what they see that are written for checking readers
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    probes: u32,
+    /// Do not fit what makes up for missing scales when only the coarser ones are loaded
+    #[arg(long)]
+    no_prefixes: bool,
+    /// The terms of the scene's use
+    #[arg(long, value_name = "TEXT")]
+    licence: Option<String>,
+    /// Of every random choice
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Only say what would be written
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// What a file should be.
+#[derive(Debug, clap::Args)]
+#[group(multiple = false)]
+struct GoalArgs {
+    /// Lose nothing
+    #[arg(long)]
+    lossless: bool,
+    /// Lose next to nothing, what is hardly measured, or what is hardly seen
+    #[arg(long, value_enum)]
+    quality: Option<QualityLevel>,
+    /// Lose at most this many dB of PSNR, as in 0.05dB
+    #[arg(long, value_name = "DB", value_parser = decibels)]
+    max_loss: Option<f64>,
+    /// Be at most this large, as in 2MB, 700kB or 1500000
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    target_size: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum QualityLevel {
+    /// Pictures within 60 dB of the scene's own
+    High,
+    /// Within 52 dB
+    Balanced,
+    /// Within 45 dB
+    Small,
+}
+
+impl QualityLevel {
+    /// The mean squared error that pictures may have to the scene's own.
+    fn error(self) -> f64 {
+        let psnr: f64 = match self {
+            Self::High => 60.0,
+            Self::Balanced => 52.0,
+            Self::Small => 45.0,
+        };
+        10f64.powf(-psnr / 10.0)
+    }
+}
+
+fn decibels(text: &str) -> Result<f64, String> {
+    let number = text.strip_suffix("dB").unwrap_or(text).trim();
+    match number.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err("expected a positive number of dB, as in 0.05dB".into()),
+    }
+}
+
+fn size(text: &str) -> Result<u64, String> {
+    let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("KiB", 1024.0), ("MiB", 1048576.0), ("B", 1.0), ("", 1.0)];
+    let read = |(unit, bytes): (&str, f64)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * bytes);
+    match units.into_iter().find_map(read) {
+        Some(bytes) if bytes >= 1.0 && bytes.is_finite() => Ok(bytes as u64),
+        _ => Err("expected a size, as in 2MB, 700kB or 1500000".into()),
+    }
+}
+
+/// A file that was written.
+#[derive(Debug, Serialize)]
+struct Row {
+    input: PathBuf,
+    output: PathBuf,
+    bytes_before: u64,
+    bytes: u64,
+    /// Of the parameters as 32-bit floating point.
+    percent_of_raw: f64,
+    /// PSNR in dB of a reader's pictures to those of the scene as it was; absent where nothing is lost.
+    psnr_to_before: Option<f64>,
+    /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
+    psnr_of_prefixes: Vec<f64>,
+}
+
+impl Row {
+    fn text(rows: &[Self]) -> String {
+        let line = |row: &Self| {
+            let loss = match row.psnr_to_before {
+                Some(psnr) => format!("pictures within {psnr:.1} dB of the scene's own"),
+                None => "nothing lost".to_owned(),
+            };
+            let sizes = format!("{} -> {} bytes", grouped(row.bytes_before), grouped(row.bytes));
+            format!("{}: {sizes} ({:.1} % of raw), {loss}\n", row.output.display(), row.percent_of_raw)
+        };
+        rows.iter().map(line).collect()
+    }
+}
+
+/// Packs files.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let paths = args.inputs.paths()?;
+    let outputs = Outputs::new(&paths, &args.output, args.dry_run, session)?;
+    let mut rows = Vec::new();
+    for path in &paths {
+        let (document, bytes_before) = read_trained(path, args.inputs.limits.limits())?;
+        let raw = 4 * document.scene.parameter_count();
+        let (bytes, error, prefixes) = pack(document, args, session, path)?;
+        let output = outputs.write(path, &bytes)?;
+        rows.push(Row {
+            input: path.clone(),
+            output,
+            bytes_before,
+            bytes: bytes.len() as u64,
+            percent_of_raw: 100.0 * bytes.len() as f64 / raw as f64,
+            psnr_to_before: (error > 0.0).then(|| psnr_of_mse(error)),
+            psnr_of_prefixes: prefixes,
+        });
+    }
+    if outputs.takes_standard_output() { Ok(()) } else { session.console.result(&rows, |rows| Row::text(rows)) }
+}
+
+/// What a scene file or a training state holds, and its bytes.
+fn read_trained(path: &Path, limits: Limits) -> Result<(Document, u64), Error> {
+    if path.extension().is_some_and(|e| e == "state") {
+        let (_, scene) = train::read_state(path)?;
+        let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
+        return Ok((Document { scene, extras: Extras::default() }, bytes));
+    }
+    let (document, bytes) = input::read(path, limits)?;
+    Ok((document, bytes.len() as u64))
+}
+
+/// The file, the mean squared error of its pictures, and the PSNR of its prefixes.
+fn pack(document: Document, args: &Args, session: &Session, path: &Path) -> Result<(Vec<u8>, f64, Vec<f64>), Error> {
+    let failed = |e: container::Error| Error::container(path, e);
+    let Document { scene, mut extras } = document;
+    let views = probe_views(&scene, &extras.cameras, PROBED.0, JUDGED.1);
+    let judge = Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1));
+    let candidate = if args.goal.lossless {
+        let options = args.layout.apply(lossless(&args.layout))?;
+        Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options }
+    } else {
+        let goal = goal(&args.goal, &extras);
+        find(&scene, &views, &judge, goal, args, session)?
+            .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?
+    };
+    let options = args.layout.apply(candidate.options.clone())?;
+    let scales = candidate.decoded.scales.len();
+    extras.prefixes.clear();
+    let mut prefix_psnrs = Vec::new();
+    if !args.no_prefixes && scales > 1 {
+        let of_decoded =
+            Judge::new(&candidate.decoded, probe_views(&scene_of(&candidate), &extras.cameras, 4, JUDGED.1));
+        let progress = Progress::start(&session.console, "prefixes", scales as u64 - 1);
+        for count in 1..scales {
+            let prefix = fit_prefix(&candidate.decoded, count, &views, PREFIX_STEPS, args.seed);
+            let mut part = beginning(&candidate.decoded, count);
+            prefix.apply(&mut part);
+            prefix_psnrs.push(psnr_of_mse(of_decoded.error(&part)));
+            extras.prefixes.push(Some(prefix));
+            progress.set(count as u64, || format!("{:.1} dB", prefix_psnrs[count - 1]));
+        }
+        extras.prefixes.push(None);
+    }
+    extras.probes = (args.probes > 0).then(|| make_probes(&candidate.decoded, args.probes as usize, args.seed));
+    extras.licence = args.licence.clone().or(extras.licence);
+    let before = extras.quality.take().unwrap_or_default();
+    extras.quality = Some(Quality {
+        encoded: (candidate.error > 0.0).then(|| psnr_of_mse(candidate.error)),
+        prefixes: prefix_psnrs.iter().copied().map(Some).chain((!prefix_psnrs.is_empty()).then_some(None)).collect(),
+        ..before
+    });
+    let bytes = container::encode_document(&candidate.scene, &extras, &options).map_err(failed)?;
+    Ok((bytes, candidate.error, prefix_psnrs))
+}
+
+fn scene_of(candidate: &Candidate) -> Scene {
+    candidate.decoded.clone()
+}
+
+fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
+    if let Some(bytes) = args.target_size {
+        return Goal::Bytes(bytes);
+    }
+    if let Some(loss) = args.max_loss {
+        // Errors of encoding and of the model add up, being independent.
+        let known = extras.quality.as_ref().and_then(|q| q.test);
+        let model = 10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0);
+        return Goal::Error(model * (10f64.powf(loss / 10.0) - 1.0));
+    }
+    Goal::Error(args.quality.unwrap_or(QualityLevel::Balanced).error())
+}
+
+fn find(
+    scene: &Scene,
+    views: &Views,
+    judge: &Judge,
+    goal: Goal,
+    args: &Args,
+    session: &Session,
+) -> Result<Option<Candidate>, Error> {
+    session.console.say("what each number is worth");
+    let sensitivity = sensitivity(scene, views, PROBED.1, args.seed);
+    let progress = Progress::start(&session.console, "encodings", 10);
+    let mut count = 0;
+    // Prefixes, probes and records.
+    let reserved = 12_000 + if args.no_prefixes { 0 } else { 20_000 };
+    let mut tried = |candidate: &Candidate| {
+        count += 1;
+        let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
+        progress.set(count, || detail.clone());
+    };
+    let found = search(scene, &sensitivity, judge, goal, reserved, &mut tried);
+    found.map_err(|e| Error::Runtime(e.to_string()))
+}
