@@ -9,6 +9,7 @@ pub(super) fn write(decoder: &Decoder) -> Result<Vec<u8>, Error> {
         mode: match decoder.mode {
             DecoderMode::PerSample => 0,
             DecoderMode::PerRay => 1,
+            DecoderMode::Residual => 2,
         },
         feature_frequencies: decoder.feature_frequencies,
         direction_frequencies: decoder.direction_frequencies,
@@ -46,6 +47,7 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Decoder, Error> {
         mode: match record.mode {
             0 => DecoderMode::PerSample,
             1 => DecoderMode::PerRay,
+            2 => DecoderMode::Residual,
             code => return Err(Error::unsupported("DECODER mode", format!("code {code}"))),
         },
         feature_frequencies: record.feature_frequencies,

@@ -191,7 +191,9 @@ fn codes_that_this_version_does_not_define() {
     unsupported(patched("RULES", 3, &[2]), "aggregation");
     unsupported(patched("RULES", 4, &[2]), "density reduction");
     unsupported(patched("RULES", 5, &[2]), "appearance reduction");
-    unsupported(patched("DECODER", 0, &[2]), "mode");
+    unsupported(patched("DECODER", 0, &[3]), "mode");
+    // Too few features for colours of the samples' own.
+    broken(patched("DECODER", 0, &[2]), "features");
     unsupported(patched("PLACEMENT", 0, &[2]), "kind");
     unsupported(patched("FACTORS", 1, &[2]), "encoding");
     unsupported(patched("FACTORS", 0, &[2]), "kind");
