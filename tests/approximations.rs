@@ -35,7 +35,7 @@ const EXACT: Approximation = Approximation {
     step_scale: 1.0,
     min_weight: None,
     min_transmittance: None,
-    per_ray: None,
+    decoder: None,
     density_cache: None,
 };
 
@@ -55,7 +55,7 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
         Approximation { scales: Some(3), ..EXACT },
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
         Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
-        Approximation { per_ray: Some(scene.decoder.mode == DecoderMode::PerRay), ..EXACT },
+        Approximation { decoder: Some(scene.decoder.mode), ..EXACT },
     ] {
         assert!(!option.is_exact());
         assert_eq!(picture(&scene, option), exact, "{option:?}");
@@ -72,7 +72,8 @@ fn a_strong_option_shows() {
         Approximation { step_scale: 8.0, ..EXACT },
         Approximation { min_weight: Some(0.05), ..EXACT },
         Approximation { min_transmittance: Some(0.9), ..EXACT },
-        Approximation { per_ray: Some(true), ..EXACT },
+        Approximation { decoder: Some(DecoderMode::PerRay), ..EXACT },
+        Approximation { decoder: Some(DecoderMode::Residual), ..EXACT },
         Approximation { density_cache: Some(8), ..EXACT },
     ] {
         let change = difference(&picture(&scene, option), &exact);
@@ -162,7 +163,8 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
     let scene = scene();
     for option in [
         EXACT,
-        Approximation { per_ray: Some(true), ..EXACT },
+        Approximation { decoder: Some(DecoderMode::PerRay), ..EXACT },
+        Approximation { decoder: Some(DecoderMode::Residual), ..EXACT },
         Approximation { density_cache: Some(64), step_scale: 2.0, ..EXACT },
     ] {
         let with = |threads| {

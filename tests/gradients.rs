@@ -225,15 +225,14 @@ fn configs() -> Vec<TrainConfig> {
     vec![plain, other]
 }
 
-/// Scenes under both sets of rules, with a decoder call a sample and a ray.
+/// Scenes under both sets of rules, in all of the decoder's modes.
 fn cases() -> Vec<Scene> {
-    let modes = [DecoderMode::PerSample, DecoderMode::PerRay];
     let case = |config: &TrainConfig, mode| {
         let mut scene = scene(config);
         scene.decoder.mode = mode;
         scene
     };
-    configs().iter().flat_map(|config| modes.map(|mode| case(config, mode))).collect()
+    configs().iter().flat_map(|config| DecoderMode::ALL.map(|mode| case(config, mode))).collect()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use glam::{DVec3, UVec3};
 use strivec::field::Field;
 use strivec::geometry::{Aabb, Camera};
 use strivec::measure::{F32_POSITION_ERROR, parity};
-use strivec::model::{MARGIN_HORIZON, Occupancy, ReferenceField, Scene};
+use strivec::model::{DecoderMode, MARGIN_HORIZON, Occupancy, ReferenceField, Scene};
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
 use strivec::train::TrainConfig;
@@ -15,13 +15,13 @@ use strivec::train::TrainConfig;
 /// Every combination of rules, with an occupancy that cuts through the model.
 fn cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
-    for bits in 0..32 {
+    for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
         let mut config = scenes::config();
         config.field.coverage_all = bits & 1 == 0;
         config.field.normalised = bits & 2 == 0;
         config.field.density_mean = bits & 4 != 0;
         config.field.appearance_mean = bits & 8 != 0;
-        config.decoder.per_ray = bits & 16 != 0;
+        config.decoder.mode = mode;
         config.factor_deviation = 0.8;
         let mut scene = scenes::scene(&config);
         // Away from the tensors' faces, on which every ray's first sample would lie.

@@ -1,4 +1,4 @@
-//! One decoder call a ray: the reference against numbers worked out by hand.
+//! One decoder call a ray, without and with colours of the samples' own: the reference against numbers worked out by hand.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -11,14 +11,19 @@ use strivec::model::{
 };
 use strivec::render::{ReferenceRenderer, Trace};
 
+/// A feature's own colours before the sigmoid, over it.
+const OWN: [f64; 3] = [1.0, 2.0, -0.5];
+
 const BACKGROUND: [f64; 3] = [1.0, 0.5, 0.25];
 
 /// One tensor a scale around the origin, of half edge 1. Density features are 0, so σ = ln 2, and σ·δ·distance scale is
 /// ln 2 as well: α is ½ everywhere. [`RAY`] has samples at z = −¾, −¼, ¼ of weights ½, ¼, ⅛ and leaves T = ⅛. The scales'
 /// appearance features are 4·(z + 1) and 2, their mean 1½, 2½, 3½.
 ///
-/// With F the feature and d the direction, the colour is sigmoid of F, sin F, and cos F + d_z.
+/// With F the feature and d the direction, the colour is sigmoid of F, sin F, and cos F + d_z. Where samples keep colours
+/// of their own, features are [`OWN`] times that one.
 fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
+    let features = mode.min_features();
     let scale = |appearance_z: [f32; 2]| Scale {
         cloud: TensorCloud {
             placement: Placement::Lattice {
@@ -36,12 +41,17 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
             density: vec![0.0; 6],
             appearance: vec![1.0, 1.0, 1.0, 1.0, appearance_z[0], appearance_z[1]],
         },
-        appearance_matrix: AppearanceMatrix { features: 1, rank: 1, weights: vec![1.0] },
+        appearance_matrix: AppearanceMatrix {
+            features,
+            rank: 1,
+            weights: OWN[..features as usize].iter().map(|&v| v as f32).collect(),
+        },
     };
-    // F, d, sin F, cos F, sin d, cos d.
-    let mut weights = vec![0.0; 3 * 12];
-    for (color, input) in [(0, 0), (1, 4), (2, 5), (2, 3)] {
-        weights[12 * color + input] = 1.0;
+    // Features, d, their sines, their cosines, sin d, cos d.
+    let inputs = 3 * features + 9;
+    let mut weights = vec![0.0; 3 * inputs as usize];
+    for (color, input) in [(0, 0), (1, features + 3), (2, 2 * features + 3), (2, features + 2)] {
+        weights[(inputs * color + input) as usize] = 1.0;
     }
     let scene = Scene {
         frame: Frame {
@@ -70,7 +80,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
             mode,
             feature_frequencies: 1,
             direction_frequencies: 1,
-            layers: vec![Linear { inputs: 12, outputs: 3, weights, bias: vec![0.0; 3] }],
+            layers: vec![Linear { inputs, outputs: 3, weights, bias: vec![0.0; 3] }],
         },
         occupancy: None,
         provenance: Provenance::default(),
@@ -87,8 +97,13 @@ fn traced(scene: &Scene) -> Trace {
 
 /// `weight` of the decoder's colour of the feature `f`, with ⅛ of the background.
 fn pixel(weight: f64, f: f64) -> [f64; 3] {
-    let color = [f, f.sin(), f.cos() + 1.0].map(sigmoid);
+    let color = decoded(f).map(sigmoid);
     [0, 1, 2].map(|i| weight * color[i] + 0.125 * BACKGROUND[i])
+}
+
+/// The decoder's output for the feature `f`.
+fn decoded(f: f64) -> [f64; 3] {
+    [f, f.sin(), f.cos() + 1.0]
 }
 
 fn difference(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -118,6 +133,27 @@ fn a_ray_is_decoded_once_on_the_weighted_mean_of_its_features() {
 }
 
 #[test]
+fn samples_add_colours_of_their_own_to_their_ray_s_before_the_sigmoid() {
+    let found = traced(&scene(DecoderMode::Residual, 0.2)).color;
+    let mean = (0.5 * 1.5 + 0.25 * 2.5) / 0.75;
+    let expected = |color: &dyn Fn(f64, usize) -> f64| {
+        [0, 1, 2].map(|i| 0.5 * color(1.5, i) + 0.25 * color(2.5, i) + 0.125 * BACKGROUND[i])
+    };
+    let right = expected(&|f, i| sigmoid(OWN[i] * f + decoded(mean)[i]));
+    assert!(difference(found, right) < 1e-15, "{found:?}, expected {right:?}");
+
+    let planted = [
+        ("the ray's colour alone", expected(&|_, i| sigmoid(decoded(mean)[i]))),
+        ("colours added after the sigmoid", expected(&|f, i| sigmoid(OWN[i] * f) + sigmoid(decoded(mean)[i]))),
+        ("the ray's own colour", expected(&|_, i| sigmoid(OWN[i] * mean + decoded(mean)[i]))),
+        ("a decoder call a sample", expected(&|f, i| sigmoid(OWN[i] * f + decoded(f)[i]))),
+    ];
+    for (what, wrong) in planted {
+        assert!(difference(found, wrong) > 2e-3, "{what} would go unnoticed ({:e})", difference(found, wrong));
+    }
+}
+
+#[test]
 fn a_ray_with_one_coloured_sample_has_that_sample_s_colour() {
     let [once, each] = [DecoderMode::PerRay, DecoderMode::PerSample].map(|mode| traced(&scene(mode, 0.3)).color);
     assert_eq!(once, each);
@@ -126,9 +162,11 @@ fn a_ray_with_one_coloured_sample_has_that_sample_s_colour() {
 
 #[test]
 fn a_ray_without_coloured_samples_shows_what_is_left_of_the_background() {
-    let trace = traced(&scene(DecoderMode::PerRay, 0.6));
-    assert!(difference(trace.color, BACKGROUND.map(|c| 0.125 * c)) < 1e-15, "{trace:?}");
-    assert!((trace.opacity - 0.875).abs() < 1e-15);
+    for mode in DecoderMode::ALL {
+        let trace = traced(&scene(mode, 0.6));
+        assert!(difference(trace.color, BACKGROUND.map(|c| 0.125 * c)) < 1e-15, "{trace:?}");
+        assert!((trace.opacity - 0.875).abs() < 1e-15);
+    }
 }
 
 /// Which samples are coloured, and how near that is to changing, has nothing to do with where the decoder is called.

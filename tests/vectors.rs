@@ -126,7 +126,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         add(name, file(&ragged, Extras::default(), &options));
     }
 
-    let changes: [(&str, fn(&mut Scene)); 8] = [
+    let changes: [(&str, fn(&mut Scene)); 9] = [
         ("coverage-any", |s| s.rules.coverage = Coverage::Any),
         ("aggregation-clamped", |s| s.rules.aggregation = Aggregation::Clamped),
         ("reductions-mean", |s| {
@@ -134,6 +134,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
             s.rules.appearance_reduction = Reduction::Mean;
         }),
         ("per-ray", |s| s.decoder.mode = DecoderMode::PerRay),
+        ("residual", |s| s.decoder.mode = DecoderMode::Residual),
         ("explicit", |s| {
             for scale in &mut s.scales {
                 scale.cloud.placement = Placement::Explicit { centers: scale.cloud.centers().collect() };

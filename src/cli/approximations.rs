@@ -1,6 +1,9 @@
 //! The arguments that trade exactness for speed, of every command that renders.
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
 use super::Error;
+use crate::model::DecoderMode;
 use crate::render::{Approximation, ApproximationError};
 
 /// What may be left out. Nothing is by default.
@@ -22,10 +25,9 @@ pub(super) struct Approximations {
     /// Rays end where less than T of their light is left [default: the scene's]
     #[arg(long, value_name = "T")]
     min_transmittance: Option<f64>,
-    /// One colour a ray, from composited features, even if the scene was trained with one a sample; or, with
-    /// --per-ray=false, the other way round
-    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
-    per_ray: Option<bool>,
+    /// Where the network is called, if not where the scene was trained with it
+    #[arg(long, value_name = "MODE", value_parser = decoder_mode())]
+    decoder: Option<DecoderMode>,
     /// Density baked on a grid of N cells along the longest edge; its memory is in --json
     #[arg(long, value_name = "N")]
     density_cache: Option<u32>,
@@ -40,10 +42,16 @@ impl Approximations {
             step_scale: self.step_scale.unwrap_or(1.0),
             min_weight: self.min_weight,
             min_transmittance: self.min_transmittance,
-            per_ray: self.per_ray,
+            decoder: self.decoder,
             density_cache: self.density_cache,
         }
     }
+}
+
+/// Reads a mode's name.
+fn decoder_mode() -> impl TypedValueParser<Value = DecoderMode> {
+    let of_name = |name: String| DecoderMode::ALL.into_iter().find(|mode| mode.name() == name);
+    PossibleValuesParser::new(DecoderMode::ALL.map(DecoderMode::name)).map(move |name| of_name(name).expect("a name"))
 }
 
 impl From<ApproximationError> for Error {

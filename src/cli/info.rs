@@ -8,7 +8,7 @@ use super::scale_table::ScaleRow;
 use super::table::{Table, grouped};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
-use crate::model::{Coverage, DecoderMode, Scene};
+use crate::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -71,10 +71,7 @@ impl Info {
             parameters: scene.parameter_count(),
             scales: scale_table::rows(scene),
             decoder_parameters: scene.decoder.parameter_count(),
-            decoder_mode: match scene.decoder.mode {
-                DecoderMode::PerSample => "per sample",
-                DecoderMode::PerRay => "per ray",
-            },
+            decoder_mode: scene.decoder.mode.name(),
             coverage: match scene.rules.coverage {
                 Coverage::All => "all scales",
                 Coverage::Any => "any scale",

@@ -109,6 +109,8 @@ pub(super) enum Preset {
     Fast,
     /// 48 appearance components, the network called once a ray instead of once a sample
     PerRay,
+    /// per-ray with a colour of each sample's own: the best pictures, nearly as fast
+    Best,
 }
 
 impl Preset {
@@ -121,6 +123,7 @@ impl Preset {
             Self::P96 => "96",
             Self::Fast => "fast",
             Self::PerRay => "per-ray",
+            Self::Best => "best",
         }
     }
 }

@@ -17,6 +17,7 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOption
         mode: match decoder.mode {
             DecoderMode::PerSample => 0,
             DecoderMode::PerRay => 1,
+            DecoderMode::Residual => 2,
         },
         feature_frequencies: decoder.feature_frequencies,
         direction_frequencies: decoder.direction_frequencies,
@@ -47,6 +48,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder
         mode: match record.mode {
             0 => DecoderMode::PerSample,
             1 => DecoderMode::PerRay,
+            2 => DecoderMode::Residual,
             code => return Err(Error::unsupported("DECODER mode", format!("code {code}"))),
         },
         feature_frequencies: record.feature_frequencies,

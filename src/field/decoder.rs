@@ -36,7 +36,8 @@ pub struct FieldDecoder<T> {
 }
 
 /// What became of the coloured samples of a few rays. A row is a call of the decoder: a coloured sample, or a ray that
-/// has any. Reused from one batch to the next.
+/// has any. A term is a colour in a pixel's sum: a row's, or, where samples keep colours of their own, a coloured
+/// sample's. Reused from one batch to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
     /// The samples that add colour.
@@ -47,15 +48,22 @@ pub struct Activations<T> {
     pub reductions: Vec<T>,
     /// \[row\]\[ΣR\] the rays' composited components; empty where every sample is decoded.
     pub composites: Vec<T>,
-    /// \[row\] what its colour weighs in its pixel.
-    pub weights: Vec<T>,
+    /// \[row\] Σ w of the samples that are composited; empty where every sample is decoded.
+    pub composite_weights: Vec<T>,
     /// \[ray\] its first row, and the number of rows.
     pub ray_rows: Vec<u32>,
+    /// \[term\] what it weighs in its pixel.
+    pub weights: Vec<T>,
+    /// \[ray\] its first term, and the number of terms.
+    pub ray_terms: Vec<u32>,
     /// \[layer\]\[row\]\[inputs of that layer\]: the encoded features, then each layer's rectified outputs.
     pub inputs: Vec<Vec<T>>,
-    /// \[row\] colours in [0, 1].
+    /// \[term\] colours in [0, 1].
     pub colors: Vec<[T; 3]>,
+    /// \[row\]\[3\] the last layer's outputs.
     outputs: Vec<T>,
+    /// \[coloured\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
+    own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
     located: Vec<Located<T>>,
@@ -66,8 +74,13 @@ impl<T: Real> Activations<T> {
     pub fn decoded_components(&self, mode: DecoderMode) -> &[T] {
         match mode {
             DecoderMode::PerSample => &self.components,
-            DecoderMode::PerRay => &self.composites,
+            DecoderMode::PerRay | DecoderMode::Residual => &self.composites,
         }
+    }
+
+    /// How many there are.
+    pub fn row_count(&self) -> usize {
+        self.ray_rows.last().map_or(0, |&n| n as usize)
     }
 
     /// The rows of `ray`.
@@ -75,13 +88,18 @@ impl<T: Real> Activations<T> {
         self.ray_rows[ray] as usize..self.ray_rows[ray + 1] as usize
     }
 
+    /// The terms of `ray`.
+    pub fn terms_of_ray(&self, ray: usize) -> std::ops::Range<usize> {
+        self.ray_terms[ray] as usize..self.ray_terms[ray + 1] as usize
+    }
+
     /// What `ray` sees in front of `behind`.
     #[inline(always)]
     pub fn pixel(&self, ray: usize, behind: [T; 3]) -> [T; 3] {
         let mut color = behind;
-        for row in self.rows_of_ray(ray) {
-            for (sum, &value) in color.iter_mut().zip(&self.colors[row]) {
-                *sum += self.weights[row] * value;
+        for term in self.terms_of_ray(ray) {
+            for (sum, &value) in color.iter_mut().zip(&self.colors[term]) {
+                *sum += self.weights[term] * value;
             }
         }
         color
@@ -163,23 +181,38 @@ impl<T: Real> Field<T> {
         work.add(&Work {
             colored: activations.colored.len() as u64,
             colored_pairs: count_pairs(&samples.pair_ranges, places, self.scales.len()),
-            decoded: activations.weights.len() as u64,
+            decoded: activations.row_count() as u64,
             ..Work::default()
         });
     }
 
-    /// Fills `weights` and `ray_rows`, and `composites` where rays are decoded: F = Σ w·f / Σ w.
+    /// Says which rows and terms there are, and what terms weigh.
     #[inline(always)]
     fn compose_rows(&self, rays: usize, activations: &mut Activations<T>) {
-        let Activations { colored, components, composites, weights, ray_rows, .. } = activations;
-        composites.clear();
-        if self.decoder.mode == DecoderMode::PerSample {
-            weights.clone_from(&colored.weights);
-            ray_rows.clone_from(&colored.ray_starts);
-            return;
+        let mode = self.decoder.mode;
+        if mode != DecoderMode::PerSample {
+            self.composite_components(rays, activations);
         }
+        let Activations { colored, composite_weights, ray_rows, weights, ray_terms, .. } = activations;
+        if mode == DecoderMode::PerSample {
+            ray_rows.clone_from(&colored.ray_starts);
+        }
+        if mode == DecoderMode::PerRay {
+            weights.clone_from(composite_weights);
+            ray_terms.clone_from(ray_rows);
+        } else {
+            weights.clone_from(&colored.weights);
+            ray_terms.clone_from(&colored.ray_starts);
+        }
+    }
+
+    /// Makes a row of every ray that has colour: F = Σ w·f / Σ w.
+    #[inline(always)]
+    fn composite_components(&self, rays: usize, activations: &mut Activations<T>) {
+        let Activations { colored, components, composites, composite_weights, ray_rows, .. } = activations;
         let width = self.component_count();
-        weights.clear();
+        composites.clear();
+        composite_weights.clear();
         ray_rows.clear();
         ray_rows.push(0);
         for ray in (0..rays).map(|ray| colored.of_ray(ray)) {
@@ -194,17 +227,17 @@ impl<T: Real> Field<T> {
                         *sum += share * v;
                     }
                 }
-                weights.push(weight);
+                composite_weights.push(weight);
             }
-            ray_rows.push(weights.len() as u32);
+            ray_rows.push(composite_weights.len() as u32);
         }
     }
 
-    /// Fills the features in the first layer's inputs.
+    /// Fills the features in the first layer's inputs, and those that are samples' own colours.
     #[inline(always)]
     fn multiply_appearance(&self, activations: &mut Activations<T>) {
         let decoder = &self.decoder;
-        let n = activations.weights.len();
+        let n = activations.row_count();
         let components = self.component_count();
         let inputs = decoder.layers[0].inputs;
         let mut all_inputs = std::mem::take(&mut activations.inputs);
@@ -218,6 +251,16 @@ impl<T: Real> Field<T> {
             false,
         );
         activations.inputs = all_inputs;
+        if decoder.mode == DecoderMode::Residual {
+            let Activations { colored, components: of_samples, own_colors, .. } = activations;
+            own_colors.resize(colored.len() * 3, T::zero());
+            multiply(
+                MatrixMut::new(own_colors, colored.len(), 3, 3),
+                Matrix::new(of_samples, colored.len(), components, components),
+                Matrix::new(&decoder.appearance, 3, components, components).transposed(),
+                false,
+            );
+        }
     }
 
     /// Fills the rest of the first layer's inputs.
@@ -244,7 +287,7 @@ impl<T: Real> Field<T> {
     /// Fills the inputs of the layers after the first, and `colors`.
     #[inline(always)]
     fn run_layers(&self, activations: &mut Activations<T>) {
-        let n = activations.weights.len();
+        let n = activations.row_count();
         let layers = &self.decoder.layers;
         for (l, layer) in layers.iter().enumerate() {
             let last = l + 1 == layers.len();
@@ -264,9 +307,18 @@ impl<T: Real> Field<T> {
                 }
             }
         }
-        activations.colors.clear();
+        let Activations { colored, ray_rows, outputs, own_colors, colors, .. } = activations;
+        if self.decoder.mode == DecoderMode::Residual {
+            for (samples, rows) in colored.ray_starts.windows(2).zip(ray_rows.windows(2)) {
+                for own in own_colors[3 * samples[0] as usize..3 * samples[1] as usize].chunks_exact_mut(3) {
+                    own.iter_mut().zip(&outputs[3 * rows[0] as usize..]).for_each(|(sum, &v)| *sum += v);
+                }
+            }
+        }
+        let terms = if self.decoder.mode == DecoderMode::Residual { own_colors } else { outputs };
         let sigmoid = |x: T| T::one() / (T::one() + (-x).exp());
-        activations.colors.extend(activations.outputs.chunks_exact(3).map(|c| [0, 1, 2].map(|i| sigmoid(c[i]))));
+        colors.clear();
+        colors.extend(terms.chunks_exact(3).map(|c| [0, 1, 2].map(|i| sigmoid(c[i]))));
     }
 }
 

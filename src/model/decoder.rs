@@ -28,11 +28,34 @@ pub struct Linear {
 
 /// Where along the ray the decoder is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum DecoderMode {
     /// At every sample that counts; colours are composited (the paper).
     PerSample,
     /// Once a ray, on composited features.
     PerRay,
+    /// Once a ray, on composited features. What comes out is added, before the sigmoid, to the first three features of
+    /// each sample that counts: samples keep a colour of their own. Colours are composited.
+    Residual,
+}
+
+impl DecoderMode {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::PerSample, Self::PerRay, Self::Residual];
+
+    /// As configurations and the command line write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PerSample => "per-sample",
+            Self::PerRay => "per-ray",
+            Self::Residual => "residual",
+        }
+    }
+
+    /// The fewest features that it works on.
+    pub fn min_features(self) -> u32 {
+        if self == Self::Residual { 3 } else { 1 }
+    }
 }
 
 /// The MLP. Its input is \[features, direction, PE(features), PE(direction)\], where PE takes every element times
@@ -66,6 +89,10 @@ impl Decoder {
     }
 
     pub(super) fn check(&self, features: u32) -> Result<(), BrokenInvariant> {
+        if features < self.mode.min_features() {
+            let expected = format!("at least {} for a {} decoder", self.mode.min_features(), self.mode.name());
+            return Err(BrokenInvariant::new("features", expected, features));
+        }
         let mut width = self.input_len(features);
         for (i, layer) in self.layers.iter().enumerate() {
             let place = |what: &str| format!("decoder layer {i} {what}");

@@ -238,6 +238,11 @@ impl<'a> ReferenceField<'a> {
 
     /// The colour, in [0, 1], of `features` seen along the unit vector `direction` (DESIGN, section 2.7).
     pub fn decode(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
+        self.decoder_output(features, direction).map(sigmoid)
+    }
+
+    /// [`ReferenceField::decode`] before the sigmoid.
+    pub fn decoder_output(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
         let mut values = decoder_input(&self.scene.decoder, features, direction);
         let layers = &self.scene.decoder.layers;
         for (i, layer) in layers.iter().enumerate() {
@@ -250,7 +255,7 @@ impl<'a> ReferenceField<'a> {
             }
             values = outputs;
         }
-        [sigmoid(values[0]), sigmoid(values[1]), sigmoid(values[2])]
+        [values[0], values[1], values[2]]
     }
 }
 

@@ -18,8 +18,8 @@ pub struct Approximation {
     pub min_weight: Option<f64>,
     /// Rays end where their transmittance falls below this; the scene's where there is none.
     pub min_transmittance: Option<f64>,
-    /// Whether the decoder is called once a ray, on composited features; as the scene was trained where there is none.
-    pub per_ray: Option<bool>,
+    /// Where the decoder is called; as the scene was trained where there is none.
+    pub decoder: Option<DecoderMode>,
     /// Density features are baked on a grid of so many cells along the longest edge of the bounds, and interpolated
     /// between its vertices.
     pub density_cache: Option<u32>,
@@ -33,7 +33,7 @@ impl Default for Approximation {
             step_scale: 1.0,
             min_weight: None,
             min_transmittance: None,
-            per_ray: None,
+            decoder: None,
             density_cache: None,
         }
     }
@@ -74,6 +74,10 @@ impl Approximation {
                 return Err(ApproximationError { option, expected, found: found.to_string() });
             }
         }
+        if let Some(mode) = self.decoder.filter(|mode| scene.features() < mode.min_features()) {
+            let expected = format!("another mode: {} needs {} features", mode.name(), mode.min_features());
+            return Err(ApproximationError { option: "decoder", expected, found: scene.features().to_string() });
+        }
         let fraction = |v: f64| (0.0..1.0).contains(&v);
         for (option, value, valid, expected) in [
             ("step_scale", Some(self.step_scale), (0.25..=64.0).contains(&self.step_scale), "0.25 to 64"),
@@ -104,10 +108,6 @@ impl Approximation {
         rules.step *= self.step_scale;
         rules.min_weight = self.min_weight.unwrap_or(rules.min_weight);
         rules.min_transmittance = self.min_transmittance.unwrap_or(rules.min_transmittance);
-        scene.decoder.mode = match self.per_ray {
-            None => scene.decoder.mode,
-            Some(true) => DecoderMode::PerRay,
-            Some(false) => DecoderMode::PerSample,
-        };
+        scene.decoder.mode = self.decoder.unwrap_or(scene.decoder.mode);
     }
 }

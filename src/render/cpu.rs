@@ -93,7 +93,7 @@ impl<T: Real> CpuRenderer<T> {
         let at_once = match self.field.decoder.mode {
             DecoderMode::PerSample => ROWS_AT_ONCE,
             // A row is a ray.
-            DecoderMode::PerRay => usize::MAX,
+            DecoderMode::PerRay | DecoderMode::Residual => usize::MAX,
         };
         let mut first = 0;
         while first < rays.len() {

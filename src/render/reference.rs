@@ -36,9 +36,10 @@ impl<'a> ReferenceRenderer<'a> {
         let scene = self.field.scene();
         let rules = &scene.rules;
         let mut color = [0.0; 3];
-        // Where rays are decoded: Σ w and Σ w·f over the coloured samples.
+        // Where rays are decoded: Σ w and Σ w·f over the coloured samples, and of each w and its first features.
         let mut composed_weight = 0.0;
         let mut composed = vec![0.0; scene.features() as usize];
+        let mut own_colors = Vec::new();
         let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
         let mut transmittance = 1.0;
         let mut margin = MARGIN_HORIZON;
@@ -84,7 +85,10 @@ impl<'a> ReferenceRenderer<'a> {
                             let sample_color = self.field.decode(&features, ray.direction);
                             color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
                         }
-                        DecoderMode::PerRay => {
+                        DecoderMode::PerRay | DecoderMode::Residual => {
+                            if scene.decoder.mode == DecoderMode::Residual {
+                                own_colors.push((weight, [features[0], features[1], features[2]]));
+                            }
                             composed_weight += weight;
                             composed.iter_mut().zip(features).for_each(|(sum, f)| *sum += weight * f);
                         }
@@ -103,7 +107,14 @@ impl<'a> ReferenceRenderer<'a> {
         }
         if composed_weight > 0.0 {
             composed.iter_mut().for_each(|f| *f /= composed_weight);
-            color = self.field.decode(&composed, ray.direction).map(|c| composed_weight * c);
+            let of_ray = self.field.decoder_output(&composed, ray.direction);
+            if scene.decoder.mode == DecoderMode::Residual {
+                for (weight, own) in own_colors {
+                    (0..3).for_each(|c| color[c] += weight * sigmoid(own[c] + of_ray[c]));
+                }
+            } else {
+                color = of_ray.map(|v| composed_weight * sigmoid(v));
+            }
         }
         for (c, &background) in color.iter_mut().zip(&scene.frame.background) {
             *c += transmittance * f64::from(background);

@@ -5,7 +5,8 @@
 //! of colours (0 for samples without one) and b the gradient of the pixel times the background; then
 //! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). Where every sample is decoded, s_i is the pixel's gradient times
 //! the sample's colour. Where rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
-//! gradient times c plus ∂L/∂F·(f_i − F)/W.
+//! gradient times c plus ∂L/∂F·(f_i − F)/W. Where samples keep colours of their own, the pixel is Σ w·c_i with
+//! c_i = sigmoid(own_i + o(F)), so s_i is the pixel's gradient times c_i plus the same.
 
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
@@ -38,7 +39,8 @@ pub struct BatchThinning {
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
     pub(super) samples: Samples<T>,
-    /// \[row\]\[ΣR\] ∂L/∂(decoded components).
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, where samples keep colours of their own,
+    /// \[coloured\]\[ΣR\] ∂L/∂(their components).
     pub(super) component_gradients: Vec<T>,
     /// ∂L/∂shared weights, in the flat layout.
     pub(super) network_gradients: Vec<T>,
@@ -58,12 +60,17 @@ pub(super) struct Scratch<T> {
     pixel_gradients: Vec<[T; 3]>,
     /// \[coloured\] ∂L/∂(the sample's weight), by way of colours.
     weight_gradients: Vec<T>,
-    /// \[coloured\] its row, and what that row's gradients are multiplied by to be those of the sample's components.
+    /// \[coloured\] its row of `component_gradients`, and what that row is multiplied by to be the gradients of the
+    /// sample's components.
     component_shares: Vec<(u32, T)>,
     /// \[place\] ∂L/∂(a scale's density feature).
     feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
+    /// \[term\]\[3\] ∂L/∂(a colour before the sigmoid).
+    term_gradients: Vec<T>,
+    /// \[coloured\]\[ΣR\] ∂L/∂(components), where samples keep colours of their own.
+    sample_gradients: Vec<T>,
 }
 
 impl<T: Real> Chunk<T> {
@@ -84,7 +91,7 @@ impl<T: Real> Chunk<T> {
         field.march(rays, &mut self.samples);
         field.choose_colored(&self.samples, thinning.color, &mut scratch.activations.colored);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
-        self.compare(targets, T::of(loss_scale), scratch);
+        self.compare(field, targets, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
         self.weigh_backward(field, scratch);
@@ -97,13 +104,13 @@ impl<T: Real> Chunk<T> {
         self.samples.clock.lap(Stage::PairOrder);
     }
 
-    /// Pixels, loss, and the gradients of pixels and of the rows' colours before the sigmoid.
+    /// Pixels, loss, and the gradients of pixels, of colours before the sigmoid and of the decoder's outputs.
     #[inline(always)]
-    fn compare(&mut self, targets: &[Target], loss_scale: T, scratch: &mut Scratch<T>) {
-        let Scratch { activations, pixel_gradients, output_gradients, .. } = scratch;
+    fn compare(&mut self, field: &Field<T>, targets: &[Target], loss_scale: T, scratch: &mut Scratch<T>) {
+        let Scratch { activations, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
         pixel_gradients.clear();
-        output_gradients.clear();
+        term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
             let remaining = self.samples.remaining[ray];
             let color = activations.pixel(ray, target.background.map(|c| remaining * T::of_f32(c)));
@@ -111,44 +118,68 @@ impl<T: Real> Chunk<T> {
             self.squared_error += error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
             let gradient = error.map(|e| (e + e) * loss_scale);
             pixel_gradients.push(gradient);
-            for row in activations.rows_of_ray(ray) {
-                let (weight, color) = (activations.weights[row], activations.colors[row]);
-                output_gradients.extend([0, 1, 2].map(|i| gradient[i] * weight * color[i] * (T::one() - color[i])));
+            for term in activations.terms_of_ray(ray) {
+                let (weight, color) = (activations.weights[term], activations.colors[term]);
+                term_gradients.extend([0, 1, 2].map(|i| gradient[i] * weight * color[i] * (T::one() - color[i])));
             }
+        }
+        if field.decoder.mode != DecoderMode::Residual {
+            output_gradients.clone_from(term_gradients);
+            return;
+        }
+        output_gradients.clear();
+        for terms in (0..targets.len()).map(|ray| activations.terms_of_ray(ray)).filter(|terms| !terms.is_empty()) {
+            let mut sums = [T::zero(); 3];
+            for of_term in term_gradients[3 * terms.start..3 * terms.end].chunks_exact(3) {
+                sums.iter_mut().zip(of_term).for_each(|(sum, &g)| *sum += g);
+            }
+            output_gradients.extend(sums);
         }
     }
 
     /// `component_shares`, and the gradients of the samples' weights.
     #[inline(always)]
     fn weigh_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
-        let Scratch { activations, pixel_gradients, weight_gradients, component_shares, .. } = scratch;
+        let Scratch { activations, pixel_gradients, weight_gradients, component_shares, sample_gradients, .. } =
+            scratch;
         let colored = &activations.colored;
-        let width = field.component_count();
+        let (mode, width) = (field.decoder.mode, field.component_count());
         component_shares.clear();
         weight_gradients.clear();
         for (ray, gradient) in pixel_gradients.iter().enumerate() {
+            let ray_row = activations.rows_of_ray(ray).start;
             for c in colored.of_ray(ray) {
-                let row = match field.decoder.mode {
-                    DecoderMode::PerSample => c,
-                    DecoderMode::PerRay => activations.rows_of_ray(ray).start,
+                let (term, row) = match mode {
+                    DecoderMode::PerSample | DecoderMode::Residual => (c, c),
+                    DecoderMode::PerRay => (ray_row, ray_row),
                 };
-                let color = activations.colors[row];
+                let color = activations.colors[term];
                 let mut sum = gradient[0] * color[0] + gradient[1] * color[1] + gradient[2] * color[2];
                 let mut share = activations.reductions.get(c).copied().unwrap_or(T::one());
-                if field.decoder.mode == DecoderMode::PerRay {
-                    let weight = activations.weights[row];
+                if mode != DecoderMode::PerSample {
+                    let weight = activations.composite_weights[ray_row];
+                    let composite_gradients = &self.component_gradients[ray_row * width..][..width];
                     sum += difference_along(
-                        &self.component_gradients[row * width..][..width],
+                        composite_gradients,
                         &activations.components[c * width..][..width],
-                        &activations.composites[row * width..][..width],
+                        &activations.composites[ray_row * width..][..width],
                     ) / weight;
-                    share *= colored.weights[c] / weight;
+                    let share_of_composite = colored.weights[c] / weight;
+                    if mode == DecoderMode::PerRay {
+                        share *= share_of_composite;
+                    } else {
+                        let sums = &mut sample_gradients[c * width..][..width];
+                        sums.iter_mut().zip(composite_gradients).for_each(|(sum, &g)| *sum += g * share_of_composite);
+                    }
                 }
                 // A thinned sample's colour weighs more than the sample.
                 let place = colored.places[c] as usize;
                 weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));
             }
+        }
+        if mode == DecoderMode::Residual {
+            std::mem::swap(&mut self.component_gradients, sample_gradients);
         }
         self.samples.clock.lap(Stage::CompositeBackward);
     }
@@ -206,9 +237,9 @@ impl<T: Real> Chunk<T> {
     /// From the gradients of the rows' outputs to those of the layers, the appearance matrices and the components.
     #[inline(always)]
     fn decode_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
-        let Scratch { activations, input_gradients, output_gradients, .. } = scratch;
+        let Scratch { activations, input_gradients, output_gradients, term_gradients, sample_gradients, .. } = scratch;
         let decoder = &field.decoder;
-        let n = activations.weights.len();
+        let n = activations.row_count();
         let components = field.component_count();
         self.network_gradients.clear();
         self.network_gradients.resize(layout.len(), T::zero());
@@ -270,6 +301,23 @@ impl<T: Real> Chunk<T> {
             Matrix::new(&decoder.appearance, decoder.features, components, components),
             false,
         );
+        if decoder.mode == DecoderMode::Residual {
+            let count = activations.colored.len();
+            let own_gradients = Matrix::new(term_gradients, count, 3, 3);
+            multiply(
+                MatrixMut::new(&mut self.network_gradients[..3 * components], 3, components, components),
+                own_gradients.transposed(),
+                Matrix::new(&activations.components, count, components, components),
+                true,
+            );
+            sample_gradients.resize(count * components, T::zero());
+            multiply(
+                MatrixMut::new(sample_gradients, count, components, components),
+                own_gradients,
+                Matrix::new(&decoder.appearance, 3, components, components),
+                false,
+            );
+        }
         self.samples.clock.lap(Stage::AppearanceMatricesBackward);
     }
 

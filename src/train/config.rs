@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Aggregation, Coverage, Reduction, Rules};
+use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
 use crate::prior::CoarseOptions;
 
 /// Steps that the presets' schedules are written for (paper, section "Implementation").
@@ -34,8 +34,6 @@ pub struct TrainConfig {
     pub network_learning_rate: f64,
     /// By what learning rates would fall over a whole run without restarts.
     pub learning_rate_decay: f64,
-    /// How they fall.
-    pub learning_rate_fall: Fall,
     /// Weight of the mean absolute density factor, of each axis of each scale, in the loss.
     pub density_l1: f64,
     /// Samples that weigh less are coloured at random, with a probability of their weight over this, and then weigh this:
@@ -58,30 +56,6 @@ pub struct TrainConfig {
     pub prior: CoarseOptions,
     /// Coarsest first.
     pub scales: Vec<ScaleConfig>,
-}
-
-/// How learning rates fall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Fall {
-    /// By the same factor at every step; what restarts leave of a run is too short to reach the end (the paper's).
-    Exponential,
-    /// Along half a cosine from each restart to the run's last step: slow, fast, slow.
-    Cosine,
-}
-
-impl Fall {
-    /// What learning rates are multiplied by `since_restart` steps after one that happened after step `restarted_at` of
-    /// `steps`, where they end at `decay`.
-    pub(super) fn factor(self, decay: f64, since_restart: u64, restarted_at: u64, steps: u64) -> f64 {
-        match self {
-            Self::Exponential => decay.powf(since_restart as f64 / steps as f64),
-            Self::Cosine => {
-                let along = since_restart as f64 / (steps - restarted_at) as f64;
-                decay + (1.0 - decay) * 0.5 * (1.0 + (std::f64::consts::PI * along).cos())
-            }
-        }
-    }
 }
 
 /// The rules that training starts from.
@@ -112,8 +86,8 @@ pub struct FieldConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DecoderConfig {
-    /// Whether it is called once a ray, on composited features, instead of once a sample.
-    pub per_ray: bool,
+    /// Where it is called.
+    pub mode: DecoderMode,
     /// P.
     pub features: u32,
     /// Frequencies of PE(features).
@@ -155,7 +129,6 @@ impl Default for TrainConfig {
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
             learning_rate_decay: 0.1,
-            learning_rate_fall: Fall::Exponential,
             density_l1: 1e-5,
             color_thinning: 0.001,
             density_thinning: 1.0,
@@ -206,7 +179,13 @@ impl FieldConfig {
 
 impl Default for DecoderConfig {
     fn default() -> Self {
-        Self { per_ray: false, features: 27, feature_frequencies: 2, direction_frequencies: 2, hidden: vec![128, 128] }
+        Self {
+            mode: DecoderMode::PerSample,
+            features: 27,
+            feature_frequencies: 2,
+            direction_frequencies: 2,
+            hidden: vec![128, 128],
+        }
     }
 }
 
@@ -253,7 +232,7 @@ pub enum ConfigError {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 6] = ["12", "24", "48", "96", "fast", "per-ray"];
+    pub const PRESETS: [&str; 7] = ["12", "24", "48", "96", "fast", "per-ray", "best"];
 
     /// The preset `name`.
     ///
@@ -263,8 +242,8 @@ impl TrainConfig {
     pub fn preset(name: &str) -> Result<Self, ConfigError> {
         let mut preset = Self { preset: name.into(), ..Self::default() };
         preset.scales = match name {
-            "per-ray" => {
-                preset.decoder.per_ray = true;
+            "per-ray" | "best" => {
+                preset.decoder.mode = if name == "best" { DecoderMode::Residual } else { DecoderMode::PerRay };
                 preset.color_thinning = 0.002;
                 preset_scales(48)
             }
@@ -290,7 +269,7 @@ impl TrainConfig {
             given.insert("preset".into(), preset.into());
             given.remove("scales");
             if let Some(decoder) = given.get_mut("decoder").and_then(toml::Value::as_table_mut) {
-                decoder.remove("per_ray");
+                decoder.remove("mode");
             }
         }
         let preset = given.get("preset").and_then(toml::Value::as_str).unwrap_or("48");
@@ -340,7 +319,11 @@ impl TrainConfig {
         positive("factor_deviation", self.factor_deviation)?;
         positive("field.distance_scale", self.field.distance_scale)?;
         positive("field.step_cells", self.field.step_cells)?;
-        positive("decoder.features", f64::from(self.decoder.features))?;
+        let least = self.decoder.mode.min_features();
+        if self.decoder.features < least {
+            let expected = format!("at least {least} where the mode is {}", self.decoder.mode.name());
+            return Err(error("decoder.features".into(), &expected, self.decoder.features.to_string()));
+        }
         for (place, value) in [
             ("density_l1", self.density_l1),
             ("color_thinning", self.color_thinning),
@@ -412,10 +395,11 @@ mod tests {
     fn a_file_that_names_a_preset_gets_its_scales() {
         let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100", None).unwrap();
         assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
-        let per_ray = |text| TrainConfig::from_toml(text, None).unwrap().decoder.per_ray;
-        assert!(per_ray("preset = \"per-ray\"\n[decoder]\nfeatures = 9") && !per_ray("[decoder]\nfeatures = 9"));
-        let text = "preset = \"per-ray\"\nseed = 7\n[decoder]\nper_ray = false";
-        assert!(!per_ray(text));
+        let mode = |text| TrainConfig::from_toml(text, None).unwrap().decoder.mode;
+        assert_eq!(mode("preset = \"per-ray\"\n[decoder]\nfeatures = 9"), DecoderMode::PerRay);
+        assert_eq!(mode("[decoder]\nfeatures = 9"), DecoderMode::PerSample);
+        let text = "preset = \"per-ray\"\nseed = 7\n[decoder]\nmode = \"residual\"";
+        assert_eq!(mode(text), DecoderMode::Residual);
         let per_ray = TrainConfig::preset("per-ray").unwrap();
         assert_eq!(TrainConfig::from_toml(text, Some("per-ray")).unwrap(), TrainConfig { seed: 7, ..per_ray });
     }
@@ -427,14 +411,10 @@ mod tests {
         assert!(message("steps = 0").contains("steps"));
         assert!(message("preset = \"7\"").contains("12, 24"));
         assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
-    }
-
-    #[test]
-    fn learning_rates_fall_to_their_end() {
-        let of = |fall: Fall, since| fall.factor(0.1, since, 400, 1000);
-        assert_eq!([of(Fall::Exponential, 0), of(Fall::Cosine, 0)], [1.0; 2]);
-        assert!((of(Fall::Exponential, 600) - 0.1f64.powf(0.6)).abs() < 1e-12);
-        assert!((of(Fall::Cosine, 600) - 0.1).abs() < 1e-12 && (of(Fall::Cosine, 300) - 0.55).abs() < 1e-12);
+        assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
+        for mode in DecoderMode::ALL.map(DecoderMode::name) {
+            assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");
+        }
     }
 
     #[test]

@@ -3,8 +3,7 @@
 use super::{ConfigError, TrainConfig};
 use crate::geometry::Aabb;
 use crate::model::{
-    AppearanceMatrix, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Provenance, Scale, Scene,
-    TensorCloud,
+    AppearanceMatrix, Coverage, Decoder, FactorKind, Factors, Frame, Linear, Provenance, Scale, Scene, TensorCloud,
 };
 use crate::random::Random;
 
@@ -91,7 +90,7 @@ fn uniform(stream: &Random, inputs: u32, first: u32, count: u32) -> Vec<f32> {
 fn initial_decoder(config: &TrainConfig) -> Decoder {
     let shape = &config.decoder;
     let mut decoder = Decoder {
-        mode: if config.decoder.per_ray { DecoderMode::PerRay } else { DecoderMode::PerSample },
+        mode: shape.mode,
         feature_frequencies: shape.feature_frequencies,
         direction_frequencies: shape.direction_frequencies,
         layers: Vec::new(),

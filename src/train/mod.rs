@@ -23,7 +23,7 @@ pub use adam::Moments;
 pub use backward::{Backward, Gradients};
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchThinning, Target};
-pub use config::{ConfigError, DecoderConfig, Fall, FieldConfig, ScaleConfig, TrainConfig};
+pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;

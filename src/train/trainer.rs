@@ -199,8 +199,8 @@ impl<'a> Trainer<'a> {
     /// The optimiser's step for parameters whose learning rate starts at `start`.
     fn adam(&self, start: f64) -> Adam<f32> {
         let since_restart = self.progress.step - self.progress.restarted_at;
-        let TrainConfig { learning_rate_fall: fall, learning_rate_decay: decay, steps, .. } = self.config;
-        let factor = fall.factor(decay, since_restart - 1, self.progress.restarted_at, steps);
+        let along = (since_restart - 1) as f64 / self.config.steps as f64;
+        let factor = self.config.learning_rate_decay.powf(along);
         Adam::new(start * factor, since_restart)
     }
 

@@ -71,7 +71,7 @@ fn f32_scenes_come_back_bit_for_bit() {
 #[test]
 fn every_choice_comes_back() {
     let mut scene = two_scales();
-    let changes: [fn(&mut Scene); 13] = [
+    let changes: [fn(&mut Scene); 14] = [
         |s| s.rules.coverage = Coverage::Any,
         |s| s.rules.aggregation = Aggregation::Clamped,
         |s| s.rules.density_reduction = Reduction::Mean,
@@ -83,6 +83,15 @@ fn every_choice_comes_back() {
         |s| s.frame.up = UpAxis::MinusZ,
         |s| s.frame.metres_per_unit = None,
         |s| s.decoder.mode = DecoderMode::PerSample,
+        |s| {
+            s.decoder.mode = DecoderMode::Residual;
+            for matrix in s.scales.iter_mut().map(|scale| &mut scale.appearance_matrix) {
+                matrix.features = 3;
+                matrix.weights.resize(3 * matrix.rank as usize, 0.25);
+            }
+            s.decoder.layers[0].inputs = 12;
+            s.decoder.layers[0].weights.resize(12 * 4, -0.5);
+        },
         |s| s.scales[0].top_k = 2,
         |s| s.provenance.dataset.clear(),
     ];

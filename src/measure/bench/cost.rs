@@ -51,8 +51,8 @@ pub struct FieldShape {
     pub frequencies: [usize; 2],
     /// \[layer\] inputs and outputs.
     pub layers: Vec<[usize; 2]>,
-    /// Whether the decoder is called once a ray.
-    pub per_ray: bool,
+    /// Where the decoder is called.
+    pub mode: DecoderMode,
     /// Columns of the first layer whose gradient is needed: all but the encoded direction.
     pub first_layer_columns: usize,
 }
@@ -86,7 +86,7 @@ impl FieldShape {
             features: field.decoder.features,
             frequencies: field.decoder.frequencies.map(|f| f as usize),
             layers: field.decoder.layers.iter().map(|l| [l.inputs, l.outputs]).collect(),
-            per_ray: field.decoder.mode == DecoderMode::PerRay,
+            mode: field.decoder.mode,
             first_layer_columns: field.decoder.input_parts()[2],
         }
     }
@@ -104,8 +104,11 @@ impl FieldShape {
         let components = self.scales.iter().map(|s| s.appearance_rank).sum::<usize>() as f64;
         let inputs = self.layers.first().map_or(0, |l| l[0]) as f64;
         // Where rays are decoded, each coloured sample's components are composited.
-        let composited = if self.per_ray { colored * components } else { 0.0 };
-        let composites = if self.per_ray { decoded * components } else { 0.0 };
+        let [composited_samples, composites] =
+            if self.mode == DecoderMode::PerSample { [0.0; 2] } else { [colored, decoded * components] };
+        let composited = composited_samples * components;
+        // Colours that pixels are summed from, and those of them that add a sample's own to its ray's.
+        let [terms, own] = if self.mode == DecoderMode::Residual { [colored; 2] } else { [decoded, 0.0] };
         let tensors = self.scales.iter().map(|s| s.tensors).sum::<usize>() as f64;
         let tensors_by_chunk = tensors * (rays / RAYS_PER_CHUNK as f64).ceil();
         let cost = |flop: f64, words: f64| Cost { flop, bytes: words * WORD };
@@ -132,24 +135,27 @@ impl FieldShape {
             }
             // α = −expm1(−softplus(f + shift)·depth): the shift, a maximum, two transcendental functions, their sum,
             // the product, and expm1; reads f, writes α and T. A sample that counts: 1 − α into T, and T·α (3), reads
-            // both, writes its place in the order. A coloured one writes place and weight. A row adds to its pixel,
+            // both, writes its place in the order. A coloured one writes place and weight. A term adds to its pixel,
             // 3·2, and reads its weight and colour. Where rays are decoded: a sample's share of the weight (2) and of
             // each component (2).
             Stage::Composite => cost(
                 evaluated * (3.0 * TRANSCENDENTAL + 4.0)
                     + samples * 3.0
-                    + decoded * 6.0
+                    + terms * 6.0
                     + composited * 2.0
-                    + if self.per_ray { colored * 2.0 } else { 0.0 },
-                evaluated * 3.0 + samples * 3.0 + colored * 2.0 + decoded * 4.0 + composited + composites,
+                    + composited_samples * 2.0,
+                evaluated * 3.0 + samples * 3.0 + colored * 2.0 + terms * 4.0 + composited + composites,
             ),
             // Reads pairs, centres and positions; writes a row of components.
             Stage::AppearanceGather => self.gather(&work.colored_pairs, |s| s.appearance_rank).plus(cost(
                 colored_pairs * INTERPOLATION,
                 colored_pairs * (PAIR + 3.0) + colored * (2.0 * scales + 3.0 + components),
             )),
-            // A product of one row: 2·P·ΣR.
-            Stage::AppearanceMatrices => cost(decoded * 2.0 * features * components, decoded * (components + features)),
+            // A product of one row: 2·P·ΣR. A sample's own colour: 2·3·ΣR.
+            Stage::AppearanceMatrices => cost(
+                (decoded * features + own * 3.0) * 2.0 * components,
+                decoded * (components + features) + own * (components + 3.0),
+            ),
             // Sine and cosine of each feature, each further frequency by doubling (4); a direction's once a ray. Reads
             // the features, writes the rest of the input row.
             Stage::Encoding => {
@@ -157,27 +163,38 @@ impl FieldShape {
                     self.frequencies.map(|f| SINE_COSINE + 4.0 * (f as f64 - 1.0).max(0.0));
                 cost(decoded * features * element + rays * 3.0 * direction_element, decoded * inputs)
             }
-            // A layer: 2·in·out, its bias and the rectifier; at the end three sigmoids. Reads inputs, writes outputs.
+            // A layer: 2·in·out, its bias and the rectifier. Reads inputs, writes outputs. A colour: three sigmoids; one of
+            // a sample's own is read and added to.
             Stage::Decoder => {
                 let flop: usize = self.layers.iter().map(|[i, o]| 2 * i * o + 2 * o).sum();
                 let words: usize = self.layers.iter().map(|[i, o]| i + o).sum();
-                cost(decoded * (flop as f64 + 3.0 * (TRANSCENDENTAL + 2.0)), decoded * words as f64)
+                cost(
+                    decoded * flop as f64 + terms * 3.0 * (TRANSCENDENTAL + 2.0) + own * 3.0,
+                    decoded * words as f64 + own * 6.0,
+                )
             }
             // A sample: T·(1 − α) (2), what its weight and what lies behind make of it (2), what lies behind the next
             // (3), the softplus's slope (3 and a transcendental function) and two products; reads its place, f, T and
             // α, writes a gradient. A coloured one: the gradient along its colour (5) and what it weighs (3); reads
-            // place, weight, T and α, writes three. A row 4 a channel through the sigmoid; reads weight and colour,
+            // place, weight, T and α, writes three. A term 4 a channel through the sigmoid; reads weight and colour,
             // writes the colour's gradient. A ray 5 a channel for error and loss, 3 for the background. Where rays are
             // decoded: each component's difference from its composite times gradient (3), and its share of the weight
-            // (4); reads components, composites and gradients.
+            // (4); reads components, composites and gradients. Where samples keep colours of their own: these' gradients
+            // are summed (3) and read, and of each component the composite's share is added (2), read and written.
             Stage::CompositeBackward => cost(
                 samples * (12.0 + TRANSCENDENTAL)
                     + colored * 8.0
-                    + decoded * 12.0
+                    + terms * 12.0
                     + rays * 24.0
                     + composited * 3.0
-                    + if self.per_ray { colored * 4.0 } else { 0.0 },
-                samples * 5.0 + colored * 7.0 + decoded * 7.0 + composited + composites * 2.0,
+                    + composited_samples * 4.0
+                    + own * (3.0 + 2.0 * components),
+                samples * 5.0
+                    + colored * 7.0
+                    + terms * 7.0
+                    + composited
+                    + composites * 2.0
+                    + own * (3.0 + 2.0 * components),
             ),
             // A layer: its weights' gradients 2·in·out, its bias' out, and its inputs' 2·columns·out; the first layer's
             // inputs without the encoded direction. Reads inputs, twice the outputs' gradients, writes the inputs'.
@@ -195,9 +212,12 @@ impl FieldShape {
                 cost(decoded * features * 5.0 * frequencies, decoded * features * (4.0 * frequencies + 2.0))
             }
             // Two products of one row: the matrices' gradients and the components'. Reads the features' gradients
-            // twice and the components, writes the components' gradients.
+            // twice and the components, writes the components' gradients. The same of samples' own colours.
             Stage::AppearanceMatricesBackward => {
-                cost(decoded * 4.0 * features * components, decoded * (2.0 * features + 2.0 * components))
+                let of = |rows: f64, features: f64| {
+                    cost(rows * 4.0 * features * components, rows * (2.0 * features + 2.0 * components))
+                };
+                of(decoded, features).plus(of(own, 3.0))
             }
             // A pair's tensor is read to be counted, the pair to be moved; its weight is multiplied. Where tensors begin
             // is summed up, once for density and once for appearance, in each chunk of rays.

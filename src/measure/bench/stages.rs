@@ -136,6 +136,7 @@ impl StageTable {
 mod tests {
     use super::super::{Rate, ScaleShape};
     use super::*;
+    use crate::model::DecoderMode;
 
     /// Two threads of 100 GFLOP/s and 10 GB/s each.
     fn peak() -> Peak {
@@ -149,7 +150,7 @@ mod tests {
             features: 1,
             frequencies: [1, 1],
             layers: vec![[1000, 1000]],
-            per_ray: false,
+            mode: DecoderMode::PerSample,
             first_layer_columns: 1000,
         }
     }

@@ -63,11 +63,15 @@ def _march(scene, origin, direction):
     coloured = weights > rules.smallest_weight
     weights, features = weights[coloured], features[samples][coloured]
     colour = transmittance * background
-    if len(weights) and scene.decoder.mode == "per ray":
-        total = weights.sum()
-        colour = colour + total * decode(scene.decoder, (weights @ features / total)[None], direction)[0]
+    if len(weights) and scene.decoder.mode == "per sample":
+        colour = colour + weights @ _sigmoid(decode(scene.decoder, features, direction))
     elif len(weights):
-        colour = colour + weights @ decode(scene.decoder, features, direction)
+        total = weights.sum()
+        of_ray = decode(scene.decoder, (weights @ features / total)[None], direction)
+        if scene.decoder.mode == "per ray":
+            colour = colour + total * _sigmoid(of_ray)[0]
+        else:
+            colour = colour + weights @ _sigmoid(features[:, :3] + of_ray)
     return colour, 1.0 - transmittance, depth
 
 
@@ -178,7 +182,7 @@ def occupancy(grid, points):
 
 
 def decode(decoder, features, direction):
-    """Colours float64[n][3] of features float64[n][P] seen along one direction."""
+    """The network's outputs float64[n][3], before the sigmoid, for features float64[n][P] seen along one direction."""
     directions = np.broadcast_to(direction, (len(features), 3))
     values = np.concatenate(
         [
@@ -192,7 +196,10 @@ def decode(decoder, features, direction):
     for layer in decoder.layers[:-1]:
         values = np.maximum(values @ layer.weights.T.astype(np.float64) + layer.bias, 0.0)
     last = decoder.layers[-1]
-    values = values @ last.weights.T.astype(np.float64) + last.bias
+    return values @ last.weights.T.astype(np.float64) + last.bias
+
+
+def _sigmoid(values):
     return np.exp(-np.logaddexp(0.0, -values))
 
 

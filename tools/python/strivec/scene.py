@@ -105,7 +105,7 @@ class Layer:
 class Decoder:
     """Section 3.5: the network from features and direction to colour."""
 
-    mode: str  # per sample, per ray
+    mode: str  # per sample, per ray, residual
     features: int  # P
     feature_frequencies: int
     direction_frequencies: int

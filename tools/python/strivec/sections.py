@@ -142,7 +142,7 @@ def read_thumbnail(payload):
 def read_decoder(payload):
     """Section 3.5."""
     record = payload.record
-    mode = record.code("mode", ("per sample", "per ray"))
+    mode = record.code("mode", ("per sample", "per ray", "residual"))
     feature_frequencies = record.u32("frequencies of features", limits.FREQUENCIES)
     direction_frequencies = record.u32("frequencies of the direction", limits.FREQUENCIES)
     count = record.u64("layers", limits.LAYERS)
@@ -156,6 +156,7 @@ def read_decoder(payload):
     fits = rest == 0 and limits.FEATURES[0] <= features <= limits.FEATURES[1]
     expected = f"{direction} and 1 to 256 times {1 + 2 * feature_frequencies}"
     record.require(fits, "inputs of layer 0", expected, shapes[0][0])
+    record.require(features >= 3 or mode != "residual", "features", "at least 3", features)
     head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
 
     lengths = np.concatenate([[inputs] * outputs + [outputs] for inputs, outputs in shapes])

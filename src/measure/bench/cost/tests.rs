@@ -13,7 +13,7 @@ fn shape() -> FieldShape {
         frequencies: [1, 1],
         // 2 features, direction, PE(features) 4, PE(direction) 6.
         layers: vec![[15, 4], [4, 3]],
-        per_ray: false,
+        mode: DecoderMode::PerSample,
         first_layer_columns: 9,
     }
 }
@@ -103,15 +103,30 @@ fn compositing_counts_samples() {
 
 #[test]
 fn a_decoder_once_a_ray_composites_components() {
-    let (per_ray, work) = (FieldShape { per_ray: true, ..shape() }, Work { colored: 2, ..work() });
-    let more = |stage| {
-        let [with, without] = [&per_ray, &shape()].map(|shape| shape.cost(stage, &work, 1));
-        [with.flop - without.flop, with.bytes - without.bytes]
-    };
+    let more = |stage| more_of(DecoderMode::PerRay, DecoderMode::PerSample, stage);
     // Two samples of 4 components, one row of 4.
     assert_eq!(more(Stage::Composite), [2.0 * (4.0 * 2.0 + 2.0), 4.0 * (8.0 + 4.0)]);
     assert_eq!(more(Stage::CompositeBackward), [2.0 * (4.0 * 3.0 + 4.0), 4.0 * (8.0 + 2.0 * 4.0)]);
     assert_eq!(more(Stage::Decoder), [0.0, 0.0]);
+}
+
+#[test]
+fn colours_of_samples_own_cost_a_product_and_a_sigmoid_each() {
+    let more = |stage| more_of(DecoderMode::Residual, DecoderMode::PerRay, stage);
+    // Two terms instead of one; 3 features of 4 components of two samples.
+    assert_eq!(more(Stage::Composite), [6.0, 4.0 * 4.0]);
+    assert_eq!(more(Stage::AppearanceMatrices), [2.0 * 3.0 * 2.0 * 4.0, 4.0 * 2.0 * (4.0 + 3.0)]);
+    assert_eq!(more(Stage::Decoder), [36.0 + 2.0 * 3.0, 4.0 * 2.0 * 6.0]);
+    assert_eq!(more(Stage::CompositeBackward), [12.0 + 2.0 * (3.0 + 8.0), 4.0 * (7.0 + 2.0 * (3.0 + 8.0))]);
+    assert_eq!(more(Stage::AppearanceMatricesBackward), [2.0 * 4.0 * 3.0 * 4.0, 4.0 * 2.0 * (6.0 + 8.0)]);
+    assert_eq!(more(Stage::Encoding), [0.0, 0.0]);
+}
+
+/// What `mode` costs more than `other`, FLOP and bytes, for two coloured samples of one ray.
+fn more_of(mode: DecoderMode, other: DecoderMode, stage: Stage) -> [f64; 2] {
+    let work = Work { colored: 2, ..work() };
+    let [with, without] = [mode, other].map(|mode| FieldShape { mode, ..shape() }.cost(stage, &work, 1));
+    [with.flop - without.flop, with.bytes - without.bytes]
 }
 
 #[test]
