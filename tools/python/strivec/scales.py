@@ -186,7 +186,7 @@ def _check_box(place, centres, half_edges, chunk):
     if (smallest != chunk["smallest"]).any() or (largest != chunk["largest"]).any():
         expected = f"{smallest.tolist()} to {largest.tolist()}"
         found = f"{chunk['smallest'].tolist()} to {chunk['largest'].tolist()}"
-        raise NotAScene(f"box of {place}", expected, found)
+        raise Malformed(f"box of {place}", expected, found)
 
 
 def _sort(place, budget, centres, factors):
