@@ -50,7 +50,7 @@ def read_scale(container, index, features):
             read_factors(container.require(kind, index, chunk), rank, layout.resolution, [a[rows] for a in out])
         start = rows.stop
     if layout.placement == "lattice" and tuple(extent) != layout.extent:
-        raise NotAScene(f"{payload.name} extent", tuple(int(e) for e in extent), layout.extent)
+        raise Malformed(f"{payload.name} extent", tuple(int(e) for e in extent), layout.extent)
     _sort(payload.name, budget, centres, density + appearance)
     return Scale(
         layout.neighbours,
@@ -175,7 +175,7 @@ def _check_ascending(place, centres):
         less |= (after[:, tied] == before[:, tied]).all(axis=1) & (after[:, axis] > before[:, axis])
     if not less.all():
         tensor = int(np.argmin(less)) + 1
-        raise NotAScene(
+        raise Malformed(
             f"{place} centre {tensor}", f"one after {tuple(centres[tensor - 1])} by z, y, x", tuple(centres[tensor])
         )
 
