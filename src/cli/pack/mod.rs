@@ -4,6 +4,7 @@ mod convert;
 mod diff;
 mod edit;
 mod encoding;
+mod extract;
 mod info;
 mod input;
 mod notes;
@@ -50,6 +51,10 @@ enum Command {
     Crop(edit::CropArgs),
     /// Move, turn or scale a scene in its dataset's space
     Transform(edit::TransformArgs),
+    /// Take a file apart: a folder of arrays and a description
+    Extract(extract::ExtractArgs),
+    /// Put such a folder together again
+    Assemble(extract::AssembleArgs),
     /// Show notes, or change them
     Notes(notes::Args),
 }
@@ -68,6 +73,8 @@ pub fn main() -> ExitCode {
             Command::Prune(args) => edit::prune(args, session),
             Command::Crop(args) => edit::crop(args, session),
             Command::Transform(args) => edit::transform(args, session),
+            Command::Extract(args) => extract::extract(args, session),
+            Command::Assemble(args) => extract::assemble(args, session),
             Command::Notes(args) => notes::run(args, session),
         },
     )
