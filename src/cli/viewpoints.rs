@@ -81,9 +81,14 @@ impl Viewpoints {
 
     /// The first camera of an orbit with the defaults of the command line, for pictures of `size`.
     pub(super) fn first_of_orbit(frame: &Frame, bounds: &Aabb, size: [u32; 2]) -> Camera {
+        Self::default_orbit(frame, bounds, 1, size)[0]
+    }
+
+    /// All `count` cameras of such an orbit.
+    pub(super) fn default_orbit(frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2]) -> Vec<Camera> {
         let defaults = Self {
             cameras: None,
-            orbit: Some(1),
+            orbit: Some(count),
             pose: None,
             downscale: 1,
             size: None,
@@ -91,7 +96,8 @@ impl Viewpoints {
             elevation: ELEVATION,
             radius: None,
         };
-        defaults.orbit(frame, bounds, 1, size, Camera::focal_of_angle(size[0], FOV.to_radians()))[0].camera
+        let focal = Camera::focal_of_angle(size[0], FOV.to_radians());
+        defaults.orbit(frame, bounds, count, size, focal).into_iter().map(|named| named.camera).collect()
     }
 
     fn orbit(&self, frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2], focal: f64) -> Vec<NamedCamera> {

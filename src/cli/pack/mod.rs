@@ -9,6 +9,7 @@ mod info;
 mod input;
 mod notes;
 mod package;
+mod showing;
 mod verify;
 
 use std::process::ExitCode;

@@ -6,10 +6,12 @@ use serde::Serialize;
 
 use super::encoding::{LayoutArgs, lossless};
 use super::input::{self, Inputs, Outputs};
+use super::showing::{default_views, thumbnail, training_camera};
 use crate::cli::progress::Progress;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session, train};
-use crate::container::{self, Document, Extras, Limits, Quality};
+use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
+use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
 use crate::pack::{Candidate, Goal, Judge, Views, beginning, fit_prefix, probe_views, search, sensitivity};
@@ -39,6 +41,8 @@ pub(super) struct Args {
     #[command(flatten)]
     goal: GoalArgs,
     #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
     layout: LayoutArgs,
     /// Rays with what they see that are written for checking readers
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=65_536))]
@@ -46,6 +50,12 @@ pub(super) struct Args {
     /// Do not fit what makes up for missing scales when only the coarser ones are loaded
     #[arg(long)]
     no_prefixes: bool,
+    /// Write no thumbnail, and no camera and turntable to begin with
+    #[arg(long)]
+    no_views: bool,
+    /// Write the cameras that took the dataset's training photographs, too; they tell where someone stood
+    #[arg(long, requires = "data")]
+    with_cameras: bool,
     /// The terms of the scene's use
     #[arg(long, value_name = "TEXT")]
     licence: Option<String>,
@@ -55,6 +65,43 @@ pub(super) struct Args {
     /// Only say what would be written
     #[arg(long)]
     dry_run: bool,
+}
+
+/// Photographs to judge by.
+#[derive(Debug, clap::Args)]
+struct DataArgs {
+    /// Folder of the dataset: --max-loss is then of PSNR against its photographs, and the file says what that is
+    #[arg(long, value_name = "DATASET")]
+    data: Option<PathBuf>,
+    /// Which photographs: the S of transforms_S.json
+    #[arg(long, value_name = "S", default_value = "test", requires = "data")]
+    split: String,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
+    downscale: u32,
+    /// Only every Nth photograph, the first included
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
+    every: u32,
+}
+
+impl DataArgs {
+    /// The photographs, and what they are called.
+    fn load(&self) -> Result<Option<(Vec<View>, String)>, Error> {
+        let Some(folder) = &self.data else { return Ok(None) };
+        let options = LoadOptions { downscale: self.downscale, views: None, every: self.every as usize };
+        let Dataset { name, views } = dataset::load_blender(folder, &self.split, &options)?;
+        let mut what = format!("{name}, {} views of {}", views.len(), self.split);
+        if self.downscale > 1 {
+            what += &format!(", {} times smaller", self.downscale);
+        }
+        Ok(Some((views, what)))
+    }
+
+    fn training_cameras(&self, scene: &Scene) -> Result<Vec<TrainingCamera>, Error> {
+        let Some(folder) = &self.data else { return Ok(Vec::new()) };
+        let cameras = dataset::load_blender_cameras(&folder.join("transforms_train.json"), None, self.downscale)?;
+        Ok(cameras.iter().map(|named| training_camera(scene, &named.camera)).collect())
+    }
 }
 
 /// What a file should be.
@@ -125,6 +172,8 @@ struct Row {
     percent_of_raw: f64,
     /// PSNR in dB of a reader's pictures to those of the scene as it was; absent where nothing is lost.
     psnr_to_before: Option<f64>,
+    /// PSNR in dB against photographs, before and after.
+    psnr_to_photographs: Option<[f64; 2]>,
     /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
     psnr_of_prefixes: Vec<f64>,
 }
@@ -137,7 +186,10 @@ impl Row {
                 None => "nothing lost".to_owned(),
             };
             let sizes = format!("{} -> {} bytes", grouped(row.bytes_before), grouped(row.bytes));
-            format!("{}: {sizes} ({:.1} % of raw), {loss}\n", row.output.display(), row.percent_of_raw)
+            let photographs = row.psnr_to_photographs.map_or_else(String::new, |[before, after]| {
+                format!(", {before:.3} -> {after:.3} dB against photographs")
+            });
+            format!("{}: {sizes} ({:.1} % of raw), {loss}{photographs}\n", row.output.display(), row.percent_of_raw)
         };
         rows.iter().map(line).collect()
     }
@@ -147,11 +199,12 @@ impl Row {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let paths = args.inputs.paths()?;
     let outputs = Outputs::new(&paths, &args.output, args.dry_run, session)?;
+    let photographs = args.data.load()?;
     let mut rows = Vec::new();
     for path in &paths {
         let (document, bytes_before) = read_trained(path, args.inputs.limits.limits())?;
         let raw = 4 * document.scene.parameter_count();
-        let (bytes, error, prefixes) = pack(document, args, session, path)?;
+        let (bytes, quality) = pack(document, args, photographs.as_ref(), session, path)?;
         let output = outputs.write(path, &bytes)?;
         rows.push(Row {
             input: path.clone(),
@@ -159,8 +212,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             bytes_before,
             bytes: bytes.len() as u64,
             percent_of_raw: 100.0 * bytes.len() as f64 / raw as f64,
-            psnr_to_before: (error > 0.0).then(|| psnr_of_mse(error)),
-            psnr_of_prefixes: prefixes,
+            psnr_to_before: quality.encoded,
+            psnr_to_photographs: quality.test_before.zip(quality.test).map(|(before, after)| [before, after]),
+            psnr_of_prefixes: quality.prefixes.into_iter().flatten().collect(),
         });
     }
     if outputs.takes_standard_output() { Ok(()) } else { session.console.result(&rows, |rows| Row::text(rows)) }
@@ -177,18 +231,36 @@ fn read_trained(path: &Path, limits: Limits) -> Result<(Document, u64), Error> {
     Ok((document, bytes.len() as u64))
 }
 
-/// The file, the mean squared error of its pictures, and the PSNR of its prefixes.
-fn pack(document: Document, args: &Args, session: &Session, path: &Path) -> Result<(Vec<u8>, f64, Vec<f64>), Error> {
+/// The file, and what was measured of it.
+fn pack(
+    document: Document,
+    args: &Args,
+    photographs: Option<&(Vec<View>, String)>,
+    session: &Session,
+    path: &Path,
+) -> Result<(Vec<u8>, Quality), Error> {
     let failed = |e: container::Error| Error::container(path, e);
     let Document { scene, mut extras } = document;
+    if args.with_cameras {
+        extras.cameras = args.data.training_cameras(&scene)?;
+    }
     let views = probe_views(&scene, &extras.cameras, PROBED.0, JUDGED.1);
-    let judge = Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1));
+    let own = Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1));
+    let real = photographs.map(|(views, what)| {
+        let judge = Judge::of_photographs(&scene, views);
+        let before = judge.error(&scene);
+        (judge, before, what)
+    });
     let candidate = if args.goal.lossless {
         let options = args.layout.apply(lossless(&args.layout))?;
         Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options }
     } else {
-        let goal = goal(&args.goal, &extras);
-        find(&scene, &views, &judge, goal, args, session)?
+        // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
+        let (judge, goal) = match (&real, args.goal.max_loss) {
+            (Some((judge, before, _)), Some(loss)) => (judge, Goal::Error(before * 10f64.powf(loss / 10.0))),
+            _ => (&own, goal(&args.goal, &extras)),
+        };
+        find(&scene, &views, judge, goal, args, session)?
             .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?
     };
     let options = args.layout.apply(candidate.options.clone())?;
@@ -196,8 +268,7 @@ fn pack(document: Document, args: &Args, session: &Session, path: &Path) -> Resu
     extras.prefixes.clear();
     let mut prefix_psnrs = Vec::new();
     if !args.no_prefixes && scales > 1 {
-        let of_decoded =
-            Judge::new(&candidate.decoded, probe_views(&scene_of(&candidate), &extras.cameras, 4, JUDGED.1));
+        let of_decoded = Judge::new(&candidate.decoded, probe_views(&candidate.decoded, &extras.cameras, 4, JUDGED.1));
         let progress = Progress::start(&session.console, "prefixes", scales as u64 - 1);
         for count in 1..scales {
             let prefix = fit_prefix(&candidate.decoded, count, &views, PREFIX_STEPS, args.seed);
@@ -211,18 +282,23 @@ fn pack(document: Document, args: &Args, session: &Session, path: &Path) -> Resu
     }
     extras.probes = (args.probes > 0).then(|| make_probes(&candidate.decoded, args.probes as usize, args.seed));
     extras.licence = args.licence.clone().or(extras.licence);
-    let before = extras.quality.take().unwrap_or_default();
-    extras.quality = Some(Quality {
-        encoded: (candidate.error > 0.0).then(|| psnr_of_mse(candidate.error)),
-        prefixes: prefix_psnrs.iter().copied().map(Some).chain((!prefix_psnrs.is_empty()).then_some(None)).collect(),
-        ..before
-    });
+    if !args.no_views {
+        extras.views = extras.views.or_else(|| Some(default_views(&candidate.decoded)));
+        extras.thumbnail = Some(thumbnail(&candidate.decoded)?);
+    }
+    let mut quality = extras.quality.take().unwrap_or_default();
+    let error = own.error(&candidate.decoded);
+    quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
+    quality.prefixes =
+        prefix_psnrs.iter().copied().map(Some).chain((!prefix_psnrs.is_empty()).then_some(None)).collect();
+    if let Some((judge, before, what)) = real {
+        quality.test_before = Some(psnr_of_mse(before));
+        quality.test = Some(psnr_of_mse(judge.error(&candidate.decoded)));
+        quality.dataset = what.clone();
+    }
+    extras.quality = Some(quality.clone());
     let bytes = container::encode_document(&candidate.scene, &extras, &options).map_err(failed)?;
-    Ok((bytes, candidate.error, prefix_psnrs))
-}
-
-fn scene_of(candidate: &Candidate) -> Scene {
-    candidate.decoded.clone()
+    Ok((bytes, quality))
 }
 
 fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
