@@ -24,7 +24,7 @@ pub(super) struct Args {
 }
 
 /// The result, as `--json` prints it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
 pub(super) struct Info {
     file: PathBuf,
     bytes: u64,

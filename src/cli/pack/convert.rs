@@ -33,7 +33,8 @@ pub(super) struct Args {
 }
 
 /// A file that was written.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "WrittenFile")]
 pub(super) struct Written {
     pub(super) input: PathBuf,
     pub(super) output: PathBuf,

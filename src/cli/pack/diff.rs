@@ -27,8 +27,8 @@ pub(super) struct Args {
 }
 
 /// How two files differ.
-#[derive(Debug, Serialize)]
-struct Difference {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(super) struct Difference {
     same_bytes: bool,
     /// Sections that are in one of both, or not the same.
     sections: Vec<String>,

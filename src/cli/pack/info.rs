@@ -20,8 +20,9 @@ pub(super) struct Args {
 }
 
 /// What a file holds, and what takes its bytes.
-#[derive(Debug, Serialize)]
-struct Row {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "FileInfo")]
+pub(super) struct Row {
     #[serde(flatten)]
     info: Info,
     version: String,

@@ -9,6 +9,7 @@ mod info;
 mod input;
 mod notes;
 mod package;
+mod schema;
 mod showing;
 mod verify;
 
@@ -58,6 +59,8 @@ enum Command {
     Assemble(extract::AssembleArgs),
     /// Show notes, or change them
     Notes(notes::Args),
+    /// Print the JSON schema of what --json prints
+    Schema,
 }
 
 /// Runs the command that the process's arguments name, and reports how it ended.
@@ -77,6 +80,7 @@ pub fn main() -> ExitCode {
             Command::Extract(args) => extract::extract(args, session),
             Command::Assemble(args) => extract::assemble(args, session),
             Command::Notes(args) => notes::run(args, session),
+            Command::Schema => schema::run(session),
         },
     )
 }

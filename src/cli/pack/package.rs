@@ -162,8 +162,9 @@ fn size(text: &str) -> Result<u64, String> {
 }
 
 /// A file that was written.
-#[derive(Debug, Serialize)]
-struct Row {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "PackedFile")]
+pub(super) struct Row {
     input: PathBuf,
     output: PathBuf,
     bytes_before: u64,

@@ -25,8 +25,9 @@ pub(super) struct Args {
 }
 
 /// What became of a file.
-#[derive(Debug, Serialize)]
-struct Row {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "VerifiedFile")]
+pub(super) struct Row {
     file: PathBuf,
     /// The first error; absent where there is none.
     error: Option<String>,
@@ -35,7 +36,8 @@ struct Row {
 }
 
 /// How a renderer compares with the probes.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "RendererCheck")]
 struct RendererRow {
     renderer: &'static str,
     probes: usize,
