@@ -77,15 +77,13 @@ pub(super) struct CropArgs {
     #[command(flatten)]
     target: Target,
     /// The smallest and the largest corner, in the dataset's space
-    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_delimiter = ',', num_args = 6, allow_hyphen_values = true)]
-    corners: Vec<f64>,
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    corners: [f64; 6],
 }
 
 /// Keeps what is in a box.
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
-    let [x0, y0, z0, x1, y1, z1] = args.corners[..] else {
-        return Err(Error::Usage(format!("--box: expected six numbers, found {}", args.corners.len())));
-    };
+    let [x0, y0, z0, x1, y1, z1] = args.corners;
     let corners = Aabb { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) };
     if !corners.is_solid() {
         return Err(Error::Usage("--box: expected the smallest corner, then a larger one".into()));
@@ -102,6 +100,13 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
     })
 }
 
+/// `N` finite numbers with commas between.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let wrong = || format!("expected {N} numbers with commas between");
+    let numbers = text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite()));
+    numbers.collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()).ok_or_else(wrong)
+}
+
 /// Arguments of `strivec-pack transform`.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -111,8 +116,9 @@ pub(super) struct TransformArgs {
     #[command(flatten)]
     target: Target,
     /// Move by this, in the dataset's units, after turning and scaling
-    #[arg(long = "move", value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
-    by: Vec<f64>,
+    #[arg(long = "move", value_name = "X,Y,Z", value_parser = numbers::<3>, default_value = "0,0,0",
+        allow_hyphen_values = true)]
+    by: [f64; 3],
     /// Turn by a quarter around this axis, counterclockwise seen from its end; -x the other way
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     turn: Vec<String>,
@@ -126,11 +132,6 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
     if !(args.scale > 0.0 && args.scale.is_finite()) {
         return Err(Error::Usage(format!("--scale: expected a positive number, found {}", args.scale)));
     }
-    let by = match args.by[..] {
-        [] => DVec3::ZERO,
-        [x, y, z] => DVec3::new(x, y, z),
-        _ => return Err(Error::Usage("--move: expected three numbers".into())),
-    };
     let quarter = |axis: &String| {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let (sign, axis) = axis.strip_prefix('-').map_or((1.0, axis.as_str()), |axis| (-1.0, axis));
@@ -142,7 +143,7 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
         }
     };
     let rotation = args.turn.iter().fold(DQuat::IDENTITY, |all, axis| quarter(axis) * all);
-    let moved = Similarity { scale: args.scale, rotation: rotation.normalize(), translation: by };
+    let moved = Similarity { scale: args.scale, rotation: rotation.normalize(), translation: args.by.into() };
     args.target.rewrite(session, |mut document| {
         let frame = &mut document.scene.frame;
         let before = moved.inverse();

@@ -14,7 +14,9 @@ use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
-use crate::pack::{Candidate, Goal, Judge, Views, beginning, fit_prefix, probe_views, search, sensitivity};
+use crate::pack::{
+    Candidate, Goal, Judge, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
+};
 
 /// Pictures that a scene is judged by, and their size.
 const JUDGED: (usize, u32) = (12, 320);
@@ -22,6 +24,8 @@ const JUDGED: (usize, u32) = (12, 320);
 const PROBED: (usize, usize) = (64, 48);
 /// Steps of fitting a prefix.
 const PREFIX_STEPS: usize = 150;
+/// A first guess at what is beside the scene: probes, prefixes, a thumbnail.
+const EXTRAS_BYTES: u64 = 40_000;
 /// A model of unknown quality is taken to be this good, in dB, where a loss in dB is asked for.
 const USUAL_PSNR: f64 = 36.0;
 
@@ -240,66 +244,128 @@ fn pack(
     session: &Session,
     path: &Path,
 ) -> Result<(Vec<u8>, Quality), Error> {
-    let failed = |e: container::Error| Error::container(path, e);
     let Document { scene, mut extras } = document;
     if args.with_cameras {
         extras.cameras = args.data.training_cameras(&scene)?;
     }
-    let views = probe_views(&scene, &extras.cameras, PROBED.0, JUDGED.1);
-    let own = Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1));
-    let real = photographs.map(|(views, what)| {
-        let judge = Judge::of_photographs(&scene, views);
-        let before = judge.error(&scene);
-        (judge, before, what)
-    });
-    let candidate = if args.goal.lossless {
-        let options = args.layout.apply(lossless(&args.layout))?;
-        Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options }
-    } else {
-        // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
-        let (judge, goal) = match (&real, args.goal.max_loss) {
-            (Some((judge, before, _)), Some(loss)) => (judge, Goal::Error(before * 10f64.powf(loss / 10.0))),
-            _ => (&own, goal(&args.goal, &extras)),
-        };
-        find(&scene, &views, judge, goal, args, session)?
-            .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?
+    let packing = Packing {
+        views: probe_views(&scene, &extras.cameras, PROBED.0, JUDGED.1),
+        own: Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1)),
+        real: photographs.map(|(views, what)| {
+            let judge = Judge::of_photographs(&scene, views);
+            let before = judge.error(&scene);
+            (judge, before, what.as_str())
+        }),
+        scene,
+        extras,
+        args,
+        session,
     };
-    let options = args.layout.apply(candidate.options.clone())?;
-    let scales = candidate.decoded.scales.len();
-    extras.prefixes.clear();
-    let mut prefix_psnrs = Vec::new();
-    if !args.no_prefixes && scales > 1 {
-        let of_decoded = Judge::new(&candidate.decoded, probe_views(&candidate.decoded, &extras.cameras, 4, JUDGED.1));
-        let progress = Progress::start(&session.console, "prefixes", scales as u64 - 1);
+    if args.goal.lossless {
+        let options = args.layout.apply(lossless(&args.layout))?;
+        let scene = packing.scene.clone();
+        let whole = Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options };
+        return packing.finish(&whole, path);
+    }
+    session.console.say("what each number is worth");
+    let sensitivity = sensitivity(&packing.scene, &packing.views, PROBED.1, args.seed);
+    let mut reserved = EXTRAS_BYTES;
+    loop {
+        let candidate = packing.find(&sensitivity, reserved)?;
+        let candidate = candidate
+            .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?;
+        let (bytes, quality) = packing.finish(&candidate, path)?;
+        match args.goal.target_size.map(|target| bytes.len() as u64 - target.min(bytes.len() as u64)) {
+            // What is beside the scene is known now.
+            Some(excess) if excess > 0 => reserved += excess + EXTRAS_BYTES / 64,
+            _ => return Ok((bytes, quality)),
+        }
+    }
+}
+
+/// What is known before anything is lost.
+struct Packing<'a> {
+    scene: Scene,
+    extras: Extras,
+    views: Views,
+    /// The scene's own pictures.
+    own: Judge,
+    /// Photographs, the scene's error to them, and what they are called.
+    real: Option<(Judge, f64, &'a str)>,
+    args: &'a Args,
+    session: &'a Session,
+}
+
+impl Packing<'_> {
+    /// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
+    fn find(&self, sensitivity: &Sensitivity, reserved: u64) -> Result<Option<Candidate>, Error> {
+        let args = &self.args.goal;
+        // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
+        let (judge, goal) = match (&self.real, args.max_loss) {
+            (Some((judge, before, _)), Some(loss)) => (judge, Goal::Error(before * 10f64.powf(loss / 10.0))),
+            _ => (&self.own, goal(args, &self.extras)),
+        };
+        let progress = Progress::start(&self.session.console, "encodings", 10);
+        let mut count = 0;
+        let mut tried = |candidate: &Candidate| {
+            count += 1;
+            let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
+            progress.set(count, || detail.clone());
+        };
+        let found = search(&self.scene, sensitivity, judge, goal, reserved, &mut tried);
+        found.map_err(|e| Error::Runtime(e.to_string()))
+    }
+
+    /// The file of `candidate` with everything that belongs to it.
+    fn finish(&self, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
+        let Candidate { scene, decoded, options, .. } = candidate;
+        let options = self.args.layout.apply(options.clone())?;
+        let mut extras = self.extras.clone();
+        let prefix_psnrs = self.fit_prefixes(decoded, &mut extras);
+        extras.probes = (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
+        extras.licence = self.args.licence.clone().or(extras.licence);
+        if !self.args.no_views {
+            extras.views = extras.views.or_else(|| Some(default_views(decoded)));
+            extras.thumbnail = Some(thumbnail(decoded)?);
+        }
+        let mut quality = extras.quality.take().unwrap_or_default();
+        let error = self.own.error(decoded);
+        quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
+        quality.prefixes = prefix_psnrs;
+        if let Some((judge, before, what)) = &self.real {
+            quality.test_before = Some(psnr_of_mse(*before));
+            quality.test = Some(psnr_of_mse(judge.error(decoded)));
+            quality.dataset = (*what).to_owned();
+        }
+        extras.quality = Some(quality.clone());
+        let bytes = container::encode_document(scene, &extras, &options).map_err(|e| Error::container(path, e))?;
+        Ok((bytes, quality))
+    }
+
+    /// Fits the corrections of prefixes of `decoded` into `extras`; \[scale\] the PSNR of their pictures, nothing for the
+    /// last.
+    fn fit_prefixes(&self, decoded: &Scene, extras: &mut Extras) -> Vec<Option<f64>> {
+        extras.prefixes.clear();
+        let scales = decoded.scales.len();
+        if self.args.no_prefixes || scales == 1 {
+            return Vec::new();
+        }
+        let judge = Judge::new(decoded, probe_views(decoded, &extras.cameras, 4, JUDGED.1));
+        let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
+        let mut psnrs = Vec::new();
         for count in 1..scales {
-            let prefix = fit_prefix(&candidate.decoded, count, &views, PREFIX_STEPS, args.seed);
-            let mut part = beginning(&candidate.decoded, count);
+            let prefix = fit_prefix(decoded, count, &self.views, PREFIX_STEPS, self.args.seed);
+            let mut part = beginning(decoded, count);
             prefix.apply(&mut part);
-            prefix_psnrs.push(psnr_of_mse(of_decoded.error(&part)));
+            let psnr = psnr_of_mse(judge.error(&part));
+            psnrs.push(Some(psnr));
             extras.prefixes.push(Some(prefix));
-            progress.set(count as u64, || format!("{:.1} dB", prefix_psnrs[count - 1]));
+            progress.set(count as u64, || format!("{psnr:.1} dB"));
         }
         extras.prefixes.push(None);
+        psnrs.push(None);
+        psnrs
     }
-    extras.probes = (args.probes > 0).then(|| make_probes(&candidate.decoded, args.probes as usize, args.seed));
-    extras.licence = args.licence.clone().or(extras.licence);
-    if !args.no_views {
-        extras.views = extras.views.or_else(|| Some(default_views(&candidate.decoded)));
-        extras.thumbnail = Some(thumbnail(&candidate.decoded)?);
-    }
-    let mut quality = extras.quality.take().unwrap_or_default();
-    let error = own.error(&candidate.decoded);
-    quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
-    quality.prefixes =
-        prefix_psnrs.iter().copied().map(Some).chain((!prefix_psnrs.is_empty()).then_some(None)).collect();
-    if let Some((judge, before, what)) = real {
-        quality.test_before = Some(psnr_of_mse(before));
-        quality.test = Some(psnr_of_mse(judge.error(&candidate.decoded)));
-        quality.dataset = what.clone();
-    }
-    extras.quality = Some(quality.clone());
-    let bytes = container::encode_document(&candidate.scene, &extras, &options).map_err(failed)?;
-    Ok((bytes, quality))
 }
 
 fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
@@ -313,27 +379,4 @@ fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
         return Goal::Error(model * (10f64.powf(loss / 10.0) - 1.0));
     }
     Goal::Error(args.quality.unwrap_or(QualityLevel::Balanced).error())
-}
-
-fn find(
-    scene: &Scene,
-    views: &Views,
-    judge: &Judge,
-    goal: Goal,
-    args: &Args,
-    session: &Session,
-) -> Result<Option<Candidate>, Error> {
-    session.console.say("what each number is worth");
-    let sensitivity = sensitivity(scene, views, PROBED.1, args.seed);
-    let progress = Progress::start(&session.console, "encodings", 10);
-    let mut count = 0;
-    // Prefixes, probes and records.
-    let reserved = 12_000 + if args.no_prefixes { 0 } else { 20_000 };
-    let mut tried = |candidate: &Candidate| {
-        count += 1;
-        let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
-        progress.set(count, || detail.clone());
-    };
-    let found = search(scene, &sensitivity, judge, goal, reserved, &mut tried);
-    found.map_err(|e| Error::Runtime(e.to_string()))
 }
