@@ -169,7 +169,7 @@ mod tests {
             &["train", "lego"][..],
             &["train", "--scene", "a"],
             &["train", "lego", "--scene", "a", "--resume", "b"],
-            &["train", "lego", "--scene", "a", "--preset", "24"],
+            &["train", "lego", "--resume", "a", "--preset", "24"],
             &["train", "lego", "--at", "0", "--upsampled", "1"],
             &["train", "--downscale", "2"],
             &["render", "--runs", "0"],
