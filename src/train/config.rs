@@ -249,8 +249,7 @@ impl TrainConfig {
             }
             "best" => {
                 preset.decoder.mode = DecoderMode::Residual;
-                // A call a ray is cheap enough for a wide network, which can tell directions well apart.
-                preset.decoder.hidden = vec![256, 256];
+                // Highlights come and go within a few degrees.
                 preset.decoder.direction_frequencies = 6;
                 preset.color_thinning = 0.002;
                 preset_scales(48)
