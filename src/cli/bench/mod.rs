@@ -7,6 +7,7 @@ mod against;
 mod files;
 mod growth;
 mod peak;
+mod process;
 mod render;
 mod report;
 mod train;
@@ -73,6 +74,14 @@ impl Repeats {
 
     fn runs(&self) -> Runs {
         Runs { warm_up: self.warm_up.into(), measured: self.runs.into() }
+    }
+
+    /// The numbers of threads to measure on.
+    fn threads(&self) -> Vec<usize> {
+        if self.threads_list.is_empty() {
+            return vec![rayon::current_num_threads()];
+        }
+        self.threads_list.iter().map(|&threads| threads.into()).collect()
     }
 
     /// Calls `measure` with the peak of each pool of threads, within that pool.
@@ -174,6 +183,8 @@ mod tests {
             &["train", "--downscale", "2"],
             &["render", "--runs", "0"],
             &["render", "--threads-list", "1,0"],
+            &["growth", "--factor", "2"],
+            &["growth", "--only", "rays", "--factor", "9"],
             &["against"],
             &["against", "old", "--value", "/x"],
             &["against", "old", "--fail-above", "-1"],
