@@ -109,7 +109,7 @@ pub(super) enum Preset {
     Fast,
     /// 48 appearance components, the network called once a ray instead of once a sample
     PerRay,
-    /// per-ray with a colour of each sample's own: the best pictures, nearly as fast
+    /// per-ray with a colour of each sample's own and directions told better apart: the best pictures, nearly as fast
     Best,
 }
 

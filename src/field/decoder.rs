@@ -308,14 +308,17 @@ impl<T: Real> Field<T> {
             }
         }
         let Activations { colored, ray_rows, outputs, own_colors, colors, .. } = activations;
-        if self.decoder.mode == DecoderMode::Residual {
-            for (samples, rows) in colored.ray_starts.windows(2).zip(ray_rows.windows(2)) {
-                for own in own_colors[3 * samples[0] as usize..3 * samples[1] as usize].chunks_exact_mut(3) {
-                    own.iter_mut().zip(&outputs[3 * rows[0] as usize..]).for_each(|(sum, &v)| *sum += v);
+        let terms = match self.decoder.mode {
+            DecoderMode::PerSample | DecoderMode::PerRay => outputs,
+            DecoderMode::Residual => {
+                for (samples, rows) in colored.ray_starts.windows(2).zip(ray_rows.windows(2)) {
+                    for own in own_colors[3 * samples[0] as usize..3 * samples[1] as usize].chunks_exact_mut(3) {
+                        own.iter_mut().zip(&outputs[3 * rows[0] as usize..]).for_each(|(sum, &v)| *sum += v);
+                    }
                 }
+                own_colors
             }
-        }
-        let terms = if self.decoder.mode == DecoderMode::Residual { own_colors } else { outputs };
+        };
         let sigmoid = |x: T| T::one() / (T::one() + (-x).exp());
         colors.clear();
         colors.extend(terms.chunks_exact(3).map(|c| [0, 1, 2].map(|i| sigmoid(c[i]))));

@@ -67,7 +67,7 @@ pub(super) struct Scratch<T> {
     feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
-    /// \[term\]\[3\] ∂L/∂(a colour before the sigmoid).
+    /// \[term\]\[3\] ∂L/∂(a colour before the sigmoid), where samples keep colours of their own.
     term_gradients: Vec<T>,
     /// \[coloured\]\[ΣR\] ∂L/∂(components), where samples keep colours of their own.
     sample_gradients: Vec<T>,
@@ -124,7 +124,8 @@ impl<T: Real> Chunk<T> {
             }
         }
         if field.decoder.mode != DecoderMode::Residual {
-            output_gradients.clone_from(term_gradients);
+            // Terms are rows.
+            std::mem::swap(output_gradients, term_gradients);
             return;
         }
         output_gradients.clear();

@@ -242,8 +242,15 @@ impl TrainConfig {
     pub fn preset(name: &str) -> Result<Self, ConfigError> {
         let mut preset = Self { preset: name.into(), ..Self::default() };
         preset.scales = match name {
-            "per-ray" | "best" => {
-                preset.decoder.mode = if name == "best" { DecoderMode::Residual } else { DecoderMode::PerRay };
+            "per-ray" => {
+                preset.decoder.mode = DecoderMode::PerRay;
+                preset.color_thinning = 0.002;
+                preset_scales(48)
+            }
+            "best" => {
+                preset.decoder.mode = DecoderMode::Residual;
+                // Highlights come and go within a few degrees.
+                preset.decoder.direction_frequencies = 6;
                 preset.color_thinning = 0.002;
                 preset_scales(48)
             }
@@ -255,7 +262,7 @@ impl TrainConfig {
     }
 
     /// Reads a configuration; what it leaves out is the preset's that it names, or "48"'s. Another `preset` takes the place
-    /// of the file's, of its scales and of its decoder's mode.
+    /// of the file's, of its scales and of its decoder.
     ///
     /// # Errors
     ///
@@ -268,9 +275,7 @@ impl TrainConfig {
         if let Some(preset) = preset {
             given.insert("preset".into(), preset.into());
             given.remove("scales");
-            if let Some(decoder) = given.get_mut("decoder").and_then(toml::Value::as_table_mut) {
-                decoder.remove("mode");
-            }
+            given.remove("decoder");
         }
         let preset = given.get("preset").and_then(toml::Value::as_str).unwrap_or("48");
         let mut whole = toml::Table::try_from(Self::preset(preset)?).expect("a configuration has a TOML form");

@@ -1,45 +1,106 @@
 //! `strivec bench growth`: what twice as much costs.
 
-use serde::Serialize;
+use std::convert::Infallible;
 
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use super::process::{json_of, this_build};
 use super::{Repeats, report};
 use crate::cli::table::{Table, grouped};
+use crate::cli::train::Preset;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session};
-use crate::dataset::View;
-use crate::measure::bench::{Growth, Measured, MemoryMark, Peak, at_rest, ball, ball_views, frames, training_steps};
-use crate::model::Scene;
+use crate::measure::bench::{Growth, MemoryMark, Runs, at_rest, ball, ball_views};
+use crate::render::{CpuRenderer, Renderer};
 use crate::train::{TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec bench growth
-  strivec bench growth --runs 9 --json
+  strivec bench growth --preset per-ray --runs 9 --json
+  strivec bench growth --only components --factor 2
 
 Each parameter is varied alone, on the ball: frames by pixels; steps of training by tensors (the same cells and march in \
 each, so smaller tensors are finer), components, rays and march. The exponent is the slope of the logarithms: 1 where \
-twice as much takes twice as long.";
-/// The ball's model, small so that everything is quick, after so many upsamplings.
-const PRESET: &str = "12";
+twice as much takes twice as long. Each point is measured in a process of its own, which holds no memory of another.";
+/// The ball's upsamplings.
 const UPSAMPLED: usize = 2;
+/// Small, so that everything is quick.
 const BATCH: usize = 1024;
-/// Edges of the frames in pixels.
-const EDGES: [u32; 4] = [64, 96, 128, 192];
-/// What lengths of tensors are multiplied by.
-const LENGTHS: [f64; 4] = [1.0, 0.85, 0.7, 0.55];
-/// What ranks are multiplied by.
-const RANKS: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
-/// What the batch is multiplied by.
-const BATCHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-/// What the march's step is multiplied by.
-const STEPS: [f64; 4] = [4.0, 2.0, 1.0, 0.5];
+/// Pixels of a frame.
+const PIXELS: f64 = 128.0 * 128.0;
+
+/// What is varied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Parameter {
+    /// Pixels of a frame
+    Pixels,
+    /// Tensors, by their edges and distances
+    Tensors,
+    /// Components of density and appearance
+    Components,
+    /// Rays of a step
+    Rays,
+    /// The march's step
+    March,
+}
+
+impl Parameter {
+    /// What it is in the report.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pixels => "pixels",
+            Self::Tensors => "tensors",
+            Self::Components => "components of all scales",
+            Self::Rays => "rays a step",
+            Self::March => "length of a march step",
+        }
+    }
+
+    /// What is timed.
+    fn cost(self) -> &'static str {
+        match self {
+            Self::Pixels => "frame",
+            _ => "training step",
+        }
+    }
+
+    /// What it is multiplied by; of tensors, what their edges are.
+    fn factors(self) -> [f64; 4] {
+        match self {
+            Self::Pixels => [0.25, 0.5, 1.0, 2.0],
+            Self::Tensors => [1.0, 0.85, 0.7, 0.55],
+            Self::Components => [0.5, 1.0, 2.0, 3.0],
+            Self::Rays => [0.5, 1.0, 2.0, 4.0],
+            Self::March => [4.0, 2.0, 1.0, 0.5],
+        }
+    }
+}
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
+    /// The ball's model
+    #[arg(long, value_enum, default_value = "12")]
+    preset: Preset,
+    /// Vary nothing else
+    #[arg(long, value_enum)]
+    only: Option<Parameter>,
+    /// Measure that parameter times this alone
+    #[arg(long, value_name = "F", requires = "only", value_parser = factor)]
+    factor: Option<f64>,
     #[command(flatten)]
     repeats: Repeats,
+}
+
+/// 16 would be beyond the format's limits for components.
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.1..=8.0).contains(&value) => Ok(value),
+        _ => Err(format!("expected a number from 0.1 to 8, found {text:?}")),
+    }
 }
 
 /// The result, as `--json` prints it.
@@ -56,13 +117,13 @@ struct Sweep {
     /// What is timed.
     cost: &'static str,
     points: Vec<Point>,
-    /// Of the median time.
+    /// Of the median time; absent for fewer than two points.
     time: Option<Growth>,
     /// Of the memory at the peak; absent where the system does not tell.
     memory: Option<Growth>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Point {
     parameter: f64,
     seconds: f64,
@@ -72,104 +133,108 @@ struct Point {
 impl Args {
     /// Few runs.
     pub(super) fn quick() -> Self {
-        Self { repeats: Repeats::quick(3) }
+        Self { preset: Preset::P12, only: None, factor: None, repeats: Repeats::quick(3) }
     }
 }
 
 /// Varies each parameter.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
-    let sweeps = args.repeats.on_each_pool(session, |peak| Sweeps { args, session, peak }.all())?;
-    Ok(Report { sweeps: sweeps.into_iter().flatten().collect() })
+    if let (Some(parameter), Some(factor)) = (args.only, args.factor) {
+        let point = point(args, parameter, factor)?;
+        return Ok(Report { sweeps: vec![Sweep::new(rayon::current_num_threads(), parameter, vec![point])] });
+    }
+    let parameters = args.only.map_or_else(|| Parameter::value_variants().to_vec(), |parameter| vec![parameter]);
+    let mut sweeps = Vec::new();
+    for threads in args.repeats.threads() {
+        for &parameter in &parameters {
+            session.console.say(&format!("bench: {} by {}, {threads} threads", parameter.cost(), parameter.name()));
+            let points = parameter.factors().map(|factor| point_of_its_own(args, parameter, factor, threads));
+            let points = points.into_iter().collect::<Result<_, _>>()?;
+            sweeps.push(Sweep::new(threads, parameter, points));
+        }
+    }
+    Ok(Report { sweeps })
 }
 
-struct Sweeps<'a> {
-    args: &'a Args,
-    session: &'a Session,
-    peak: &'a Peak,
+/// [`point`] in a process of its own.
+fn point_of_its_own(args: &Args, parameter: Parameter, factor: f64, threads: usize) -> Result<Point, Error> {
+    let name = |value: &dyn ToString| value.to_string();
+    let only = parameter.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+    let Runs { warm_up, measured } = args.repeats.runs();
+    let arguments: Vec<String> = [
+        ["bench", "growth"].map(String::from),
+        ["--preset".into(), args.preset.name().into()],
+        ["--only".into(), only],
+        ["--factor".into(), name(&factor)],
+        ["--warm-up".into(), name(&warm_up)],
+        ["--runs".into(), name(&measured)],
+        ["--threads".into(), name(&threads)],
+        ["--quiet", "--json"].map(String::from),
+    ]
+    .concat();
+    let this = this_build()?;
+    let output = json_of(&this, &arguments)?;
+    let point = output.pointer("/sweeps/0/points/0").cloned().unwrap_or_default();
+    serde_json::from_value(point).map_err(Error::malformed(&this))
 }
 
-impl Sweeps<'_> {
-    fn all(&self) -> Result<Vec<Sweep>, Error> {
-        let config = TrainConfig::preset(PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
-        let config = TrainConfig { batch_rays: BATCH, ..config };
-        let scene = ball(&config, UPSAMPLED)?;
-        let march = scene.rules.step;
-        let views = ball_views(8, 128);
-        let step = |config: &TrainConfig, march, memory| self.training_step(config, march, &views, memory);
-
-        let pixels = self.sweep("pixels", "frame", EDGES, |edge, memory| {
-            Ok((f64::from(edge).powi(2), self.frame(&scene, edge, memory)))
-        })?;
-        let tensors = self.sweep("tensors", "training step", LENGTHS, |factor, memory| {
-            let mut config = config.clone();
+/// What `parameter` times `factor` costs.
+fn point(args: &Args, parameter: Parameter, factor: f64) -> Result<Point, Error> {
+    let memory = MemoryMark::set();
+    let config = TrainConfig::preset(args.preset.name()).map_err(|e| Error::Runtime(e.to_string()))?;
+    let mut config = at_rest(&TrainConfig { batch_rays: BATCH, ..config });
+    match parameter {
+        Parameter::Tensors => {
             for scale in &mut config.scales {
                 scale.pitch = scale.pitch.map(|v| factor * v);
                 scale.edge = scale.edge.map(|v| factor * v);
             }
-            let (scene, measured) = step(&config, march, memory)?;
-            Ok((scene.scales.iter().map(|s| s.cloud.len()).sum::<usize>() as f64, measured))
-        })?;
-        let ranks = self.sweep("components of all scales", "training step", RANKS, |factor, memory| {
-            let mut config = config.clone();
+        }
+        Parameter::Components => {
             for scale in &mut config.scales {
                 for rank in [&mut scale.density_rank, &mut scale.appearance_rank] {
                     *rank = (factor * f64::from(*rank)).round() as u32;
                 }
             }
-            let components: u32 = config.scales.iter().map(|s| s.density_rank + s.appearance_rank).sum();
-            Ok((f64::from(components), step(&config, march, memory)?.1))
-        })?;
-        let batches = self.sweep("rays a step", "training step", BATCHES, |factor, memory| {
-            let batch_rays = (factor * BATCH as f64) as usize;
-            Ok((batch_rays as f64, step(&TrainConfig { batch_rays, ..config.clone() }, march, memory)?.1))
-        })?;
-        let steps = self.sweep("length of a march step", "training step", STEPS, |factor, memory| {
-            Ok((factor * march, step(&config, factor * march, memory)?.1))
-        })?;
-        Ok(vec![pixels, tensors, ranks, batches, steps])
+        }
+        Parameter::Rays => config.batch_rays = (factor * BATCH as f64).round() as usize,
+        Parameter::Pixels | Parameter::March => (),
     }
-
-    /// Steps that leave the ball of `config`, marched in steps of `march`, as it is.
-    fn training_step(
-        &self,
-        config: &TrainConfig,
-        march: f64,
-        views: &[View],
-        memory: MemoryMark,
-    ) -> Result<(Scene, Measured), Error> {
-        let mut scene = ball(config, UPSAMPLED)?;
-        scene.rules.step = march;
-        let memory = memory.again();
-        let mut trainer = Trainer::new(at_rest(config), scene.clone(), views)?;
-        let measured = training_steps(&mut trainer, self.args.repeats.runs(), self.peak, memory)?;
-        Ok((scene, measured))
-    }
-
-    fn frame(&self, scene: &Scene, edge: u32, memory: MemoryMark) -> Measured {
-        let memory = memory.again();
+    let mut scene = ball(&config, UPSAMPLED)?;
+    scene.rules.step *= match parameter {
+        Parameter::March => factor,
+        // A step is a part of a cell: this is the same march for all.
+        Parameter::Tensors => 1.0 / factor,
+        _ => 1.0,
+    };
+    // Making the ball is no part of it.
+    let memory = memory.again();
+    if parameter == Parameter::Pixels {
+        let edge = (factor * PIXELS).sqrt().round() as u32;
         let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [edge; 2]);
-        frames(scene, &camera, self.args.repeats.runs(), self.peak, memory)
+        let renderer = CpuRenderer::<f32>::new(&scene);
+        let frames: Result<_, Infallible> = args.repeats.runs().time(|| Ok(renderer.render(&camera)));
+        let Ok((seconds, _)) = frames;
+        return Ok(Point { parameter: f64::from(edge).powi(2), seconds: seconds.median, bytes: memory.peak() });
     }
+    let of_scene: f64 = match parameter {
+        Parameter::Tensors => scene.scales.iter().map(|s| s.cloud.len() as f64).sum(),
+        Parameter::Components => config.scales.iter().map(|s| f64::from(s.density_rank + s.appearance_rank)).sum(),
+        Parameter::March => scene.rules.step,
+        Parameter::Rays | Parameter::Pixels => config.batch_rays as f64,
+    };
+    let views = ball_views(8, 128);
+    let mut trainer = Trainer::new(config, scene, &views)?;
+    let (seconds, _) = args.repeats.runs().time(|| trainer.step())?;
+    Ok(Point { parameter: of_scene, seconds: seconds.median, bytes: memory.peak() })
+}
 
-    /// What `measure` makes of each of `values`: the parameter and what it cost.
-    fn sweep<V: Copy>(
-        &self,
-        parameter: &'static str,
-        cost: &'static str,
-        values: [V; 4],
-        measure: impl Fn(V, MemoryMark) -> Result<(f64, Measured), Error>,
-    ) -> Result<Sweep, Error> {
-        self.session.console.say(&format!("bench: {cost} by {parameter}"));
-        let memory = MemoryMark::set();
-        let point = |&value: &V| {
-            let (parameter, measured) = measure(value, memory)?;
-            Ok(Point { parameter, seconds: measured.seconds.median, bytes: measured.peak_bytes })
-        };
-        let points: Vec<Point> = values.iter().map(point).collect::<Result<_, Error>>()?;
+impl Sweep {
+    fn new(threads: usize, parameter: Parameter, points: Vec<Point>) -> Self {
         let times: Vec<_> = points.iter().map(|p| (p.parameter, p.seconds)).collect();
         let bytes: Option<Vec<_>> = points.iter().map(|p| Some((p.parameter, p.bytes? as f64))).collect();
-        let memory = bytes.as_deref().and_then(Growth::fit);
-        Ok(Sweep { threads: self.peak.threads, parameter, cost, points, time: Growth::fit(&times), memory })
+        let (time, memory) = (Growth::fit(&times), bytes.as_deref().and_then(Growth::fit));
+        Self { threads, parameter: parameter.name(), cost: parameter.cost(), points, time, memory }
     }
 }
 

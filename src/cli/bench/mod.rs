@@ -7,6 +7,7 @@ mod against;
 mod files;
 mod growth;
 mod peak;
+mod process;
 mod render;
 mod report;
 mod train;
@@ -73,6 +74,14 @@ impl Repeats {
 
     fn runs(&self) -> Runs {
         Runs { warm_up: self.warm_up.into(), measured: self.runs.into() }
+    }
+
+    /// The numbers of threads to measure on.
+    fn threads(&self) -> Vec<usize> {
+        if self.threads_list.is_empty() {
+            return vec![rayon::current_num_threads()];
+        }
+        self.threads_list.iter().map(|&threads| threads.into()).collect()
     }
 
     /// Calls `measure` with the peak of each pool of threads, within that pool.
@@ -169,11 +178,13 @@ mod tests {
             &["train", "lego"][..],
             &["train", "--scene", "a"],
             &["train", "lego", "--scene", "a", "--resume", "b"],
-            &["train", "lego", "--scene", "a", "--preset", "24"],
+            &["train", "lego", "--resume", "a", "--preset", "24"],
             &["train", "lego", "--at", "0", "--upsampled", "1"],
             &["train", "--downscale", "2"],
             &["render", "--runs", "0"],
             &["render", "--threads-list", "1,0"],
+            &["growth", "--factor", "2"],
+            &["growth", "--only", "rays", "--factor", "9"],
             &["against"],
             &["against", "old", "--value", "/x"],
             &["against", "old", "--fail-above", "-1"],

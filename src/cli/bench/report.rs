@@ -40,7 +40,8 @@ pub(super) fn stages(measured: &Measured) -> String {
         ]);
     }
     format!(
-        "{}total: {:.1} ms on {} threads, {} of it idle or not booked; {:.2} GFLOP would take {:.1} ms at the peak: {}\n",
+        "{}total: {:.1} ms on {} threads, {} of it idle or not booked; {:.2} GFLOP would take {:.1} ms at the peak: {}; stages at the \
+         nearer of their limits: {}\n",
         table.text(),
         total.wall_ms,
         total.threads,
@@ -48,6 +49,7 @@ pub(super) fn stages(measured: &Measured) -> String {
         total.gflop,
         total.flop_limit_ms,
         percent(total.flop_share),
+        percent(total.limit_share),
     )
 }
 
@@ -98,6 +100,7 @@ mod tests {
             gflop: 8.0,
             flop_limit_ms: 40.0,
             flop_share: 0.4,
+            limit_share: 0.6,
         };
         let seconds = Spread::of(&[1e-3 * milliseconds]).expect("one");
         Measured { threads, seconds, stages: StageTable { rows, total }, peak_bytes: Some(5_000_000) }
@@ -121,7 +124,7 @@ mod tests {
         assert_eq!(words(1), "decoder 150.0 100.0 % 8.000 0.500 53.3 53.3 % 30.0 % arithmetic");
         assert_eq!(
             words(2),
-            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not booked; 8.00 GFLOP would take 40.0 ms at the peak: 40.0 %"
+            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not booked; 8.00 GFLOP would take 40.0 ms at the peak: 40.0 %; stages at the nearer of their limits: 60.0 %"
         );
         assert_eq!(stages(&measured(2, 100.0, Vec::new())), "no stages were booked\n");
     }

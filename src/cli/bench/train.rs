@@ -43,9 +43,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
         requires = "dataset")]
     downscale: u32,
-    /// The model of the ball, and of --at
-    #[arg(long, value_enum, default_value = "24", conflicts_with_all = ["scene", "resume"])]
-    preset: Preset,
+    /// The model of the ball and of --at, and how --scene is trained [default: 24; the scene's own]
+    #[arg(long, value_enum, conflicts_with = "resume")]
+    preset: Option<Preset>,
     /// Rays a step [default: the preset's or the state's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     batch: Option<u32>,
@@ -98,7 +98,7 @@ impl Args {
             start: Start::default(),
             upsampled: Vec::new(),
             downscale: 1,
-            preset: Preset::P24,
+            preset: None,
             batch: None,
             repeats: Repeats::quick(3),
         }
@@ -107,7 +107,12 @@ impl Args {
 
 /// Measures all points on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
-    let mut config = TrainConfig::preset(args.preset.name()).map_err(|e| Error::Usage(e.to_string()))?;
+    let scene = args.start.scene.as_deref().map(scene_file::read).transpose()?.map(|(scene, _)| scene);
+    let of_scene = scene.as_ref().map(|scene| scene.provenance.preset.as_str());
+    let of_scene =
+        of_scene.filter(|name| TrainConfig::PRESETS.iter().any(|known| known == name)).unwrap_or(Preset::P24.name());
+    let preset = args.preset.map_or(of_scene, |preset| preset.name());
+    let mut config = TrainConfig::preset(preset).map_err(|e| Error::Usage(e.to_string()))?;
     let state = args.start.resume.as_deref().map(read_state).transpose()?;
     if let Some((progress, _)) = &state {
         config = progress.config.clone();
@@ -116,10 +121,8 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let last = config.upsample_at.len();
     let upsampled = if args.upsampled.is_empty() { vec![0, last] } else { args.upsampled.clone() };
     if let Some(found) = upsampled.iter().find(|&&n| n > last) {
-        let preset = args.preset.name();
         return Err(Error::Usage(format!("--upsampled: expected 0 to {last} for preset {preset}, found {found}")));
     }
-    let scene = args.start.scene.as_deref().map(scene_file::read).transpose()?.map(|(scene, _)| scene);
     let load = |folder: &Path| {
         let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
         dataset::load_blender(folder, "train", &options)
@@ -153,7 +156,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
         Ok((peak.clone(), points))
     })?;
     let (peaks, points): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    let name = dataset.map_or_else(|| format!("a ball, preset {}", args.preset.name()), |dataset| dataset.name);
+    let name = dataset.map_or_else(|| format!("a ball, preset {preset}"), |dataset| dataset.name);
     let points = points.into_iter().flatten().collect();
     Ok(Report { subject: name, batch_rays: subject.config.batch_rays, peaks, points })
 }

@@ -79,6 +79,9 @@ pub struct Total {
     pub flop_limit_ms: f64,
     /// That limit in relation to the wall time.
     pub flop_share: f64,
+    /// Of wall time × threads, what the stages would take if each reached the limit that it is nearer to, arithmetic or
+    /// the bandwidth of memory; a stage that caches help beyond the latter counts as being there.
+    pub limit_share: f64,
 }
 
 /// All stages that ran, in their order, and the total.
@@ -119,6 +122,8 @@ impl StageTable {
         let gflop = rows.iter().map(|row| row.gflop).sum();
         let flop_limit_ms = 1e12 * gflop / (flops * peak.threads as f64);
         let (wall_ms, core_ms) = (1e3 * wall_seconds, 1e3 * all_seconds * per_run);
+        let of_limits = rows.iter().map(|row| row.core_ms * row.flop_share.max(row.bandwidth_share).min(1.0));
+        let limit_share = of_limits.sum::<f64>() / (wall_ms * peak.threads as f64);
         let total = Total {
             wall_ms,
             threads: peak.threads,
@@ -127,6 +132,7 @@ impl StageTable {
             gflop,
             flop_limit_ms,
             flop_share: flop_limit_ms / wall_ms,
+            limit_share,
         };
         Self { rows, total }
     }
@@ -180,6 +186,17 @@ mod tests {
         assert!((total.flop_share - 0.4005).abs() < 1e-4, "{total:?}");
         // 2.2524 core seconds of 2.5.
         assert!((total.idle_share - (1.0 - 2.2524 / 2.5)).abs() < 1e-9, "{total:?}");
+        // The decoder's arithmetic 1.001 core seconds, the order's loads and stores half of 2.4 core milliseconds, the
+        // gather's 2.6.
+        let limits = 1.001 + 0.0012 + 0.0026;
+        assert!((total.limit_share - limits / 2.5).abs() < 1e-4, "{total:?}");
+    }
+
+    #[test]
+    fn a_stage_beyond_the_bandwidth_of_memory_counts_as_at_it() {
+        let table = StageTable::new(&work(&[(Stage::PairOrder, 0.0012)]), 1, &shape(), &peak(), 0.0012);
+        assert!((table.rows[0].bandwidth_share - 2.0).abs() < 1e-9, "{:?}", table.rows[0]);
+        assert!((table.total.limit_share - 0.5).abs() < 1e-9, "{:?}", table.total);
     }
 
     #[test]
