@@ -12,6 +12,7 @@ use crate::cli::train::Preset;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session};
 use crate::measure::bench::{Growth, MemoryMark, Runs, at_rest, ball, ball_views};
+use crate::model::Scene;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{TrainConfig, Trainer};
 
@@ -89,17 +90,17 @@ pub(super) struct Args {
     #[arg(long, value_enum)]
     only: Option<Parameter>,
     /// Measure that parameter times this alone
-    #[arg(long, value_name = "F", requires = "only", value_parser = factor)]
+    #[arg(long, value_name = "F", requires = "only", conflicts_with = "threads_list", value_parser = factor)]
     factor: Option<f64>,
     #[command(flatten)]
     repeats: Repeats,
 }
 
-/// 16 would be beyond the format's limits for components.
+/// Beyond these a point needs more memory than machines have, or measures nothing.
 fn factor(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(value) if (0.1..=8.0).contains(&value) => Ok(value),
-        _ => Err(format!("expected a number from 0.1 to 8, found {text:?}")),
+        Ok(value) if (0.25..=8.0).contains(&value) => Ok(value),
+        _ => Err(format!("expected a number from 0.25 to 8, found {text:?}")),
     }
 }
 
@@ -158,17 +159,16 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
 
 /// [`point`] in a process of its own.
 fn point_of_its_own(args: &Args, parameter: Parameter, factor: f64, threads: usize) -> Result<Point, Error> {
-    let name = |value: &dyn ToString| value.to_string();
     let only = parameter.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     let Runs { warm_up, measured } = args.repeats.runs();
     let arguments: Vec<String> = [
         ["bench", "growth"].map(String::from),
         ["--preset".into(), args.preset.name().into()],
         ["--only".into(), only],
-        ["--factor".into(), name(&factor)],
-        ["--warm-up".into(), name(&warm_up)],
-        ["--runs".into(), name(&measured)],
-        ["--threads".into(), name(&threads)],
+        ["--factor".into(), factor.to_string()],
+        ["--warm-up".into(), warm_up.to_string()],
+        ["--runs".into(), measured.to_string()],
+        ["--threads".into(), threads.to_string()],
         ["--quiet", "--json"].map(String::from),
     ]
     .concat();
@@ -209,24 +209,38 @@ fn point(args: &Args, parameter: Parameter, factor: f64) -> Result<Point, Error>
     };
     // Making the ball is no part of it.
     let memory = memory.again();
-    if parameter == Parameter::Pixels {
-        let edge = (factor * PIXELS).sqrt().round() as u32;
-        let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [edge; 2]);
-        let renderer = CpuRenderer::<f32>::new(&scene);
-        let frames: Result<_, Infallible> = args.repeats.runs().time(|| Ok(renderer.render(&camera)));
-        let Ok((seconds, _)) = frames;
-        return Ok(Point { parameter: f64::from(edge).powi(2), seconds: seconds.median, bytes: memory.peak() });
-    }
-    let of_scene: f64 = match parameter {
-        Parameter::Tensors => scene.scales.iter().map(|s| s.cloud.len() as f64).sum(),
-        Parameter::Components => config.scales.iter().map(|s| f64::from(s.density_rank + s.appearance_rank)).sum(),
-        Parameter::March => scene.rules.step,
-        Parameter::Rays | Parameter::Pixels => config.batch_rays as f64,
+    let runs = args.repeats.runs();
+    let (parameter, seconds) = match parameter {
+        Parameter::Pixels => {
+            let edge = (factor * PIXELS).sqrt().round() as u32;
+            (f64::from(edge).powi(2), seconds_of_frame(&scene, edge, runs))
+        }
+        Parameter::Tensors => {
+            let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();
+            (tensors as f64, seconds_of_step(config, scene, runs)?)
+        }
+        Parameter::Components => {
+            let components: u32 = config.scales.iter().map(|s| s.density_rank + s.appearance_rank).sum();
+            (f64::from(components), seconds_of_step(config, scene, runs)?)
+        }
+        Parameter::Rays => (config.batch_rays as f64, seconds_of_step(config, scene, runs)?),
+        Parameter::March => (scene.rules.step, seconds_of_step(config, scene, runs)?),
     };
+    Ok(Point { parameter, seconds, bytes: memory.peak() })
+}
+
+fn seconds_of_frame(scene: &Scene, edge: u32, runs: Runs) -> f64 {
+    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [edge; 2]);
+    let renderer = CpuRenderer::<f32>::new(scene);
+    let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.render(&camera)));
+    let Ok((seconds, _)) = timed;
+    seconds.median
+}
+
+fn seconds_of_step(config: TrainConfig, scene: Scene, runs: Runs) -> Result<f64, Error> {
     let views = ball_views(8, 128);
     let mut trainer = Trainer::new(config, scene, &views)?;
-    let (seconds, _) = args.repeats.runs().time(|| trainer.step())?;
-    Ok(Point { parameter: of_scene, seconds: seconds.median, bytes: memory.peak() })
+    Ok(runs.time(|| trainer.step())?.0.median)
 }
 
 impl Sweep {

@@ -90,17 +90,14 @@ impl Repeats {
         session: &Session,
         mut measure: impl FnMut(&Peak) -> Result<R, Error> + Send,
     ) -> Result<Vec<R>, Error> {
-        let mut measured = Vec::new();
         let mut on_this_pool = || {
             session.console.say(&format!("bench: peak of {} threads", rayon::current_num_threads()));
             measure(&Peak::measure())
         };
-        if self.threads_list.is_empty() {
-            return Ok(vec![on_this_pool()?]);
-        }
-        for &threads in &self.threads_list {
+        let mut measured = Vec::new();
+        for threads in self.threads() {
             let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads.into())
+                .num_threads(threads)
                 .build()
                 .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
             measured.push(pool.install(&mut on_this_pool)?);
@@ -185,6 +182,7 @@ mod tests {
             &["render", "--threads-list", "1,0"],
             &["growth", "--factor", "2"],
             &["growth", "--only", "rays", "--factor", "9"],
+            &["growth", "--only", "rays", "--factor", "2", "--threads-list", "1"],
             &["against"],
             &["against", "old", "--value", "/x"],
             &["against", "old", "--fail-above", "-1"],

@@ -26,7 +26,19 @@ pub(super) fn output_of(executable: &Path, arguments: &[String]) -> Result<Vec<u
 
 /// The JSON that `executable` prints with `arguments`.
 pub(super) fn json_of(executable: &Path, arguments: &[String]) -> Result<serde_json::Value, Error> {
-    let output = output_of(executable, arguments)?;
-    let json = serde_json::from_slice(&output).map_err(|e| format!("output: expected JSON, found {e}"));
-    json.map_err(Error::malformed(executable))
+    parsed(&output_of(executable, arguments)?).map_err(Error::malformed(executable))
+}
+
+fn parsed(output: &[u8]) -> Result<serde_json::Value, String> {
+    serde_json::from_slice(output).map_err(|e| format!("output: expected JSON, found {e}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn output_that_is_not_json_is_named() {
+        assert!(parsed(b"text").unwrap_err().contains("expected JSON"));
+    }
 }

@@ -14,8 +14,8 @@ impl MemoryMark {
         Self { resident: status("VmRSS:") }.again()
     }
 
-    /// Forgets the peak and keeps the mark. For a row of measurements: what the allocator keeps from one of them, and
-    /// gives to the next, is then in both.
+    /// Forgets the peak and keeps the mark: for work on something that was made since then, which counts, while what
+    /// making it took besides does not.
     pub fn again(self) -> Self {
         // "5" forgets the peak (proc_pid_clear_refs(5)). Where that is refused an older peak would pass for this one's.
         let reset = fs::write("/proc/self/clear_refs", "5").is_ok();
