@@ -154,7 +154,10 @@ fn the_published_schema_is_that_of_the_results() {
 #[test]
 fn packing_loses_what_was_asked_for_and_says_so() {
     let (folder, scene) = folder();
-    let row = &json(folder.path(), &["pack", "scene.strivec", "-o", "small.strivec", "--quality", "small"])[0];
+    let row = &json(
+        folder.path(),
+        &["pack", "scene.strivec", "-o", "small.strivec", "--quality", "small", "--effort", "0.02"],
+    )[0];
     assert!(row["bytes"].as_u64() < row["bytes_before"].as_u64(), "{row}");
     let psnr = row["psnr_to_before"].as_f64().expect("a loss");
     assert!(psnr >= 45.0, "{psnr}");
@@ -181,17 +184,32 @@ fn a_target_size_is_kept() {
     let target = (size / 3).to_string();
     succeed(
         folder.path(),
-        &["pack", "scene.strivec", "-o", "third.strivec", "--target-size", &target, "--no-prefixes"],
+        &[
+            "pack",
+            "scene.strivec",
+            "-o",
+            "third.strivec",
+            "--target-size",
+            &target,
+            "--no-prefixes",
+            "--effort",
+            "0.02",
+        ],
     );
     assert!(fs::metadata(folder.path().join("third.strivec")).unwrap().len() <= size / 3);
-    fail(folder.path(), &["pack", "scene.strivec", "-o", "no.strivec", "--target-size", "100B"], 4, "that small");
+    fail(
+        folder.path(),
+        &["pack", "scene.strivec", "-o", "no.strivec", "--target-size", "100B", "--effort", "0.01"],
+        4,
+        "that small",
+    );
     assert!(!folder.path().join("no.strivec").exists());
 }
 
 #[test]
 fn lossless_is_and_a_dry_run_writes_nothing() {
     let (folder, scene) = folder();
-    let arguments = ["pack", "scene.strivec", "-o", "same.strivec", "--lossless"];
+    let arguments = ["pack", "scene.strivec", "-o", "same.strivec", "--lossless", "--effort", "0.01"];
     json(folder.path(), &[&arguments[..], &["--dry-run"]].concat());
     assert!(!folder.path().join("same.strivec").exists());
     let row = &json(folder.path(), &arguments)[0];

@@ -18,11 +18,11 @@ use crate::pack::{
     Candidate, Goal, Judge, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
 };
 
-/// Pictures that a scene is judged by, and their size.
+/// Pictures that a scene is judged by, and their size, at the usual effort.
 const JUDGED: (usize, u32) = (12, 320);
-/// Cameras and batches of rays that sensitivities are estimated from.
+/// Cameras and, at the usual effort, batches of rays that sensitivities are estimated from.
 const PROBED: (usize, usize) = (64, 48);
-/// Steps of fitting a prefix.
+/// Steps of fitting a prefix, at the usual effort.
 const PREFIX_STEPS: usize = 150;
 /// A first guess at what is beside the scene: probes, prefixes, a thumbnail.
 const EXTRAS_BYTES: u64 = 40_000;
@@ -63,6 +63,9 @@ pub(super) struct Args {
     /// The terms of the scene's use
     #[arg(long, value_name = "TEXT")]
     licence: Option<String>,
+    /// How many rays to judge and to fit by, in multiples of the usual number: 0.1 is quick, 4 is careful
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = effort)]
+    effort: f64,
     /// Of every random choice
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -156,6 +159,13 @@ fn decibels(text: &str) -> Result<f64, String> {
     }
 }
 
+fn effort(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0.001 to 100".into()),
+    }
+}
+
 fn size(text: &str) -> Result<u64, String> {
     let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("KiB", 1024.0), ("MiB", 1048576.0), ("B", 1.0), ("", 1.0)];
     let read = |(unit, bytes): (&str, f64)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * bytes);
@@ -181,6 +191,18 @@ pub(super) struct Row {
     psnr_to_photographs: Option<[f64; 2]>,
     /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
     psnr_of_prefixes: Vec<f64>,
+}
+
+impl Args {
+    /// Width of the pictures that a scene is judged by.
+    fn judged_width(&self) -> u32 {
+        (f64::from(JUDGED.1) * self.effort.sqrt()).ceil() as u32
+    }
+
+    /// As many of `usual` as the effort asks for.
+    fn as_many(&self, usual: usize) -> usize {
+        (usual as f64 * self.effort).ceil() as usize
+    }
 }
 
 impl Row {
@@ -249,8 +271,8 @@ fn pack(
         extras.cameras = args.data.training_cameras(&scene)?;
     }
     let packing = Packing {
-        views: probe_views(&scene, &extras.cameras, PROBED.0, JUDGED.1),
-        own: Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, JUDGED.1)),
+        views: probe_views(&scene, &extras.cameras, PROBED.0, args.judged_width()),
+        own: Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, args.judged_width())),
         real: photographs.map(|(views, what)| {
             let judge = Judge::of_photographs(&scene, views);
             let before = judge.error(&scene);
@@ -268,7 +290,7 @@ fn pack(
         return packing.finish(&whole, path);
     }
     session.console.say("what each number is worth");
-    let sensitivity = sensitivity(&packing.scene, &packing.views, PROBED.1, args.seed);
+    let sensitivity = sensitivity(&packing.scene, &packing.views, args.as_many(PROBED.1), args.seed);
     let mut reserved = EXTRAS_BYTES;
     loop {
         let candidate = packing.find(&sensitivity, reserved)?;
@@ -350,11 +372,11 @@ impl Packing<'_> {
         if self.args.no_prefixes || scales == 1 {
             return Vec::new();
         }
-        let judge = Judge::new(decoded, probe_views(decoded, &extras.cameras, 4, JUDGED.1));
+        let judge = Judge::new(decoded, probe_views(decoded, &extras.cameras, 4, self.args.judged_width()));
         let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
         let mut psnrs = Vec::new();
         for count in 1..scales {
-            let prefix = fit_prefix(decoded, count, &self.views, PREFIX_STEPS, self.args.seed);
+            let prefix = fit_prefix(decoded, count, &self.views, self.args.as_many(PREFIX_STEPS), self.args.seed);
             let mut part = beginning(decoded, count);
             prefix.apply(&mut part);
             let psnr = psnr_of_mse(judge.error(&part));
