@@ -382,3 +382,30 @@ fn a_part_of_a_vector_opens_without_the_rest() {
     assert_eq!(crop.bounds, corner);
     assert!(crop.scales[1].cloud.len() < whole.scales[1].cloud.len());
 }
+
+#[test]
+fn the_number_of_threads_changes_neither_bytes_nor_numbers_nor_errors() {
+    let scene = ball();
+    let options =
+        EncodeOptions { chunk_tensors: 3, zstd_level: Some(3), ..in_arrays(Encoding::Cosine, Filter::Planes) };
+    let [one, three] = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let bytes = encode_document(&scene, &Extras::default(), &options).unwrap();
+            let decoded = decode_document(&bytes, Limits::default());
+            // Several sections are wrong behind checksums that are right.
+            let wrong = (0..200).map(|n| {
+                let mut changed = File::of(&bytes);
+                for part in changed.sections.iter_mut().skip(n % 7).step_by(5) {
+                    let length = part.payload.len();
+                    part.payload[n * 31 % length] ^= 0x55;
+                }
+                decode_document(&changed.bytes(), Limits::default())
+            });
+            let wrong: Vec<_> = wrong.collect();
+            (bytes, decoded, wrong)
+        })
+    });
+    assert!(one == three);
+    assert!(one.2.iter().any(|result| result.is_err()) && one.1.is_ok());
+}

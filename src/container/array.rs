@@ -312,7 +312,7 @@ fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Resu
 
 impl Encoding {
     /// Bytes of a number.
-    fn width(self) -> usize {
+    pub(super) fn width(self) -> usize {
         match self {
             Self::F32 => 4,
             Self::F16 | Self::Cosine => 2,

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use super::array::{ArrayOptions, Encoding, Filter};
 use super::extras::Extras;
 use super::section::{Section, SectionKind};
-use super::writer::{Place, Writer};
+use super::writer::{Finished, Place, Writer};
 use super::{
-    Error, decoder, factors, frame, limits, matrix, occupancy, placement, prefix, provenance, rules, sections,
+    Error, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, provenance, rules, sections,
 };
-use crate::model::Scene;
+use crate::model::{Factors, Scene};
 
 /// Choices of the writer; the same scene with the same choices gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,23 +102,24 @@ pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) 
         let chunks = placement::chunks_of(&scale.cloud, options.chunk_tensors);
         placement::write_scale(&mut writer, index, scale, &chunks)?;
         matrix::write(&mut writer, index, &scale.appearance_matrix, options.networks)?;
-        for (chunk, tensors) in (0..).zip(&chunks) {
-            placement::write(&mut writer, index, chunk, &scale.cloud, tensors)?;
-            for (kind, values, rank, of_scales) in [
-                (SectionKind::Density, &scale.factors.density, scale.factors.density_rank, &options.density),
-                (
-                    SectionKind::Appearance,
-                    &scale.factors.appearance,
-                    scale.factors.appearance_rank,
-                    &options.appearance,
-                ),
-            ] {
+        let of_chunk = |(chunk, tensors): (u32, &Vec<u32>)| -> Result<[Finished; 3], Error> {
+            let write = |kind, values, rank: u32, of_scales: &[FactorOptions]| {
                 let no_options = || Error::malformed("options", "how factors are written", "nothing");
                 let factors = of_scales.get(s).or(of_scales.last()).ok_or_else(no_options)?;
                 let part = factors::Part { values, rank: rank as usize, resolution: scale.cloud.resolution };
                 let place = Place::of_chunk(kind, index, chunk);
-                factors::write(&mut writer, place, &part, tensors, factors.array, factors.steps.as_deref())?;
-            }
+                factors::write(&writer, place, &part, tensors, factors.array, factors.steps.as_deref())
+            };
+            let Factors { density, appearance, density_rank, appearance_rank, .. } = &scale.factors;
+            Ok([
+                placement::write(&writer, index, chunk, &scale.cloud, tensors)?,
+                write(SectionKind::Density, density, *density_rank, &options.density)?,
+                write(SectionKind::Appearance, appearance, *appearance_rank, &options.appearance)?,
+            ])
+        };
+        let finished = parallel::map((0..).zip(&chunks).collect(), of_chunk);
+        for sections in finished {
+            sections?.into_iter().for_each(|section| writer.add(section));
         }
         if let Some(Some(correction)) = extras.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
             prefix::write(&mut writer, index, correction, options.networks)?;

@@ -3,9 +3,12 @@
 use super::array::{self, ArrayOptions};
 use super::limits::Budget;
 use super::payload::Payload;
-use super::writer::{Place, Writer};
+use super::writer::{Finished, Place, Writer};
 use super::{Error, records};
 use crate::model::Factors;
+
+/// What a number takes while it is read: itself, and its integer in another arrangement.
+const NUMBER_BYTES: u64 = 8;
 
 /// One part, density or appearance, of a scale's factors.
 pub(super) struct Part<'a> {
@@ -63,16 +66,16 @@ impl Layout {
     }
 }
 
-/// Writes the factors of `tensors`. `steps` holds a step code for each axis of each component of each of the scale's
+/// The section of the factors of `tensors`. `steps` holds a step code for each axis of each component of each of the scale's
 /// tensors.
 pub(super) fn write(
-    writer: &mut Writer,
+    writer: &Writer,
     place: Place,
     part: &Part<'_>,
     tensors: &[u32],
     options: ArrayOptions,
     steps: Option<&[u8]>,
-) -> Result<(), Error> {
+) -> Result<Finished, Error> {
     let name = place.kind.to_string();
     let rank = part.rank;
     let rows = Factors::rows(part.resolution);
@@ -104,18 +107,45 @@ pub(super) fn write(
     let written = array::write(&name, &values, layout.group_lengths(), options, chosen.as_deref())?;
     body.extend(written.body);
     let record = records::Factors { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
-    writer.compressed(place, records::write(&name, &record)?, &body)
+    writer.finished(place, records::write(&name, &record)?, &body)
 }
 
-/// Reads the factors of a chunk into those of its scale; `places` says where its tensors are there.
+/// The factors of a chunk.
+pub(super) struct Chunk {
+    layout: Layout,
+    by_group: bool,
+    /// In the file's order.
+    numbers: Vec<f32>,
+}
+
+impl Chunk {
+    /// Puts them among those of their scale; `places` says where the chunk's tensors are there.
+    pub(super) fn put(self, places: &[u32], values: &mut [f32]) {
+        let mut next = self.numbers.into_iter();
+        let tensor_len = self.layout.tensor_len();
+        self.layout.for_each(self.by_group, |t, at| {
+            if let Some(value) = next.next() {
+                values[places[t] as usize * tensor_len + at] = value;
+            }
+        });
+    }
+}
+
+/// The most memory that [`read`] takes.
+pub(super) fn most(payload: &Payload<'_>) -> Result<u64, Error> {
+    let (record, body): (records::Factors, _) = payload.record_and_body()?;
+    let (encoding, _) = array::of_head(payload.section, &record.head)?;
+    Ok(body.length.saturating_add((body.length / encoding.width() as u64).saturating_mul(NUMBER_BYTES)))
+}
+
+/// Reads the factors of a chunk of `tensors`.
 pub(super) fn read(
     payload: &Payload<'_>,
     rank: usize,
     resolution: [u32; 3],
-    places: &[u32],
-    values: &mut [f32],
+    tensors: usize,
     budget: &mut Budget,
-) -> Result<(), Error> {
+) -> Result<Chunk, Error> {
     let name = payload.section;
     let (record, body): (records::Factors, _) = payload.record_and_body()?;
     Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
@@ -124,11 +154,10 @@ pub(super) fn read(
         1 => rank.div_ceil(8),
         other => return Err(Error::malformed(format!("{name} ragged"), "0 or 1", other)),
     };
-    let masks_length = mask_bytes * places.len();
+    let masks_length = mask_bytes * tensors;
     let (encoding, _) = array::of_head(name, &record.head)?;
     // How long the array is only the masks tell; all that the scale may have is its most.
-    let all =
-        encoding.length(3 * (rank * places.len()) as u64, (Factors::rows(resolution) * rank * places.len()) as u64);
+    let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
     if body.length < masks_length as u64 || body.length > masks_length as u64 + all {
         let expected = format!("{masks_length} to {}", masks_length as u64 + all);
         return Err(Error::malformed(format!("{name} body length"), expected, body.length));
@@ -136,23 +165,16 @@ pub(super) fn read(
     let bytes = body.decode(body.length, budget)?;
     let (masks, array) = bytes.split_at(masks_length);
     let components: Vec<Vec<usize>> = match record.is_ragged {
-        0 => vec![(0..rank).collect(); places.len()],
+        0 => vec![(0..rank).collect(); tensors],
         _ => masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?,
     };
     let layout = Layout::new(rank, resolution, components);
     let (groups, numbers) = array::count(layout.group_lengths());
     let length = encoding.length(groups, numbers);
     Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
-    budget.spend(name, 8 * numbers)?;
+    budget.spend(name, NUMBER_BYTES * numbers)?;
     let numbers = array::read(name, &record.head, array, layout.group_lengths())?;
-    let mut next = numbers.into_iter();
-    let tensor_len = layout.tensor_len();
-    layout.for_each(encoding.is_by_group(), |t, at| {
-        if let Some(value) = next.next() {
-            values[places[t] as usize * tensor_len + at] = value;
-        }
-    });
-    Ok(())
+    Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
 }
 
 /// The components whose bits are set.

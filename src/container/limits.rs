@@ -84,6 +84,12 @@ impl Budget {
         })?;
         Ok(())
     }
+
+    /// Takes `bytes` for `place`, which then has a budget of its own.
+    pub(super) fn set_aside(&mut self, place: impl Display, bytes: u64) -> Result<Self, Error> {
+        self.spend(place, bytes)?;
+        Ok(Self { left: bytes })
+    }
 }
 
 /// [`Error::Limit`] unless `found` lies within `range`.

@@ -21,6 +21,7 @@ mod header;
 pub mod limits;
 mod matrix;
 mod occupancy;
+mod parallel;
 mod payload;
 mod placement;
 mod prefix;

@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 use super::limits::Budget;
 use super::payload::Payload;
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{Finished, Place, Writer};
 use super::{Error, records};
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{FactorKind, Placement, Scale, TensorCloud};
@@ -137,12 +137,12 @@ pub(super) fn read_scale(payload: &Payload<'_>, budget: &mut Budget) -> Result<S
 }
 
 pub(super) fn write(
-    writer: &mut Writer,
+    writer: &Writer,
     index: u16,
     chunk: u32,
     cloud: &TensorCloud,
     tensors: &[u32],
-) -> Result<(), Error> {
+) -> Result<Finished, Error> {
     let mut body = Vec::new();
     match &cloud.placement {
         Placement::Lattice { cells, .. } => {
@@ -163,7 +163,7 @@ pub(super) fn write(
             body.extend(coordinates.flat_map(f64::to_le_bytes));
         }
     }
-    writer.compressed(Place::of_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
+    writer.finished(Place::of_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
 }
 
 /// The centres of chunk `n`.

@@ -9,13 +9,16 @@ use super::payload::Payload;
 use super::section::{Section, SectionKind};
 use super::source::Source;
 use super::{
-    Contents, Error, decoder, factors, frame, matrix, occupancy, placement, prefix, provenance, rules, section, table,
+    Contents, Error, decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, provenance, rules,
+    section, table,
 };
 use crate::geometry::Aabb;
 use crate::model::{FactorKind, Factors, Provenance, Scale, Scene, TensorCloud};
 
 /// Bytes that are asked for first: header and table of most files.
 const FIRST_READ: u64 = 16 << 10;
+/// Chunks that are decoded at once.
+const AT_ONCE: usize = 16;
 /// Sections that are no farther apart are asked for at once.
 const NEAR: u64 = 64 << 10;
 
@@ -233,14 +236,28 @@ impl<S: Source> Reader<S> {
             density: vec![0.0; density as usize],
             appearance: vec![0.0; appearance as usize],
         };
-        for (&n, places) in chunks.iter().zip(&places) {
-            let [_, of_density, of_appearance] = sections.chunks[n];
-            for (section, rank, values) in [
-                (of_density, record.density_rank, &mut factors.density),
-                (of_appearance, record.appearance_rank, &mut factors.appearance),
-            ] {
-                let payload = bytes.payload(section)?;
-                factors::read(&payload, rank as usize, record.resolution, places, values, budget)?;
+        let ranks = [record.density_rank, record.appearance_rank].map(|rank| rank as usize);
+        let of_chunks: Vec<_> = chunks.iter().zip(&places).collect();
+        for some in of_chunks.chunks(AT_ONCE) {
+            // In the order of the file, so that what is wrong with it does not depend on threads.
+            let mut parts = Vec::with_capacity(2 * some.len());
+            for &(&n, places) in some {
+                for (section, rank) in sections.chunks[n][1..].iter().zip(ranks) {
+                    let payload = bytes.payload(section)?;
+                    let budget = budget.set_aside(section, factors::most(&payload)?)?;
+                    parts.push((payload, rank, places.len(), budget));
+                }
+            }
+            let read = parallel::map(parts, |(payload, rank, tensors, mut budget)| {
+                factors::read(&payload, rank, record.resolution, tensors, &mut budget)
+            });
+            let mut read = read.into_iter();
+            for (_, places) in some {
+                for values in [&mut factors.density, &mut factors.appearance] {
+                    if let Some(chunk) = read.next() {
+                        chunk?.put(places, values);
+                    }
+                }
             }
         }
         let cloud = TensorCloud { placement, half: shape.half(), resolution: record.resolution };

@@ -25,6 +25,12 @@ impl Place {
     }
 }
 
+/// A section that is ready to be laid out.
+pub(super) struct Finished {
+    section: Section,
+    payload: Vec<u8>,
+}
+
 /// A file in the making.
 pub(super) struct Writer {
     /// Nothing is compressed where there is none.
@@ -40,41 +46,40 @@ impl Writer {
 
     /// Adds a section that is a record alone.
     pub(super) fn record(&mut self, place: Place, record: Vec<u8>) {
-        self.push(place, place.kind.is_critical(), Codec::Stored, record.len() as u64, record);
+        self.add(Finished::new(place, Codec::Stored, record.len() as u64, record));
     }
 
     /// Adds a section whose `body` follows its record as it is.
     pub(super) fn stored(&mut self, place: Place, record: Vec<u8>, body: &[u8]) {
-        let payload = behind(record, body);
-        self.push(place, place.kind.is_critical(), Codec::Stored, payload.len() as u64, payload);
+        self.add(Finished::stored(place, record, body));
     }
 
     /// Adds a section whose `body`, behind its record, is compressed where that makes it smaller.
     pub(super) fn compressed(&mut self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
+        let finished = self.finished(place, record, body)?;
+        self.add(finished);
+        Ok(())
+    }
+
+    /// The section that [`Writer::compressed`] would add.
+    pub(super) fn finished(&self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
         let compressed = match self.zstd_level {
             None => None,
             Some(level) => Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len()),
         };
-        let Some(compressed) = compressed else {
-            self.stored(place, record, body);
-            return Ok(());
-        };
+        let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
         let payload = behind(record, &compressed);
         let decoded = payload.len() - compressed.len() + body.len();
-        self.push(place, place.kind.is_critical(), Codec::Zstd, decoded as u64, payload);
-        Ok(())
+        Ok(Finished::new(place, Codec::Zstd, decoded as u64, payload))
     }
 
     /// Adds a section that was in another file.
     pub(super) fn as_it_was(&mut self, section: &Section, payload: &[u8]) {
-        self.sections.push(section.clone());
-        self.payloads.push(payload.to_vec());
+        self.add(Finished { section: section.clone(), payload: payload.to_vec() });
     }
 
-    fn push(&mut self, place: Place, critical: bool, codec: Codec, decoded_length: u64, payload: Vec<u8>) {
-        let Place { kind, scale, chunk } = place;
-        let (length, checksum) = (payload.len() as u64, crc32fast::hash(&payload));
-        let section = Section { kind, critical, scale, chunk, codec, offset: 0, length, decoded_length, checksum };
+    /// Adds a section.
+    pub(super) fn add(&mut self, Finished { section, payload }: Finished) {
         self.sections.push(section);
         self.payloads.push(payload);
     }
@@ -83,6 +88,23 @@ impl Writer {
     pub(super) fn finish(mut self) -> Result<Vec<u8>, Error> {
         limits::check("sections", limits::SECTIONS, self.sections.len())?;
         table::write(&mut self.sections, &self.payloads)
+    }
+}
+
+impl Finished {
+    fn stored(place: Place, record: Vec<u8>, body: &[u8]) -> Self {
+        let payload = behind(record, body);
+        Self::new(place, Codec::Stored, payload.len() as u64, payload)
+    }
+
+    fn new(place: Place, codec: Codec, decoded_length: u64, payload: Vec<u8>) -> Self {
+        let Place { kind, scale, chunk } = place;
+        let (length, checksum) = (payload.len() as u64, crc32fast::hash(&payload));
+        let critical = kind.is_critical();
+        Self {
+            section: Section { kind, critical, scale, chunk, codec, offset: 0, length, decoded_length, checksum },
+            payload,
+        }
     }
 }
 

@@ -291,7 +291,7 @@ fn pack(
     }
     session.console.say("what each number is worth");
     let sensitivity = sensitivity(&packing.scene, &packing.views, args.as_many(PROBED.1), args.seed);
-    let mut reserved = EXTRAS_BYTES;
+    let mut reserved = args.goal.target_size.map_or(0, |target| EXTRAS_BYTES.min(target / 4));
     loop {
         let candidate = packing.find(&sensitivity, reserved)?;
         let candidate = candidate
