@@ -5,10 +5,11 @@ mod scenes;
 
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
+use strivec::field::Field;
 use strivec::measure::psnr_of_mse;
 use strivec::model::Scene;
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{Progress, TrainConfig, Trainer};
+use strivec::train::{Photographs, Progress, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
 fn views() -> Vec<View> {
@@ -31,6 +32,7 @@ fn config() -> TrainConfig {
     config.steps = 24;
     config.batch_rays = 200;
     config.occupancy_at = vec![8, 16];
+    config.redraw_rays = true;
     config.upsample_at = vec![8, 12];
     for scale in &mut config.scales {
         let [first] = scale.resolutions[..] else { panic!("one resolution") };
@@ -94,6 +96,25 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
         run_to(&mut second, config().steps);
         assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
     }
+}
+
+#[test]
+fn a_new_occupancy_decides_which_rays_are_drawn() {
+    let views = views();
+    let counts = [false, true].map(|redraw| {
+        let mut config = config();
+        config.redraw_rays = redraw;
+        let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
+        let before = trainer.ray_count();
+        run_to(&mut trainer, 8);
+        assert!(trainer.scene().occupancy.is_some());
+        let mut meet = Photographs::new(&views, &trainer.scene().frame, &config);
+        meet.keep_rays_that_meet(&Field::<f32>::new(&trainer.scene()));
+        [before, trainer.ray_count(), meet.kept_count()]
+    });
+    let [[before, kept, meet], [_, redrawn, meet_too]] = counts;
+    assert_eq!((before, meet, meet), (kept, meet_too, redrawn));
+    assert_ne!(before, meet, "the comparison sees what is redrawn");
 }
 
 #[test]

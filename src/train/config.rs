@@ -25,6 +25,9 @@ pub struct TrainConfig {
     /// Whether every ray of a photograph with transparent parts is compared on a random background of its own instead,
     /// so that no part of the scene can pass for background. The prior and all rendering keep `background`.
     pub random_background: bool,
+    /// Whether every new occupancy decides anew which rays are drawn, so that none is wasted on what has turned out to be
+    /// empty.
+    pub redraw_rays: bool,
     /// Where rays begin and end, in the dataset's units; found from the cameras where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_far: Option<[f64; 2]>,
@@ -125,6 +128,7 @@ impl Default for TrainConfig {
             batch_rays: 4096,
             background: [1.0; 3],
             random_background: false,
+            redraw_rays: false,
             near_far: None,
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
@@ -251,6 +255,7 @@ impl TrainConfig {
                 preset.decoder.mode = DecoderMode::Residual;
                 // Highlights come and go within a few degrees.
                 preset.decoder.direction_frequencies = 6;
+                preset.redraw_rays = true;
                 preset.color_thinning = 0.002;
                 preset_scales(48)
             }

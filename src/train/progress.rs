@@ -24,7 +24,8 @@ pub struct Progress {
     pub(super) density: Vec<Moments<f32>>,
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
-    kept: Vec<u8>,
+    /// [`Photographs::kept_bits`].
+    pub(super) kept: Vec<u8>,
     photographs: u32,
 }
 

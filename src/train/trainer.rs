@@ -87,9 +87,7 @@ impl<'a> Trainer<'a> {
         photographs: Photographs<'a>,
         progress: Progress,
     ) -> Result<Self, TrainError> {
-        if photographs.kept_count() == 0 {
-            return Err(TrainError::NoRays(photographs.kept_bits().len() as u64 * 8));
-        }
+        expect_rays(&photographs)?;
         Ok(Self {
             order: Random::new(config.seed, "rays"),
             backward: Backward::new(&field),
@@ -155,7 +153,7 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     ///
-    /// Where the loss is not finite.
+    /// Where the loss is not finite, and where no ray meets the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
         let batch = self.config.batch_rays as u64;
@@ -192,7 +190,7 @@ impl<'a> Trainer<'a> {
         self.update_factors(&mut clock.work);
         clock.work.add(&self.backward.work());
         let report = StepReport { step: self.progress.step, mean_squared_error, work: clock.work };
-        self.follow_schedule();
+        self.follow_schedule()?;
         Ok(report)
     }
 
@@ -256,7 +254,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Occupancy, bounds and resolution (DESIGN, section 2: Training).
-    fn follow_schedule(&mut self) {
+    fn follow_schedule(&mut self) -> Result<(), TrainError> {
         let step = self.progress.step;
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
@@ -285,6 +283,19 @@ impl<'a> Trainer<'a> {
             self.field.rules.step = self.scene.rules.step;
             self.progress.restart(&self.field);
         }
+        if self.config.redraw_rays && self.config.occupancy_at.contains(&step) {
+            self.photographs.keep_rays_that_meet(&self.field);
+            expect_rays(&self.photographs)?;
+            self.progress.kept = self.photographs.kept_bits();
+        }
+        Ok(())
+    }
+}
+
+fn expect_rays(photographs: &Photographs<'_>) -> Result<(), TrainError> {
+    match photographs.kept_count() {
+        0 => Err(TrainError::NoRays(photographs.kept_bits().len() as u64 * 8)),
+        _ => Ok(()),
     }
 }
 
