@@ -98,9 +98,8 @@ impl<'a> Photographs<'a> {
         hasher.finalize()
     }
 
-    /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again (as long as
-    /// the same are kept),
-    /// what is behind it, and the colour that was photographed there.
+    /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again, as long
+    /// as the same are kept; what is behind it, and the colour that was photographed there.
     pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
         let kept = self.kept.len() as u64;
         let at = order.substream(draw / kept).permuted(draw % kept, kept);
