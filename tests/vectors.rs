@@ -126,7 +126,8 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         add(name, file(&ragged, Extras::default(), &options));
     }
 
-    let changes: [(&str, fn(&mut Scene)); 9] = [
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 9] = [
         ("coverage-any", |s| s.rules.coverage = Coverage::Any),
         ("aggregation-clamped", |s| s.rules.aggregation = Aggregation::Clamped),
         ("reductions-mean", |s| {

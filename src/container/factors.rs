@@ -1,8 +1,8 @@
 //! DENSITY and APPEARANCE: the factors of a chunk's tensors.
 
-use super::array::{self, ArrayOptions};
+use super::array::{self, ArrayOptions, Encoding};
 use super::limits::Budget;
-use super::payload::Payload;
+use super::payload::{Body, Payload};
 use super::writer::{Finished, Place, Writer};
 use super::{Error, records};
 use crate::model::Factors;
@@ -131,50 +131,76 @@ impl Chunk {
     }
 }
 
-/// The most memory that [`read`] takes.
-pub(super) fn most(payload: &Payload<'_>) -> Result<u64, Error> {
-    let (record, body): (records::Factors, _) = payload.record_and_body()?;
-    let (encoding, _) = array::of_head(payload.section, &record.head)?;
-    Ok(body.length.saturating_add((body.length / encoding.width() as u64).saturating_mul(NUMBER_BYTES)))
-}
-
-/// Reads the factors of a chunk of `tensors`.
-pub(super) fn read(
-    payload: &Payload<'_>,
+/// The section of a chunk's factors, whose record is read and whose body is still to be.
+pub(super) struct Opened<'a> {
+    record: records::Factors,
+    body: Body<'a>,
+    encoding: Encoding,
     rank: usize,
     resolution: [u32; 3],
     tensors: usize,
-    budget: &mut Budget,
-) -> Result<Chunk, Error> {
+}
+
+/// Reads the record of the factors of a chunk of `tensors`, and checks how long the body may be.
+pub(super) fn open<'a>(
+    payload: &Payload<'a>,
+    rank: usize,
+    resolution: [u32; 3],
+    tensors: usize,
+) -> Result<Opened<'a>, Error> {
     let name = payload.section;
     let (record, body): (records::Factors, _) = payload.record_and_body()?;
     Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
-    let mask_bytes = match record.is_ragged {
-        0 => 0,
-        1 => rank.div_ceil(8),
-        other => return Err(Error::malformed(format!("{name} ragged"), "0 or 1", other)),
-    };
-    let masks_length = mask_bytes * tensors;
     let (encoding, _) = array::of_head(name, &record.head)?;
-    // How long the array is only the masks tell; all that the scale may have is its most.
+    let opened = Opened { record, body, encoding, rank, resolution, tensors };
+    // How long the array is only the masks tell; all that the chunk may have is its most.
+    let masks = (opened.mask_bytes()? * tensors) as u64;
     let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
-    if body.length < masks_length as u64 || body.length > masks_length as u64 + all {
-        let expected = format!("{masks_length} to {}", masks_length as u64 + all);
-        return Err(Error::malformed(format!("{name} body length"), expected, body.length));
+    if !(masks..=masks + all).contains(&opened.body.length) {
+        let expected = format!("{masks} to {}", masks + all);
+        return Err(Error::malformed(format!("{name} body length"), expected, opened.body.length));
     }
-    let bytes = body.decode(body.length, budget)?;
-    let (masks, array) = bytes.split_at(masks_length);
-    let components: Vec<Vec<usize>> = match record.is_ragged {
-        0 => vec![(0..rank).collect(); tensors],
-        _ => masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?,
-    };
-    let layout = Layout::new(rank, resolution, components);
-    let (groups, numbers) = array::count(layout.group_lengths());
-    let length = encoding.length(groups, numbers);
-    Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
-    budget.spend(name, NUMBER_BYTES * numbers)?;
-    let numbers = array::read(name, &record.head, array, layout.group_lengths())?;
-    Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
+    Ok(opened)
+}
+
+impl Opened<'_> {
+    /// Bytes of a tensor's mask of components.
+    fn mask_bytes(&self) -> Result<usize, Error> {
+        match self.record.is_ragged {
+            0 => Ok(0),
+            1 => Ok(self.rank.div_ceil(8)),
+            other => Err(Error::malformed(format!("{} ragged", self.body.section), "0 or 1", other)),
+        }
+    }
+
+    /// The most memory that [`Self::read`] takes.
+    pub(super) fn most(&self) -> u64 {
+        let numbers = self.body.length / self.encoding.width() as u64;
+        self.body.length + NUMBER_BYTES * numbers
+    }
+
+    /// Reads the factors.
+    pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
+        let Self { record, body, encoding, rank, resolution, tensors } = self;
+        let (rank, tensors) = (*rank, *tensors);
+        let name = body.section;
+        let mask_bytes = self.mask_bytes()?;
+        let bytes = body.decode(body.length, budget)?;
+        let (masks, array) = bytes.split_at(mask_bytes * tensors);
+        let components: Vec<Vec<usize>> = match mask_bytes {
+            0 => vec![(0..rank).collect(); tensors],
+            _ => {
+                masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?
+            }
+        };
+        let layout = Layout::new(rank, *resolution, components);
+        let (groups, numbers) = array::count(layout.group_lengths());
+        let length = encoding.length(groups, numbers);
+        Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
+        budget.spend(name, NUMBER_BYTES * numbers)?;
+        let numbers = array::read(name, &record.head, array, layout.group_lengths())?;
+        Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
+    }
 }
 
 /// The components whose bits are set.

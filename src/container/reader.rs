@@ -243,14 +243,12 @@ impl<S: Source> Reader<S> {
             let mut parts = Vec::with_capacity(2 * some.len());
             for &(&n, places) in some {
                 for (section, rank) in sections.chunks[n][1..].iter().zip(ranks) {
-                    let payload = bytes.payload(section)?;
-                    let budget = budget.set_aside(section, factors::most(&payload)?)?;
-                    parts.push((payload, rank, places.len(), budget));
+                    let part = factors::open(&bytes.payload(section)?, rank, record.resolution, places.len())?;
+                    let budget = budget.set_aside(section, part.most())?;
+                    parts.push((part, budget));
                 }
             }
-            let read = parallel::map(parts, |(payload, rank, tensors, mut budget)| {
-                factors::read(&payload, rank, record.resolution, tensors, &mut budget)
-            });
+            let read = parallel::map(parts, |(part, mut budget)| part.read(&mut budget));
             let mut read = read.into_iter();
             for (_, places) in some {
                 for values in [&mut factors.density, &mut factors.appearance] {
