@@ -311,7 +311,9 @@ fn a_file_taken_apart_goes_together_again() {
 
     let density = folder.path().join("parts/scale0_density.npy");
     let whole = fs::read(&density).unwrap();
+    let nested = [b"\x93NUMPY\x02\x00\x00\x00\x01\x00".as_slice(), &[b'('; 1 << 16]].concat();
     for (bytes, what) in [
+        (nested.as_slice(), "scale0_density.npy"),
         (&whole[..whole.len() - 4], "scale0_density.npy"),
         (b"not numpy", "scale0_density.npy"),
         (&fs::read(folder.path().join("parts/scale0_matrix.npy")).unwrap(), "expected an array of lengths"),

@@ -4,8 +4,8 @@
 #   tools/check.sh            run them all; the first that fails ends the run
 #
 # Needs Rust (version: rust-version in Cargo.toml) with rustfmt and clippy, a C compiler, and Python 3 ($PYTHON, else
-# python3) with numpy and zstandard for the second reader. Installs nothing; what is built lies in target/. All builds share the release profile, so that each dependency is compiled once to run and
-# once to be checked.
+# python3) with numpy and zstandard for the second reader. Installs nothing; what is built lies in target/. All builds share
+# the release profile, so that each dependency is compiled once to run and once to be checked.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

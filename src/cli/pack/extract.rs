@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, UVec3};
-use npyz::{NpyFile, WriterBuilder};
+use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
 
 use super::convert::Written;
@@ -19,6 +19,7 @@ use crate::model::{
     AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
     Rules, Scale, Scene, TensorCloud,
 };
+use crate::npy::{Header, NpyError, Number};
 
 /// The description's file name.
 const DESCRIPTION: &str = "scene.json";
@@ -302,7 +303,7 @@ impl Folder<'_> {
     }
 
     /// The shape and numbers of an array, which has the lengths that are `expected` of it.
-    fn array<T: npyz::Deserialize, const N: usize>(
+    fn array<T: Element, const N: usize>(
         &self,
         name: &str,
         expected: [Option<usize>; N],
@@ -310,28 +311,59 @@ impl Folder<'_> {
         let path = self.0.join(format!("{name}.npy"));
         let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
         let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
-        let array = NpyFile::new(bytes.as_slice()).map_err(|e| malformed(e.to_string()))?;
-        let shape: Vec<usize> = array.shape().iter().map(|&n| n as usize).collect();
+        let mut rest = bytes.as_slice();
+        let header = Header::read(&mut rest).map_err(|e| malformed(e.to_string()))?;
+        if header.number != T::NUMBER {
+            return Err(malformed(format!("expected numbers of type {:?}, found {:?}", T::NUMBER, header.number)));
+        }
+        let shape: Vec<usize> = header.shape.iter().map(|&n| n as usize).collect();
         let fits = shape.len() == N && expected.iter().zip(&shape).all(|(e, &n)| e.is_none_or(|e| e == n));
         if !fits {
             let lengths = expected.map(|e| e.map_or("any".into(), |n| n.to_string())).join(", ");
             return Err(malformed(format!("expected an array of lengths {lengths}, found {shape:?}")));
         }
-        if array.order() != npyz::Order::C && N > 1 {
+        if header.fortran_order && N > 1 {
             return Err(malformed("expected an array in C order, found one in Fortran order".into()));
         }
-        // The header may promise more than there is.
-        let length = shape.iter().try_fold(1usize, |product, &n| product.checked_mul(n));
-        let length = length.filter(|&n| n.checked_mul(size_of::<T>()).is_some_and(|size| size <= bytes.len()));
-        let length =
-            length.ok_or_else(|| malformed(format!("expected the numbers of {shape:?}, found fewer bytes")))?;
-        let numbers = array.data::<T>().map_err(|e| malformed(e.to_string()))?;
-        let values: Vec<T> = numbers.collect::<Result<_, _>>().map_err(|e| malformed(e.to_string()))?;
-        if values.len() != length {
-            return Err(malformed(format!("expected {length} numbers, found {}", values.len())));
+        if header.bytes() != rest.len() as u64 {
+            let (expected, found) = (header.bytes(), rest.len());
+            return Err(malformed(format!("expected the {expected} bytes of {shape:?}, found {found}")));
         }
+        let mut values = Vec::with_capacity(header.count as usize);
+        header
+            .for_each(&mut rest, |_, value| {
+                values.push(T::of(value));
+                Ok::<_, NpyError>(())
+            })
+            .map_err(|e| malformed(e.to_string()))?;
         Ok((shape.try_into().expect("of this many dimensions"), values))
     }
+}
+
+/// What the arrays hold.
+trait Element {
+    /// Its type in the file.
+    const NUMBER: Number;
+    /// The value that was read.
+    fn of(value: f64) -> Self;
+}
+
+macro_rules! elements {
+    ($($type:ty, $number:expr, $of:expr;)*) => {$(
+        impl Element for $type {
+            const NUMBER: Number = $number;
+            fn of(value: f64) -> Self {
+                $of(value)
+            }
+        }
+    )*};
+}
+
+elements! {
+    bool, Number::Bool, |v| v != 0.0;
+    u32, Number::Unsigned(4), |v| v as Self;
+    f32, Number::Float(4), |v| v as Self;
+    f64, Number::Float(8), |v| v;
 }
 
 /// As the model counts.
