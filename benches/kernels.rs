@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
-use strivec::container::{self, EncodeOptions, FactorEncoding};
+use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorised};
 use strivec::geometry::Ray;
 use strivec::measure::bench::{ball, ball_views};
@@ -115,20 +115,20 @@ fn product(bencher: Bencher<'_, '_>, [rows, inner, columns]: [usize; 3]) {
     });
 }
 
-const ENCODINGS: [FactorEncoding; 2] = [FactorEncoding::F16, FactorEncoding::F32];
+const ENCODINGS: [Encoding; 2] = [Encoding::F16, Encoding::F32];
 
-fn encoded(factors: FactorEncoding) -> Vec<u8> {
-    container::encode(&SCENE, &EncodeOptions { factors, ..EncodeOptions::default() }).expect("a sound scene")
+fn encoded(factors: Encoding) -> Vec<u8> {
+    container::encode(&SCENE, &EncodeOptions::uniform(factors)).expect("a sound scene")
 }
 
 #[divan::bench(args = ENCODINGS, sample_count = 5)]
-fn container_encode(bencher: Bencher<'_, '_>, factors: FactorEncoding) {
+fn container_encode(bencher: Bencher<'_, '_>, factors: Encoding) {
     let bytes = encoded(factors).len();
     bencher.counter(BytesCount::new(bytes)).bench_local(|| encoded(factors));
 }
 
 #[divan::bench(args = ENCODINGS, sample_count = 5)]
-fn container_decode(bencher: Bencher<'_, '_>, factors: FactorEncoding) {
+fn container_decode(bencher: Bencher<'_, '_>, factors: Encoding) {
     let bytes = encoded(factors);
     bencher.counter(BytesCount::new(bytes.len())).bench_local(|| container::decode(&bytes).expect("as written"));
 }

@@ -3,12 +3,12 @@
 //! Layers, each importing only from those above it in this list (`tests/import_order.rs` checks it):
 //!
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
-//!    [`random`]: counter-based random numbers.
+//!    [`random`]: counter-based random numbers. `npy`: NumPy's arrays from anyone.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `prior`: where the scene
 //!    is, and placing tensors there. `field`: the fast field that rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
-//! 4. `measure`: PSNR, SSIM, speed.
+//! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
 //! 5. `cli`: the commands.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built.
@@ -24,6 +24,10 @@ pub mod dataset;
 pub mod field;
 #[cfg(feature = "toolkit")]
 pub mod measure;
+#[cfg(feature = "toolkit")]
+pub mod npy;
+#[cfg(feature = "toolkit")]
+pub mod pack;
 #[cfg(feature = "toolkit")]
 pub mod prior;
 #[cfg(feature = "toolkit")]

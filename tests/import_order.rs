@@ -8,9 +8,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 11] = [
+const LAYERS: [(&str, u32); 13] = [
     ("geometry", 0),
     ("random", 0),
+    ("npy", 0),
     ("model", 1),
     ("container", 2),
     ("dataset", 2),
@@ -19,6 +20,7 @@ const LAYERS: [(&str, u32); 11] = [
     ("render", 3),
     ("train", 3),
     ("measure", 4),
+    ("pack", 4),
     ("cli", 5),
 ];
 

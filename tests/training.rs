@@ -3,7 +3,7 @@
 
 mod scenes;
 
-use strivec::container::{self, EncodeOptions, FactorEncoding};
+use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
 use strivec::measure::psnr_of_mse;
@@ -43,7 +43,7 @@ fn config() -> TrainConfig {
 
 /// The file of `scene`, exactly.
 fn file(scene: &Scene) -> Vec<u8> {
-    container::encode(scene, &EncodeOptions { factors: FactorEncoding::F32, zstd_level: 1 }).unwrap()
+    container::encode(scene, &EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) }).unwrap()
 }
 
 fn trainer(views: &[View]) -> Trainer<'_> {

@@ -9,6 +9,8 @@ use super::Error;
 
 /// The process's two streams.
 pub(super) struct Console {
+    /// The command's, which messages of failure begin with.
+    name: &'static str,
     quiet: bool,
     json: bool,
     /// Whether the reader of standard output has left, as `head` does.
@@ -17,8 +19,8 @@ pub(super) struct Console {
 
 impl Console {
     /// Without messages where `quiet`; with results as JSON where `json`.
-    pub(super) fn new(quiet: bool, json: bool) -> Self {
-        Self { quiet, json, closed: AtomicBool::new(false) }
+    pub(super) fn new(name: &'static str, quiet: bool, json: bool) -> Self {
+        Self { name, quiet, json, closed: AtomicBool::new(false) }
     }
 
     pub(super) fn is_quiet(&self) -> bool {
@@ -65,6 +67,6 @@ impl Console {
     /// The one line that a command fails with.
     pub(super) fn fail(&self, error: &Error) {
         let line = error.to_string().lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ");
-        let _ = writeln!(io::stderr().lock(), "strivec: {line}");
+        let _ = writeln!(io::stderr().lock(), "{}: {line}", self.name);
     }
 }

@@ -9,7 +9,7 @@ use super::output::{check_outputs, make_folder};
 use super::render::colors;
 use super::train::{encode, train_through};
 use super::{Error, Session, write_atomically};
-use crate::container::FactorEncoding;
+use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};
 use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side, stacked};
 use crate::render::{CpuRenderer, Renderer};
@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let start = Instant::now();
     let scene = train_through(config, &training, session)?;
     let seconds_training = start.elapsed().as_secs_f64();
-    let bytes = encode(&scene, FactorEncoding::F16, &file)?;
+    let bytes = encode(&scene, Encoding::F16, &file)?;
     write_atomically(&file, &bytes, session.force)?;
 
     let renderer = CpuRenderer::new(&scene);

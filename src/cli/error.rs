@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{dataset, measure, prior, train};
+use crate::{container, dataset, measure, prior, train};
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -24,6 +24,12 @@ pub enum Error {
     /// Anything else. Exit code 4.
     #[error("{0}")]
     Runtime(String),
+    /// A file of another version, or that needs what this build lacks. Exit code 5.
+    #[error("{0}")]
+    Unsupported(String),
+    /// Two things that were compared are not the same. Exit code 7.
+    #[error("{0}")]
+    Differs(String),
 }
 
 impl Error {
@@ -34,12 +40,28 @@ impl Error {
             Self::Io(_) => 2,
             Self::Malformed(_) => 3,
             Self::Runtime(_) => 4,
+            Self::Unsupported(_) => 5,
+            Self::Differs(_) => 7,
         }
     }
 
     /// For `map_err` after an attempt to `verb` (as in "write") `path`.
     pub(super) fn io(verb: &str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::Io(format!("{}: cannot {verb} it: {source}", path.display()))
+    }
+
+    /// Why the scene file `path` was not read, or could not be written.
+    pub(super) fn container(path: &Path, error: container::Error) -> Self {
+        let message = format!("{}: {error}", path.display());
+        match error {
+            container::Error::Unsupported { .. }
+            | container::Error::UnknownCritical { .. }
+            | container::Error::UnsupportedVersion { .. } => Self::Unsupported(message),
+            container::Error::Source { .. } => Self::Io(message),
+            container::Error::HalfOverflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
+            container::Error::Level { .. } => Self::Usage(message),
+            _ => Self::Malformed(message),
+        }
     }
 
     /// For `map_err` where what `path` holds was refused.

@@ -24,8 +24,8 @@ pub(super) struct Args {
 }
 
 /// The result, as `--json` prints it.
-#[derive(Serialize)]
-struct Info {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(super) struct Info {
     file: PathBuf,
     bytes: u64,
     parameters: u64,
@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 impl Info {
-    fn new(file: PathBuf, bytes: u64, scene: &Scene, contents: &Contents) -> Self {
+    pub(super) fn new(file: PathBuf, bytes: u64, scene: &Scene, contents: &Contents) -> Self {
         let provenance = scene.provenance.clone();
         Self {
             file,
@@ -91,7 +91,7 @@ impl Info {
         }
     }
 
-    fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
         let occupancy = match &self.occupancy {
             Some(([x, y, z], set)) => format!("{x}x{y}x{z} vertices, {} set", grouped(*set)),

@@ -11,6 +11,7 @@ mod error;
 mod eval;
 mod info;
 mod output;
+pub mod pack;
 mod picture_size;
 mod progress;
 mod render;
@@ -89,16 +90,33 @@ struct Session {
 
 /// Runs the command that the process's arguments name, and reports how it ended.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
+        Command::Demo(args) => demo::run(args, session),
+        Command::Train(args) => train::run(args, session),
+        Command::Render(args) => render::run(args, session),
+        Command::Eval(args) => eval::run(args, session),
+        Command::Info(args) => info::run(args, session),
+        Command::Synth(args) => synth::run(args, session),
+        Command::Bench(args) => bench::run(args, session),
+    })
+}
+
+/// Runs what the arguments of the command `name` ask for.
+fn run_command<C>(
+    name: &'static str,
+    parsed: Result<(Globals, C), clap::Error>,
+    run: impl FnOnce(&C, &Session) -> Result<(), Error>,
+) -> ExitCode {
+    let (globals, command) = match parsed {
+        Ok(parsed) => parsed,
         Err(error) => {
             // Help and the version are results; a reader that has left is no failure.
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { error::USAGE } else { 0 });
         }
     };
-    let session = Session { console: Console::new(cli.globals.quiet, cli.globals.json), force: cli.globals.force };
-    match start(&cli, &session) {
+    let session = Session { console: Console::new(name, globals.quiet, globals.json), force: globals.force };
+    match start_threads(&globals).and_then(|()| run(&command, &session)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             session.console.fail(&error);
@@ -107,22 +125,10 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn start(cli: &Cli, session: &Session) -> Result<(), Error> {
-    if let Some(threads) = cli.globals.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
-    }
-    match &cli.command {
-        Command::Demo(args) => demo::run(args, session),
-        Command::Train(args) => train::run(args, session),
-        Command::Render(args) => render::run(args, session),
-        Command::Eval(args) => eval::run(args, session),
-        Command::Info(args) => info::run(args, session),
-        Command::Synth(args) => synth::run(args, session),
-        Command::Bench(args) => bench::run(args, session),
-    }
+fn start_threads(globals: &Globals) -> Result<(), Error> {
+    let Some(threads) = globals.threads else { return Ok(()) };
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+    built.map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use super::table::{Table, grouped};
 use crate::model::{Placement, Scale, Scene};
 
 /// One scale.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "ScaleInfo")]
 pub(super) struct ScaleRow {
     pub(super) tensors: u64,
     /// `lattice` or `explicit`.

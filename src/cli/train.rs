@@ -13,7 +13,7 @@ use super::console::Console;
 use super::progress::Progress;
 use super::scale_table::{self, ScaleRow};
 use super::{Error, Session, check_output, table, write_atomically};
-use crate::container::{self, EncodeOptions, FactorEncoding};
+use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure;
 use crate::model::Scene;
@@ -84,7 +84,7 @@ pub(super) struct Args {
     pub(super) log: Option<PathBuf>,
     /// How the file stores factors
     #[arg(long, value_enum, default_value_t)]
-    pub(super) encoding: Encoding,
+    pub(super) encoding: Precision,
     /// Measure PSNR on held-out views every N steps
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) eval_every: Option<u64>,
@@ -147,7 +147,7 @@ impl Background {
 
 /// How factors are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Encoding {
+pub(super) enum Precision {
     /// 32-bit floating point: exactly as trained
     F32,
     /// 16-bit floating point: half the size
@@ -155,11 +155,11 @@ pub(super) enum Encoding {
     F16,
 }
 
-impl Encoding {
-    fn factors(self) -> FactorEncoding {
+impl Precision {
+    fn factors(self) -> Encoding {
         match self {
-            Self::F32 => FactorEncoding::F32,
-            Self::F16 => FactorEncoding::F16,
+            Self::F32 => Encoding::F32,
+            Self::F16 => Encoding::F16,
         }
     }
 }
@@ -303,8 +303,8 @@ pub(super) fn begin<'a>(
 }
 
 /// The bytes of `scene`'s file.
-pub(super) fn encode(scene: &Scene, factors: FactorEncoding, path: &Path) -> Result<Vec<u8>, Error> {
-    let options = EncodeOptions { factors, ..EncodeOptions::default() };
+pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Vec<u8>, Error> {
+    let options = EncodeOptions::uniform(factors);
     container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
 }
 
@@ -474,7 +474,7 @@ impl Files {
 
     fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
         // Exactly as trained, and quickly.
-        let options = EncodeOptions { factors: FactorEncoding::F32, zstd_level: 1 };
+        let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
         let scene = container::encode(&trainer.scene(), &options)
             .map_err(|e| Error::Runtime(format!("{}: {e}", self.state.display())))?;
         write_atomically(&self.state, &trainer.progress().to_bytes(&scene), true)

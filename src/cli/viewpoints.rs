@@ -81,9 +81,14 @@ impl Viewpoints {
 
     /// The first camera of an orbit with the defaults of the command line, for pictures of `size`.
     pub(super) fn first_of_orbit(frame: &Frame, bounds: &Aabb, size: [u32; 2]) -> Camera {
+        Self::default_orbit(frame, bounds, 1, size)[0]
+    }
+
+    /// All `count` cameras of such an orbit.
+    pub(super) fn default_orbit(frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2]) -> Vec<Camera> {
         let defaults = Self {
             cameras: None,
-            orbit: Some(1),
+            orbit: Some(count),
             pose: None,
             downscale: 1,
             size: None,
@@ -91,7 +96,8 @@ impl Viewpoints {
             elevation: ELEVATION,
             radius: None,
         };
-        defaults.orbit(frame, bounds, 1, size, Camera::focal_of_angle(size[0], FOV.to_radians()))[0].camera
+        let focal = Camera::focal_of_angle(size[0], FOV.to_radians());
+        defaults.orbit(frame, bounds, count, size, focal).into_iter().map(|named| named.camera).collect()
     }
 
     fn orbit(&self, frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2], focal: f64) -> Vec<NamedCamera> {
@@ -103,6 +109,9 @@ impl Viewpoints {
             UpAxis::X => [DVec3::Y, DVec3::Z, DVec3::X],
             UpAxis::Y => [DVec3::Z, DVec3::X, DVec3::Y],
             UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
+            UpAxis::MinusX => [DVec3::Z, DVec3::Y, -DVec3::X],
+            UpAxis::MinusY => [DVec3::X, DVec3::Z, -DVec3::Y],
+            UpAxis::MinusZ => [DVec3::Y, DVec3::X, -DVec3::Z],
         };
         let (rise, level) = self.elevation.to_radians().sin_cos();
         let digits = (count - 1).to_string().len().max(3);
@@ -184,7 +193,14 @@ mod tests {
 
     #[test]
     fn an_orbit_looks_at_the_middle_from_one_height_and_distance() {
-        for (up, axis) in [(UpAxis::X, DVec3::X), (UpAxis::Y, DVec3::Y), (UpAxis::Z, DVec3::Z)] {
+        for (up, axis) in [
+            (UpAxis::X, DVec3::X),
+            (UpAxis::Y, DVec3::Y),
+            (UpAxis::Z, DVec3::Z),
+            (UpAxis::MinusX, -DVec3::X),
+            (UpAxis::MinusY, -DVec3::Y),
+            (UpAxis::MinusZ, -DVec3::Z),
+        ] {
             let arguments = ["--orbit", "7", "--radius", "5", "--elevation", "30", "--size", "40x20"];
             let cameras = cameras(&arguments, up).unwrap();
             assert_eq!(cameras.len(), 7);

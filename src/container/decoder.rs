@@ -1,10 +1,18 @@
 //! DECODER: the MLP, its mode and its positional encodings.
 
-use super::cursor::Payload;
-use super::{Error, floats, records};
+use super::array::{self, ArrayOptions};
+use super::limits::Budget;
+use super::payload::Payload;
+use super::section::SectionKind;
+use super::writer::{Place, Writer};
+use super::{Error, records};
 use crate::model::{Decoder, DecoderMode, Linear};
 
-pub(super) fn write(decoder: &Decoder) -> Result<Vec<u8>, Error> {
+pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOptions) -> Result<(), Error> {
+    let layers: Vec<_> =
+        decoder.layers.iter().map(|l| records::Layer { inputs: l.inputs, outputs: l.outputs }).collect();
+    let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
+    let written = array::write(&"DECODER", &numbers, group_lengths(&layers), options, None)?;
     let record = records::Decoder {
         mode: match decoder.mode {
             DecoderMode::PerSample => 0,
@@ -13,34 +21,27 @@ pub(super) fn write(decoder: &Decoder) -> Result<Vec<u8>, Error> {
         },
         feature_frequencies: decoder.feature_frequencies,
         direction_frequencies: decoder.direction_frequencies,
-        layers: decoder.layers.iter().map(|l| records::Layer { inputs: l.inputs, outputs: l.outputs }).collect(),
+        layers,
+        head: written.head,
     };
-    let mut bytes = records::write(&"DECODER", &record)?;
-    for layer in &decoder.layers {
-        bytes.extend(floats::write(&layer.weights));
-        bytes.extend(floats::write(&layer.bias));
-    }
-    Ok(bytes)
+    writer.compressed(Place::of(SectionKind::Decoder), records::write(&"DECODER", &record)?, &written.body)
 }
 
-pub(super) fn read(payload: &Payload<'_>) -> Result<Decoder, Error> {
-    let (record, mut body): (records::Decoder, _) = records::read(payload.section, payload.stored()?)?;
-    // Within the limits a layer has less than 2^31 bytes and all of them less than 2^35.
-    let sizes =
-        record.layers.iter().map(|l| (4 * u64::from(l.inputs) * u64::from(l.outputs), 4 * u64::from(l.outputs)));
-    let length = sizes.clone().map(|(weights, bias)| weights + bias).sum();
-    Error::unless_equal(format!("{} body length", payload.section), length, body.len() as u64)?;
-    let mut take = |length: u64| {
-        let (values, rest) = body.split_at(length as usize);
-        body = rest;
-        floats::read(values)
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder, Error> {
+    let (record, body): (records::Decoder, _) = payload.record_and_body()?;
+    let numbers = array::read_body(&body, &record.head, group_lengths(&record.layers), budget)?;
+    let mut rest = numbers.as_slice();
+    let mut take = |count: usize| {
+        let (values, after) = rest.split_at(count);
+        rest = after;
+        values.to_vec()
     };
-    let layers = (record.layers.iter().zip(sizes))
-        .map(|(layer, (weights, bias))| Linear {
-            inputs: layer.inputs,
-            outputs: layer.outputs,
-            weights: take(weights),
-            bias: take(bias),
+    let layers = (record.layers.iter())
+        .map(|&records::Layer { inputs, outputs }| Linear {
+            inputs,
+            outputs,
+            weights: take(inputs as usize * outputs as usize),
+            bias: take(outputs as usize),
         })
         .collect();
     Ok(Decoder {
@@ -53,5 +54,12 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Decoder, Error> {
         feature_frequencies: record.feature_frequencies,
         direction_frequencies: record.direction_frequencies,
         layers,
+    })
+}
+
+/// A row of weights is a group, and so is a layer's bias.
+fn group_lengths(layers: &[records::Layer]) -> impl Iterator<Item = usize> + Clone {
+    layers.iter().flat_map(|l| {
+        std::iter::repeat_n(l.inputs as usize, l.outputs as usize).chain(std::iter::once(l.outputs as usize))
     })
 }

@@ -1,53 +1,148 @@
 //! From a scene to bytes.
 
-use super::section::SectionKind;
-use super::writer::Writer;
+use std::collections::BTreeMap;
+
+use super::array::{ArrayOptions, Encoding, Filter};
+use super::extras::Extras;
+use super::section::{Section, SectionKind};
+use super::writer::{Finished, Place, Writer};
 use super::{
-    Error, FactorEncoding, appearance, decoder, factors, frame, limits, occupancy, placement, provenance, rules,
+    Error, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, provenance, rules, sections,
 };
-use crate::model::Scene;
+use crate::model::{Factors, Scene};
 
 /// Choices of the writer; the same scene with the same choices gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EncodeOptions {
-    /// How factors are written; everything else keeps its precision.
-    pub factors: FactorEncoding,
-    /// zstd's compression level, 1 to 22; reading is equally fast for all.
-    pub zstd_level: i32,
+    /// How density factors are written, a scale; the last one holds for all further scales.
+    pub density: Vec<FactorOptions>,
+    /// The same for appearance factors.
+    pub appearance: Vec<FactorOptions>,
+    /// How matrices and decoder are written.
+    pub networks: ArrayOptions,
+    /// Tensors of a chunk, at most.
+    pub chunk_tensors: usize,
+    /// zstd's compression level, 1 to 22, or `None` to compress nothing; reading is equally fast for all.
+    pub zstd_level: Option<i32>,
+}
+
+/// How some of a scale's factors are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FactorOptions {
+    /// As floats or integers, and in which arrangement.
+    pub array: ArrayOptions,
+    /// \[tensor\]\[component\]\[axis\] step codes for grids and cosines ([`super::step`]); `None` for a grid's finest
+    /// steps that reach every number.
+    pub steps: Option<Vec<u8>>,
+}
+
+impl FactorOptions {
+    /// `encoding`, with nothing else chosen.
+    pub fn new(encoding: Encoding) -> Self {
+        Self { array: ArrayOptions::best(encoding), steps: None }
+    }
+}
+
+impl EncodeOptions {
+    /// All factors in `encoding`.
+    pub fn uniform(encoding: Encoding) -> Self {
+        let factors = vec![FactorOptions::new(encoding)];
+        Self { density: factors.clone(), appearance: factors, ..Self::default() }
+    }
 }
 
 impl Default for EncodeOptions {
     /// Half-precision factors at level 9, which writes quickly enough not to be noticed after training.
     fn default() -> Self {
-        Self { factors: FactorEncoding::F16, zstd_level: 9 }
+        let factors = vec![FactorOptions::new(Encoding::F16)];
+        Self {
+            density: factors.clone(),
+            appearance: factors,
+            networks: ArrayOptions { encoding: Encoding::F32, filter: Filter::None },
+            chunk_tensors: 1024,
+            zstd_level: Some(9),
+        }
     }
 }
 
-/// The `.strivec` file of `scene`.
+/// The `.strivec` file of `scene` and nothing else.
+///
+/// # Errors
+///
+/// As for [`encode_document`].
+pub fn encode(scene: &Scene, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
+    encode_document(scene, &Extras::default(), options)
+}
+
+/// The `.strivec` file of `scene` and `extras`.
 ///
 /// # Errors
 ///
 /// Where the scene breaks an invariant ([`Scene::check`]) or exceeds a limit of the format ([`limits`]), where a
-/// factor does not fit the encoding, or where the options are not valid.
-pub fn encode(scene: &Scene, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
+/// number does not fit the encoding, or where the options are not valid.
+pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
     scene.check()?;
-    if !(1..=22).contains(&options.zstd_level) {
-        return Err(Error::Level { found: options.zstd_level });
+    if let Some(level) = options.zstd_level
+        && !(1..=22).contains(&level)
+    {
+        return Err(Error::Level { found: level });
     }
     limits::check("scales", limits::SCALES, scene.scales.len())?;
     let mut writer = Writer::new(options.zstd_level);
-    writer.stored(SectionKind::Frame, None, frame::write(&scene.frame)?)?;
-    writer.stored(SectionKind::Rules, None, rules::write(scene)?)?;
-    writer.stored(SectionKind::Provenance, None, provenance::write(&scene.provenance)?)?;
-    writer.stored(SectionKind::Decoder, None, decoder::write(&scene.decoder)?)?;
+    writer.record(Place::of(SectionKind::Frame), frame::write(&scene.frame)?);
+    writer.record(Place::of(SectionKind::Rules), rules::write(scene)?);
+    writer.record(Place::of(SectionKind::Provenance), provenance::write(&scene.provenance)?);
+    extras.write_head(&mut writer)?;
+    decoder::write(&mut writer, &scene.decoder, options.networks)?;
     if let Some(occupancy) = &scene.occupancy {
         occupancy::write(&mut writer, occupancy)?;
     }
-    for (index, scale) in (0..).zip(&scene.scales) {
-        placement::write(&mut writer, index, scale)?;
-        let payload = appearance::write(index, &scale.appearance_matrix)?;
-        writer.stored(SectionKind::Appearance, Some(index), payload)?;
-        factors::write(&mut writer, index, scale, options.factors)?;
+    for (s, scale) in scene.scales.iter().enumerate() {
+        let index = s as u16;
+        let chunks = placement::chunks_of(&scale.cloud, options.chunk_tensors);
+        placement::write_scale(&mut writer, index, scale, &chunks)?;
+        matrix::write(&mut writer, index, &scale.appearance_matrix, options.networks)?;
+        let of_chunk = |(chunk, tensors): (u32, &Vec<u32>)| -> Result<[Finished; 3], Error> {
+            let write = |kind, values, rank: u32, of_scales: &[FactorOptions]| {
+                let no_options = || Error::malformed("options", "how factors are written", "nothing");
+                let factors = of_scales.get(s).or(of_scales.last()).ok_or_else(no_options)?;
+                let part = factors::Part { values, rank: rank as usize, resolution: scale.cloud.resolution };
+                let place = Place::of_chunk(kind, index, chunk);
+                factors::write(&writer, place, &part, tensors, factors.array, factors.steps.as_deref())
+            };
+            let Factors { density, appearance, density_rank, appearance_rank, .. } = &scale.factors;
+            Ok([
+                placement::write(&writer, index, chunk, &scale.cloud, tensors)?,
+                write(SectionKind::Density, density, *density_rank, &options.density)?,
+                write(SectionKind::Appearance, appearance, *appearance_rank, &options.appearance)?,
+            ])
+        };
+        let finished = parallel::map((0..).zip(&chunks).collect(), of_chunk);
+        for sections in finished {
+            sections?.into_iter().for_each(|section| writer.add(section));
+        }
+        if let Some(Some(correction)) = extras.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
+            prefix::write(&mut writer, index, correction, options.networks)?;
+        }
     }
+    extras.write_tail(&mut writer)?;
+    writer.finish()
+}
+
+/// The file `bytes` with other notes. Nothing else of it changes but where sections are.
+///
+/// # Errors
+///
+/// Where `bytes` are no whole file, or the notes exceed the format's limits.
+pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<u8>, Error> {
+    let contents = sections(bytes)?;
+    contents.check_whole(bytes)?;
+    let mut writer = Writer::new(None);
+    let is_unknown = |section: &&Section| matches!(section.kind, SectionKind::Other(_));
+    let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
+    let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
+    known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.as_it_was(s, payload(s)));
+    Extras { notes: notes.clone(), ..Extras::default() }.write_tail(&mut writer)?;
+    unknown.iter().for_each(|s| writer.as_it_was(s, payload(s)));
     writer.finish()
 }

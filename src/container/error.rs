@@ -12,7 +12,7 @@ use crate::model::BrokenInvariant;
 /// [`Error::UnsupportedVersion`], [`Error::UnknownCritical`], [`Error::Unsupported`]. It was damaged on its way and
 /// should be fetched again: [`Error::LineEndingDamage`], [`Error::Truncated`], [`Error::Corrupt`]. It was written
 /// wrongly: [`Error::Malformed`], [`Error::MissingSection`]. It, or the scene, exceeds what the format allows:
-/// [`Error::Limit`], [`Error::Expansion`]. The scene itself is not valid: [`Error::Scene`]. The caller asked for what
+/// [`Error::Limit`]; or what the caller allows: [`Error::Budget`]. Its bytes could not be had: [`Error::Source`]. The scene itself is not valid: [`Error::Scene`]. The caller asked for what
 /// cannot be: [`Error::HalfOverflow`], [`Error::Level`], [`Error::Compression`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -102,15 +102,23 @@ pub enum Error {
         /// The number.
         found: u64,
     },
-    /// A compressed section that claims to expand more than a file of this size may.
-    #[error("{section} claims to expand to {found} bytes where at most {allowed} are allowed")]
-    Expansion {
-        /// Which section.
-        section: String,
-        /// Bytes that a section at this place in this file may expand to.
-        allowed: u64,
-        /// Bytes it claims.
-        found: u64,
+    /// What is to be decoded takes more memory than the caller allows.
+    #[error("{place} needs {needed} bytes of memory where {left} are left of what is allowed")]
+    Budget {
+        /// What needs it.
+        place: String,
+        /// Bytes that it needs.
+        needed: u64,
+        /// Bytes that are left.
+        left: u64,
+    },
+    /// The source did not give bytes of the file.
+    #[error("reading bytes {} to {}: {message}", range.start, range.end)]
+    Source {
+        /// The bytes asked for.
+        range: Range<u64>,
+        /// What it says.
+        message: String,
     },
     /// A factor too large for a half-precision number (65 504 at most): write the scene with 32-bit factors.
     #[error("{place}: {value} exceeds what half precision holds; encode the factors as f32")]
@@ -146,6 +154,14 @@ impl Error {
 
     pub(super) fn unsupported(place: impl Display, found: impl Display) -> Self {
         Self::Unsupported { place: place.to_string(), found: found.to_string() }
+    }
+
+    /// [`Error::Malformed`] unless all `bytes` are 0.
+    pub(super) fn unless_zero(place: impl Display, bytes: &[u8]) -> Result<(), Self> {
+        match bytes.iter().find(|&&b| b != 0) {
+            None => Ok(()),
+            Some(byte) => Err(Self::malformed(place, "zeros", byte)),
+        }
     }
 
     /// [`Error::Malformed`] unless both are equal.

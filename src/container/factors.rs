@@ -1,108 +1,213 @@
-//! FACTORS: a scale's vectors, in single or half precision.
+//! DENSITY and APPEARANCE: the factors of a chunk's tensors.
 
-use half::f16;
+use super::array::{self, ArrayOptions, Encoding};
+use super::limits::Budget;
+use super::payload::{Body, Payload};
+use super::writer::{Finished, Place, Writer};
+use super::{Error, records};
+use crate::model::Factors;
 
-use super::cursor::Payload;
-use super::section::SectionKind;
-use super::writer::Writer;
-use super::{Error, floats, records};
-use crate::model::{FactorKind, Factors, Scale};
+/// What a number takes while it is read: itself, and its integer in another arrangement.
+const NUMBER_BYTES: u64 = 8;
 
-/// How factors are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FactorEncoding {
-    /// As they are.
-    F32,
-    /// Rounded to half precision, to nearest, ties to even: a relative error of at most 2^-11 down to 6.1e-5, an
-    /// absolute one of at most 3e-8 below. A factor that would round to infinity is an error.
-    F16,
+/// One part, density or appearance, of a scale's factors.
+pub(super) struct Part<'a> {
+    /// \[tensor\]\[axis\]\[vertex\]\[component\], of all the scale's tensors.
+    pub(super) values: &'a [f32],
+    pub(super) rank: usize,
+    pub(super) resolution: [u32; 3],
 }
 
-impl FactorEncoding {
-    fn code(self) -> u8 {
-        match self {
-            Self::F32 => 0,
-            Self::F16 => 1,
-        }
+/// How a chunk's numbers are laid out in a scene's and in a file's order.
+struct Layout {
+    rank: usize,
+    /// Rows of a tensor, and each axis's first and number.
+    rows: usize,
+    axes: [(usize, usize); 3],
+    /// \[tensor of the chunk\] the components that it has.
+    components: Vec<Vec<usize>>,
+}
+
+impl Layout {
+    fn new(rank: usize, resolution: [u32; 3], components: Vec<Vec<usize>>) -> Self {
+        let first = Factors::axis_rows(resolution);
+        let axes = [0, 1, 2].map(|a| (first[a], resolution[a] as usize + 1));
+        Self { rank, rows: Factors::rows(resolution), axes, components }
     }
 
-    fn of_code(place: impl std::fmt::Display, code: u8) -> Result<Self, Error> {
-        match code {
-            0 => Ok(Self::F32),
-            1 => Ok(Self::F16),
-            code => Err(Error::unsupported(format!("{place} encoding"), format!("code {code}"))),
-        }
+    /// Entries of a tensor in a scene.
+    fn tensor_len(&self) -> usize {
+        self.rows * self.rank
     }
 
-    fn bytes_per_value(self) -> u64 {
-        match self {
-            Self::F32 => 4,
-            Self::F16 => 2,
-        }
+    /// The lengths of the array's groups.
+    fn group_lengths(&self) -> impl Iterator<Item = usize> + Clone {
+        let vectors = self.components.iter().map(Vec::len).sum();
+        std::iter::repeat_n(self.axes.map(|a| a.1), vectors).flatten()
     }
 
-    fn read(self, bytes: &[u8]) -> Vec<f32> {
-        match self {
-            Self::F32 => floats::read(bytes),
-            Self::F16 => bytes.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32()).collect(),
-        }
-    }
-
-    fn write(self, place: &str, values: &[f32]) -> Result<Vec<u8>, Error> {
-        if self == Self::F32 {
-            return Ok(floats::write(values).collect());
-        }
-        let mut bytes = Vec::with_capacity(2 * values.len());
-        for (i, &value) in values.iter().enumerate() {
-            let half = f16::from_f32(value);
-            if half.is_infinite() {
-                return Err(Error::HalfOverflow { place: format!("{place} entry {i}"), value });
+    /// Calls `visit` with each number's place within its tensor, tensor by tensor, in the file's order.
+    fn for_each(&self, by_group: bool, mut visit: impl FnMut(usize, usize)) {
+        for (tensor, components) in self.components.iter().enumerate() {
+            if by_group {
+                for &c in components {
+                    for row in 0..self.rows {
+                        visit(tensor, row * self.rank + c);
+                    }
+                }
+            } else {
+                for row in 0..self.rows {
+                    for &c in components {
+                        visit(tensor, row * self.rank + c);
+                    }
+                }
             }
-            bytes.extend(half.to_le_bytes());
         }
-        Ok(bytes)
     }
 }
 
-pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, encoding: FactorEncoding) -> Result<(), Error> {
-    let factors = &scale.factors;
-    let place = format!("FACTORS of scale {index}");
-    let record = records::Factors {
-        kind: match factors.kind {
-            FactorKind::Cp => 0,
-            FactorKind::Vm => 1,
-        },
-        encoding: encoding.code(),
-        resolution: scale.cloud.resolution,
-        density_rank: factors.density_rank,
-        appearance_rank: factors.appearance_rank,
-    };
-    let record = records::write(&place, &record)?;
-    let mut body = encoding.write(&format!("{place} density"), &factors.density)?;
-    body.extend(encoding.write(&format!("{place} appearance"), &factors.appearance)?);
-    writer.compressed(SectionKind::Factors, Some(index), record, &body)
+/// The section of the factors of `tensors`. `steps` holds a step code for each axis of each component of each of the scale's
+/// tensors.
+pub(super) fn write(
+    writer: &Writer,
+    place: Place,
+    part: &Part<'_>,
+    tensors: &[u32],
+    options: ArrayOptions,
+    steps: Option<&[u8]>,
+) -> Result<Finished, Error> {
+    let name = place.kind.to_string();
+    let rank = part.rank;
+    let rows = Factors::rows(part.resolution);
+    let of_tensor = |n: u32| &part.values[n as usize * rows * rank..][..rows * rank];
+    // −0 is a number, too.
+    let has = |n: u32, c: usize| of_tensor(n)[c..].iter().step_by(rank).any(|v| v.to_bits() != 0);
+    let components: Vec<Vec<usize>> = tensors.iter().map(|&n| (0..rank).filter(|&c| has(n, c)).collect()).collect();
+    let is_ragged = components.iter().any(|c| c.len() < rank);
+    let mut body = Vec::new();
+    if is_ragged {
+        for components in &components {
+            let mut mask = vec![0u8; rank.div_ceil(8)];
+            components.iter().for_each(|&c| mask[c / 8] |= 1 << (c % 8));
+            body.extend(mask);
+        }
+    }
+    let chosen: Option<Vec<u8>> = steps.map(|steps| {
+        let of_component = |(t, c): (&u32, usize)| steps[(*t as usize * rank + c) * 3..][..3].iter().copied();
+        tensors
+            .iter()
+            .zip(&components)
+            .flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)))
+            .flat_map(of_component)
+            .collect()
+    });
+    let layout = Layout::new(rank, part.resolution, components);
+    let mut values = Vec::with_capacity(tensors.len() * layout.tensor_len());
+    layout.for_each(options.encoding.is_by_group(), |t, at| values.push(of_tensor(tensors[t])[at]));
+    let written = array::write(&name, &values, layout.group_lengths(), options, chosen.as_deref())?;
+    body.extend(written.body);
+    let record = records::Factors { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
+    writer.finished(place, records::write(&name, &record)?, &body)
 }
 
-/// The resolution and the factors of `tensors` tensors.
-pub(super) fn read(payload: &Payload<'_>, tensors: u32) -> Result<([u32; 3], Factors), Error> {
-    let (record, stored): (records::Factors, _) = records::read(payload.section, payload.encoded())?;
-    if record.kind != 0 {
-        let found = if record.kind == 1 { "vm".into() } else { format!("code {}", record.kind) };
-        return Err(Error::unsupported(format!("{} kind", payload.section), found));
+/// The factors of a chunk.
+pub(super) struct Chunk {
+    layout: Layout,
+    by_group: bool,
+    /// In the file's order.
+    numbers: Vec<f32>,
+}
+
+impl Chunk {
+    /// Puts them among those of their scale; `places` says where the chunk's tensors are there.
+    pub(super) fn put(self, places: &[u32], values: &mut [f32]) {
+        let mut next = self.numbers.into_iter();
+        let tensor_len = self.layout.tensor_len();
+        self.layout.for_each(self.by_group, |t, at| {
+            if let Some(value) = next.next() {
+                values[places[t] as usize * tensor_len + at] = value;
+            }
+        });
     }
-    let encoding = FactorEncoding::of_code(payload.section, record.encoding)?;
-    // Within the limits: 2^24 tensors, 2^12 rows, 2^9 components, 2^2 bytes.
-    let rows = Factors::rows(record.resolution) as u64;
-    let bytes = |rank: u32| u64::from(tensors) * rows * u64::from(rank) * encoding.bytes_per_value();
-    let (density, appearance) = (bytes(record.density_rank), bytes(record.appearance_rank));
-    let body = payload.body(stored, density + appearance)?;
-    let (density, appearance) = body.split_at(density as usize);
-    let factors = Factors {
-        kind: FactorKind::Cp,
-        density_rank: record.density_rank,
-        appearance_rank: record.appearance_rank,
-        density: encoding.read(density),
-        appearance: encoding.read(appearance),
-    };
-    Ok((record.resolution, factors))
+}
+
+/// The section of a chunk's factors, whose record is read and whose body is still to be.
+pub(super) struct Opened<'a> {
+    record: records::Factors,
+    body: Body<'a>,
+    encoding: Encoding,
+    rank: usize,
+    resolution: [u32; 3],
+    tensors: usize,
+}
+
+/// Reads the record of the factors of a chunk of `tensors`, and checks how long the body may be.
+pub(super) fn open<'a>(
+    payload: &Payload<'a>,
+    rank: usize,
+    resolution: [u32; 3],
+    tensors: usize,
+) -> Result<Opened<'a>, Error> {
+    let name = payload.section;
+    let (record, body): (records::Factors, _) = payload.record_and_body()?;
+    Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
+    let (encoding, _) = array::of_head(name, &record.head)?;
+    let opened = Opened { record, body, encoding, rank, resolution, tensors };
+    // How long the array is only the masks tell; all that the chunk may have is its most.
+    let masks = (opened.mask_bytes()? * tensors) as u64;
+    let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
+    if !(masks..=masks + all).contains(&opened.body.length) {
+        let expected = format!("{masks} to {}", masks + all);
+        return Err(Error::malformed(format!("{name} body length"), expected, opened.body.length));
+    }
+    Ok(opened)
+}
+
+impl Opened<'_> {
+    /// Bytes of a tensor's mask of components.
+    fn mask_bytes(&self) -> Result<usize, Error> {
+        match self.record.is_ragged {
+            0 => Ok(0),
+            1 => Ok(self.rank.div_ceil(8)),
+            other => Err(Error::malformed(format!("{} ragged", self.body.section), "0 or 1", other)),
+        }
+    }
+
+    /// The most memory that [`Self::read`] takes.
+    pub(super) fn most(&self) -> u64 {
+        let numbers = self.body.length / self.encoding.width() as u64;
+        self.body.length + NUMBER_BYTES * numbers
+    }
+
+    /// Reads the factors.
+    pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
+        let Self { record, body, encoding, rank, resolution, tensors } = self;
+        let (rank, tensors) = (*rank, *tensors);
+        let name = body.section;
+        let mask_bytes = self.mask_bytes()?;
+        let bytes = body.decode(body.length, budget)?;
+        let (masks, array) = bytes.split_at(mask_bytes * tensors);
+        let components: Vec<Vec<usize>> = match mask_bytes {
+            0 => vec![(0..rank).collect(); tensors],
+            _ => {
+                masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?
+            }
+        };
+        let layout = Layout::new(rank, *resolution, components);
+        let (groups, numbers) = array::count(layout.group_lengths());
+        let length = encoding.length(groups, numbers);
+        Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
+        budget.spend(name, NUMBER_BYTES * numbers)?;
+        let numbers = array::read(name, &record.head, array, layout.group_lengths())?;
+        Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
+    }
+}
+
+/// The components whose bits are set.
+fn components_of(name: &impl std::fmt::Display, mask: &[u8], rank: usize) -> Result<Vec<usize>, Error> {
+    let is_set = |c: usize| mask[c / 8] >> (c % 8) & 1 == 1;
+    if (rank..8 * mask.len()).any(is_set) {
+        return Err(Error::malformed(format!("{name} components"), "unused bits zero", "others"));
+    }
+    Ok((0..rank).filter(|&c| is_set(c)).collect())
 }

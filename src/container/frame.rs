@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::cursor::Payload;
+use super::payload::Payload;
 use super::{Error, records};
 use crate::geometry::Similarity;
 use crate::model::{ColorSpace, Frame, UpAxis};
@@ -21,6 +21,9 @@ pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
             UpAxis::X => 0,
             UpAxis::Y => 1,
             UpAxis::Z => 2,
+            UpAxis::MinusX => 3,
+            UpAxis::MinusY => 4,
+            UpAxis::MinusZ => 5,
         },
         color_space: match frame.color_space {
             ColorSpace::Srgb => 0,
@@ -30,7 +33,7 @@ pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
 }
 
 pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
-    let record: records::Frame = records::read_whole(payload.section, payload.stored()?)?;
+    let record: records::Frame = payload.record()?;
     Ok(Frame {
         model_from_dataset: Similarity {
             scale: record.scale,
@@ -41,6 +44,9 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
             0 => UpAxis::X,
             1 => UpAxis::Y,
             2 => UpAxis::Z,
+            3 => UpAxis::MinusX,
+            4 => UpAxis::MinusY,
+            5 => UpAxis::MinusZ,
             code => return Err(Error::unsupported("FRAME up axis", format!("code {code}"))),
         },
         metres_per_unit: (record.metres_per_unit.to_bits() != 0).then_some(record.metres_per_unit),

@@ -1,4 +1,4 @@
-//! The first 32 bytes: magic, version, section count, file length, checksums.
+//! The first 64 bytes: magic, version, section count, file length, checksums.
 
 use std::fmt;
 
@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = [0xB3, b'S', b'T', b'V', b'\r', b'\n', 0x1A, b'\n'];
 pub const VERSION: Version = Version { major: 1, minor: 0 };
 
 /// Bytes of the header.
-pub(super) const LENGTH: usize = 32;
+pub(super) const LENGTH: usize = 64;
 /// Bytes that the header's own checksum covers: all before it.
 const CHECKED: usize = LENGTH - 4;
 
@@ -41,12 +41,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<records::Header, Error> {
         return Err(Error::UnsupportedVersion { found, supported: VERSION.major });
     }
     let header = bytes.get(..LENGTH).ok_or_else(|| truncated(bytes))?;
-    let expected = u32::from_le_bytes([header[28], header[29], header[30], header[31]]);
+    let expected = u32::from_le_bytes([header[60], header[61], header[62], header[63]]);
     let found = crc32fast::hash(&header[..CHECKED]);
     if expected != found {
         return Err(Error::Corrupt { section: "header".into(), range: 0..LENGTH as u64, expected, found });
     }
-    records::read_whole(&"header", &header[8..CHECKED])
+    let record: records::Header = records::read_whole(&"header", &header[8..CHECKED])?;
+    Error::unless_zero("header reserved bytes", &record.reserved)?;
+    Ok(record)
 }
 
 /// The bytes of the header.

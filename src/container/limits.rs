@@ -35,15 +35,62 @@ pub const OCCUPANCY_AXIS: RangeInclusive<u64> = 2..=4096;
 pub const OCCUPANCY_VERTICES: RangeInclusive<u64> = 8..=1 << 30;
 /// Bytes of a string.
 pub const STRING_BYTES: RangeInclusive<u64> = 0..=4096;
-/// Bytes of all sections of known kind together once they are decoded.
-pub const DECODED_BYTES: RangeInclusive<u64> = 0..=1 << 32;
+/// Chunks of a scale.
+pub const CHUNKS: RangeInclusive<u64> = 1..=16_384;
+/// Appearance ranks of several scales together.
+pub const RANK_SUM: RangeInclusive<u64> = 1..=4096;
+/// Numbers in a group of an array that is written by its cosine transform.
+pub const COSINE_LENGTH: RangeInclusive<u64> = 1..=1025;
+/// Bytes of a text: a licence, a note.
+pub const TEXT_BYTES: RangeInclusive<u64> = 0..=1 << 20;
+/// Probes, views of a path, cameras, notes.
+pub const ITEMS: RangeInclusive<u64> = 0..=65_536;
+/// Bytes of a thumbnail.
+pub const THUMBNAIL_BYTES: RangeInclusive<u64> = 1..=1 << 22;
 
 /// Bytes of a section's record: bounds what decoding one can allocate.
-pub const RECORD_BYTES: usize = 1 << 16;
-/// Decoded bytes that compressed sections may have whatever their stored size.
-pub const FREE_EXPANSION: u64 = 32 << 20;
-/// Decoded bytes that every stored byte of a compressed section allows for besides.
-pub const EXPANSION_RATIO: u64 = 64;
+pub const RECORD_BYTES: usize = 1 << 23;
+
+/// What a reader may spend on a stranger's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes of memory for everything that is decoded, besides the file's own bytes and 16 MiB.
+    pub memory: u64,
+}
+
+impl Default for Limits {
+    /// 4 GiB: four times the largest scenes that are trained.
+    fn default() -> Self {
+        Self { memory: 1 << 32 }
+    }
+}
+
+/// What is left of a reader's memory. Nothing is ever given back, so its peak is below what was spent.
+pub(super) struct Budget {
+    left: u64,
+}
+
+impl Budget {
+    pub(super) fn new(limits: Limits) -> Self {
+        Self { left: limits.memory }
+    }
+
+    /// Takes `bytes` for `place`, before they are allocated.
+    pub(super) fn spend(&mut self, place: impl Display, bytes: u64) -> Result<(), Error> {
+        self.left = self.left.checked_sub(bytes).ok_or_else(|| Error::Budget {
+            place: place.to_string(),
+            needed: bytes,
+            left: self.left,
+        })?;
+        Ok(())
+    }
+
+    /// Takes `bytes` for `place`, which then has a budget of its own.
+    pub(super) fn set_aside(&mut self, place: impl Display, bytes: u64) -> Result<Self, Error> {
+        self.spend(place, bytes)?;
+        Ok(Self { left: bytes })
+    }
+}
 
 /// [`Error::Limit`] unless `found` lies within `range`.
 pub(super) fn check(
@@ -58,36 +105,16 @@ pub(super) fn check(
     Err(Error::Limit { place: place.to_string(), min: *range.start(), max: *range.end(), found })
 }
 
-/// How much compressed sections may still expand: what keeps a small file from filling the memory.
-///
-/// Spent in table order, by the writer to decide what to compress and by the reader to refuse.
-pub(super) struct ExpansionAllowance(u64);
-
-impl ExpansionAllowance {
-    pub(super) fn new() -> Self {
-        Self(FREE_EXPANSION)
-    }
-
-    /// Spends what a compressed section of these sizes needs; where the allowance does not suffice nothing changes and
-    /// the error is what would have been allowed.
-    pub(super) fn spend(&mut self, stored: u64, decoded: u64) -> Result<(), u64> {
-        let allowed = self.0.saturating_add(stored.saturating_mul(EXPANSION_RATIO));
-        self.0 = allowed.checked_sub(decoded).ok_or(allowed)?;
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_allowance_is_shared_by_all_sections() {
-        let mut allowance = ExpansionAllowance::new();
-        assert_eq!(allowance.spend(10, FREE_EXPANSION), Ok(()));
-        assert_eq!(allowance.spend(1, 10 * EXPANSION_RATIO + EXPANSION_RATIO), Ok(()));
-        assert_eq!(allowance.spend(1, EXPANSION_RATIO + 1), Err(EXPANSION_RATIO));
-        assert_eq!(allowance.spend(1, EXPANSION_RATIO), Ok(()));
+    fn a_budget_is_spent_once() {
+        let mut budget = Budget::new(Limits { memory: 10 });
+        assert_eq!(budget.spend("a", 7), Ok(()));
+        assert_eq!(budget.spend("b", 4), Err(Error::Budget { place: "b".into(), needed: 4, left: 3 }));
+        assert_eq!(budget.spend("c", 3), Ok(()));
     }
 
     #[test]

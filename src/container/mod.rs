@@ -8,32 +8,43 @@
 
 #![forbid(unsafe_code)]
 
-mod appearance;
+mod array;
 mod codec;
-mod cursor;
-mod decode;
+mod cosine;
 mod decoder;
 mod encode;
 mod error;
+mod extras;
 mod factors;
-mod floats;
 mod frame;
 mod header;
 pub mod limits;
+mod matrix;
 mod occupancy;
+mod parallel;
+mod payload;
 mod placement;
+mod prefix;
 mod provenance;
+mod reader;
 mod records;
 mod rules;
 mod section;
+mod source;
 mod table;
 mod writer;
 
+pub use array::{ArrayOptions, Encoding, Filter, GRID_BITS, step, step_code};
 pub use codec::Codec;
-pub use decode::decode;
-pub use encode::{EncodeOptions, encode};
+pub use encode::{EncodeOptions, FactorOptions, encode, encode_document, with_notes};
 pub use error::Error;
-pub use factors::FactorEncoding;
+pub use extras::{
+    Extras, Pose, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, UnknownSection, Views,
+};
 pub use header::{MAGIC, VERSION, Version};
+pub use limits::Limits;
+pub use prefix::Prefix;
+pub use reader::{Document, Part, Reader, decode, decode_document};
 pub use section::{Section, SectionKind};
+pub use source::{Fetch, Seekable, Source};
 pub use table::{Contents, sections};

@@ -2,9 +2,10 @@
 
 use glam::{DVec3, UVec3};
 
-use super::cursor::Payload;
+use super::limits::Budget;
+use super::payload::Payload;
 use super::section::SectionKind;
-use super::writer::Writer;
+use super::writer::{Place, Writer};
 use super::{Error, records};
 use crate::geometry::Aabb;
 use crate::model::Occupancy;
@@ -18,12 +19,14 @@ pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Er
     let record_bytes = records::write(&"OCCUPANCY", &record)?;
     let mut bits: Vec<u8> = occupancy.words.iter().flat_map(|w| w.to_le_bytes()).collect();
     bits.truncate(byte_count(record.vertices) as usize);
-    writer.compressed(SectionKind::Occupancy, None, record_bytes, &bits)
+    writer.compressed(Place::of(SectionKind::Occupancy), record_bytes, &bits)
 }
 
-pub(super) fn read(payload: &Payload<'_>) -> Result<Occupancy, Error> {
-    let (record, stored): (records::Occupancy, _) = records::read(payload.section, payload.encoded())?;
-    let bits = payload.body(stored, byte_count(record.vertices))?;
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupancy, Error> {
+    let (record, body): (records::Occupancy, _) = payload.record_and_body()?;
+    let length = byte_count(record.vertices);
+    budget.spend(payload.section, length + 8)?;
+    let bits = body.decode(length, budget)?;
     let words = bits.chunks(8).map(|bytes| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);

@@ -1,106 +1,269 @@
-//! PLACEMENT: where a scale's tensors are.
+//! SCALE and PLACEMENT: a scale's shape, its chunks, and where each chunk's tensors are.
 //!
-//! On a lattice the occupied cells are numbered x fastest, z slowest, within the smallest extent from cell 0 that
-//! holds them all; the first number and then each number's distance to its predecessor, less one, are written as
-//! LEB128 integers. Elsewhere the centres are written as they are.
+//! On a lattice the cells that a chunk occupies are numbered x fastest, z slowest, within the smallest extent from cell 0
+//! that holds all cells of the scale; the first number and then each number's distance to its predecessor, less one, are
+//! written as LEB128 integers. Elsewhere the centres are written as they are.
 
 use glam::{DVec3, UVec3};
 
-use super::cursor::Payload;
+use super::limits::Budget;
+use super::payload::Payload;
 use super::section::SectionKind;
-use super::writer::Writer;
+use super::writer::{Finished, Place, Writer};
 use super::{Error, records};
-use crate::geometry::Lattice;
-use crate::model::{Placement, Scale};
+use crate::geometry::{Aabb, Lattice};
+use crate::model::{FactorKind, Placement, Scale, TensorCloud};
 
 /// Bytes of the longest LEB128 integer: numbers of cells are below 2^60.
 const LONGEST: u64 = 9;
+/// Bytes of what SCALE says of a chunk.
+const CHUNK_BYTES: usize = 52;
 
-/// What a PLACEMENT section says.
-pub(super) struct Tensors {
-    pub(super) placement: Placement,
-    pub(super) half: DVec3,
-    pub(super) top_k: u32,
-    count: u32,
+/// What SCALE says.
+pub(super) struct Shape {
+    pub(super) record: records::Scale,
+    pub(super) chunks: Vec<records::Chunk>,
 }
 
-impl Tensors {
-    /// Number of tensors.
-    pub(super) fn placement_len(&self) -> u32 {
-        self.count
+impl Shape {
+    /// Half edges.
+    pub(super) fn half(&self) -> DVec3 {
+        DVec3::from_array(self.record.half)
+    }
+
+    /// What chunk `n` covers.
+    pub(super) fn covered(&self, n: usize) -> Aabb {
+        let [min, max] = [self.chunks[n].covered_min, self.chunks[n].covered_max].map(DVec3::from_array);
+        Aabb { min, max }
+    }
+
+    fn lattice(&self) -> Lattice {
+        Lattice { origin: DVec3::from_array(self.record.origin), pitch: DVec3::from_array(self.record.pitch) }
     }
 }
 
-pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale) -> Result<(), Error> {
-    let place = format!("PLACEMENT of scale {index}");
-    let record = records::Placement {
-        kind: match scale.cloud.placement {
-            Placement::Lattice { .. } => 0,
-            Placement::Explicit { .. } => 1,
-        },
-        tensors: scale.cloud.len().try_into().unwrap_or(u32::MAX),
-        top_k: scale.top_k,
-        half: scale.cloud.half.to_array(),
+/// The centres of a chunk's tensors.
+pub(super) enum Centers {
+    Cells(Vec<UVec3>),
+    Points(Vec<DVec3>),
+}
+
+/// Cuts `cloud` into chunks of at most `most` tensors that lie near each other; each holds its tensors' numbers,
+/// ascending.
+pub(super) fn chunks_of(cloud: &TensorCloud, most: usize) -> Vec<Vec<u32>> {
+    let bounds = cloud.bounds();
+    let size = bounds.size().max(DVec3::splat(f64::MIN_POSITIVE));
+    let key = |n: u32| {
+        let at = ((cloud.center(n as usize) - bounds.min) / size * 1023.0).as_uvec3().min(UVec3::splat(1023));
+        let spread = |v: u32| (0..10).fold(0u32, |bits, b| bits | (v >> b & 1) << (3 * b));
+        spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
     };
-    let mut head = records::write(&place, &record)?;
+    let mut order: Vec<(u32, u32)> = (0..cloud.len() as u32).map(|n| (key(n), n)).collect();
+    order.sort_unstable();
+    let count = cloud.len().div_ceil(most.max(1));
+    let each = cloud.len().div_ceil(count.max(1)).max(1);
+    let mut chunks: Vec<Vec<u32>> = order.chunks(each).map(|part| part.iter().map(|o| o.1).collect()).collect();
+    chunks.iter_mut().for_each(|chunk| chunk.sort_unstable());
+    chunks
+}
+
+pub(super) fn write_scale(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Vec<u32>]) -> Result<(), Error> {
+    let name = format!("SCALE of scale {index}");
+    let cloud = &scale.cloud;
+    let (placement, lattice, extent) = match &cloud.placement {
+        Placement::Lattice { lattice, cells } => (0, *lattice, extent_of(cells)),
+        Placement::Explicit { .. } => (1, Lattice { origin: DVec3::ZERO, pitch: DVec3::ZERO }, UVec3::ZERO),
+    };
+    let record = records::Scale {
+        tensors: cloud.len().try_into().unwrap_or(u32::MAX),
+        top_k: scale.top_k,
+        half: cloud.half.to_array(),
+        resolution: cloud.resolution,
+        factor_kind: match scale.factors.kind {
+            FactorKind::Cp => 0,
+            FactorKind::Vm => 1,
+        },
+        placement,
+        reserved: 0,
+        density_rank: scale.factors.density_rank,
+        appearance_rank: scale.factors.appearance_rank,
+        chunks: chunks.len().try_into().unwrap_or(u32::MAX),
+        reserved_too: 0,
+        origin: lattice.origin.to_array(),
+        pitch: lattice.pitch.to_array(),
+        extent: extent.to_array(),
+    };
     let mut body = Vec::new();
-    match &scale.cloud.placement {
-        Placement::Lattice { lattice, cells } => {
-            let largest = cells.iter().fold(UVec3::ZERO, |largest, cell| largest.max(*cell));
-            let extent = largest.saturating_add(UVec3::ONE);
-            let (origin, pitch) = (lattice.origin.to_array(), lattice.pitch.to_array());
-            head.extend(records::write(&place, &records::Lattice { origin, pitch, extent: extent.to_array() })?);
+    for tensors in chunks {
+        let covered = covered_by(tensors.iter().map(|&n| cloud.center(n as usize)), cloud.half);
+        let chunk = records::Chunk {
+            tensors: tensors.len().try_into().unwrap_or(u32::MAX),
+            covered_min: covered.min.to_array(),
+            covered_max: covered.max.to_array(),
+        };
+        body.extend(records::write(&name, &chunk)?);
+    }
+    writer.compressed(Place::of_scale(SectionKind::Scale, index), records::write(&name, &record)?, &body)
+}
+
+pub(super) fn read_scale(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, Error> {
+    let name = payload.section;
+    let (record, body): (records::Scale, _) = payload.record_and_body()?;
+    match record.factor_kind {
+        0 => {}
+        1 => return Err(Error::unsupported(format!("{name} factor kind"), "vm")),
+        code => return Err(Error::unsupported(format!("{name} factor kind"), format!("code {code}"))),
+    }
+    if record.placement > 1 {
+        return Err(Error::unsupported(format!("{name} placement"), format!("code {}", record.placement)));
+    }
+    Error::unless_equal(format!("{name} reserved fields"), 0, u32::from(record.reserved) | record.reserved_too)?;
+    if record.placement == 1 {
+        let of_lattice = record.origin.iter().chain(&record.pitch).map(|v| v.to_bits());
+        Error::unless_equal(format!("{name} lattice of explicit centres"), 0, of_lattice.fold(0, |bits, v| bits | v))?;
+    }
+    let length = u64::from(record.chunks) * CHUNK_BYTES as u64;
+    budget.spend(name, length)?;
+    let bytes = body.decode(length, budget)?;
+    let mut tensors = 0;
+    let mut chunks = Vec::with_capacity(record.chunks as usize);
+    for (n, chunk) in bytes.chunks_exact(CHUNK_BYTES).enumerate() {
+        let chunk: records::Chunk = records::read_whole(&format!("{name} chunk {n}"), chunk)?;
+        tensors += u64::from(chunk.tensors);
+        chunks.push(chunk);
+    }
+    Error::unless_equal(format!("{name} tensors of all chunks"), u64::from(record.tensors), tensors)?;
+    Ok(Shape { record, chunks })
+}
+
+pub(super) fn write(
+    writer: &Writer,
+    index: u16,
+    chunk: u32,
+    cloud: &TensorCloud,
+    tensors: &[u32],
+) -> Result<Finished, Error> {
+    let mut body = Vec::new();
+    match &cloud.placement {
+        Placement::Lattice { cells, .. } => {
+            let numbering = Numbering(extent_of(cells));
             // One past the previous cell's number.
             let mut next = 0;
-            for cell in cells {
-                let number = Numbering(extent).number(*cell);
+            for &n in tensors {
+                let number = numbering.number(cells[n as usize]);
                 let distance = number.checked_sub(next);
                 // Ascending centres, which the scene's check saw, are ascending cells.
-                write_integer(&mut body, distance.ok_or_else(|| Error::malformed(&place, "ascending cells", cell))?);
+                let ascending = || Error::malformed("PLACEMENT", "ascending cells", cells[n as usize]);
+                write_integer(&mut body, distance.ok_or_else(ascending)?);
                 next = number + 1;
             }
         }
         Placement::Explicit { centers } => {
-            body.extend(centers.iter().flat_map(|c| c.to_array()).flat_map(f64::to_le_bytes));
+            let coordinates = tensors.iter().flat_map(|&n| centers[n as usize].to_array());
+            body.extend(coordinates.flat_map(f64::to_le_bytes));
         }
     }
-    writer.compressed(SectionKind::Placement, Some(index), head, &body)
+    writer.finished(Place::of_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
 }
 
-pub(super) fn read(payload: &Payload<'_>) -> Result<Tensors, Error> {
-    let (record, rest): (records::Placement, _) = records::read(payload.section, payload.encoded())?;
-    let placement = match record.kind {
-        0 => {
-            let (lattice, stored): (records::Lattice, _) = records::read(payload.section, rest)?;
-            let cells = read_cells(payload, stored, record.tensors, UVec3::from_array(lattice.extent))?;
-            let origin = DVec3::from_array(lattice.origin);
-            Placement::Lattice { lattice: Lattice { origin, pitch: DVec3::from_array(lattice.pitch) }, cells }
-        }
-        1 => {
-            let body = payload.body(rest, 24 * u64::from(record.tensors))?;
-            let coordinates: Vec<f64> = body.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b)).collect();
-            let centers = coordinates.as_chunks().0.iter().map(|&c| DVec3::from_array(c)).collect();
-            Placement::Explicit { centers }
-        }
-        code => return Err(Error::unsupported(format!("{} kind", payload.section), format!("code {code}"))),
+/// The centres of chunk `n`.
+pub(super) fn read(payload: &Payload<'_>, shape: &Shape, n: usize, budget: &mut Budget) -> Result<Centers, Error> {
+    let (name, chunk) = (payload.section, shape.chunks[n]);
+    budget.spend(name, 24 * u64::from(chunk.tensors))?;
+    let (centers, points) = if shape.record.placement == 0 {
+        let cells = read_cells(payload, chunk.tensors, UVec3::from_array(shape.record.extent), budget)?;
+        let lattice = shape.lattice();
+        let points: Vec<DVec3> = cells.iter().map(|c| lattice.center(c.as_ivec3())).collect();
+        (Centers::Cells(cells), points)
+    } else {
+        let bytes = payload.body()?.decode(24 * u64::from(chunk.tensors), budget)?;
+        let coordinates: Vec<f64> = bytes.as_chunks().0.iter().map(|&b| f64::from_le_bytes(b)).collect();
+        let points: Vec<DVec3> = coordinates.as_chunks().0.iter().map(|&c| DVec3::from_array(c)).collect();
+        (Centers::Points(points.clone()), points)
     };
-    Ok(Tensors { placement, half: DVec3::from_array(record.half), top_k: record.top_k, count: record.tensors })
+    let covered = covered_by(points.iter().copied(), shape.half());
+    let (found, said) = (format!("{covered:?}"), format!("{:?}", shape.covered(n)));
+    Error::unless_equal(format!("{name}: what it covers"), said, found)?;
+    Ok(centers)
 }
 
-fn read_cells(payload: &Payload<'_>, stored: &[u8], tensors: u32, extent: UVec3) -> Result<Vec<UVec3>, Error> {
+/// A scale's placement from those of its chunks, and where each chunk's tensors are in it.
+pub(super) fn merge(name: &str, shape: &Shape, chunks: Vec<Centers>) -> Result<(Placement, Vec<Vec<u32>>), Error> {
+    let lattice = shape.lattice();
+    let mut order: Vec<([f64; 3], u32, u32)> = Vec::new();
+    for (c, chunk) in chunks.iter().enumerate() {
+        let key = |p: DVec3| [p.z, p.y, p.x];
+        match chunk {
+            Centers::Cells(cells) => {
+                order.extend(cells.iter().zip(0..).map(|(c_, n)| (key(lattice.center(c_.as_ivec3())), c as u32, n)));
+            }
+            Centers::Points(points) => order.extend(points.iter().zip(0..).map(|(&p, n)| (key(p), c as u32, n))),
+        }
+    }
+    let ascends = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne());
+    order.sort_by(|a, b| ascends(&a.0, &b.0).unwrap_or(std::cmp::Ordering::Equal));
+    let mut places: Vec<Vec<u32>> = chunks.iter().map(|chunk| vec![0; chunk.len()]).collect();
+    for (place, &(_, c, n)) in order.iter().enumerate() {
+        places[c as usize][n as usize] = place as u32;
+    }
+    for (c, places) in places.iter().enumerate() {
+        if !places.is_sorted() {
+            return Err(Error::malformed(format!("PLACEMENT of chunk {c} of {name}"), "ascending centres", "others"));
+        }
+    }
+    let placement = if shape.record.placement == 0 {
+        let mut cells = vec![UVec3::ZERO; order.len()];
+        for (&(_, c, n), cell) in order.iter().zip(&mut cells) {
+            if let Centers::Cells(of_chunk) = &chunks[c as usize] {
+                *cell = of_chunk[n as usize];
+            }
+        }
+        Placement::Lattice { lattice, cells }
+    } else {
+        Placement::Explicit { centers: order.iter().map(|&([z, y, x], ..)| DVec3::new(x, y, z)).collect() }
+    };
+    Ok((placement, places))
+}
+
+/// Checks that `placement`, which is of all chunks, fills the extent that SCALE says.
+pub(super) fn check_extent(name: &str, shape: &Shape, placement: &Placement) -> Result<(), Error> {
+    let Placement::Lattice { cells, .. } = placement else { return Ok(()) };
+    Error::unless_equal(format!("{name} extent"), extent_of(cells), UVec3::from_array(shape.record.extent))
+}
+
+impl Centers {
+    fn len(&self) -> usize {
+        match self {
+            Self::Cells(cells) => cells.len(),
+            Self::Points(points) => points.len(),
+        }
+    }
+}
+
+fn covered_by(centers: impl Iterator<Item = DVec3>, half: DVec3) -> Aabb {
+    let centers = Aabb::of_points(centers);
+    Aabb { min: centers.min - half, max: centers.max + half }
+}
+
+/// One more than the largest coordinates.
+fn extent_of(cells: &[UVec3]) -> UVec3 {
+    cells.iter().fold(UVec3::ZERO, |largest, cell| largest.max(*cell)).saturating_add(UVec3::ONE)
+}
+
+fn read_cells(payload: &Payload<'_>, tensors: u32, extent: UVec3, budget: &mut Budget) -> Result<Vec<UVec3>, Error> {
     let place = payload.section;
-    let length = payload.declared_body_length(stored)?;
+    let body = payload.body()?;
+    let length = body.length;
     let tensors = u64::from(tensors);
     if !(tensors..=LONGEST * tensors).contains(&length) {
         let expected = format!("{tensors} to {}", LONGEST * tensors);
         return Err(Error::malformed(format!("{place} bytes of cells"), expected, length));
     }
-    let body = payload.body(stored, length)?;
+    let body = body.decode(length, budget)?;
     let numbering = Numbering(extent);
     let mut bytes = body.as_ref();
     let mut cells = Vec::with_capacity(tensors as usize);
     let mut next: u64 = 0;
-    let mut largest = UVec3::ZERO;
     for n in 0..tensors {
         let distance = read_integer(&mut bytes).ok_or_else(|| {
             Error::malformed(format!("{place} cell {n}"), "a shortest LEB128 integer below 2^63", "another or none")
@@ -111,12 +274,10 @@ fn read_cells(payload: &Payload<'_>, stored: &[u8], tensors: u32, extent: UVec3)
             let expected = format!("a number below {}", numbering.count());
             Error::malformed(format!("{place} cell {n}"), expected, number)
         })?;
-        largest = largest.max(cell);
         cells.push(cell);
         next = number + 1;
     }
     Error::unless_equal(format!("{place} bytes after the cells"), 0, bytes.len())?;
-    Error::unless_equal(format!("{place} extent"), largest + 1, extent)?;
     Ok(cells)
 }
 

@@ -1,6 +1,6 @@
 //! PROVENANCE: what made the scene, for people.
 
-use super::cursor::Payload;
+use super::payload::Payload;
 use super::{Error, records};
 use crate::model::Provenance;
 
@@ -16,7 +16,7 @@ pub(super) fn write(provenance: &Provenance) -> Result<Vec<u8>, Error> {
 }
 
 pub(super) fn read(payload: &Payload<'_>) -> Result<Provenance, Error> {
-    let record: records::Provenance<'_> = records::read_whole(payload.section, payload.stored()?)?;
+    let record: records::Provenance<'_> = payload.record()?;
     Ok(Provenance {
         dataset: record.dataset.into(),
         preset: record.preset.into(),

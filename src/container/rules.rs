@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::cursor::Payload;
+use super::payload::Payload;
 use super::{Error, records};
 use crate::geometry::Aabb;
 use crate::model::{Aggregation, Coverage, Reduction, Rules, Scene};
@@ -25,6 +25,8 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         },
         density_reduction: reduction_code(rules.density_reduction),
         appearance_reduction: reduction_code(rules.appearance_reduction),
+        contraction: 0,
+        reserved: 0,
         bounds_min: scene.bounds.min.to_array(),
         bounds_max: scene.bounds.max.to_array(),
         density_shift: rules.density_shift,
@@ -32,19 +34,26 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         step: rules.step,
         min_transmittance: rules.min_transmittance,
         min_weight: rules.min_weight,
+        contracted_length: 0.0,
     };
     records::write(&"RULES", &record)
 }
 
 /// Rules, bounds, and the number of scales.
 pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
-    let record: records::Rules = records::read_whole(payload.section, payload.stored()?)?;
+    let record: records::Rules = payload.record()?;
     let unknown = |what: &str, code: u8| Error::unsupported(format!("RULES {what}"), format!("code {code}"));
     let reduction = |what, code| match code {
         0 => Ok(Reduction::Sum),
         1 => Ok(Reduction::Mean),
         code => Err(unknown(what, code)),
     };
+    match record.contraction {
+        0 => Error::unless_equal("RULES contracted length", 0, record.contracted_length.to_bits())?,
+        1 => return Err(Error::unsupported("RULES contraction", "L∞")),
+        code => return Err(unknown("contraction", code)),
+    }
+    Error::unless_equal("RULES reserved byte", 0, record.reserved)?;
     let rules = Rules {
         coverage: match record.coverage {
             0 => Coverage::All,

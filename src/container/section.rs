@@ -8,6 +8,8 @@ use super::{Codec, Error, records};
 const CRITICAL: u16 = 1;
 /// The scale of a section that belongs to none.
 const NO_SCALE: u16 = u16::MAX;
+/// The chunk of a section that belongs to none.
+const NO_CHUNK: u32 = u32::MAX;
 
 /// What a section holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -16,37 +18,79 @@ pub enum SectionKind {
     Frame,
     /// The field's and the march's rules and bounds.
     Rules,
-    /// What made the file; ancillary.
+    /// What made the file.
     Provenance,
+    /// The terms of its use.
+    Licence,
+    /// What was measured of it.
+    Quality,
+    /// Where to look from.
+    Views,
+    /// A small picture.
+    Thumbnail,
     /// The MLP.
     Decoder,
     /// Where samples count; a scene may have none.
     Occupancy,
-    /// A scale's tensors.
-    Placement,
+    /// A scale's shape and chunks.
+    Scale,
     /// A scale's appearance matrix.
+    Matrix,
+    /// A chunk's tensors.
+    Placement,
+    /// Their density factors.
+    Density,
+    /// Their appearance factors.
     Appearance,
-    /// A scale's factors.
-    Factors,
+    /// How a scene that ends with this scale is corrected.
+    Prefix,
+    /// Rays with what they see.
+    Probes,
+    /// The cameras that it was trained from.
+    Cameras,
+    /// Keys and values.
+    Notes,
     /// A kind that this version does not define: its name, padded with zeros.
     Other([u8; 12]),
 }
 
 impl SectionKind {
-    const KNOWN: [(Self, &str); 8] = [
+    const KNOWN: [(Self, &str); 18] = [
         (Self::Frame, "FRAME"),
         (Self::Rules, "RULES"),
         (Self::Provenance, "PROVENANCE"),
+        (Self::Licence, "LICENCE"),
+        (Self::Quality, "QUALITY"),
+        (Self::Views, "VIEWS"),
+        (Self::Thumbnail, "THUMBNAIL"),
         (Self::Decoder, "DECODER"),
         (Self::Occupancy, "OCCUPANCY"),
+        (Self::Scale, "SCALE"),
+        (Self::Matrix, "MATRIX"),
         (Self::Placement, "PLACEMENT"),
+        (Self::Density, "DENSITY"),
         (Self::Appearance, "APPEARANCE"),
-        (Self::Factors, "FACTORS"),
+        (Self::Prefix, "PREFIX"),
+        (Self::Probes, "PROBES"),
+        (Self::Cameras, "CAMERAS"),
+        (Self::Notes, "NOTES"),
     ];
 
     /// Whether a reader that does not know a section of this (known) kind must refuse the file.
     pub(super) fn is_critical(self) -> bool {
-        self != Self::Provenance
+        use SectionKind as K;
+        !matches!(
+            self,
+            K::Provenance
+                | K::Licence
+                | K::Quality
+                | K::Views
+                | K::Thumbnail
+                | K::Prefix
+                | K::Probes
+                | K::Cameras
+                | K::Notes
+        )
     }
 
     /// The kind of this name; `None` where it is not capital letters, digits and hyphens padded with zeros.
@@ -89,6 +133,8 @@ pub struct Section {
     pub critical: bool,
     /// The scale it belongs to, if to one.
     pub scale: Option<u16>,
+    /// The chunk of that scale, if to one.
+    pub chunk: Option<u32>,
     /// How its body is stored.
     pub codec: Codec,
     /// Where its payload begins in the file.
@@ -103,12 +149,23 @@ pub struct Section {
 
 impl fmt::Display for Section {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.kind)?;
-        self.scale.map_or(Ok(()), |scale| write!(f, " of scale {scale}"))
+        f.write_str(&name_of(self.kind, self.scale, self.chunk))
     }
 }
 
+/// What messages call a section.
+pub(super) fn name_of(kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> String {
+    let chunk = chunk.map_or_else(String::new, |chunk| format!(" of chunk {chunk}"));
+    let scale = scale.map_or_else(String::new, |scale| format!(" of scale {scale}"));
+    format!("{kind}{chunk}{scale}")
+}
+
 impl Section {
+    /// Whether it is this section.
+    pub(super) fn is_at(&self, kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> bool {
+        (self.kind, self.scale, self.chunk) == (kind, scale, chunk)
+    }
+
     /// Reads what an entry says; `index` is its place in the table.
     pub(super) fn of_entry(entry: &records::Entry, index: usize) -> Result<Self, Error> {
         let kind = SectionKind::of_name(entry.kind).ok_or_else(|| {
@@ -119,6 +176,7 @@ impl Section {
             kind,
             critical: entry.flags & CRITICAL != 0,
             scale: (entry.scale != NO_SCALE).then_some(entry.scale),
+            chunk: (entry.chunk != NO_CHUNK).then_some(entry.chunk),
             codec: Codec::of_code(entry.codec),
             offset: entry.offset,
             length: entry.length,
@@ -126,7 +184,8 @@ impl Section {
             checksum: entry.checksum,
         };
         Error::unless_equal(format!("{section} flags besides the critical bit"), 0, entry.flags & !CRITICAL)?;
-        Error::unless_equal(format!("{section} reserved field"), 0, entry.reserved)?;
+        let reserved = u64::from(entry.reserved) | u64::from(entry.reserved_too) | entry.reserved_last;
+        Error::unless_equal(format!("{section} reserved fields"), 0, reserved)?;
         if section.codec == Codec::Stored {
             Error::unless_equal(format!("{section} decoded length"), section.length, section.decoded_length)?;
         }
@@ -143,12 +202,15 @@ impl Section {
             kind: self.kind.name(),
             flags: if self.critical { CRITICAL } else { 0 },
             scale: self.scale.unwrap_or(NO_SCALE),
+            chunk: self.chunk.unwrap_or(NO_CHUNK),
             codec: self.codec.code(),
             reserved: 0,
             checksum: self.checksum,
+            reserved_too: 0,
             offset: self.offset,
             length: self.length,
             decoded_length: self.decoded_length,
+            reserved_last: 0,
         }
     }
 }

@@ -1,12 +1,13 @@
 //! The section table: where everything is. It is read, and held against its checksum, before any payload.
 
+use super::payload::Payload;
 use super::section::Section;
 use super::{Error, VERSION, Version, header, records};
 
 /// Payloads begin at multiples of this.
 const ALIGNMENT: u64 = 64;
 /// Bytes of an entry.
-const ENTRY: usize = 48;
+const ENTRY: usize = 64;
 
 /// What a file says it holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,14 +16,36 @@ pub struct Contents {
     pub version: Version,
     /// Bytes of the whole file.
     pub file_length: u64,
+    /// CRC-32 of all bytes behind the header.
+    pub file_checksum: u32,
     /// Its sections, in the order of the file.
     pub sections: Vec<Section>,
 }
 
 impl Contents {
-    /// Where the bytes before the first payload's padding end.
-    pub(super) fn table_end(&self) -> u64 {
-        table_end(self.sections.len())
+    /// Checks that `bytes` are all that this describes and nothing else, and that none of them has changed.
+    pub(super) fn check_whole(&self, bytes: &[u8]) -> Result<(), Error> {
+        let length = bytes.len() as u64;
+        if length < self.file_length {
+            let cut = self.sections.iter().find(|s| s.offset + s.length > length);
+            let part = cut.map_or("file".into(), Section::to_string);
+            return Err(Error::Truncated { part, missing: length..self.file_length });
+        }
+        Error::unless_equal("bytes in the file", self.file_length, length)?;
+        let mut end = table_end(self.sections.len()) as usize;
+        for section in &self.sections {
+            // In range: the table was checked, and the file has the length that it says.
+            let range = section.offset as usize..(section.offset + section.length) as usize;
+            Error::unless_zero(format!("padding before {section}"), &bytes[end..range.start])?;
+            end = range.end;
+            Payload::new(section, &bytes[range])?;
+        }
+        let found = crc32fast::hash(&bytes[header::LENGTH..]);
+        if found == self.file_checksum {
+            return Ok(());
+        }
+        let range = header::LENGTH as u64..length;
+        Err(Error::Corrupt { section: "file".into(), range, expected: self.file_checksum, found })
     }
 }
 
@@ -66,11 +89,16 @@ pub fn sections(bytes: &[u8]) -> Result<Contents, Error> {
     }
     Error::unless_equal("file length", end, header.file_length)?;
     let version = Version { major: header.major, minor: header.minor };
-    Ok(Contents { version, file_length: header.file_length, sections })
+    Ok(Contents { version, file_length: header.file_length, file_checksum: header.file_checksum, sections })
 }
 
-/// The bytes of header and table for sections whose offsets are still to be set, which is done here.
-pub(super) fn write(sections: &mut [Section]) -> Result<Vec<u8>, Error> {
+/// Bytes of header and table of the file whose header these bytes begin with.
+pub(super) fn length(header: &[u8]) -> Result<u64, Error> {
+    Ok(table_end(header::read(header)?.sections as usize))
+}
+
+/// The file of `sections`, whose offsets are set here, with these payloads.
+pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
     let mut end = table_end(sections.len());
     let mut table = Vec::new();
     for section in sections.iter_mut() {
@@ -79,12 +107,21 @@ pub(super) fn write(sections: &mut [Section]) -> Result<Vec<u8>, Error> {
         end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
         table.extend(records::write(&"section table", &section.entry())?);
     }
+    let mut file = vec![0; header::LENGTH];
+    file.extend_from_slice(&table);
+    for (section, payload) in sections.iter().zip(payloads) {
+        file.resize(section.offset as usize, 0);
+        file.extend_from_slice(payload);
+    }
     let header = records::Header {
         major: VERSION.major,
         minor: VERSION.minor,
         sections: sections.len().try_into().unwrap_or(u32::MAX),
         file_length: end,
         table_checksum: crc32fast::hash(&table),
+        file_checksum: crc32fast::hash(&file[header::LENGTH..]),
+        reserved: [0; 28],
     };
-    Ok([header::write(&header)?, table].concat())
+    file[..header::LENGTH].copy_from_slice(&header::write(&header)?);
+    Ok(file)
 }

@@ -1,84 +1,117 @@
 //! Collects payloads and lays them out behind their table.
 
-use super::limits::{self, ExpansionAllowance};
 use super::section::{Section, SectionKind};
-use super::{Codec, Error, codec, table};
+use super::{Codec, Error, codec, limits, table};
+
+/// Where a section belongs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) kind: SectionKind,
+    pub(super) scale: Option<u16>,
+    pub(super) chunk: Option<u32>,
+}
+
+impl Place {
+    pub(super) fn of(kind: SectionKind) -> Self {
+        Self { kind, scale: None, chunk: None }
+    }
+
+    pub(super) fn of_scale(kind: SectionKind, scale: u16) -> Self {
+        Self { kind, scale: Some(scale), chunk: None }
+    }
+
+    pub(super) fn of_chunk(kind: SectionKind, scale: u16, chunk: u32) -> Self {
+        Self { kind, scale: Some(scale), chunk: Some(chunk) }
+    }
+}
+
+/// A section that is ready to be laid out.
+pub(super) struct Finished {
+    section: Section,
+    payload: Vec<u8>,
+}
 
 /// A file in the making.
 pub(super) struct Writer {
-    zstd_level: i32,
-    allowance: ExpansionAllowance,
-    decoded: u64,
+    /// Nothing is compressed where there is none.
+    zstd_level: Option<i32>,
     sections: Vec<Section>,
     payloads: Vec<Vec<u8>>,
 }
 
 impl Writer {
-    pub(super) fn new(zstd_level: i32) -> Self {
-        Self {
-            zstd_level,
-            allowance: ExpansionAllowance::new(),
-            decoded: 0,
-            sections: Vec::new(),
-            payloads: Vec::new(),
-        }
+    pub(super) fn new(zstd_level: Option<i32>) -> Self {
+        Self { zstd_level, sections: Vec::new(), payloads: Vec::new() }
     }
 
-    /// Adds a section that is stored as it is.
-    pub(super) fn stored(&mut self, kind: SectionKind, scale: Option<u16>, payload: Vec<u8>) -> Result<(), Error> {
-        self.push(kind, scale, Codec::Stored, payload.len() as u64, payload)
+    /// Adds a section that is a record alone.
+    pub(super) fn record(&mut self, place: Place, record: Vec<u8>) {
+        self.add(Finished::new(place, Codec::Stored, record.len() as u64, record));
     }
 
-    /// Adds a section whose `body`, behind its record, is compressed where that makes it smaller and a reader's
-    /// expansion allowance suffices.
-    pub(super) fn compressed(
-        &mut self,
-        kind: SectionKind,
-        scale: Option<u16>,
-        record: Vec<u8>,
-        body: &[u8],
-    ) -> Result<(), Error> {
-        let decoded = (record.len() + body.len()) as u64;
-        let compressed = codec::compress(&kind, body, self.zstd_level)?;
-        let stored = (record.len() + compressed.len()) as u64;
-        if stored < decoded && self.allowance.spend(stored, decoded).is_ok() {
-            self.push(kind, scale, Codec::Zstd, decoded, [record, compressed].concat())
-        } else {
-            self.push(kind, scale, Codec::Stored, decoded, [&record, body].concat())
-        }
+    /// Adds a section whose `body` follows its record as it is.
+    pub(super) fn stored(&mut self, place: Place, record: Vec<u8>, body: &[u8]) {
+        self.add(Finished::stored(place, record, body));
     }
 
-    fn push(
-        &mut self,
-        kind: SectionKind,
-        scale: Option<u16>,
-        codec: Codec,
-        decoded_length: u64,
-        payload: Vec<u8>,
-    ) -> Result<(), Error> {
-        self.decoded = self.decoded.saturating_add(decoded_length);
-        limits::check("decoded bytes", limits::DECODED_BYTES, self.decoded)?;
-        self.sections.push(Section {
-            kind,
-            critical: kind.is_critical(),
-            scale,
-            codec,
-            offset: 0,
-            length: payload.len() as u64,
-            decoded_length,
-            checksum: crc32fast::hash(&payload),
-        });
-        self.payloads.push(payload);
+    /// Adds a section whose `body`, behind its record, is compressed where that makes it smaller.
+    pub(super) fn compressed(&mut self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
+        let finished = self.finished(place, record, body)?;
+        self.add(finished);
         Ok(())
+    }
+
+    /// The section that [`Writer::compressed`] would add.
+    pub(super) fn finished(&self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
+        let compressed = match self.zstd_level {
+            None => None,
+            Some(level) => Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len()),
+        };
+        let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
+        let payload = behind(record, &compressed);
+        let decoded = payload.len() - compressed.len() + body.len();
+        Ok(Finished::new(place, Codec::Zstd, decoded as u64, payload))
+    }
+
+    /// Adds a section that was in another file.
+    pub(super) fn as_it_was(&mut self, section: &Section, payload: &[u8]) {
+        self.add(Finished { section: section.clone(), payload: payload.to_vec() });
+    }
+
+    /// Adds a section.
+    pub(super) fn add(&mut self, Finished { section, payload }: Finished) {
+        self.sections.push(section);
+        self.payloads.push(payload);
     }
 
     /// The whole file.
     pub(super) fn finish(mut self) -> Result<Vec<u8>, Error> {
-        let mut file = table::write(&mut self.sections)?;
-        for (section, payload) in self.sections.iter().zip(&self.payloads) {
-            file.resize(section.offset as usize, 0);
-            file.extend_from_slice(payload);
-        }
-        Ok(file)
+        limits::check("sections", limits::SECTIONS, self.sections.len())?;
+        table::write(&mut self.sections, &self.payloads)
     }
+}
+
+impl Finished {
+    fn stored(place: Place, record: Vec<u8>, body: &[u8]) -> Self {
+        let payload = behind(record, body);
+        Self::new(place, Codec::Stored, payload.len() as u64, payload)
+    }
+
+    fn new(place: Place, codec: Codec, decoded_length: u64, payload: Vec<u8>) -> Self {
+        let Place { kind, scale, chunk } = place;
+        let (length, checksum) = (payload.len() as u64, crc32fast::hash(&payload));
+        let critical = kind.is_critical();
+        Self {
+            section: Section { kind, critical, scale, chunk, codec, offset: 0, length, decoded_length, checksum },
+            payload,
+        }
+    }
+}
+
+/// `body` on the next 64th byte behind `record`.
+fn behind(mut record: Vec<u8>, body: &[u8]) -> Vec<u8> {
+    let start = table::aligned(record.len() as u64).unwrap_or(u64::MAX) as usize;
+    record.resize(start, 0);
+    record.extend_from_slice(body);
+    record
 }

@@ -5,6 +5,7 @@ use crate::geometry::Similarity;
 
 /// Which axis of the dataset's right-handed space points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum UpAxis {
     /// +x.
     X,
@@ -12,10 +13,17 @@ pub enum UpAxis {
     Y,
     /// +z, as in Blender.
     Z,
+    /// −x.
+    MinusX,
+    /// −y, as in photographs' own coordinates.
+    MinusY,
+    /// −z.
+    MinusZ,
 }
 
 /// What the numbers of a colour mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum ColorSpace {
     /// Display-referred sRGB, composited without linearisation, as the photographs were.
     Srgb,
@@ -23,6 +31,7 @@ pub enum ColorSpace {
 
 /// The scene's frame. The model's space is right-handed; cameras look along their −z with y up.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Frame {
     /// From the dataset's space to the model's canonical box.
     pub model_from_dataset: Similarity,

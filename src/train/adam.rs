@@ -24,14 +24,14 @@ impl<T: Real> Moments<T> {
 
 /// One step's constants.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Adam<T> {
+pub(crate) struct Adam<T> {
     step_size: T,
     second_scale: T,
 }
 
 impl<T: Real> Adam<T> {
     /// Step number `step`, counted from 1 since the optimiser was last restarted.
-    pub(super) fn new(learning_rate: f64, step: u64) -> Self {
+    pub(crate) fn new(learning_rate: f64, step: u64) -> Self {
         let correction = |beta: f64| 1.0 - beta.powf(step as f64);
         Self {
             step_size: T::of(learning_rate / correction(BETAS[0])),
@@ -41,7 +41,7 @@ impl<T: Real> Adam<T> {
 
     /// Updates `parameters` and their moments. Where `SKIP_ZEROS`, entries of zero gradient keep both.
     #[inline(always)]
-    pub(super) fn update<const SKIP_ZEROS: bool>(
+    pub(crate) fn update<const SKIP_ZEROS: bool>(
         &self,
         parameters: &mut [T],
         first: &mut [T],

@@ -18,6 +18,7 @@ mod progress;
 mod trainer;
 mod upsample;
 
+pub(crate) use adam::Adam;
 pub use adam::Moments;
 pub use backward::{Backward, Gradients};
 pub(crate) use chunk::RAYS_PER_CHUNK;

@@ -6,11 +6,13 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use strivec::container::{Error, decode, encode};
+use glam::{IVec3, UVec3};
+use strivec::container::{Error, Limits, decode_document, encode};
+use strivec::model::{Factors, Placement};
 
-use super::roundtrip::F32;
+use super::roundtrip::f32;
 use super::scenes::two_scales;
-use super::surgery::{File, name};
+use super::surgery::{File, Part, name};
 
 /// The system's allocator, which remembers the largest request of each thread.
 struct Remembering;
@@ -46,28 +48,39 @@ unsafe impl GlobalAlloc for Remembering {
 #[global_allocator]
 static ALLOCATOR: Remembering = Remembering;
 
-/// What `decode` makes of a file, and the largest block it asked for.
-fn decode_measured(bytes: &[u8]) -> (Result<(), Error>, usize) {
+/// What reading with `memory` makes of a file, and the largest block it asked for.
+fn decode_measured(bytes: &[u8], memory: u64) -> (Result<(), Error>, usize) {
     LARGEST.set(0);
-    let result = decode(bytes).map(drop);
+    let result = decode_document(bytes, Limits { memory }).map(drop);
     (result, LARGEST.get())
 }
 
-/// A file whose scale 0 has as many tensors as its PLACEMENT claims, all told in `frames` of zeros.
-fn bomb(tensors: u32, factor_bytes: u64, factor_frame: &[u8]) -> Vec<u8> {
-    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
-    let placement = file.part("PLACEMENT");
-    let mut payload = placement.payload[..93].to_vec();
-    payload[1..5].copy_from_slice(&tensors.to_le_bytes());
-    payload[81..93].copy_from_slice(&[tensors.to_le_bytes(), 1u32.to_le_bytes(), 1u32.to_le_bytes()].concat());
-    payload.resize(93 + tensors as usize, 0);
-    placement.set(payload);
-    placement.compress(93);
-    let factors = file.part("FACTORS");
-    factors.codec = 1;
-    factors.decoded_length = 22 + factor_bytes;
-    factors.payload.truncate(22);
-    factors.payload.extend(factor_frame);
+/// A file whose scale 0 has as many tensors, in one chunk, as its SCALE claims, all of which have no components.
+fn bomb(tensors: u32) -> Vec<u8> {
+    let mut scene = two_scales();
+    let coarse = &mut scene.scales[0];
+    let Placement::Lattice { cells, .. } = &mut coarse.cloud.placement else { unreachable!() };
+    *cells = vec![UVec3::ZERO, UVec3::X];
+    let rows = 2 * Factors::rows(coarse.cloud.resolution);
+    coarse.factors.density = vec![0.0; rows * 2];
+    coarse.factors.appearance = vec![0.0; rows * 3];
+    let mut file = File::of(&encode(&scene, &f32()).unwrap());
+    let Placement::Lattice { lattice, .. } = &scene.scales[0].cloud.placement else { unreachable!() };
+    let last = lattice.center(IVec3::new(tensors as i32 - 1, 0, 0)) + scene.scales[0].cloud.half;
+    let scale = file.part("SCALE");
+    scale.patch(0, &tensors.to_le_bytes());
+    scale.patch(112, &tensors.to_le_bytes());
+    scale.patch(128, &tensors.to_le_bytes());
+    scale.patch(128 + 28, &last.x.to_le_bytes());
+    let set = |part: &mut Part, record: usize, body: u64| {
+        part.payload.truncate(record);
+        part.payload.extend(zeros(body));
+        (part.codec, part.decoded_length) = (1, record as u64 + body);
+    };
+    set(file.part("PLACEMENT"), 0, tensors.into());
+    // A byte of components a tensor.
+    set(file.part("DENSITY"), 64, tensors.into());
+    set(file.part("APPEARANCE"), 64, tensors.into());
     file.bytes()
 }
 
@@ -98,48 +111,47 @@ fn hand_made_frames_are_valid() {
     assert_eq!(zstd::bulk::decompress(&zeros(300_000), 300_000).unwrap(), vec![0; 300_000]);
 }
 
+/// What a tensor of scale 0 takes: 9 rows of 5 components.
+const TENSOR: u64 = 9 * 5 * 4;
+
 #[test]
-fn a_bomb_that_fits_the_allowance_opens() {
-    // 1000 tensors of 9 rows of 5 components.
-    let length = 1000 * 9 * 5 * 4;
-    let (result, largest) = decode_measured(&bomb(1000, length, &zeros(length)));
+fn a_bomb_that_fits_the_budget_opens() {
+    let (result, largest) = decode_measured(&bomb(1000), 1 << 20);
     assert_eq!(result, Ok(()));
-    assert_eq!(largest as u64, length);
+    // Density and appearance are two blocks.
+    assert_eq!(largest as u64, 1000 * TENSOR * 3 / 5);
 }
 
 #[test]
 fn a_bomb_is_refused_before_it_is_allocated() {
-    // 2^20 tensors: 180 MiB from some 6 KB, which allow for 32 MiB and a bit.
-    let length = (1 << 20) * 9 * 5 * 4;
-    let file = bomb(1 << 20, length, &zeros(length));
-    assert!(file.len() < 10_000);
-    let (result, largest) = decode_measured(&file);
-    assert!(matches!(result, Err(Error::Expansion { .. })), "{result:?}");
-    assert!(largest < 16 << 10, "{largest} bytes");
+    let file = bomb(1 << 20);
+    assert!(file.len() < 10_000, "{} bytes", file.len());
+    for memory in [1 << 20, 100 << 20] {
+        let (result, largest) = decode_measured(&file, memory);
+        assert!(matches!(result, Err(Error::Budget { .. })), "{result:?}");
+        assert!((largest as u64) < memory.min(1 << 20), "{largest} bytes");
+    }
 }
 
 #[test]
 fn a_declared_size_is_believed_only_where_the_record_implies_it() {
-    let (result, largest) = decode_measured(&bomb(1000, 30 << 20, &zeros(30 << 20)));
-    assert!(matches!(result, Err(Error::Malformed { .. })), "{result:?}");
-    assert!(largest < 64 << 10, "{largest} bytes");
-}
-
-#[test]
-fn sizes_beyond_all_files_are_refused() {
-    for length in [1 << 33, u64::MAX - 22] {
-        let (result, largest) = decode_measured(&bomb(1000, length, &zeros(100)));
-        assert!(matches!(result, Err(Error::Limit { .. })), "{result:?}");
-        assert!(largest < 16 << 10, "{largest} bytes");
+    for length in [30 << 20, u64::MAX - 64] {
+        let mut file = File::of(&bomb(1000));
+        let density = file.part("DENSITY");
+        density.payload.truncate(64);
+        density.payload.extend(zeros(length.min(30 << 20)));
+        density.decoded_length = 64 + length;
+        let (result, largest) = decode_measured(&file.bytes(), u64::MAX);
+        assert!(matches!(result, Err(Error::Malformed { .. })), "{result:?}");
+        assert!((largest as u64) <= 1000 * TENSOR, "{largest} bytes");
     }
 }
 
 #[test]
 fn counts_allocate_nothing_by_themselves() {
-    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
+    let mut file = File::of(&encode(&two_scales(), &f32()).unwrap());
     for (kind, at, value) in [
-        ("PLACEMENT", 1, (1u32 << 24).to_le_bytes().as_slice()),
-        ("FACTORS", 2, [1024u32.to_le_bytes(); 3].concat().as_slice()),
+        ("SCALE", 56, 16_384u32.to_le_bytes().as_slice()),
         ("OCCUPANCY", 48, [1024u32.to_le_bytes(); 3].concat().as_slice()),
         ("DECODER", 17, [16_384u32.to_le_bytes(); 2].concat().as_slice()),
         ("PROVENANCE", 16, (1u64 << 40).to_le_bytes().as_slice()),
@@ -147,9 +159,9 @@ fn counts_allocate_nothing_by_themselves() {
         let part = file.sections.iter().position(|p| p.kind == name(kind)).unwrap();
         let before = file.sections[part].clone();
         file.sections[part].patch(at, value);
-        let (result, largest) = decode_measured(&file.bytes());
+        let (result, largest) = decode_measured(&file.bytes(), u64::MAX);
         assert!(matches!(result, Err(Error::Malformed { .. })), "{kind}: {result:?}");
-        assert!(largest < 16 << 10, "{kind}: {largest} bytes");
+        assert!(largest < 20 << 10, "{kind}: {largest} bytes");
         file.sections[part] = before;
     }
 }

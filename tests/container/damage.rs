@@ -2,12 +2,12 @@
 
 use strivec::container::{Error, decode, encode};
 
-use super::roundtrip::F16;
+use super::roundtrip::f16;
 use super::scenes::two_scales;
 
 #[test]
 fn every_shorter_file_is_truncated() {
-    let file = encode(&two_scales(), &F16).unwrap();
+    let file = encode(&two_scales(), &f16()).unwrap();
     for length in 0..file.len() {
         let error = decode(&file[..length]).unwrap_err();
         let Error::Truncated { missing, .. } = &error else { panic!("{length} bytes: {error}") };
@@ -18,7 +18,7 @@ fn every_shorter_file_is_truncated() {
 
 #[test]
 fn every_flipped_bit_is_seen() {
-    let mut file = encode(&two_scales(), &F16).unwrap();
+    let mut file = encode(&two_scales(), &f16()).unwrap();
     assert!(decode(&file).is_ok());
     for bit in 0..8 * file.len() {
         file[bit / 8] ^= 1 << (bit % 8);
@@ -32,7 +32,7 @@ fn every_flipped_bit_is_seen() {
 
 #[test]
 fn damage_is_placed() {
-    let file = encode(&two_scales(), &F16).unwrap();
+    let file = encode(&two_scales(), &f16()).unwrap();
     let contents = strivec::container::sections(&file).unwrap();
     for section in &contents.sections {
         let mut damaged = file.clone();
@@ -42,7 +42,7 @@ fn damage_is_placed() {
         assert_eq!(name, &section.to_string());
         assert_eq!(*range, section.offset..section.offset + section.length);
     }
-    for (byte, part) in [(14, "header"), (40, "section table")] {
+    for (byte, part) in [(14, "header"), (70, "section table")] {
         let mut damaged = file.clone();
         damaged[byte] ^= 1;
         assert!(matches!(decode(&damaged), Err(Error::Corrupt { section, .. }) if section == part));
@@ -51,7 +51,7 @@ fn damage_is_placed() {
 
 #[test]
 fn text_transfers_are_named() {
-    let file = encode(&two_scales(), &F16).unwrap();
+    let file = encode(&two_scales(), &f16()).unwrap();
     let lines = |from: &[u8], to: &[u8]| {
         let (mut converted, mut rest) = (Vec::new(), file.as_slice());
         while let Some(first) = rest.first() {

@@ -1,21 +1,20 @@
 //! One file for each way in which a file can be wrong, its checksums right.
 
-use strivec::container::{EncodeOptions, Error, decode, encode};
+use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
 use strivec::model::{Placement, Scene};
 
-use super::roundtrip::{F16, F32};
+use super::roundtrip::{f16, f32, plain};
 use super::scenes::{smallest, two_scales};
-use super::surgery::{File, Part, name, seal};
+use super::surgery::{File, Part, name, seal, seal_header};
 
-/// Lengths of the records before the bodies.
-const PLACEMENT: usize = 33;
-const LATTICE: usize = PLACEMENT + 60;
-const FACTORS: usize = 22;
-const OCCUPANCY: usize = 60;
+/// Where bodies begin behind a record of at most 64 bytes.
+const BODY: usize = 64;
+/// Where SCALE's begins.
+const CHUNKS: usize = 128;
 
 /// The error of a file after `change`.
 fn refused(change: impl FnOnce(&mut File)) -> Error {
-    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
+    let mut file = File::of(&encode(&two_scales(), &f32()).unwrap());
     assert!(decode(&file.bytes()).is_ok());
     change(&mut file);
     decode(&file.bytes()).expect_err("the file is wrong")
@@ -93,12 +92,17 @@ fn names_flags_and_reserved_fields() {
     malformed(refused(|f| f.part("FRAME").flags = 0), "FRAME flags");
     malformed(refused(|f| f.part("PROVENANCE").flags = 1), "PROVENANCE flags");
     malformed(refused(|f| f.part("RULES").reserved = 1), "RULES reserved");
+    malformed(patched("RULES", 7, &[1]), "RULES reserved");
+    malformed(patched("SCALE", 46, &[1]), "SCALE of scale 0 reserved");
+    malformed(patched("DENSITY", 1, &[1]), "reserved");
+    malformed(patched("DENSITY", 11, &[1]), "reserved");
+    malformed(patched("DENSITY", 20, &[1]), "padding before the body");
     malformed(refused(|f| f.part("RULES").decoded_length += 1), "RULES decoded length");
 }
 
 #[test]
 fn sections_missing_doubled_or_out_of_order() {
-    for kind in ["FRAME", "RULES", "DECODER", "PLACEMENT", "APPEARANCE", "FACTORS"] {
+    for kind in ["FRAME", "RULES", "DECODER", "SCALE", "MATRIX", "DENSITY", "APPEARANCE"] {
         let error = refused(|f| {
             f.sections.remove(f.index(kind));
         });
@@ -107,24 +111,30 @@ fn sections_missing_doubled_or_out_of_order() {
             let twice = f.part(kind).clone();
             f.sections.insert(f.index(kind), twice);
         });
-        malformed(error, "order of sections");
+        malformed(error, if kind == "APPEARANCE" { "chunks" } else { "order of sections" });
     }
     malformed(refused(|f| f.sections.swap(0, 1)), "order of sections");
-    malformed(refused(|f| f.sections.push(f.sections[10].clone())), "order of sections");
+    malformed(refused(|f| f.sections.push(f.sections[17].clone())), "order of sections");
+    // Chunks are counted.
+    let error = refused(|f| {
+        let first = f.index("PLACEMENT");
+        f.sections.drain(first + 3..first + 6);
+    });
+    malformed(error, "chunks");
     let error = refused(|f| f.part("FRAME").scale = 0);
     assert_eq!(error, Error::MissingSection { name: "FRAME".into() });
 }
 
 #[test]
 fn gaps_overlaps_and_unclaimed_bytes() {
-    let file = encode(&two_scales(), &F32).unwrap();
+    let file = encode(&two_scales(), &f32()).unwrap();
     let sealed = |at: usize, value: u64| {
         let mut bytes = file.clone();
         bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
         seal(&mut bytes);
         decode(&bytes).unwrap_err()
     };
-    let (offset, length) = (32 + 48 + 24, 32 + 48 + 32);
+    let (offset, length) = (64 + 64 + 32, 64 + 64 + 40);
     let second = u64::from_le_bytes(file[offset..offset + 8].try_into().unwrap());
     for wrong in [second + 64, second - 64, second + 1, 0, u64::MAX] {
         malformed(sealed(offset, wrong), "RULES offset");
@@ -148,18 +158,28 @@ fn gaps_overlaps_and_unclaimed_bytes() {
 
 #[test]
 fn section_counts() {
-    let mut file = encode(&two_scales(), &F32).unwrap();
+    let mut file = encode(&two_scales(), &f32()).unwrap();
     for count in [0, 65_537, u32::MAX] {
         file[12..16].copy_from_slice(&count.to_le_bytes());
-        let header = crc32fast::hash(&file[..28]);
-        file[28..32].copy_from_slice(&header.to_le_bytes());
+        seal_header(&mut file);
         limit(decode(&file).unwrap_err(), "section count");
     }
 }
 
 #[test]
 fn records_of_the_wrong_length() {
-    for kind in ["FRAME", "RULES", "PROVENANCE", "DECODER", "APPEARANCE", "OCCUPANCY", "PLACEMENT", "FACTORS"] {
+    for kind in [
+        "FRAME",
+        "RULES",
+        "PROVENANCE",
+        "DECODER",
+        "OCCUPANCY",
+        "SCALE",
+        "MATRIX",
+        "PLACEMENT",
+        "DENSITY",
+        "APPEARANCE",
+    ] {
         for change in
             [|p: &mut Vec<u8>| p.truncate(p.len() - 1), |p: &mut Vec<u8>| p.push(0), |p: &mut Vec<u8>| p.clear()]
         {
@@ -177,28 +197,73 @@ fn records_of_the_wrong_length() {
 
 #[test]
 fn codecs() {
-    for kind in ["FRAME", "RULES", "PROVENANCE", "DECODER", "APPEARANCE"] {
+    for kind in ["FRAME", "RULES", "PROVENANCE"] {
         malformed(refused(|f| f.part(kind).compress(0)), "codec");
     }
-    unsupported(refused(|f| f.part("FACTORS").codec = 2), "FACTORS");
+    unsupported(refused(|f| f.part("DENSITY").codec = 2), "DENSITY");
 }
 
 #[test]
 fn codes_that_this_version_does_not_define() {
-    unsupported(patched("FRAME", 100, &[3]), "up axis");
+    unsupported(patched("FRAME", 100, &[6]), "up axis");
     unsupported(patched("FRAME", 101, &[1]), "colour space");
     unsupported(patched("RULES", 2, &[2]), "coverage");
     unsupported(patched("RULES", 3, &[2]), "aggregation");
     unsupported(patched("RULES", 4, &[2]), "density reduction");
     unsupported(patched("RULES", 5, &[2]), "appearance reduction");
+    unsupported(patched("RULES", 6, &[2]), "contraction");
     unsupported(patched("DECODER", 0, &[3]), "mode");
     // Too few features for colours of the samples' own.
     broken(patched("DECODER", 0, &[2]), "features");
-    unsupported(patched("PLACEMENT", 0, &[2]), "kind");
-    unsupported(patched("FACTORS", 1, &[2]), "encoding");
-    unsupported(patched("FACTORS", 0, &[2]), "kind");
-    let error = patched("FACTORS", 0, &[1]);
+    unsupported(patched("SCALE", 44, &[2]), "factor kind");
+    unsupported(patched("SCALE", 45, &[2]), "placement");
+    for (kind, head) in [("DECODER", 33), ("MATRIX", 8), ("DENSITY", 8), ("APPEARANCE", 8)] {
+        unsupported(patched(kind, head, &[4]), "encoding");
+        unsupported(patched(kind, head + 1, &[7]), "bits");
+        unsupported(patched(kind, head + 2, &[3]), "filter");
+        malformed(patched(kind, head + 2, &[2]), "filter");
+        malformed(patched(kind, head + 4, &1f32.to_le_bytes()), "error");
+    }
+    // Named, where a name is known.
+    let error = patched("SCALE", 44, &[1]);
     assert!(matches!(error, Error::Unsupported { found, .. } if found == "vm"));
+    let error = patched("RULES", 6, &[1]);
+    assert!(matches!(error, Error::Unsupported { found, .. } if found == "L∞"));
+}
+
+#[test]
+fn integers_outside_their_grid() {
+    let grid = |change: &dyn Fn(&mut Part)| {
+        let mut file = File::of(&encode(&two_scales(), &plain(Encoding::Grid(4))).unwrap());
+        file.part("DENSITY").inflate(BODY);
+        assert!(decode(&file.bytes()).is_ok());
+        change(file.part("DENSITY"));
+        decode(&file.bytes()).expect_err("the file is wrong")
+    };
+    // Two tensors of two components: twelve step codes, then the integers.
+    for wrong in [8, 0xF8, 0x80] {
+        malformed(grid(&|p| p.payload[BODY + 12] = wrong), "integer of group 0");
+    }
+    malformed(grid(&|p| p.payload[BODY] = 0), "integer of group 0");
+}
+
+#[test]
+fn components_that_tensors_do_not_have() {
+    let ragged = |change: &dyn Fn(&mut Part)| {
+        let mut scene = two_scales();
+        scene.scales[1].factors.appearance.iter_mut().step_by(2).for_each(|v| *v = 0.0);
+        let mut file = File::of(&encode(&scene, &f32()).unwrap());
+        let last = file.sections.last_mut().unwrap();
+        last.inflate(BODY);
+        assert_eq!(last.payload[BODY..BODY + 2], [2, 2]);
+        change(last);
+        decode(&file.bytes()).expect_err("the file is wrong")
+    };
+    malformed(ragged(&|p| p.payload[0] = 2), "ragged");
+    malformed(ragged(&|p| p.payload[BODY] = 6), "components");
+    malformed(ragged(&|p| p.payload[BODY] = 3), "bytes of numbers");
+    malformed(ragged(&|p| p.payload[BODY] = 0), "bytes of numbers");
+    malformed(ragged(&|p| p.payload[0] = 0), "bytes of numbers");
 }
 
 #[test]
@@ -206,14 +271,16 @@ fn numbers_beyond_the_limits() {
     let (zero, most) = (0u32.to_le_bytes(), u32::MAX.to_le_bytes());
     for value in [zero, most] {
         limit(patched("RULES", 0, &value[..2]), "scales");
-        limit(patched("PLACEMENT", 1, &value), "tensors");
-        limit(patched("PLACEMENT", 5, &value), "top_k");
-        limit(patched("PLACEMENT", 33 + 52, &value), "cells along an axis");
-        limit(patched("FACTORS", 6, &value), "resolution");
-        limit(patched("FACTORS", 14, &value), "density rank");
-        limit(patched("FACTORS", 18, &value), "appearance rank");
-        limit(patched("APPEARANCE", 0, &value), "features");
-        limit(patched("APPEARANCE", 4, &value), "rank");
+        limit(patched("SCALE", 0, &value), "tensors");
+        limit(patched("SCALE", 4, &value), "top_k");
+        limit(patched("SCALE", 36, &value), "resolution");
+        limit(patched("SCALE", 48, &value), "density rank");
+        limit(patched("SCALE", 52, &value), "appearance rank");
+        limit(patched("SCALE", 56, &value), "chunks");
+        limit(patched("SCALE", 116, &value), "cells along an axis");
+        limit(patched("SCALE", CHUNKS, &value), "tensors");
+        limit(patched("MATRIX", 0, &value), "features");
+        limit(patched("MATRIX", 4, &value), "rank");
         limit(patched("DECODER", 17, &value), "inputs");
         limit(patched("DECODER", 21, &value), "outputs");
         limit(patched("OCCUPANCY", 52, &value), "vertices of an axis");
@@ -241,38 +308,48 @@ fn strings() {
 
 #[test]
 fn cells() {
-    let cells = |bytes: &[u8]| {
-        refused(|f| {
-            let part = f.part("PLACEMENT");
-            let payload = [&part.payload[..LATTICE], bytes].concat();
-            part.set(payload);
-        })
+    let cells = |bytes: &[u8]| refused(|f| f.part("PLACEMENT").set(bytes.to_vec()));
+    // The scene's own: numbers 2 and 3 in the first chunk, of an extent of 3, 2 and 4.
+    let mut file = File::of(&encode(&two_scales(), &f32()).unwrap());
+    assert_eq!(file.part("PLACEMENT").payload, [2, 0]);
+    malformed(cells(&[2]), "bytes of cells");
+    malformed(cells(&[0; 19]), "bytes of cells");
+    malformed(cells(&[2, 0x8D, 0x00]), "cell 1");
+    malformed(cells(&[2, 0x8D]), "cell 1");
+    malformed(cells(&[2, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01]), "cell 1");
+    malformed(cells(&[2, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F]), "cell 1");
+    malformed(cells(&[2, 21]), "cell 1");
+    malformed(cells(&[2, 0, 0]), "bytes after the cells");
+    malformed(cells(&[2, 1]), "what it covers");
+    malformed(patched("SCALE", 120, &5u32.to_le_bytes()), "extent");
+    malformed(patched("SCALE", CHUNKS + 4, &0f64.to_le_bytes()), "what it covers");
+    malformed(patched("SCALE", CHUNKS, &3u32.to_le_bytes()), "tensors of all chunks");
+}
+
+#[test]
+fn a_tensor_is_in_one_chunk() {
+    let twice = |f: &mut File| {
+        let first = f.index("PLACEMENT");
+        let (placement, covered) =
+            (f.sections[first].payload.clone(), f.part("SCALE").payload[CHUNKS + 4..][..48].to_vec());
+        f.sections[first + 3].set(placement);
+        f.part("SCALE").patch(CHUNKS + 52 + 4, &covered);
     };
-    // The scene's own: numbers 2, 3, 4 and 18 of an extent of 3, 2 and 4.
-    let mut file = File::of(&encode(&two_scales(), &F32).unwrap());
-    assert_eq!(file.part("PLACEMENT").payload[LATTICE..], [2, 0, 0, 13]);
-    malformed(cells(&[2, 0, 0]), "bytes of cells");
-    malformed(cells(&[0; 37]), "bytes of cells");
-    malformed(cells(&[2, 0, 0, 0x8D, 0x00]), "cell 3");
-    malformed(cells(&[2, 0, 0, 0x8D]), "cell 3");
-    malformed(cells(&[2, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01]), "cell 3");
-    malformed(cells(&[2, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F]), "cell 3");
-    malformed(cells(&[2, 0, 0, 19]), "cell 3");
-    malformed(cells(&[2, 0, 0, 13, 0]), "bytes after the cells");
-    malformed(cells(&[2, 0, 0, 1]), "extent");
+    let error = refused(twice);
+    assert!(matches!(error, Error::Scene(_) | Error::Malformed { .. }), "{error}");
 }
 
 #[test]
 fn zstd_frames() {
     let compressed = |change: &dyn Fn(&mut Part)| {
         refused(|f| {
-            f.part("FACTORS").compress(FACTORS);
+            f.part("DENSITY").compress(BODY);
             assert!(decode(&f.bytes()).is_ok());
-            change(f.part("FACTORS"));
+            change(f.part("DENSITY"));
         })
     };
-    malformed(compressed(&|p| p.payload[FACTORS] ^= 1), "FACTORS");
-    malformed(compressed(&|p| p.payload.truncate(FACTORS + 6)), "FACTORS");
+    malformed(compressed(&|p| p.payload[BODY] ^= 1), "DENSITY");
+    malformed(compressed(&|p| p.payload.truncate(BODY + 6)), "DENSITY");
     malformed(compressed(&|p| p.decoded_length += 1), "body length");
     malformed(compressed(&|p| p.decoded_length = 3), "decoded length");
     // A second frame, and one to be skipped, would hide bytes.
@@ -280,19 +357,19 @@ fn zstd_frames() {
     malformed(compressed(&|p| p.payload.extend([0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0])), "frame length");
     malformed(
         compressed(&|p| {
-            p.payload.splice(FACTORS..FACTORS, [0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0]);
+            p.payload.splice(BODY..BODY, [0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0]);
         }),
-        "FACTORS",
+        "DENSITY",
     );
     // A frame of another size, or of none that it declares.
     let replaced = |frame: Vec<u8>| {
         compressed(&|p| {
-            p.payload.truncate(FACTORS);
+            p.payload.truncate(BODY);
             p.payload.extend(&frame);
         })
     };
     malformed(replaced(zstd::bulk::compress(&[0; 99], 3).unwrap()), "content size");
-    malformed(replaced(zstd::stream::encode_all([0; 99].as_slice(), 3).unwrap()), "FACTORS");
+    malformed(replaced(zstd::stream::encode_all([0; 99].as_slice(), 3).unwrap()), "DENSITY");
 }
 
 #[test]
@@ -300,20 +377,18 @@ fn scenes_that_break_an_invariant() {
     let nan = f64::NAN.to_le_bytes();
     broken(patched("FRAME", 0, &nan), "model_from_dataset");
     broken(patched("FRAME", 64, &(-0.0f64).to_le_bytes()), "metres_per_unit");
-    broken(patched("RULES", 6, &nan), "bounds");
-    broken(patched("RULES", 70, &nan), "step");
-    broken(patched("PLACEMENT", 9, &nan), "half edges");
-    broken(patched("PLACEMENT", PLACEMENT, &nan), "lattice");
-    broken(patched("FACTORS", FACTORS, &f32::INFINITY.to_le_bytes()), "density factors");
+    broken(patched("RULES", 8, &nan), "bounds");
+    broken(patched("RULES", 72, &nan), "step");
+    broken(patched("DENSITY", BODY, &f32::INFINITY.to_le_bytes()), "density factors");
     broken(patched("DECODER", 17, &[7, 0, 0, 0, 5]), "decoder layer 0 inputs");
     // 60 vertices: bits 60 to 63 of the last byte have none.
-    broken(patched("OCCUPANCY", OCCUPANCY + 7, &[0x80]), "occupancy words");
+    broken(patched("OCCUPANCY", BODY + 7, &[0x80]), "occupancy words");
     let swapped = |f: &mut File| {
-        let fine = f.sections.iter_mut().filter(|p| p.kind == name("PLACEMENT")).nth(1).unwrap();
         let centers = [[0.1f64, 0.2, 0.3], [0.1, 0.2, -0.3]].map(|c| c.map(f64::to_le_bytes).concat());
-        fine.set([&fine.payload[..PLACEMENT], &centers.concat()].concat());
+        let last = f.sections.iter_mut().rfind(|p| p.kind == name("PLACEMENT")).unwrap();
+        last.set(centers.concat());
     };
-    broken(refused(swapped), "scale 1 center 1");
+    malformed(refused(swapped), "PLACEMENT of chunk 0 of scale 1");
 }
 
 /// The error of writing a scene after `change`.
@@ -326,26 +401,26 @@ fn not_written(options: &EncodeOptions, change: impl FnOnce(&mut Scene)) -> Erro
 
 #[test]
 fn the_writer_refuses_what_a_reader_would() {
-    broken(not_written(&F32, |s| s.rules.step = 0.0), "step");
-    broken(not_written(&F32, |s| s.decoder.feature_frequencies = u32::MAX), "decoder");
-    limit(not_written(&F32, |s| s.provenance.tool = "a".repeat(4097)), "tool");
-    limit(not_written(&F32, |s| s.scales = vec![s.scales[0].clone(); 17]), "scales");
+    broken(not_written(&f32(), |s| s.rules.step = 0.0), "step");
+    broken(not_written(&f32(), |s| s.decoder.feature_frequencies = u32::MAX), "decoder");
+    limit(not_written(&f32(), |s| s.provenance.tool = "a".repeat(4097)), "tool");
+    limit(not_written(&f32(), |s| s.scales = vec![s.scales[0].clone(); 17]), "scales");
     let far = |s: &mut Scene| {
         let Placement::Lattice { cells, .. } = &mut s.scales[0].cloud.placement else { unreachable!() };
         cells[3].z = 1 << 20;
     };
-    limit(not_written(&F32, far), "cells along an axis");
+    limit(not_written(&f32(), far), "cells along an axis");
     let many = |s: &mut Scene| {
         let factors = &mut s.scales[1].factors;
         factors.density.resize(factors.density.len() * 257, 0.5);
         factors.density_rank = 257;
     };
-    limit(not_written(&F32, many), "density rank");
+    limit(not_written(&f32(), many), "density rank");
     let rank = |s: &mut Scene| {
         s.scales[1].factors.density_rank = 0;
         s.scales[1].factors.density.clear();
     };
-    broken(not_written(&F32, rank), "density rank");
+    broken(not_written(&f32(), rank), "density rank");
 }
 
 #[test]
@@ -353,16 +428,16 @@ fn factors_that_half_precision_does_not_hold() {
     for (value, fits) in [(65_504.0, true), (65_519.0, true), (65_520.0, false), (-1e30, false)] {
         let mut scene = two_scales();
         scene.scales[1].factors.appearance[2] = value;
-        assert!(encode(&scene, &F32).is_ok());
-        let place = "FACTORS of scale 1 appearance entry 2".to_string();
-        assert_eq!(encode(&scene, &F16).err(), (!fits).then_some(Error::HalfOverflow { place, value }));
+        assert!(encode(&scene, &f32()).is_ok());
+        let place = "APPEARANCE entry 2".to_string();
+        assert_eq!(encode(&scene, &f16()).err(), (!fits).then_some(Error::HalfOverflow { place, value }));
     }
 }
 
 #[test]
 fn compression_levels() {
     for found in [0, -5, 23, i32::MAX] {
-        let error = encode(&smallest(), &EncodeOptions { zstd_level: found, ..F16 }).unwrap_err();
+        let error = encode(&smallest(), &EncodeOptions { zstd_level: Some(found), ..f16() }).unwrap_err();
         assert_eq!(error, Error::Level { found });
     }
 }

@@ -2,15 +2,35 @@
 
 use glam::{DVec3, UVec3};
 use half::f16;
-use strivec::container::{Codec, EncodeOptions, FactorEncoding, SectionKind, decode, encode, sections};
-use strivec::geometry::{Aabb, Lattice};
-use strivec::model::{Aggregation, Coverage, DecoderMode, Occupancy, Placement, Reduction, Scene, UpAxis};
+use strivec::container::{
+    ArrayOptions, Codec, EncodeOptions, Encoding, Extras, FactorOptions, Filter, GRID_BITS, Limits, SectionKind,
+    decode, decode_document, encode, encode_document, sections, step,
+};
+use strivec::geometry::Lattice;
+use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
 
 use super::scenes::{Numbers, scale, smallest, two_scales};
 use super::surgery::{File, Part};
 
-pub(crate) const F32: EncodeOptions = EncodeOptions { factors: FactorEncoding::F32, zstd_level: 9 };
-pub(crate) const F16: EncodeOptions = EncodeOptions { factors: FactorEncoding::F16, zstd_level: 9 };
+/// Factors as they are, plainly stored, in two chunks of the coarse scale.
+pub(crate) fn f32() -> EncodeOptions {
+    plain(Encoding::F32)
+}
+
+pub(crate) fn f16() -> EncodeOptions {
+    plain(Encoding::F16)
+}
+
+pub(crate) fn plain(encoding: Encoding) -> EncodeOptions {
+    let factors = vec![FactorOptions { array: ArrayOptions { encoding, filter: Filter::None }, steps: None }];
+    EncodeOptions {
+        density: factors.clone(),
+        appearance: factors,
+        chunk_tensors: 2,
+        zstd_level: None,
+        ..EncodeOptions::default()
+    }
+}
 
 /// All factors and weights as bits: tells 0 from −0.
 fn bits(scene: &Scene) -> Vec<u32> {
@@ -25,7 +45,7 @@ fn same(a: &Scene, b: &Scene) -> bool {
 }
 
 fn comes_back(scene: &Scene) -> bool {
-    same(&decode(&encode(scene, &F32).unwrap()).unwrap(), scene)
+    same(&decode(&encode(scene, &f32()).unwrap()).unwrap(), scene)
 }
 
 #[test]
@@ -51,13 +71,16 @@ fn f32_scenes_come_back_bit_for_bit() {
 #[test]
 fn every_choice_comes_back() {
     let mut scene = two_scales();
-    let changes: [fn(&mut Scene); 11] = [
+    let changes: [fn(&mut Scene); 14] = [
         |s| s.rules.coverage = Coverage::Any,
         |s| s.rules.aggregation = Aggregation::Clamped,
         |s| s.rules.density_reduction = Reduction::Mean,
         |s| s.rules.appearance_reduction = Reduction::Sum,
         |s| s.frame.up = UpAxis::X,
         |s| s.frame.up = UpAxis::Y,
+        |s| s.frame.up = UpAxis::MinusX,
+        |s| s.frame.up = UpAxis::MinusY,
+        |s| s.frame.up = UpAxis::MinusZ,
         |s| s.frame.metres_per_unit = None,
         |s| s.decoder.mode = DecoderMode::PerSample,
         |s| {
@@ -73,9 +96,9 @@ fn every_choice_comes_back() {
         |s| s.provenance.dataset.clear(),
     ];
     for change in changes {
-        let before = encode(&scene, &F32).unwrap();
+        let before = encode(&scene, &f32()).unwrap();
         change(&mut scene);
-        assert_ne!(encode(&scene, &F32).unwrap(), before);
+        assert_ne!(encode(&scene, &f32()).unwrap(), before);
         assert!(comes_back(&scene));
     }
 }
@@ -89,20 +112,21 @@ fn f16_scenes_come_back_rounded_and_all_else_exact() {
             values.iter_mut().for_each(|v| *v = f16::from_f32(*v).to_f32());
         }
     }
-    let decoded = decode(&encode(&scene, &F16).unwrap()).unwrap();
+    let decoded = decode(&encode(&scene, &f16()).unwrap()).unwrap();
     assert!(same(&decoded, &rounded));
     assert!(!same(&decoded, &scene));
 }
 
 #[test]
 fn bytes_are_canonical() {
-    for options in [F32, F16] {
-        for scene in [two_scales(), smallest()] {
-            let file = encode(&scene, &options).unwrap();
-            assert_eq!(encode(&decode(&file).unwrap(), &options).unwrap(), file);
+    for scene in [two_scales(), smallest()] {
+        let file = encode(&scene, &f32()).unwrap();
+        assert_eq!(encode(&decode(&file).unwrap(), &f32()).unwrap(), file);
+        for encoding in [Encoding::F16, Encoding::Grid(6)] {
+            assert_eq!(encode(&scene, &plain(encoding)).unwrap(), encode(&scene, &plain(encoding)).unwrap());
         }
     }
-    assert_ne!(encode(&two_scales(), &F32).unwrap(), encode(&two_scales(), &F16).unwrap());
+    assert_ne!(encode(&two_scales(), &f32()).unwrap(), encode(&two_scales(), &f16()).unwrap());
 }
 
 #[test]
@@ -116,35 +140,21 @@ fn bodies_are_compressed_where_it_helps() {
     let all = scene.scales[0].factors.density.len();
     scene.scales[0].factors.density[all / 2..].fill(0.25);
     assert!(comes_back(&scene));
-    let file = encode(&scene, &F32).unwrap();
+    let file = encode(&scene, &EncodeOptions { chunk_tensors: 4096, zstd_level: Some(9), ..f32() }).unwrap();
     let contents = sections(&file).unwrap();
     let of = |kind| contents.sections.iter().find(|s| s.kind == kind).unwrap();
-    for kind in [SectionKind::Placement, SectionKind::Factors] {
+    for kind in [SectionKind::Placement, SectionKind::Density] {
         assert_eq!(of(kind).codec, Codec::Zstd, "{kind}");
         assert!(of(kind).length < of(kind).decoded_length);
     }
     assert!(of(SectionKind::Placement).length < 200, "runs of cells take next to nothing");
-    assert_eq!(of(SectionKind::Decoder).codec, Codec::Stored);
-}
-
-#[test]
-fn what_expands_more_than_a_reader_allows_is_stored() {
-    let mut scene = smallest();
-    let bounds = Aabb { min: DVec3::NEG_ONE, max: DVec3::ONE };
-    for (vertices, codec) in [([512, 512, 1000], Codec::Zstd), ([512, 512, 1100], Codec::Stored)] {
-        scene.occupancy = Some(Occupancy::empty(bounds, UVec3::from_array(vertices)));
-        let file = encode(&scene, &F32).unwrap();
-        let contents = sections(&file).unwrap();
-        let occupancy = contents.sections.iter().find(|s| s.kind == SectionKind::Occupancy).unwrap();
-        assert_eq!(occupancy.codec, codec);
-        assert_eq!(decode(&file).unwrap(), scene);
-    }
+    assert_eq!(of(SectionKind::Rules).codec, Codec::Stored);
 }
 
 #[test]
 fn sections_are_listed_from_the_start_of_a_file() {
-    let file = encode(&two_scales(), &F16).unwrap();
-    let contents = sections(&file[..32 + 48 * 11]).unwrap();
+    let file = encode(&two_scales(), &f16()).unwrap();
+    let contents = sections(&file[..64 + 64 * 18]).unwrap();
     assert_eq!(contents.file_length, file.len() as u64);
     assert_eq!(contents.version.to_string(), "1.0");
     let names: Vec<_> = contents.sections.iter().map(ToString::to_string).collect();
@@ -154,12 +164,19 @@ fn sections_are_listed_from_the_start_of_a_file() {
         "PROVENANCE",
         "DECODER",
         "OCCUPANCY",
-        "PLACEMENT of scale 0",
-        "APPEARANCE of scale 0",
-        "FACTORS of scale 0",
-        "PLACEMENT of scale 1",
-        "APPEARANCE of scale 1",
-        "FACTORS of scale 1",
+        "SCALE of scale 0",
+        "MATRIX of scale 0",
+        "PLACEMENT of chunk 0 of scale 0",
+        "DENSITY of chunk 0 of scale 0",
+        "APPEARANCE of chunk 0 of scale 0",
+        "PLACEMENT of chunk 1 of scale 0",
+        "DENSITY of chunk 1 of scale 0",
+        "APPEARANCE of chunk 1 of scale 0",
+        "SCALE of scale 1",
+        "MATRIX of scale 1",
+        "PLACEMENT of chunk 0 of scale 1",
+        "DENSITY of chunk 0 of scale 1",
+        "APPEARANCE of chunk 0 of scale 1",
     ];
     assert_eq!(names, expected);
     for section in &contents.sections {
@@ -171,23 +188,125 @@ fn sections_are_listed_from_the_start_of_a_file() {
 #[test]
 fn unknown_ancillary_sections_and_newer_minor_versions_open() {
     let scene = two_scales();
-    let mut file = File::of(&encode(&scene, &F32).unwrap());
+    let mut file = File::of(&encode(&scene, &f32()).unwrap());
     file.minor = 7;
-    file.sections.insert(0, Part::ancillary("THUMBNAIL", b"not a picture"));
+    file.sections.insert(0, Part::ancillary("X-0", b"not a picture"));
     let mut strange = Part::ancillary("X-1", b"");
     (strange.scale, strange.codec, strange.decoded_length) = (900, 77, u64::MAX);
     file.sections.push(strange);
     let bytes = file.bytes();
     assert!(same(&decode(&bytes).unwrap(), &scene));
     let contents = sections(&bytes).unwrap();
-    assert_eq!((contents.version.minor, contents.sections.len()), (7, 13));
-    assert_eq!(contents.sections[12].to_string(), "X-1 of scale 900");
+    assert_eq!((contents.version.minor, contents.sections.len()), (7, 20));
+    assert_eq!(contents.sections[19].to_string(), "X-1 of scale 900");
 }
 
 #[test]
 fn a_file_may_lack_its_provenance() {
     let scene = two_scales();
-    let mut file = File::of(&encode(&scene, &F32).unwrap());
+    let mut file = File::of(&encode(&scene, &f32()).unwrap());
     file.sections.remove(file.index("PROVENANCE"));
     assert_eq!(decode(&file.bytes()).unwrap(), Scene { provenance: Default::default(), ..scene });
+}
+
+#[test]
+fn what_this_version_does_not_know_is_kept_through_reading_and_writing() {
+    let mut file = File::of(&encode(&two_scales(), &f32()).unwrap());
+    let mut strange = Part::ancillary("X-1", b"opaque");
+    (strange.scale, strange.chunk, strange.codec, strange.decoded_length) = (900, 7, 77, 1 << 40);
+    file.sections.insert(3, strange.clone());
+    let document = decode_document(&file.bytes(), Limits::default()).unwrap();
+    let written = encode_document(&document.scene, &document.extras, &f32()).unwrap();
+    let last = File::of(&written).sections.pop().unwrap();
+    assert_eq!(last, strange);
+    assert_eq!(decode_document(&written, Limits::default()).unwrap(), document);
+}
+
+/// The largest difference between two scenes' factors.
+fn largest_difference(a: &Scene, b: &Scene) -> f64 {
+    let of_scales = |scene: &Scene| -> Vec<f32> {
+        scene.scales.iter().flat_map(|s| [&s.factors.density, &s.factors.appearance]).flatten().copied().collect()
+    };
+    let differences = of_scales(a).into_iter().zip(of_scales(b)).map(|(a, b)| (f64::from(a) - f64::from(b)).abs());
+    differences.fold(0.0, f64::max)
+}
+
+#[test]
+fn grids_lose_half_a_step_at_most() {
+    let scene = two_scales();
+    for bits in GRID_BITS {
+        let decoded = decode(&encode(&scene, &plain(Encoding::Grid(bits))).unwrap()).unwrap();
+        // All numbers are below 1, and steps are at most 2^(1/8) times what they must be.
+        let step = 1.0905078 / f64::from((1u32 << (bits - 1)) - 1);
+        let found = largest_difference(&scene, &decoded);
+        assert!(found <= step / 2.0 + 1e-7 && found > step / 20.0, "{bits} bits: {found} of {step}");
+    }
+}
+
+#[test]
+fn cosines_come_back_within_their_steps() {
+    let scene = two_scales();
+    for code in [110, 130, 160] {
+        let options = |scale: usize| FactorOptions {
+            array: ArrayOptions::best(Encoding::Cosine),
+            steps: Some(vec![code; 3 * 3 * scene.scales[scale].cloud.len()]),
+        };
+        let of_scales = vec![options(0), options(1)];
+        let options = EncodeOptions { density: of_scales.clone(), appearance: of_scales, ..f32() };
+        let decoded = decode(&encode(&scene, &options).unwrap()).unwrap();
+        // Half a step of each of at most four coefficients, whose basis is below 1.
+        let found = largest_difference(&scene, &decoded);
+        assert!(found <= 4.0 * f64::from(step(code)) / 2.0 + 1e-6, "{code}: {found} of {}", step(code));
+        assert!(found > f64::from(step(code)) / 20.0 - 1e-6);
+    }
+}
+
+#[test]
+fn components_that_are_zero_take_no_bytes() {
+    let mut scene = two_scales();
+    let before = encode(&scene, &f32()).unwrap();
+    // Component 1 of tensor 2 of scale 0.
+    let rank = scene.scales[0].factors.appearance_rank as usize;
+    let rows = strivec::model::Factors::rows(scene.scales[0].cloud.resolution);
+    scene.scales[0].factors.appearance[2 * rows * rank..3 * rows * rank]
+        .iter_mut()
+        .skip(1)
+        .step_by(rank)
+        .for_each(|v| *v = 0.0);
+    for encoding in [Encoding::F16, Encoding::Grid(8)] {
+        let decoded = decode(&encode(&scene, &plain(encoding)).unwrap()).unwrap();
+        assert!(largest_difference(&decoded, &scene) < 0.005, "{encoding:?}");
+    }
+    assert!(comes_back(&scene));
+    assert!(encode(&scene, &f32()).unwrap().len() < before.len());
+    // A tensor without any component is still there.
+    scene.scales[1].factors.density.fill(0.0);
+    scene.scales[1].factors.appearance.fill(0.0);
+    assert!(comes_back(&scene));
+}
+
+#[test]
+fn filters_lose_nothing() {
+    let scene = two_scales();
+    let of = |encoding, filter| {
+        let factors = vec![FactorOptions { array: ArrayOptions { encoding, filter }, steps: None }];
+        let options = EncodeOptions { density: factors.clone(), appearance: factors, ..f32() };
+        decode(&encode(&scene, &options).unwrap()).unwrap()
+    };
+    assert!(same(&of(Encoding::F32, Filter::Planes), &scene));
+    assert!(same(&of(Encoding::F16, Filter::Planes), &of(Encoding::F16, Filter::None)));
+    for bits in GRID_BITS {
+        let grid = Encoding::Grid(bits);
+        assert!(same(&of(grid, Filter::Differences), &of(grid, Filter::None)));
+    }
+}
+
+#[test]
+fn extras_come_back() {
+    let (scene, extras) = (two_scales(), super::scenes::extras());
+    let bytes = encode_document(&scene, &extras, &f32()).unwrap();
+    let document = decode_document(&bytes, Limits::default()).unwrap();
+    assert_eq!((document.scene, &document.extras), (scene.clone(), &extras));
+    assert_ne!(document.extras, Extras::default());
+    assert_eq!(encode_document(&scene, &extras, &f32()).unwrap(), bytes);
 }

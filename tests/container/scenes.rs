@@ -1,6 +1,9 @@
 //! Small scenes, made by hand.
 
 use glam::{DQuat, DVec3, UVec3};
+use strivec::container::{
+    Extras, Pose, Prefix, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, Views,
+};
 use strivec::geometry::{Aabb, Lattice, Similarity};
 use strivec::model::{
     Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
@@ -123,4 +126,55 @@ pub(crate) fn scale(
     };
     let matrix = AppearanceMatrix { features: 2, rank: ranks[1], weights: numbers.take(2 * ranks[1] as usize) };
     Scale { cloud, top_k: 4, factors, appearance_matrix: matrix }
+}
+
+/// Something of everything that a file with [`two_scales`] may hold besides.
+pub(crate) fn extras() -> Extras {
+    let mut numbers = Numbers(4);
+    let pose = |z: f64| Pose { position: DVec3::new(1.0, -2.0, z), rotation: DQuat::from_xyzw(0.5, 0.5, -0.5, 0.5) };
+    let probe = |n: f64| Probe {
+        origin: [n, 0.5, -4.0],
+        direction: [0.0, 0.6, 0.8],
+        color: [0.25, n / 8.0, 1.0],
+        opacity: 0.75,
+        depth: 3.5,
+        point: [0.1, 0.2, 0.3],
+        density_feature: -2.5,
+        margin: 1e-4,
+        reserved: [0; 2],
+    };
+    Extras {
+        licence: Some("CC-BY-4.0, © somebody".into()),
+        quality: Some(Quality {
+            encoded: Some(54.5),
+            test: None,
+            test_before: Some(33.25),
+            prefixes: vec![Some(21.5), None],
+            dataset: "every tenth test view".into(),
+        }),
+        views: Some(Views {
+            angle_of_view: 0.7,
+            first: pose(4.0),
+            center: DVec3::new(0.0, 0.25, 0.0),
+            seconds: 12.0,
+            is_closed: true,
+            path: vec![pose(4.0), pose(5.0), pose(6.0)],
+        }),
+        thumbnail: Some(Thumbnail { format: ThumbnailFormat::Jpeg, size: [64, 48], file: b"not a picture".to_vec() }),
+        prefixes: vec![Some(Prefix { gain: 1.25, offset: 0.5, features: 2, matrices: vec![numbers.take(6)] }), None],
+        probes: Some(Probes {
+            color_tolerance: 2e-4,
+            depth_tolerance: 1e-3,
+            density_tolerance: 1e-4,
+            probes: vec![probe(0.0), probe(1.0)],
+        }),
+        cameras: vec![TrainingCamera {
+            pose: pose(7.0),
+            focal: [100.0, 101.0],
+            principal: [32.0, 24.5],
+            size: [64, 48],
+        }],
+        notes: [("author", "somebody"), ("place", "Zürich")].map(|(k, v)| (k.into(), v.into())).into(),
+        unknown: Vec::new(),
+    }
 }

@@ -10,11 +10,12 @@ pub(crate) struct File {
 }
 
 /// A section.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Part {
     pub(crate) kind: [u8; 12],
     pub(crate) flags: u16,
     pub(crate) scale: u16,
+    pub(crate) chunk: u32,
     pub(crate) codec: u16,
     pub(crate) reserved: u16,
     pub(crate) decoded_length: u64,
@@ -36,15 +37,16 @@ impl File {
     /// The parts of a valid file.
     pub(crate) fn of(bytes: &[u8]) -> Self {
         let sections = (0..number(bytes, 12, 4) as usize).map(|index| {
-            let entry = &bytes[32 + 48 * index..];
-            let (offset, length) = (number(entry, 24, 8) as usize, number(entry, 32, 8) as usize);
+            let entry = &bytes[64 + 64 * index..];
+            let (offset, length) = (number(entry, 32, 8) as usize, number(entry, 40, 8) as usize);
             Part {
                 kind: entry[..12].try_into().unwrap(),
                 flags: number(entry, 12, 2) as u16,
                 scale: number(entry, 14, 2) as u16,
-                codec: number(entry, 16, 2) as u16,
-                reserved: number(entry, 18, 2) as u16,
-                decoded_length: number(entry, 40, 8),
+                chunk: number(entry, 16, 4) as u32,
+                codec: number(entry, 20, 2) as u16,
+                reserved: number(entry, 22, 2) as u16,
+                decoded_length: number(entry, 48, 8),
                 payload: bytes[offset..offset + length].to_vec(),
             }
         });
@@ -63,7 +65,7 @@ impl File {
 
     /// The file, its layout and checksums right.
     pub(crate) fn bytes(&self) -> Vec<u8> {
-        let mut end = 32 + 48 * self.sections.len();
+        let mut end = 64 + 64 * self.sections.len();
         let (mut table, mut payloads) = (Vec::new(), Vec::new());
         for part in &self.sections {
             let offset = end.next_multiple_of(64);
@@ -71,20 +73,19 @@ impl File {
             payloads.extend(&part.payload);
             end = offset + part.payload.len();
             table.extend(part.kind);
-            for field in [part.flags, part.scale, part.codec, part.reserved] {
-                table.extend(field.to_le_bytes());
-            }
-            table.extend(crc32fast::hash(&part.payload).to_le_bytes());
-            for field in [offset as u64, part.payload.len() as u64, part.decoded_length] {
-                table.extend(field.to_le_bytes());
-            }
+            table.extend([part.flags, part.scale].map(u16::to_le_bytes).concat());
+            table.extend(part.chunk.to_le_bytes());
+            table.extend([part.codec, part.reserved].map(u16::to_le_bytes).concat());
+            table.extend([crc32fast::hash(&part.payload), 0].map(u32::to_le_bytes).concat());
+            let numbers = [offset as u64, part.payload.len() as u64, part.decoded_length, 0];
+            table.extend(numbers.map(u64::to_le_bytes).concat());
         }
         let mut file = b"\xB3STV\r\n\x1A\n".to_vec();
         file.extend(self.major.to_le_bytes());
         file.extend(self.minor.to_le_bytes());
         file.extend((self.sections.len() as u32).to_le_bytes());
         file.extend((end as u64).to_le_bytes());
-        file.extend([0; 8]);
+        file.resize(64, 0);
         file.extend(table);
         file.extend(payloads);
         seal(&mut file);
@@ -99,6 +100,7 @@ impl Part {
             kind: name(kind),
             flags: 0,
             scale: 0xFFFF,
+            chunk: 0xFFFF_FFFF,
             codec: 0,
             reserved: 0,
             decoded_length: payload.len() as u64,
@@ -128,11 +130,28 @@ impl Part {
     }
 }
 
-/// Makes the checksums of header and table right, whatever they hold.
+impl Part {
+    /// Stores as it is what follows the first `record` bytes of the payload.
+    pub(crate) fn inflate(&mut self, record: usize) {
+        if self.codec == 1 {
+            let body = zstd::bulk::decompress(&self.payload[record..], 1 << 20).unwrap();
+            let payload = [&self.payload[..record], &body].concat();
+            self.set(payload);
+        }
+    }
+}
+
+/// Makes the checksums of header, table and file right, whatever they hold.
 pub(crate) fn seal(file: &mut [u8]) {
-    let table_end = file.len().min(32 + 48 * number(file, 12, 4) as usize);
-    let table = crc32fast::hash(&file[32..table_end]);
-    file[24..28].copy_from_slice(&table.to_le_bytes());
-    let header = crc32fast::hash(&file[..28]);
-    file[28..32].copy_from_slice(&header.to_le_bytes());
+    let table_end = file.len().min(64 + 64 * number(file, 12, 4) as usize);
+    let checksums =
+        [crc32fast::hash(&file[64.min(table_end)..table_end]), crc32fast::hash(&file[64.min(file.len())..])];
+    file[24..32].copy_from_slice(&checksums.map(u32::to_le_bytes).concat());
+    seal_header(file);
+}
+
+/// Makes the checksum of the header right.
+pub(crate) fn seal_header(file: &mut [u8]) {
+    let header = crc32fast::hash(&file[..60]);
+    file[60..64].copy_from_slice(&header.to_le_bytes());
 }

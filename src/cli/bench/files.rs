@@ -2,22 +2,26 @@
 
 use std::fs;
 use std::hint::black_box;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tempfile::TempDir;
 
 use super::{Repeats, render, report};
 use crate::cli::table::Table;
+use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, write_atomically};
-use crate::container::{self, EncodeOptions, FactorEncoding};
-use crate::measure::bench::Spread;
+use crate::container::{self, EncodeOptions, Encoding};
+use crate::field::Field;
+use crate::measure::bench::{Runs, Spread};
+use crate::model::Scene;
+use crate::render::{CpuRenderer, Pixel, Renderer};
 use crate::train;
 
 const EXAMPLES: &str = "\
 Examples:
   strivec bench files
-  strivec bench files lego.strivec --runs 9";
+  strivec bench files lego.strivec --runs 9 --threads-list 1,2";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -40,9 +44,12 @@ pub(super) struct Report {
 #[derive(Serialize)]
 struct Row {
     name: String,
+    threads: usize,
     seconds: Spread,
     /// Of the file; of the factors that are made, for upsampling.
     bytes: u64,
+    /// What MB/s are of: the parameters as 32-bit floats where they are encoded or decoded, else `bytes`.
+    handled_bytes: u64,
 }
 
 impl Args {
@@ -52,62 +59,108 @@ impl Args {
     }
 }
 
-/// Measures each way.
+/// Measures each way on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, subject) = render::subject(args.file.as_ref())?;
-    session.console.say("bench: files");
-    let (runs, mut rows) = (args.repeats.runs(), Vec::new());
     let folder = TempDir::new().map_err(|e| Error::Io(format!("folder for temporary files: cannot make it: {e}")))?;
-    let path = folder.path().join("scene.strivec");
-    for (name, factors) in [("f16", FactorEncoding::F16), ("f32", FactorEncoding::F32)] {
-        let options = EncodeOptions { factors, ..EncodeOptions::default() };
-        let refused = |e: container::Error| Error::Runtime(format!("{subject}: {e}"));
-        let mut row = |what: &str, seconds: Spread, bytes: u64| {
-            rows.push(Row { name: format!("{what}, {name}"), seconds, bytes });
-        };
-        let (seconds, mut encoded) = runs.time(|| container::encode(&scene, &options).map_err(refused))?;
-        let bytes = encoded.pop().unwrap_or_default();
-        row("encode", seconds, bytes.len() as u64);
-        let (seconds, _) = runs.time(|| container::decode(&bytes).map(black_box).map(drop).map_err(refused))?;
-        row("decode", seconds, bytes.len() as u64);
-        let (seconds, _) = runs.time(|| write_atomically(&path, &bytes, true))?;
-        row("write, durably", seconds, bytes.len() as u64);
-        let (seconds, _) = runs.time(|| fs::read(&path).map(black_box).map(drop).map_err(Error::io("read", &path)))?;
-        row("read, from the system's cache", seconds, bytes.len() as u64);
-    }
-    let (seconds, made) = runs.time(|| {
-        let entries = scene.scales.iter().map(|scale| {
-            let from = scale.cloud.resolution;
-            // As a schedule's first upsamplings do, by about half.
-            let to = from.map(|d| d + d.div_ceil(2));
-            let [density, appearance] = [
-                (&scale.factors.density, scale.factors.density_rank),
-                (&scale.factors.appearance, scale.factors.appearance_rank),
-            ]
-            .map(|(factors, rank)| black_box(train::upsample(factors, rank as usize, from, to)).len());
-            density + appearance
-        });
-        Ok::<_, Error>(size_of::<f32>() * entries.sum::<usize>())
+    let rows = args.repeats.in_each_pool(|| {
+        session.console.say(&format!("bench: files, {} threads", rayon::current_num_threads()));
+        Rows::measure(&scene, &subject, args, &folder.path().join("scene.strivec"))
     })?;
-    rows.push(Row { name: "upsample, half as fine again".into(), seconds, bytes: made[0] as u64 });
-    Ok(Report { subject, parameters: scene.parameter_count(), rows })
+    Ok(Report { subject, parameters: scene.parameter_count(), rows: rows.into_iter().flatten().collect() })
+}
+
+struct Rows {
+    runs: Runs,
+    threads: usize,
+    rows: Vec<Row>,
+}
+
+impl Rows {
+    fn measure(scene: &Scene, subject: &str, args: &Args, path: &Path) -> Result<Vec<Row>, Error> {
+        let mut rows = Self { runs: args.repeats.runs(), threads: rayon::current_num_threads(), rows: Vec::new() };
+        let raw = size_of::<f32>() as u64 * scene.parameter_count();
+        let refused = |e: container::Error| Error::Runtime(format!("{subject}: {e}"));
+        let mut half = Vec::new();
+        for (name, factors) in [("f32", Encoding::F32), ("grid8", Encoding::Grid(8)), ("f16", Encoding::F16)] {
+            let options = EncodeOptions::uniform(factors);
+            let (seconds, mut encoded) = rows.runs.time(|| container::encode(scene, &options).map_err(refused))?;
+            half = encoded.pop().unwrap_or_default();
+            let bytes = half.len() as u64;
+            rows.add(format!("encode, {name}"), seconds, bytes, raw);
+            let (seconds, _) = rows.runs.time(|| container::decode(&half).map(black_box).map(drop).map_err(refused))?;
+            rows.add(format!("decode, {name}"), seconds, bytes, raw);
+        }
+        let bytes = half.len() as u64;
+        let (seconds, _) = rows.runs.time(|| write_atomically(path, &half, true))?;
+        rows.add("write f16, durably".into(), seconds, bytes, bytes);
+        let read = |path: &Path| fs::read(path).map_err(Error::io("read", path));
+        let (seconds, _) = rows.runs.time(|| read(path).map(black_box).map(drop))?;
+        rows.add("read f16, from the system's cache".into(), seconds, bytes, bytes);
+        if let Some(file) = &args.file {
+            let whole = read(file)?;
+            let bytes = whole.len() as u64;
+            let (seconds, _) =
+                rows.runs.time(|| container::decode(&whole).map(black_box).map(drop).map_err(refused))?;
+            rows.add("decode the file itself".into(), seconds, bytes, raw);
+            let (seconds, _) =
+                rows.runs.time(|| first_pixel(&read(file)?).map(black_box).map(drop).map_err(refused))?;
+            rows.add("open the file, to the first pixel".into(), seconds, bytes, raw);
+        }
+        let (seconds, made) = rows.runs.time(|| Ok::<_, Error>(upsampled(scene)))?;
+        rows.add("upsample, half as fine again".into(), seconds, made[0], made[0]);
+        Ok(rows.rows)
+    }
+
+    fn add(&mut self, name: String, seconds: Spread, bytes: u64, handled_bytes: u64) {
+        self.rows.push(Row { name, threads: self.threads, seconds, bytes, handled_bytes });
+    }
+}
+
+/// What the middle of a picture of the whole scene shows.
+fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
+    let scene = container::decode(file)?;
+    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [1, 1]);
+    let ray = camera.mapped(&scene.frame.model_from_dataset).ray(0, 0);
+    Ok(CpuRenderer::of_field(Field::<f32>::consuming(scene)).trace(&[ray])[0])
+}
+
+/// Bytes of the factors that upsampling makes.
+fn upsampled(scene: &Scene) -> u64 {
+    let entries = scene.scales.iter().map(|scale| {
+        let from = scale.cloud.resolution;
+        // As a schedule's first upsamplings do, by about half.
+        let to = from.map(|d| d + d.div_ceil(2));
+        let [density, appearance] = [
+            (&scale.factors.density, scale.factors.density_rank),
+            (&scale.factors.appearance, scale.factors.appearance_rank),
+        ]
+        .map(|(factors, rank)| black_box(train::upsample(factors, rank as usize, from, to)).len());
+        density + appearance
+    });
+    (size_of::<f32>() * entries.sum::<usize>()) as u64
 }
 
 impl Report {
     /// For people.
     pub(super) fn text(&self) -> String {
-        let mut table = Table::new(["files", "ms", "quartiles", "MB", "MB/s"]);
+        let mut table = Table::new(["files", "threads", "ms", "quartiles", "MB", "MB/s"]);
         for row in &self.rows {
             let [low, high] = row.seconds.quartiles;
-            let megabytes = 1e-6 * row.bytes as f64;
             table.row([
                 row.name.clone(),
+                row.threads.to_string(),
                 report::ms(row.seconds.median),
                 format!("{} to {}", report::ms(low), report::ms(high)),
-                format!("{megabytes:.2}"),
-                format!("{:.0}", megabytes / row.seconds.median),
+                format!("{:.2}", 1e-6 * row.bytes as f64),
+                format!("{:.0}", 1e-6 * row.handled_bytes as f64 / row.seconds.median),
             ]);
         }
-        format!("{}, {:.1} M parameters\n{}", self.subject, 1e-6 * self.parameters as f64, table.text())
+        let millions = 1e-6 * self.parameters as f64;
+        format!(
+            "{}, {millions:.1} M parameters; to encode and decode, MB/s are of these as f32\n{}",
+            self.subject,
+            table.text()
+        )
     }
 }

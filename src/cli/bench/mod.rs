@@ -90,17 +90,21 @@ impl Repeats {
         session: &Session,
         mut measure: impl FnMut(&Peak) -> Result<R, Error> + Send,
     ) -> Result<Vec<R>, Error> {
-        let mut on_this_pool = || {
+        self.in_each_pool(|| {
             session.console.say(&format!("bench: peak of {} threads", rayon::current_num_threads()));
             measure(&Peak::measure())
-        };
+        })
+    }
+
+    /// Calls `measure` within each pool of threads.
+    fn in_each_pool<R: Send>(&self, mut measure: impl FnMut() -> Result<R, Error> + Send) -> Result<Vec<R>, Error> {
         let mut measured = Vec::new();
         for threads in self.threads() {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
-            measured.push(pool.install(&mut on_this_pool)?);
+            measured.push(pool.install(&mut measure)?);
         }
         Ok(measured)
     }

@@ -1,0 +1,7 @@
+//! The command `strivec-pack`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    strivec::cli::pack::main()
+}

@@ -1,0 +1,90 @@
+//! `strivec-pack convert`.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::encoding::{LayoutArgs, Plain, lossless};
+use super::input::{self, Inputs, Outputs};
+use crate::cli::table::grouped;
+use crate::cli::{Error, Session};
+use crate::container::{self, EncodeOptions, VERSION};
+
+/// Arguments of `strivec-pack convert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack convert lego.strivec -o lego16.strivec --encoding f16")]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// The file to write, a folder for several inputs, or - for standard output
+    #[arg(long, short)]
+    output: PathBuf,
+    /// How factors are written; matrices and decoder are not changed
+    #[arg(long, value_enum, default_value = "f32")]
+    encoding: Plain,
+    #[command(flatten)]
+    layout: LayoutArgs,
+    /// The version of the format to write
+    #[arg(long, value_name = "MAJOR.MINOR", default_value_t = VERSION.to_string())]
+    target_version: String,
+    /// Only say what would be written
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// A file that was written.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "WrittenFile")]
+pub(super) struct Written {
+    pub(super) input: PathBuf,
+    pub(super) output: PathBuf,
+    pub(super) bytes_before: u64,
+    pub(super) bytes: u64,
+}
+
+impl Written {
+    pub(super) fn text(rows: &[Self]) -> String {
+        let line = |w: &Self| {
+            let (before, after) = (grouped(w.bytes_before), grouped(w.bytes));
+            format!("{} -> {}: {before} -> {after} bytes\n", w.input.display(), w.output.display())
+        };
+        rows.iter().map(line).collect()
+    }
+}
+
+/// Writes files anew.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    if args.target_version != VERSION.to_string() {
+        let message = format!("--target-version: expected {VERSION}, found {}", args.target_version);
+        return Err(Error::Unsupported(message));
+    }
+    let options = match args.encoding {
+        Plain::F32 => lossless(&args.layout),
+        other => EncodeOptions::uniform(other.encoding()),
+    };
+    let options = args.layout.apply(options)?;
+    rewrite(&args.inputs, &args.output, args.dry_run, session, |document| {
+        container::encode_document(&document.scene, &document.extras, &options)
+    })
+}
+
+/// Writes what `change` makes of each input.
+pub(super) fn rewrite(
+    inputs: &Inputs,
+    output: &std::path::Path,
+    dry_run: bool,
+    session: &Session,
+    change: impl Fn(container::Document) -> Result<Vec<u8>, container::Error>,
+) -> Result<(), Error> {
+    let paths = inputs.paths()?;
+    let outputs = Outputs::new(&paths, output, dry_run, session)?;
+    let mut rows = Vec::new();
+    for path in &paths {
+        let (document, before) = input::read(path, inputs.limits.limits())?;
+        let bytes = change(document).map_err(|e| Error::container(path, e))?;
+        let written = outputs.write(path, &bytes)?;
+        let (bytes_before, bytes) = (before.len() as u64, bytes.len() as u64);
+        rows.push(Written { input: path.clone(), output: written, bytes_before, bytes });
+    }
+    if outputs.takes_standard_output() { Ok(()) } else { session.console.result(&rows, |rows| Written::text(rows)) }
+}

@@ -1,0 +1,103 @@
+//! `strivec-pack diff`.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::input::{self, LimitArgs};
+use crate::cli::{Error, Session};
+use crate::container;
+use crate::measure::psnr_of_mse;
+use crate::model::Scene;
+use crate::pack::{Judge, probe_views};
+
+/// Arguments of `strivec-pack diff`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack diff before.strivec after.strivec")]
+pub(super) struct Args {
+    /// A scene file
+    before: PathBuf,
+    /// Another
+    after: PathBuf,
+    /// Compare no pictures
+    #[arg(long)]
+    no_pictures: bool,
+    #[command(flatten)]
+    limits: LimitArgs,
+}
+
+/// How two files differ.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(super) struct Difference {
+    same_bytes: bool,
+    /// Sections that are in one of both, or not the same.
+    sections: Vec<String>,
+    /// The largest difference of a parameter; absent where scenes differ in shape.
+    largest_parameter_difference: Option<f64>,
+    /// PSNR in dB of one's pictures to the other's; absent where they are the same or were not compared.
+    psnr: Option<f64>,
+}
+
+/// Compares two files; fails where they differ.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let limits = args.limits.limits();
+    let (before, before_bytes) = input::read(&args.before, limits)?;
+    let (after, after_bytes) = input::read(&args.after, limits)?;
+    let same_bytes = before_bytes == after_bytes;
+    let mut sections = Vec::new();
+    if !same_bytes {
+        let list = |path, bytes| container::sections(bytes).map_err(|e| Error::container(path, e));
+        let (a, b) = (list(&args.before, &before_bytes)?, list(&args.after, &after_bytes)?);
+        let same = |x: &container::Section, y: &container::Section| {
+            x.to_string() == y.to_string() && (x.codec, x.length, x.checksum) == (y.codec, y.length, y.checksum)
+        };
+        let missing_in = |from: &container::Contents, other: &container::Contents| -> Vec<String> {
+            let lacks = |s: &&container::Section| !other.sections.iter().any(|o| same(s, o));
+            from.sections.iter().filter(lacks).map(ToString::to_string).collect()
+        };
+        sections = missing_in(&a, &b);
+        sections.extend(missing_in(&b, &a));
+        sections.sort();
+        sections.dedup();
+    }
+    let psnr = if same_bytes || args.no_pictures {
+        None
+    } else {
+        let error =
+            Judge::new(&before.scene, probe_views(&before.scene, &before.extras.cameras, 6, 320)).error(&after.scene);
+        (error > 0.0).then(|| psnr_of_mse(error))
+    };
+    let largest_parameter_difference = largest_difference(&before.scene, &after.scene);
+    let difference = Difference { same_bytes, sections, largest_parameter_difference, psnr };
+    session.console.result(&difference, Difference::text)?;
+    if same_bytes {
+        return Ok(());
+    }
+    Err(Error::Differs(format!("{} and {} differ", args.before.display(), args.after.display())))
+}
+
+fn largest_difference(a: &Scene, b: &Scene) -> Option<f64> {
+    let arrays = |scene: &Scene| -> Vec<Vec<f32>> {
+        let scales = scene.scales.iter();
+        let of_scales = scales.flat_map(|s| [&s.factors.density, &s.factors.appearance, &s.appearance_matrix.weights]);
+        of_scales.chain(scene.decoder.layers.iter().flat_map(|l| [&l.weights, &l.bias])).cloned().collect()
+    };
+    let (a, b) = (arrays(a), arrays(b));
+    let same_shape = a.len() == b.len() && a.iter().zip(&b).all(|(x, y)| x.len() == y.len());
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    same_shape.then(|| pairs.map(|(x, y)| (f64::from(*x) - f64::from(*y)).abs()).fold(0.0, f64::max))
+}
+
+impl Difference {
+    fn text(&self) -> String {
+        if self.same_bytes {
+            return "the same bytes\n".into();
+        }
+        let mut text = format!("sections: {}\n", self.sections.join(", "));
+        text += &match self.largest_parameter_difference {
+            Some(difference) => format!("parameters differ by at most {difference:e}\n"),
+            None => "scenes of different shape\n".to_owned(),
+        };
+        text + &self.psnr.map_or_else(String::new, |psnr| format!("pictures: {psnr:.2} dB\n"))
+    }
+}

@@ -1,0 +1,159 @@
+//! `strivec-pack prune`, `crop` and `transform`.
+
+use std::path::PathBuf;
+
+use glam::{DQuat, DVec3};
+
+use super::convert::rewrite;
+use super::encoding::{LayoutArgs, lossless};
+use super::input::Inputs;
+use crate::cli::{Error, Session};
+use crate::container::{self, Document, EncodeOptions};
+use crate::geometry::{Aabb, Similarity};
+use crate::pack::{self, probe_views, sensitivity};
+
+/// Where a changed scene goes. Its numbers are written as 32-bit floating point; `pack` makes them small.
+#[derive(Debug, clap::Args)]
+struct Target {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// The file to write, a folder for several inputs, or - for standard output
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    layout: LayoutArgs,
+    /// Only say what would be written
+    #[arg(long)]
+    dry_run: bool,
+}
+
+impl Target {
+    fn rewrite(
+        &self,
+        session: &Session,
+        change: impl Fn(Document) -> Result<Document, container::Error>,
+    ) -> Result<(), Error> {
+        let options: EncodeOptions = self.layout.apply(lossless(&self.layout))?;
+        rewrite(&self.inputs, &self.output, self.dry_run, session, |document| {
+            let mut document = change(document)?;
+            // They were of the scene as it was.
+            document.extras.probes = None;
+            document.extras.prefixes.clear();
+            document.extras.quality = None;
+            container::encode_document(&document.scene, &document.extras, &options)
+        })
+    }
+}
+
+/// Arguments of `strivec-pack prune`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack prune lego.strivec -o pruned.strivec")]
+pub(super) struct PruneArgs {
+    #[command(flatten)]
+    target: Target,
+    /// What the absence of a component may add to the mean squared error of pictures
+    #[arg(long, value_name = "ERROR", default_value_t = 1e-13)]
+    error: f64,
+    /// Of every random choice
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Drops components that pictures do not show.
+pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
+    args.target.rewrite(session, |mut document| {
+        let views = probe_views(&document.scene, &document.extras.cameras, 64, 320);
+        let sensitivity = sensitivity(&document.scene, &views, 48, args.seed);
+        let share = pack::prune(&mut document.scene, &sensitivity, args.error);
+        session.console.say(&format!("{:.1} % of the components dropped", 100.0 * share));
+        Ok(document)
+    })
+}
+
+/// Arguments of `strivec-pack crop`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack crop lego.strivec -o part.strivec --box=-1,-1,0,1,1,1")]
+pub(super) struct CropArgs {
+    #[command(flatten)]
+    target: Target,
+    /// The smallest and the largest corner, in the dataset's space
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
+    corners: [f64; 6],
+}
+
+/// Keeps what is in a box.
+pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
+    let [x0, y0, z0, x1, y1, z1] = args.corners;
+    let corners = Aabb { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) };
+    if !corners.is_solid() {
+        return Err(Error::Usage("--box: expected the smallest corner, then a larger one".into()));
+    }
+    args.target.rewrite(session, |document| {
+        let map = document.scene.frame.model_from_dataset;
+        // The box around the box, where the map turns it.
+        let corner = |n: usize| {
+            let pick = |bit: usize, axis: usize| if n >> bit & 1 == 0 { corners.min[axis] } else { corners.max[axis] };
+            map.point(DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2)))
+        };
+        let within = Aabb::of_points((0..8).map(corner));
+        Ok(Document { scene: pack::crop(&document.scene, &within)?, ..document })
+    })
+}
+
+/// `N` finite numbers with commas between.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let wrong = || format!("expected {N} numbers with commas between");
+    let numbers = text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite()));
+    numbers.collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()).ok_or_else(wrong)
+}
+
+/// Arguments of `strivec-pack transform`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  strivec-pack transform lego.strivec -o turned.strivec --turn z --turn z --scale 0.1"
+)]
+pub(super) struct TransformArgs {
+    #[command(flatten)]
+    target: Target,
+    /// Move by this, in the dataset's units, after turning and scaling
+    #[arg(long = "move", value_name = "X,Y,Z", value_parser = numbers::<3>, default_value = "0,0,0",
+        allow_hyphen_values = true)]
+    by: [f64; 3],
+    /// Turn by a quarter around this axis, counterclockwise seen from its end; -x the other way
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
+    turn: Vec<String>,
+    /// Scale by this, around the origin
+    #[arg(long, default_value_t = 1.0)]
+    scale: f64,
+}
+
+/// Changes where a scene is in its dataset's space: its model stays as it is.
+pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), Error> {
+    if !(args.scale > 0.0 && args.scale.is_finite()) {
+        return Err(Error::Usage(format!("--scale: expected a positive number, found {}", args.scale)));
+    }
+    let quarter = |axis: &String| {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let (sign, axis) = axis.strip_prefix('-').map_or((1.0, axis.as_str()), |axis| (-1.0, axis));
+        let turned = |x, y, z| DQuat::from_xyzw(sign * half * x, sign * half * y, sign * half * z, half);
+        match axis {
+            "x" => turned(1.0, 0.0, 0.0),
+            "y" => turned(0.0, 1.0, 0.0),
+            _ => turned(0.0, 0.0, 1.0),
+        }
+    };
+    let rotation = args.turn.iter().fold(DQuat::IDENTITY, |all, axis| quarter(axis) * all);
+    let moved = Similarity { scale: args.scale, rotation: rotation.normalize(), translation: args.by.into() };
+    args.target.rewrite(session, |mut document| {
+        let frame = &mut document.scene.frame;
+        let before = moved.inverse();
+        let map = frame.model_from_dataset;
+        frame.model_from_dataset = Similarity {
+            scale: map.scale * before.scale,
+            rotation: (map.rotation * before.rotation).normalize(),
+            translation: map.point(before.translation),
+        };
+        frame.metres_per_unit = frame.metres_per_unit.map(|metres| metres / args.scale);
+        Ok(document)
+    })
+}

@@ -1,0 +1,372 @@
+//! `strivec-pack extract` and `assemble`: a scene as a folder of arrays and a description that other tools can read and
+//! change, and back.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DVec3, UVec3};
+use npyz::WriterBuilder;
+use serde::{Deserialize, Serialize};
+
+use super::convert::Written;
+use super::encoding::{LayoutArgs, lossless};
+use super::input::{self, LimitArgs, Outputs};
+use crate::cli::{Error, Session};
+use crate::container::{self, Document, Extras, TrainingCamera, Views};
+use crate::geometry::{Aabb, Lattice};
+use crate::model::{
+    AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
+    Rules, Scale, Scene, TensorCloud,
+};
+use crate::npy::{Header, NpyError, Number};
+
+/// The description's file name.
+const DESCRIPTION: &str = "scene.json";
+/// The description's layout: raised when a reader of the last one would misread it.
+const LAYOUT: u32 = 1;
+
+/// Arguments of `strivec-pack extract`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  strivec-pack extract lego.strivec -o lego
+
+The folder holds scene.json and arrays for numpy.load: scaleS_density and scaleS_appearance f32[tensor][vertex of x, then
+y, then z][component], scaleS_matrix f32[feature][component], scaleS_cells u32[tensor][3] or scaleS_centers \
+f64[tensor][3], decoderL_weights f32[output][input], decoderL_bias, occupancy bool[z][y][x]. Probes, corrections of \
+prefixes, what was measured, the thumbnail and unknown sections are left out: they are of the file as it was.")]
+pub(super) struct ExtractArgs {
+    /// A scene file, or - for standard input
+    input: PathBuf,
+    /// The folder to make
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    limits: LimitArgs,
+}
+
+/// Arguments of `strivec-pack assemble`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack assemble lego -o lego.strivec")]
+pub(super) struct AssembleArgs {
+    /// The folder that `extract` made
+    input: PathBuf,
+    /// The file to write, or - for standard output
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    layout: LayoutArgs,
+}
+
+/// Everything but long arrays.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Description {
+    /// [`LAYOUT`].
+    layout: u32,
+    frame: Frame,
+    bounds: Aabb,
+    rules: Rules,
+    scales: Vec<ScaleDescription>,
+    decoder: DecoderDescription,
+    /// What the grid spans.
+    occupancy: Option<Aabb>,
+    provenance: Provenance,
+    licence: Option<String>,
+    views: Option<Views>,
+    cameras: Vec<TrainingCamera>,
+    notes: BTreeMap<String, String>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScaleDescription {
+    /// Half edges of the tensors.
+    half: DVec3,
+    resolution: [u32; 3],
+    top_k: u32,
+    factor_kind: FactorKind,
+    /// Absent where centres are explicit.
+    lattice: Option<Lattice>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DecoderDescription {
+    mode: DecoderMode,
+    feature_frequencies: u32,
+    direction_frequencies: u32,
+    layers: usize,
+}
+
+/// Makes a folder of a file.
+pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error> {
+    if args.output.exists() {
+        let message = format!("{}: expected nothing of this name, found something", args.output.display());
+        return Err(Error::Usage(message));
+    }
+    let (document, _) = input::read(&args.input, args.limits.limits())?;
+    // A folder appears whole or not at all.
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let partial = tempfile::tempdir_in(parent).map_err(Error::io("make a folder in", parent))?;
+    let files = files_of(document)?;
+    for (name, bytes) in &files {
+        let path = partial.path().join(name);
+        fs::write(&path, bytes).map_err(Error::io("write", &path))?;
+    }
+    let partial = partial.keep();
+    fs::rename(&partial, &args.output).map_err(|error| {
+        // What cannot take its name is of no use.
+        let _ = fs::remove_dir_all(&partial);
+        Error::io("make", &args.output)(error)
+    })?;
+    let names: Vec<&String> = files.keys().collect();
+    session.console.result(&names, |names| format!("{}: {} files\n", args.output.display(), names.len()))
+}
+
+/// Makes a file of a folder.
+pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
+    let outputs = Outputs::new(std::slice::from_ref(&args.input), &args.output, false, session)?;
+    let document = Folder(&args.input).document()?;
+    let options = args.layout.apply(lossless(&args.layout))?;
+    let bytes = container::encode_document(&document.scene, &document.extras, &options)
+        .map_err(|e| Error::container(&args.input, e))?;
+    let output = outputs.write(&args.input, &bytes)?;
+    if outputs.takes_standard_output() {
+        return Ok(());
+    }
+    let bytes = bytes.len() as u64;
+    let rows = [Written { input: args.input.clone(), output, bytes_before: bytes, bytes }];
+    session.console.result(&rows, |rows| Written::text(rows))
+}
+
+/// Names and contents.
+fn files_of(document: Document) -> Result<BTreeMap<String, Vec<u8>>, Error> {
+    let Document { scene, extras } = document;
+    let mut files = BTreeMap::new();
+    let mut add = |name: String, bytes: Result<Vec<u8>, Error>| bytes.map(|bytes| drop(files.insert(name, bytes)));
+    for (s, scale) in scene.scales.iter().enumerate() {
+        let tensors = scale.cloud.len();
+        match &scale.cloud.placement {
+            Placement::Lattice { cells, .. } => {
+                add(format!("scale{s}_cells.npy"), npy(&[tensors, 3], cells.iter().flat_map(UVec3::to_array)))?;
+            }
+            Placement::Explicit { centers } => {
+                add(format!("scale{s}_centers.npy"), npy(&[tensors, 3], centers.iter().flat_map(DVec3::to_array)))?;
+            }
+        }
+        let factors = &scale.factors;
+        let rows = Factors::rows(scale.cloud.resolution);
+        for (name, values, rank) in [
+            ("density", &factors.density, factors.density_rank),
+            ("appearance", &factors.appearance, factors.appearance_rank),
+        ] {
+            add(format!("scale{s}_{name}.npy"), npy(&[tensors, rows, rank as usize], values.iter().copied()))?;
+        }
+        let matrix = &scale.appearance_matrix;
+        let shape = [matrix.features as usize, matrix.rank as usize];
+        add(format!("scale{s}_matrix.npy"), npy(&shape, matrix.weights.iter().copied()))?;
+    }
+    for (l, layer) in scene.decoder.layers.iter().enumerate() {
+        let shape = [layer.outputs as usize, layer.inputs as usize];
+        add(format!("decoder{l}_weights.npy"), npy(&shape, layer.weights.iter().copied()))?;
+        add(format!("decoder{l}_bias.npy"), npy(&shape[..1], layer.bias.iter().copied()))?;
+    }
+    if let Some(occupancy) = &scene.occupancy {
+        let [x, y, z] = occupancy.vertices.to_array().map(|n| n as usize);
+        let bits = (0..x * y * z).map(|bit| occupancy.words[bit / 64] >> (bit % 64) & 1 == 1);
+        add("occupancy.npy".into(), npy(&[z, y, x], bits))?;
+    }
+    let scale = |scale: &Scale| ScaleDescription {
+        half: scale.cloud.half,
+        resolution: scale.cloud.resolution,
+        top_k: scale.top_k,
+        factor_kind: scale.factors.kind,
+        lattice: match &scale.cloud.placement {
+            Placement::Lattice { lattice, .. } => Some(*lattice),
+            Placement::Explicit { .. } => None,
+        },
+    };
+    let decoder = &scene.decoder;
+    let description = Description {
+        layout: LAYOUT,
+        frame: scene.frame.clone(),
+        bounds: scene.bounds,
+        rules: scene.rules.clone(),
+        scales: scene.scales.iter().map(scale).collect(),
+        decoder: DecoderDescription {
+            mode: decoder.mode,
+            feature_frequencies: decoder.feature_frequencies,
+            direction_frequencies: decoder.direction_frequencies,
+            layers: decoder.layers.len(),
+        },
+        occupancy: scene.occupancy.as_ref().map(|o| o.bounds),
+        provenance: scene.provenance.clone(),
+        licence: extras.licence,
+        views: extras.views,
+        cameras: extras.cameras,
+        notes: extras.notes,
+    };
+    let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Runtime(e.to_string()))?;
+    files.insert(DESCRIPTION.into(), json);
+    Ok(files)
+}
+
+/// The file of an array of this shape, in C order.
+fn npy<T: npyz::AutoSerialize>(shape: &[usize], values: impl Iterator<Item = T>) -> Result<Vec<u8>, Error> {
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    let mut bytes = Vec::new();
+    let write = || -> std::io::Result<()> {
+        let mut array = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd()?;
+        array.extend(values)?;
+        array.finish()
+    };
+    write().map_err(|e| Error::Runtime(e.to_string()))?;
+    Ok(bytes)
+}
+
+/// What `extract` made.
+struct Folder<'a>(&'a Path);
+
+impl Folder<'_> {
+    fn document(&self) -> Result<Document, Error> {
+        let path = self.0.join(DESCRIPTION);
+        let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
+        let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
+        let d: Description = serde_json::from_slice(&bytes).map_err(|e| malformed(e.to_string()))?;
+        if d.layout != LAYOUT {
+            return Err(malformed(format!("layout: expected {LAYOUT}, found {}", d.layout)));
+        }
+        let scales = d.scales.into_iter().enumerate().map(|(s, scale)| self.scale(s, scale));
+        let scales = scales.collect::<Result<_, _>>()?;
+        let layers = (0..d.decoder.layers).map(|l| self.layer(l)).collect::<Result<_, _>>()?;
+        let decoder = Decoder {
+            mode: d.decoder.mode,
+            feature_frequencies: d.decoder.feature_frequencies,
+            direction_frequencies: d.decoder.direction_frequencies,
+            layers,
+        };
+        let occupancy = d.occupancy.map(|bounds| self.occupancy(bounds)).transpose()?;
+        let Description { frame, bounds, rules, provenance, licence, views, cameras, notes, .. } = d;
+        let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
+        scene.check().map_err(|e| Error::Malformed(format!("{}: {e}", self.0.display())))?;
+        Ok(Document { scene, extras: Extras { licence, views, cameras, notes, ..Extras::default() } })
+    }
+
+    fn scale(&self, s: usize, scale: ScaleDescription) -> Result<Scale, Error> {
+        let (placement, tensors) = match scale.lattice {
+            Some(lattice) => {
+                let ([tensors, _], cells) = self.array::<u32, 2>(&format!("scale{s}_cells"), [None, Some(3)])?;
+                let cells = cells.as_chunks::<3>().0.iter().map(|&cell| UVec3::from_array(cell)).collect();
+                (Placement::Lattice { lattice, cells }, tensors)
+            }
+            None => {
+                let ([tensors, _], centers) = self.array::<f64, 2>(&format!("scale{s}_centers"), [None, Some(3)])?;
+                let centers = centers.as_chunks::<3>().0.iter().map(|&center| DVec3::from_array(center)).collect();
+                (Placement::Explicit { centers }, tensors)
+            }
+        };
+        let rows = scale.resolution.iter().try_fold(0usize, |sum, &d| sum.checked_add(d as usize + 1));
+        let factors = |name: &str| self.array::<f32, 3>(&format!("scale{s}_{name}"), [Some(tensors), rows, None]);
+        let ([.., density_rank], density) = factors("density")?;
+        let ([.., appearance_rank], appearance) = factors("appearance")?;
+        let ([features, rank], weights) =
+            self.array::<f32, 2>(&format!("scale{s}_matrix"), [None, Some(appearance_rank)])?;
+        Ok(Scale {
+            cloud: TensorCloud { placement, half: scale.half, resolution: scale.resolution },
+            top_k: scale.top_k,
+            factors: Factors {
+                kind: scale.factor_kind,
+                density_rank: count(density_rank)?,
+                appearance_rank: count(appearance_rank)?,
+                density,
+                appearance,
+            },
+            appearance_matrix: AppearanceMatrix { features: count(features)?, rank: count(rank)?, weights },
+        })
+    }
+
+    fn layer(&self, l: usize) -> Result<Linear, Error> {
+        let ([outputs, inputs], weights) = self.array::<f32, 2>(&format!("decoder{l}_weights"), [None, None])?;
+        let (_, bias) = self.array::<f32, 1>(&format!("decoder{l}_bias"), [Some(outputs)])?;
+        Ok(Linear { inputs: count(inputs)?, outputs: count(outputs)?, weights, bias })
+    }
+
+    fn occupancy(&self, bounds: Aabb) -> Result<Occupancy, Error> {
+        let ([z, y, x], set) = self.array::<bool, 3>("occupancy", [None; 3])?;
+        let mut occupancy = Occupancy::empty(bounds, UVec3::new(count(x)?, count(y)?, count(z)?));
+        for bit in (0..set.len()).filter(|&bit| set[bit]) {
+            occupancy.words[bit / 64] |= 1 << (bit % 64);
+        }
+        Ok(occupancy)
+    }
+
+    /// The shape and numbers of an array, which has the lengths that are `expected` of it.
+    fn array<T: Element, const N: usize>(
+        &self,
+        name: &str,
+        expected: [Option<usize>; N],
+    ) -> Result<([usize; N], Vec<T>), Error> {
+        let path = self.0.join(format!("{name}.npy"));
+        let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
+        let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
+        let mut rest = bytes.as_slice();
+        let header = Header::read(&mut rest).map_err(|e| malformed(e.to_string()))?;
+        if header.number != T::NUMBER {
+            return Err(malformed(format!("expected numbers of type {:?}, found {:?}", T::NUMBER, header.number)));
+        }
+        let shape: Vec<usize> = header.shape.iter().map(|&n| n as usize).collect();
+        let fits = shape.len() == N && expected.iter().zip(&shape).all(|(e, &n)| e.is_none_or(|e| e == n));
+        if !fits {
+            let lengths = expected.map(|e| e.map_or("any".into(), |n| n.to_string())).join(", ");
+            return Err(malformed(format!("expected an array of lengths {lengths}, found {shape:?}")));
+        }
+        if header.fortran_order && N > 1 {
+            return Err(malformed("expected an array in C order, found one in Fortran order".into()));
+        }
+        if header.bytes() != rest.len() as u64 {
+            let (expected, found) = (header.bytes(), rest.len());
+            return Err(malformed(format!("expected the {expected} bytes of {shape:?}, found {found}")));
+        }
+        let mut values = Vec::with_capacity(header.count as usize);
+        header
+            .for_each(&mut rest, |_, value| {
+                values.push(T::of(value));
+                Ok::<_, NpyError>(())
+            })
+            .map_err(|e| malformed(e.to_string()))?;
+        Ok((shape.try_into().expect("of this many dimensions"), values))
+    }
+}
+
+/// What the arrays hold.
+trait Element {
+    /// Its type in the file.
+    const NUMBER: Number;
+    /// The value that was read.
+    fn of(value: f64) -> Self;
+}
+
+macro_rules! elements {
+    ($($type:ty, $number:expr, $of:expr;)*) => {$(
+        impl Element for $type {
+            const NUMBER: Number = $number;
+            fn of(value: f64) -> Self {
+                $of(value)
+            }
+        }
+    )*};
+}
+
+elements! {
+    bool, Number::Bool, |v| v != 0.0;
+    u32, Number::Unsigned(4), |v| v as Self;
+    f32, Number::Float(4), |v| v as Self;
+    f64, Number::Float(8), |v| v;
+}
+
+/// As the model counts.
+fn count(n: usize) -> Result<u32, Error> {
+    u32::try_from(n).map_err(|_| Error::Malformed(format!("expected fewer than 2^32, found {n}")))
+}

@@ -1,0 +1,104 @@
+//! `strivec-pack info`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::input::{self, Inputs};
+use crate::cli::info::Info;
+use crate::cli::table::{Table, grouped};
+use crate::cli::{Error, Session};
+use crate::container::{self, Extras};
+
+/// Arguments of `strivec-pack info`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack info lego.strivec")]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+}
+
+/// What a file holds, and what takes its bytes.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "FileInfo")]
+pub(super) struct Row {
+    #[serde(flatten)]
+    info: Info,
+    version: String,
+    /// Bytes of header, table and padding.
+    framing_bytes: u64,
+    /// \[kind and scale\] bytes in the file, and bits of the file a parameter of the scene.
+    budget: BTreeMap<String, (u64, f64)>,
+    licence: Option<String>,
+    notes: BTreeMap<String, String>,
+    probes: usize,
+    cameras: usize,
+    /// PSNR in dB to the pictures before encoding.
+    psnr_to_before: Option<f64>,
+    /// PSNR in dB over a dataset's test views.
+    test_psnr: Option<f64>,
+    /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
+    psnr_of_prefixes: Vec<f64>,
+    unknown_sections: Vec<String>,
+}
+
+/// Prints what files hold.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let mut rows = Vec::new();
+    for path in args.inputs.paths()? {
+        let (document, bytes) = input::read(&path, args.inputs.limits.limits())?;
+        let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
+        rows.push(Row::new(path, bytes.len() as u64, document, &contents));
+    }
+    session.console.result(&rows, |rows| rows.iter().map(Row::text).collect::<Vec<_>>().join("\n"))
+}
+
+impl Row {
+    fn new(path: PathBuf, bytes: u64, document: container::Document, contents: &container::Contents) -> Self {
+        let parameters = document.scene.parameter_count().max(1) as f64;
+        let mut budget: BTreeMap<String, (u64, f64)> = BTreeMap::new();
+        for section in &contents.sections {
+            let scale = section.scale.map_or_else(String::new, |scale| format!(" of scale {scale}"));
+            let entry = budget.entry(format!("{}{scale}", section.kind)).or_default();
+            entry.0 += section.length;
+            entry.1 += 8.0 * section.length as f64 / parameters;
+        }
+        let info = Info::new(path, bytes, &document.scene, contents);
+        let Extras { licence, quality, probes, cameras, notes, unknown, .. } = document.extras;
+        let quality = quality.unwrap_or_default();
+        Self {
+            info,
+            version: contents.version.to_string(),
+            framing_bytes: bytes - contents.sections.iter().map(|s| s.length).sum::<u64>(),
+            budget,
+            licence,
+            notes,
+            probes: probes.map_or(0, |p| p.probes.len()),
+            cameras: cameras.len(),
+            psnr_to_before: quality.encoded,
+            test_psnr: quality.test,
+            psnr_of_prefixes: quality.prefixes.into_iter().flatten().collect(),
+            unknown_sections: unknown.iter().map(|u| u.section.to_string()).collect(),
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut budget = Table::new(["kind", "bytes", "bits a parameter"]);
+        for (kind, (bytes, bits)) in &self.budget {
+            budget.row([kind.clone(), grouped(*bytes), format!("{bits:.3}")]);
+        }
+        let mut lines = vec![format!("version     {}", self.version)];
+        lines.extend(self.licence.iter().map(|l| format!("licence     {l}")));
+        lines.extend(self.psnr_to_before.map(|p| format!("encoded     {p:.1} dB to the pictures before")));
+        lines.extend(self.test_psnr.map(|p| format!("test        {p:.2} dB")));
+        if !self.psnr_of_prefixes.is_empty() {
+            let each: Vec<_> = self.psnr_of_prefixes.iter().map(|p| format!("{p:.1}")).collect();
+            lines.push(format!("prefixes    {} dB to the whole", each.join(", ")));
+        }
+        lines.push(format!("probes      {}", self.probes));
+        lines.extend(self.notes.iter().map(|(key, value)| format!("note        {key}: {value}")));
+        lines.extend(self.unknown_sections.iter().map(|name| format!("unknown     {name}")));
+        format!("{}\n{}\n\n{}", self.info.text(), lines.join("\n"), budget.text())
+    }
+}

@@ -1,0 +1,47 @@
+//! `strivec-pack notes`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::input::{self, LimitArgs, Outputs};
+use crate::cli::{Error, Session};
+use crate::container;
+
+/// Arguments of `strivec-pack notes`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack notes lego.strivec --set author=me -o noted.strivec")]
+pub(super) struct Args {
+    /// A scene file, or - for standard input
+    input: PathBuf,
+    /// Write this note
+    #[arg(long, value_name = "KEY=VALUE", value_parser = note, requires = "output")]
+    set: Vec<(String, String)>,
+    /// Drop the note of this key
+    #[arg(long, value_name = "KEY", requires = "output")]
+    remove: Vec<String>,
+    /// The file to write, or - for standard output
+    #[arg(long, short)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    limits: LimitArgs,
+}
+
+fn note(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE")?;
+    if key.is_empty() { Err("expected a key before =".into()) } else { Ok((key.into(), value.into())) }
+}
+
+/// Prints notes, or writes a file with others; no other byte of it changes but offsets and checksums.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (document, bytes) = input::read(&args.input, args.limits.limits())?;
+    let mut notes = document.extras.notes;
+    let Some(output) = &args.output else {
+        let text = |notes: &BTreeMap<String, String>| notes.iter().map(|(k, v)| format!("{k}: {v}\n")).collect();
+        return session.console.result(&notes, text);
+    };
+    let outputs = Outputs::new(std::slice::from_ref(&args.input), output, false, session)?;
+    notes.extend(args.set.iter().cloned());
+    args.remove.iter().for_each(|key| drop(notes.remove(key)));
+    let changed = container::with_notes(&bytes, &notes).map_err(|e| Error::container(&args.input, e))?;
+    outputs.write(&args.input, &changed).map(drop)
+}

@@ -1,0 +1,404 @@
+//! `strivec-pack pack`.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::encoding::{LayoutArgs, lossless};
+use super::input::{self, Inputs, Outputs};
+use super::showing::{default_views, thumbnail, training_camera};
+use crate::cli::progress::Progress;
+use crate::cli::table::grouped;
+use crate::cli::{Error, Session, train};
+use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
+use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::measure::{make_probes, psnr_of_mse};
+use crate::model::Scene;
+use crate::pack::{
+    Candidate, Goal, Judge, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
+};
+
+/// Pictures that a scene is judged by, and their size, at the usual effort.
+const JUDGED: (usize, u32) = (12, 320);
+/// Cameras and, at the usual effort, batches of rays that sensitivities are estimated from.
+const PROBED: (usize, usize) = (64, 48);
+/// Steps of fitting a prefix, at the usual effort.
+const PREFIX_STEPS: usize = 150;
+/// A first guess at what is beside the scene: probes, prefixes, a thumbnail.
+const EXTRAS_BYTES: u64 = 40_000;
+/// A model of unknown quality is taken to be this good, in dB, where a loss in dB is asked for.
+const USUAL_PSNR: f64 = 36.0;
+
+/// Arguments of `strivec-pack pack`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  strivec-pack pack lego.strivec -o small.strivec
+  strivec-pack pack lego.strivec -o small.strivec --max-loss 0.05dB
+  strivec-pack pack 'scenes/*.strivec' -o packed --target-size 2MB")]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// The file to write, a folder for several inputs, or - for standard output
+    #[arg(long, short)]
+    output: PathBuf,
+    #[command(flatten)]
+    goal: GoalArgs,
+    #[command(flatten)]
+    data: DataArgs,
+    #[command(flatten)]
+    layout: LayoutArgs,
+    /// Rays with what they see that are written for checking readers
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    probes: u32,
+    /// Do not fit what makes up for missing scales when only the coarser ones are loaded
+    #[arg(long)]
+    no_prefixes: bool,
+    /// Write no thumbnail, and no camera and turntable to begin with
+    #[arg(long)]
+    no_views: bool,
+    /// Write the cameras that took the dataset's training photographs, too; they tell where someone stood
+    #[arg(long, requires = "data")]
+    with_cameras: bool,
+    /// The terms of the scene's use
+    #[arg(long, value_name = "TEXT")]
+    licence: Option<String>,
+    /// How many rays to judge and to fit by, in multiples of the usual number: 0.1 is quick, 4 is careful
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = effort)]
+    effort: f64,
+    /// Of every random choice
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Only say what would be written
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// Photographs to judge by.
+#[derive(Debug, clap::Args)]
+struct DataArgs {
+    /// Folder of the dataset: --max-loss is then of PSNR against its photographs, and the file says what that is
+    #[arg(long, value_name = "DATASET")]
+    data: Option<PathBuf>,
+    /// Which photographs: the S of transforms_S.json
+    #[arg(long, value_name = "S", default_value = "test", requires = "data")]
+    split: String,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
+    downscale: u32,
+    /// Only every Nth photograph, the first included
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
+    every: u32,
+}
+
+impl DataArgs {
+    /// The photographs, and what they are called.
+    fn load(&self) -> Result<Option<(Vec<View>, String)>, Error> {
+        let Some(folder) = &self.data else { return Ok(None) };
+        let options = LoadOptions { downscale: self.downscale, views: None, every: self.every as usize };
+        let Dataset { name, views } = dataset::load_blender(folder, &self.split, &options)?;
+        let mut what = format!("{name}, {} views of {}", views.len(), self.split);
+        if self.downscale > 1 {
+            what += &format!(", {} times smaller", self.downscale);
+        }
+        Ok(Some((views, what)))
+    }
+
+    fn training_cameras(&self, scene: &Scene) -> Result<Vec<TrainingCamera>, Error> {
+        let Some(folder) = &self.data else { return Ok(Vec::new()) };
+        let cameras = dataset::load_blender_cameras(&folder.join("transforms_train.json"), None, self.downscale)?;
+        Ok(cameras.iter().map(|named| training_camera(scene, &named.camera)).collect())
+    }
+}
+
+/// What a file should be.
+#[derive(Debug, clap::Args)]
+#[group(multiple = false)]
+struct GoalArgs {
+    /// Lose nothing
+    #[arg(long)]
+    lossless: bool,
+    /// Lose next to nothing, what is hardly measured, or what is hardly seen
+    #[arg(long, value_enum)]
+    quality: Option<QualityLevel>,
+    /// Lose at most this many dB of PSNR, as in 0.05dB
+    #[arg(long, value_name = "DB", value_parser = decibels)]
+    max_loss: Option<f64>,
+    /// Be at most this large, as in 2MB, 700kB or 1500000
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    target_size: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum QualityLevel {
+    /// Pictures within 60 dB of the scene's own
+    High,
+    /// Within 52 dB
+    Balanced,
+    /// Within 45 dB
+    Small,
+}
+
+impl QualityLevel {
+    /// The mean squared error that pictures may have to the scene's own.
+    fn error(self) -> f64 {
+        let psnr: f64 = match self {
+            Self::High => 60.0,
+            Self::Balanced => 52.0,
+            Self::Small => 45.0,
+        };
+        10f64.powf(-psnr / 10.0)
+    }
+}
+
+fn decibels(text: &str) -> Result<f64, String> {
+    let number = text.strip_suffix("dB").unwrap_or(text).trim();
+    match number.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err("expected a positive number of dB, as in 0.05dB".into()),
+    }
+}
+
+fn effort(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
+        _ => Err("expected a number from 0.001 to 100".into()),
+    }
+}
+
+fn size(text: &str) -> Result<u64, String> {
+    let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("KiB", 1024.0), ("MiB", 1048576.0), ("B", 1.0), ("", 1.0)];
+    let read = |(unit, bytes): (&str, f64)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * bytes);
+    match units.into_iter().find_map(read) {
+        Some(bytes) if bytes >= 1.0 && bytes.is_finite() => Ok(bytes as u64),
+        _ => Err("expected a size, as in 2MB, 700kB or 1500000".into()),
+    }
+}
+
+/// A file that was written.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "PackedFile")]
+pub(super) struct Row {
+    input: PathBuf,
+    output: PathBuf,
+    bytes_before: u64,
+    bytes: u64,
+    /// Of the parameters as 32-bit floating point.
+    percent_of_raw: f64,
+    /// PSNR in dB of a reader's pictures to those of the scene as it was; absent where nothing is lost.
+    psnr_to_before: Option<f64>,
+    /// PSNR in dB against photographs, before and after.
+    psnr_to_photographs: Option<[f64; 2]>,
+    /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
+    psnr_of_prefixes: Vec<f64>,
+}
+
+impl Args {
+    /// Width of the pictures that a scene is judged by.
+    fn judged_width(&self) -> u32 {
+        (f64::from(JUDGED.1) * self.effort.sqrt()).ceil() as u32
+    }
+
+    /// As many of `usual` as the effort asks for.
+    fn as_many(&self, usual: usize) -> usize {
+        (usual as f64 * self.effort).ceil() as usize
+    }
+}
+
+impl Row {
+    fn text(rows: &[Self]) -> String {
+        let line = |row: &Self| {
+            let loss = match row.psnr_to_before {
+                Some(psnr) => format!("pictures within {psnr:.1} dB of the scene's own"),
+                None => "nothing lost".to_owned(),
+            };
+            let sizes = format!("{} -> {} bytes", grouped(row.bytes_before), grouped(row.bytes));
+            let photographs = row.psnr_to_photographs.map_or_else(String::new, |[before, after]| {
+                format!(", {before:.3} -> {after:.3} dB against photographs")
+            });
+            format!("{}: {sizes} ({:.1} % of raw), {loss}{photographs}\n", row.output.display(), row.percent_of_raw)
+        };
+        rows.iter().map(line).collect()
+    }
+}
+
+/// Packs files.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let paths = args.inputs.paths()?;
+    let outputs = Outputs::new(&paths, &args.output, args.dry_run, session)?;
+    let photographs = args.data.load()?;
+    let mut rows = Vec::new();
+    for path in &paths {
+        let (document, bytes_before) = read_trained(path, args.inputs.limits.limits())?;
+        let raw = 4 * document.scene.parameter_count();
+        let (bytes, quality) = pack(document, args, photographs.as_ref(), session, path)?;
+        let output = outputs.write(path, &bytes)?;
+        rows.push(Row {
+            input: path.clone(),
+            output,
+            bytes_before,
+            bytes: bytes.len() as u64,
+            percent_of_raw: 100.0 * bytes.len() as f64 / raw as f64,
+            psnr_to_before: quality.encoded,
+            psnr_to_photographs: quality.test_before.zip(quality.test).map(|(before, after)| [before, after]),
+            psnr_of_prefixes: quality.prefixes.into_iter().flatten().collect(),
+        });
+    }
+    if outputs.takes_standard_output() { Ok(()) } else { session.console.result(&rows, |rows| Row::text(rows)) }
+}
+
+/// What a scene file or a training state holds, and its bytes.
+fn read_trained(path: &Path, limits: Limits) -> Result<(Document, u64), Error> {
+    if path.extension().is_some_and(|e| e == "state") {
+        let (_, scene) = train::read_state(path)?;
+        let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
+        return Ok((Document { scene, extras: Extras::default() }, bytes));
+    }
+    let (document, bytes) = input::read(path, limits)?;
+    Ok((document, bytes.len() as u64))
+}
+
+/// The file, and what was measured of it.
+fn pack(
+    document: Document,
+    args: &Args,
+    photographs: Option<&(Vec<View>, String)>,
+    session: &Session,
+    path: &Path,
+) -> Result<(Vec<u8>, Quality), Error> {
+    let Document { scene, mut extras } = document;
+    if args.with_cameras {
+        extras.cameras = args.data.training_cameras(&scene)?;
+    }
+    let packing = Packing {
+        views: probe_views(&scene, &extras.cameras, PROBED.0, args.judged_width()),
+        own: Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, args.judged_width())),
+        real: photographs.map(|(views, what)| {
+            let judge = Judge::of_photographs(&scene, views);
+            let before = judge.error(&scene);
+            (judge, before, what.as_str())
+        }),
+        scene,
+        extras,
+        args,
+        session,
+    };
+    if args.goal.lossless {
+        let options = args.layout.apply(lossless(&args.layout))?;
+        let scene = packing.scene.clone();
+        let whole = Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options };
+        return packing.finish(&whole, path);
+    }
+    session.console.say("what each number is worth");
+    let sensitivity = sensitivity(&packing.scene, &packing.views, args.as_many(PROBED.1), args.seed);
+    let mut reserved = args.goal.target_size.map_or(0, |target| EXTRAS_BYTES.min(target / 4));
+    loop {
+        let candidate = packing.find(&sensitivity, reserved)?;
+        let candidate = candidate
+            .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?;
+        let (bytes, quality) = packing.finish(&candidate, path)?;
+        match args.goal.target_size.map(|target| bytes.len() as u64 - target.min(bytes.len() as u64)) {
+            // What is beside the scene is known now.
+            Some(excess) if excess > 0 => reserved += excess + EXTRAS_BYTES / 64,
+            _ => return Ok((bytes, quality)),
+        }
+    }
+}
+
+/// What is known before anything is lost.
+struct Packing<'a> {
+    scene: Scene,
+    extras: Extras,
+    views: Views,
+    /// The scene's own pictures.
+    own: Judge,
+    /// Photographs, the scene's error to them, and what they are called.
+    real: Option<(Judge, f64, &'a str)>,
+    args: &'a Args,
+    session: &'a Session,
+}
+
+impl Packing<'_> {
+    /// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
+    fn find(&self, sensitivity: &Sensitivity, reserved: u64) -> Result<Option<Candidate>, Error> {
+        let args = &self.args.goal;
+        // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
+        let (judge, goal) = match (&self.real, args.max_loss) {
+            (Some((judge, before, _)), Some(loss)) => (judge, Goal::Error(before * 10f64.powf(loss / 10.0))),
+            _ => (&self.own, goal(args, &self.extras)),
+        };
+        let progress = Progress::start(&self.session.console, "encodings", 10);
+        let mut count = 0;
+        let mut tried = |candidate: &Candidate| {
+            count += 1;
+            let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
+            progress.set(count, || detail.clone());
+        };
+        let found = search(&self.scene, sensitivity, judge, goal, reserved, &mut tried);
+        found.map_err(|e| Error::Runtime(e.to_string()))
+    }
+
+    /// The file of `candidate` with everything that belongs to it.
+    fn finish(&self, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
+        let Candidate { scene, decoded, options, .. } = candidate;
+        let options = self.args.layout.apply(options.clone())?;
+        let mut extras = self.extras.clone();
+        let prefix_psnrs = self.fit_prefixes(decoded, &mut extras);
+        extras.probes = (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
+        extras.licence = self.args.licence.clone().or(extras.licence);
+        if !self.args.no_views {
+            extras.views = extras.views.or_else(|| Some(default_views(decoded)));
+            extras.thumbnail = Some(thumbnail(decoded)?);
+        }
+        let mut quality = extras.quality.take().unwrap_or_default();
+        let error = self.own.error(decoded);
+        quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
+        quality.prefixes = prefix_psnrs;
+        if let Some((judge, before, what)) = &self.real {
+            quality.test_before = Some(psnr_of_mse(*before));
+            quality.test = Some(psnr_of_mse(judge.error(decoded)));
+            quality.dataset = (*what).to_owned();
+        }
+        extras.quality = Some(quality.clone());
+        let bytes = container::encode_document(scene, &extras, &options).map_err(|e| Error::container(path, e))?;
+        Ok((bytes, quality))
+    }
+
+    /// Fits the corrections of prefixes of `decoded` into `extras`; \[scale\] the PSNR of their pictures, nothing for the
+    /// last.
+    fn fit_prefixes(&self, decoded: &Scene, extras: &mut Extras) -> Vec<Option<f64>> {
+        extras.prefixes.clear();
+        let scales = decoded.scales.len();
+        if self.args.no_prefixes || scales == 1 {
+            return Vec::new();
+        }
+        let judge = Judge::new(decoded, probe_views(decoded, &extras.cameras, 4, self.args.judged_width()));
+        let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
+        let mut psnrs = Vec::new();
+        for count in 1..scales {
+            let prefix = fit_prefix(decoded, count, &self.views, self.args.as_many(PREFIX_STEPS), self.args.seed);
+            let mut part = beginning(decoded, count);
+            prefix.apply(&mut part);
+            let psnr = psnr_of_mse(judge.error(&part));
+            psnrs.push(Some(psnr));
+            extras.prefixes.push(Some(prefix));
+            progress.set(count as u64, || format!("{psnr:.1} dB"));
+        }
+        extras.prefixes.push(None);
+        psnrs.push(None);
+        psnrs
+    }
+}
+
+fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
+    if let Some(bytes) = args.target_size {
+        return Goal::Bytes(bytes);
+    }
+    if let Some(loss) = args.max_loss {
+        // Errors of encoding and of the model add up, being independent.
+        let known = extras.quality.as_ref().and_then(|q| q.test);
+        let model = 10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0);
+        return Goal::Error(model * (10f64.powf(loss / 10.0) - 1.0));
+    }
+    Goal::Error(args.quality.unwrap_or(QualityLevel::Balanced).error())
+}

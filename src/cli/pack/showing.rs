@@ -1,0 +1,46 @@
+//! What a packed file says about how to look at it.
+
+use glam::DQuat;
+
+use crate::cli::Error;
+use crate::cli::render::colors;
+use crate::cli::viewpoints::Viewpoints;
+use crate::container::{Pose, Thumbnail, ThumbnailFormat, TrainingCamera, Views};
+use crate::geometry::Camera;
+use crate::measure::color_png;
+use crate::model::Scene;
+use crate::render::{CpuRenderer, Renderer};
+
+/// Edge of a thumbnail in pixels.
+const THUMBNAIL: u32 = 256;
+/// Poses of a turntable, and how long it takes to go round.
+const TURNTABLE: (u32, f64) = (36, 12.0);
+
+/// A camera that sees all of the scene, and a turntable.
+pub(super) fn default_views(scene: &Scene) -> Views {
+    let (count, seconds) = TURNTABLE;
+    let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, count, [THUMBNAIL; 2]);
+    let path: Vec<Pose> = cameras.iter().map(|camera| pose(&camera.mapped(&scene.frame.model_from_dataset))).collect();
+    let angle_of_view = 2.0 * (0.5 * f64::from(THUMBNAIL) / cameras[0].focal[1]).atan();
+    Views { angle_of_view, first: path[0], center: scene.bounds.center(), seconds, is_closed: true, path }
+}
+
+/// What the first of [`default_views`] sees.
+pub(super) fn thumbnail(scene: &Scene) -> Result<Thumbnail, Error> {
+    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [THUMBNAIL; 2]);
+    let picture = CpuRenderer::<f32>::new(scene).render(&camera.mapped(&scene.frame.model_from_dataset));
+    let size = [picture.width, picture.height];
+    let file = color_png(size, &colors(&picture))?;
+    Ok(Thumbnail { format: ThumbnailFormat::Png, size: size.map(|n| n as u16), file })
+}
+
+/// As the file holds a dataset's camera.
+pub(super) fn training_camera(scene: &Scene, camera: &Camera) -> TrainingCamera {
+    let camera = camera.mapped(&scene.frame.model_from_dataset);
+    let size = [camera.width, camera.height];
+    TrainingCamera { pose: pose(&camera), focal: camera.focal, principal: camera.principal, size }
+}
+
+fn pose(camera: &Camera) -> Pose {
+    Pose { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera).normalize() }
+}

@@ -1,0 +1,148 @@
+//! `strivec-pack verify`.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::input::{self, Inputs};
+use crate::cli::{Error, Session};
+use crate::container::{Document, Limits};
+use crate::measure::{ProbeReport, check_probes, probe_density_error};
+use crate::render::{CpuRenderer, ReferenceRenderer, Renderer};
+
+/// Arguments of `strivec-pack verify`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  strivec-pack verify --render lego.strivec")]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+    /// Recompute the file's probes with every renderer there is
+    #[arg(long)]
+    render: bool,
+    /// Take warnings for errors
+    #[arg(long)]
+    strict: bool,
+}
+
+/// What became of a file.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "VerifiedFile")]
+pub(super) struct Row {
+    file: PathBuf,
+    /// The first error; absent where there is none.
+    error: Option<String>,
+    warnings: Vec<String>,
+    renderers: Vec<RendererRow>,
+}
+
+/// How a renderer compares with the probes.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "RendererCheck")]
+struct RendererRow {
+    renderer: &'static str,
+    probes: usize,
+    compared: usize,
+    failed: usize,
+    largest_color_difference: f64,
+    largest_depth_difference: f64,
+}
+
+/// Checks files; all of them, before the first error ends the command.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (mut rows, mut first) = (Vec::new(), None);
+    for path in args.inputs.paths()? {
+        let (row, error) = verify(&path, args, args.inputs.limits.limits());
+        first = first.or(error);
+        rows.push(row);
+    }
+    session.console.result(&rows, |rows| rows.iter().map(Row::text).collect())?;
+    first.map_or(Ok(()), Err)
+}
+
+fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
+    let mut row = Row { file: path.into(), error: None, warnings: Vec::new(), renderers: Vec::new() };
+    let document = match input::read(path, limits) {
+        Ok((document, _)) => document,
+        Err(error) => {
+            row.error = Some(error.to_string());
+            return (row, Some(error));
+        }
+    };
+    row.warnings = warnings(&document);
+    let mut failed = Vec::new();
+    if args.render
+        && let Some(probes) = &document.extras.probes
+    {
+        let reference = ReferenceRenderer::new(&document.scene);
+        let fast = CpuRenderer::<f32>::new(&document.scene);
+        let renderers: [(&'static str, &dyn Renderer); 2] = [("reference", &reference), ("cpu", &fast)];
+        for (name, renderer) in renderers {
+            let ProbeReport { compared, count, largest_color_difference, largest_depth_difference, failed: wrong } =
+                check_probes(renderer, probes);
+            if wrong > 0 {
+                failed.push(format!("{wrong} of {compared} probes are beyond their tolerance in renderer {name}"));
+            }
+            row.renderers.push(RendererRow {
+                renderer: name,
+                probes: count,
+                compared,
+                failed: wrong,
+                largest_color_difference,
+                largest_depth_difference,
+            });
+        }
+        let error = probe_density_error(&document.scene, probes);
+        if error > probes.density_tolerance {
+            failed
+                .push(format!("density features are {error:e} from the probes', beyond {}", probes.density_tolerance));
+        }
+    }
+    if args.strict {
+        failed.append(&mut row.warnings);
+    }
+    let Some(message) = failed.into_iter().next() else { return (row, None) };
+    row.error = Some(format!("{}: {message}", path.display()));
+    let error = row.error.clone().map(Error::Malformed);
+    (row, error)
+}
+
+/// What is allowed and yet not what a careful writer does.
+fn warnings(document: &Document) -> Vec<String> {
+    let extras = &document.extras;
+    let mut warnings = Vec::new();
+    match &extras.probes {
+        None => warnings.push("no probes: pictures cannot be checked".into()),
+        Some(probes) if probes.probes.len() < 64 => {
+            warnings.push(format!("{} probes, where 64 are usual", probes.probes.len()));
+        }
+        Some(_) => {}
+    }
+    if document.scene.scales.len() > 1 && extras.prefixes.iter().all(Option::is_none) {
+        warnings.push("no corrections of prefixes: fewer scales will look wrong".into());
+    }
+    if document.scene.occupancy.is_none() {
+        warnings.push("no occupancy: rendering will be slow".into());
+    }
+    warnings.extend(extras.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));
+    warnings
+}
+
+impl Row {
+    fn text(&self) -> String {
+        let mut text = match &self.error {
+            None => format!("{}: fine\n", self.file.display()),
+            Some(error) => format!("{error}\n"),
+        };
+        for row in &self.renderers {
+            let RendererRow { renderer, probes, compared, .. } = row;
+            let (color, depth) = (row.largest_color_difference, row.largest_depth_difference);
+            text += &format!(
+                "  {renderer}: {compared} of {probes} probes compared, colour {color:.1e}, depth {depth:.1e}\n"
+            );
+        }
+        for warning in &self.warnings {
+            text += &format!("  warning: {warning}\n");
+        }
+        text
+    }
+}

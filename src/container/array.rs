@@ -1,0 +1,407 @@
+//! Arrays of numbers in groups (format-spec/v1.md, section "Arrays of numbers"): as floats, as integers on a grid of
+//! each group's own step, or as integers for the cosine transform of each group.
+
+use std::fmt::Display;
+
+use half::f16;
+
+use super::cosine::CosineTransform;
+use super::limits::{self, Budget};
+use super::payload::Body;
+use super::{Error, records};
+
+/// How an array's numbers are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// As they are.
+    F32,
+    /// Rounded to half precision, to nearest, ties to even: a relative error of at most 2^-11 down to 6.1e-5, an
+    /// absolute one of at most 3e-8 below. A number that would round to infinity is an error.
+    F16,
+    /// Integers of these bits (8, 6, 5, 4 or 3) times a step of each group's own.
+    Grid(u8),
+    /// 16-bit integers times a step of each group's own, for the coefficients of its cosine transform.
+    Cosine,
+}
+
+/// How the integers or floats are arranged before they are compressed. Loses nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Filter {
+    /// As they are.
+    #[default]
+    None,
+    /// All first bytes, then all second bytes, and so on.
+    Planes,
+    /// Each integer less its predecessor in the group.
+    Differences,
+}
+
+/// How an array is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ArrayOptions {
+    /// As floats or integers.
+    pub encoding: Encoding,
+    /// In which arrangement.
+    pub filter: Filter,
+}
+
+impl ArrayOptions {
+    /// `encoding` in the arrangement that compresses best on trained scenes.
+    pub fn best(encoding: Encoding) -> Self {
+        let filter = match encoding {
+            Encoding::F32 | Encoding::F16 | Encoding::Cosine => Filter::Planes,
+            Encoding::Grid(_) => Filter::None,
+        };
+        Self { encoding, filter }
+    }
+}
+
+/// The widths of [`Encoding::Grid`].
+pub const GRID_BITS: [u8; 5] = [8, 6, 5, 4, 3];
+
+/// M of the specification: 2^(j/8) in f32.
+const MANTISSAS: [u32; 8] =
+    [0x3f80_0000, 0x3f8b_95c2, 0x3f98_37f0, 0x3fa5_fed7, 0x3fb5_04f3, 0x3fc5_672a, 0x3fd7_44fd, 0x3fea_c0c7];
+/// The exponent of step code 1.
+const LOWEST_EXPONENT: i32 = -24;
+
+/// The step that `code` stands for.
+pub fn step(code: u8) -> f32 {
+    let Some(code) = code.checked_sub(1) else { return 0.0 };
+    let exponent = LOWEST_EXPONENT + i32::from(code / 8);
+    f32::from_bits(MANTISSAS[usize::from(code % 8)]) * f32::from_bits(((127 + exponent) as u32) << 23)
+}
+
+/// The code of the smallest step that is at least `step`; the largest there is where none is.
+pub fn step_code(step: f32) -> u8 {
+    let at_least = |code: u8| self::step(code) >= step;
+    let (mut low, mut high) = (0, u8::MAX);
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if at_least(middle) { high = middle } else { low = middle + 1 }
+    }
+    low
+}
+
+/// The largest integer of a grid.
+fn largest(bits: u8) -> f32 {
+    ((1u32 << (bits - 1)) - 1) as f32
+}
+
+impl Encoding {
+    fn codes(self) -> (u8, u8) {
+        match self {
+            Self::F32 => (0, 0),
+            Self::F16 => (1, 0),
+            Self::Grid(bits) => (2, bits),
+            Self::Cosine => (3, 16),
+        }
+    }
+
+    fn of_head(place: &dyn Display, head: &records::ArrayHead) -> Result<Self, Error> {
+        let unsupported = |what: &str, code| Err(Error::unsupported(format!("{place} {what}"), format!("code {code}")));
+        match (head.encoding, head.bits) {
+            (0, 0) => Ok(Self::F32),
+            (1, 0) => Ok(Self::F16),
+            (2, bits) if GRID_BITS.contains(&bits) => Ok(Self::Grid(bits)),
+            (3, 16) => Ok(Self::Cosine),
+            (0..=3, bits) => unsupported("bits", bits),
+            (code, _) => unsupported("encoding", code),
+        }
+    }
+
+    /// Whether components run slowest, so that each vector is a group.
+    pub(super) fn is_by_group(self) -> bool {
+        matches!(self, Self::Grid(_) | Self::Cosine)
+    }
+
+    /// Bytes of an array of `numbers` numbers in `groups` groups.
+    pub(super) fn length(self, groups: u64, numbers: u64) -> u64 {
+        match self {
+            Self::F32 => 4 * numbers,
+            Self::F16 => 2 * numbers,
+            Self::Grid(_) => groups + numbers,
+            Self::Cosine => groups + 2 * numbers,
+        }
+    }
+
+    /// The steps that lose least: for a grid the smallest that reach each group's largest number.
+    fn finest_steps<'a>(self, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
+        let Self::Grid(bits) = self else { return groups.map(|_| step_code(0.0)).collect() };
+        let of_group = |group: &[f32]| group.iter().fold(0.0f32, |m, v| m.max(v.abs())) / largest(bits);
+        groups.map(|group| step_code(of_group(group))).collect()
+    }
+}
+
+/// An array that is ready for a file.
+pub(super) struct Written {
+    pub(super) head: records::ArrayHead,
+    pub(super) body: Vec<u8>,
+}
+
+/// Writes `values`, cut into groups of `lengths`; `steps` holds the groups' step codes, or is `None` where the finest
+/// that fit are wanted.
+pub(super) fn write(
+    place: &dyn Display,
+    values: &[f32],
+    lengths: impl Iterator<Item = usize> + Clone,
+    ArrayOptions { encoding, filter }: ArrayOptions,
+    steps: Option<&[u8]>,
+) -> Result<Written, Error> {
+    let (code, bits) = encoding.codes();
+    let filter_code = match filter {
+        Filter::None => 0,
+        Filter::Planes => 1,
+        Filter::Differences => 2,
+    };
+    let mut body = Vec::with_capacity(encoding.length(lengths.clone().count() as u64, values.len() as u64) as usize);
+    let head = |error| records::ArrayHead { encoding: code, bits, filter: filter_code, reserved: 0, error };
+    check_filter(place, encoding, filter)?;
+    match encoding {
+        Encoding::F32 => body.extend(values.iter().flat_map(|v| v.to_le_bytes())),
+        Encoding::F16 => {
+            for (i, &value) in values.iter().enumerate() {
+                let half = f16::from_f32(value);
+                if half.is_infinite() {
+                    return Err(Error::HalfOverflow { place: format!("{place} entry {i}"), value });
+                }
+                body.extend(half.to_le_bytes());
+            }
+        }
+        Encoding::Grid(_) | Encoding::Cosine => {
+            let found;
+            let steps = match steps {
+                Some(steps) => steps,
+                None => {
+                    found = encoding.finest_steps(groups_of(values, lengths.clone()));
+                    &found
+                }
+            };
+            body.extend_from_slice(steps);
+            let mut cosines = Cosines::default();
+            let mut integers = Vec::new();
+            for (group, &code) in groups_of(values, lengths.clone()).zip(steps) {
+                let step = step(code);
+                match encoding {
+                    Encoding::Grid(bits) => round_to_grid(group, step, largest(bits), &mut integers),
+                    _ => round_to_grid(cosines.forward(group), step, f32::from(i16::MAX), &mut integers),
+                }
+                write_integers(&integers, encoding, filter, &mut body);
+            }
+        }
+    }
+    let floats_at = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
+    if filter == Filter::Planes {
+        to_planes(&mut body[floats_at..], encoding.width());
+    }
+    let mut written = Written { head: head(0.0), body };
+    let read = read(place, &written.head, &written.body, lengths)?;
+    let error = read.iter().zip(values).map(|(r, v)| (f64::from(*r) - f64::from(*v)).abs()).fold(0.0, f64::max);
+    // Rounded up, so that the bound holds.
+    written.head.error = if error == 0.0 { 0.0 } else { (error as f32).next_up() };
+    Ok(written)
+}
+
+/// The numbers of the array that is the whole of `body`.
+pub(super) fn read_body(
+    body: &Body<'_>,
+    head: &records::ArrayHead,
+    lengths: impl Iterator<Item = usize> + Clone,
+    budget: &mut Budget,
+) -> Result<Vec<f32>, Error> {
+    let (encoding, _) = of_head(body.section, head)?;
+    let (groups, numbers) = count(lengths.clone());
+    // The numbers, and the integers in another arrangement.
+    budget.spend(body.section, 8 * numbers)?;
+    let bytes = body.decode(encoding.length(groups, numbers), budget)?;
+    read(body.section, head, &bytes, lengths)
+}
+
+/// Groups and numbers.
+pub(super) fn count(lengths: impl Iterator<Item = usize>) -> (u64, u64) {
+    lengths.fold((0, 0), |(groups, numbers), length| (groups + 1, numbers + length as u64))
+}
+
+/// The numbers of `body`, whose length the caller has checked against [`Encoding::length`].
+pub(super) fn read(
+    place: &dyn Display,
+    head: &records::ArrayHead,
+    body: &[u8],
+    lengths: impl Iterator<Item = usize> + Clone,
+) -> Result<Vec<f32>, Error> {
+    let (encoding, filter) = of_head(place, head)?;
+    let groups = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
+    let (steps, numbers) = body.split_at(groups);
+    let numbers: std::borrow::Cow<[u8]> = match filter {
+        Filter::Planes => from_planes(numbers, encoding.width()).into(),
+        _ => numbers.into(),
+    };
+    let mut values = Vec::with_capacity(numbers.len() / encoding.width());
+    match encoding {
+        Encoding::F32 => values.extend(numbers.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b))),
+        Encoding::F16 => values.extend(numbers.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32())),
+        Encoding::Grid(bits) => {
+            let mut at = 0;
+            for (n, (length, &code)) in lengths.zip(steps).enumerate() {
+                let step = step(code);
+                let most = largest(bits) as i8;
+                let mut previous = 0i8;
+                for &byte in &numbers[at..at + length] {
+                    let q = if filter == Filter::Differences { previous.wrapping_add(byte as i8) } else { byte as i8 };
+                    if q.unsigned_abs() > most.unsigned_abs() || (code == 0 && q != 0) {
+                        let expected = if code == 0 { "0".into() } else { format!("-{most} to {most}") };
+                        return Err(Error::malformed(format!("{place} integer of group {n}"), expected, q));
+                    }
+                    previous = q;
+                    values.push(step * f32::from(q));
+                }
+                at += length;
+            }
+        }
+        Encoding::Cosine => {
+            let integers = numbers.as_chunks::<2>().0;
+            let (mut cosines, mut coefficients, mut at) = (Cosines::default(), Vec::new(), 0);
+            for length in lengths.clone() {
+                limits::check(format!("{place} numbers of a group"), limits::COSINE_LENGTH, length)?;
+            }
+            for (n, (length, &code)) in lengths.zip(steps).enumerate() {
+                let step = step(code);
+                coefficients.clear();
+                coefficients
+                    .extend(integers[at..at + length].iter().map(|&b| step * from_zigzag(u16::from_le_bytes(b))));
+                if code == 0 && integers[at..at + length].iter().any(|b| *b != [0; 2]) {
+                    return Err(Error::malformed(format!("{place} integers of group {n}"), 0, "others"));
+                }
+                values.extend_from_slice(cosines.inverse(&coefficients));
+                at += length;
+            }
+        }
+    }
+    Ok(values)
+}
+
+/// What an array head says.
+pub(super) fn of_head(place: &dyn Display, head: &records::ArrayHead) -> Result<(Encoding, Filter), Error> {
+    let encoding = Encoding::of_head(place, head)?;
+    let filter = match head.filter {
+        0 => Filter::None,
+        1 => Filter::Planes,
+        2 => Filter::Differences,
+        code => return Err(Error::unsupported(format!("{place} filter"), format!("code {code}"))),
+    };
+    check_filter(place, encoding, filter)?;
+    Error::unless_equal(format!("{place} reserved field"), 0, head.reserved)?;
+    let valid = head.error.is_finite() && head.error >= 0.0 && (encoding != Encoding::F32 || head.error == 0.0);
+    if !valid {
+        return Err(Error::malformed(format!("{place} error"), "a finite number from 0, 0 for f32", head.error));
+    }
+    Ok((encoding, filter))
+}
+
+fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Result<(), Error> {
+    let fits = match filter {
+        Filter::None => true,
+        Filter::Planes => encoding.width() > 1,
+        Filter::Differences => matches!(encoding, Encoding::Grid(_)),
+    };
+    if fits {
+        return Ok(());
+    }
+    Err(Error::malformed(format!("{place} filter"), "one that fits its encoding", format!("{filter:?}")))
+}
+
+impl Encoding {
+    /// Bytes of a number.
+    pub(super) fn width(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 | Self::Cosine => 2,
+            Self::Grid(_) => 1,
+        }
+    }
+}
+
+/// Transforms for the lengths that have come up.
+#[derive(Default)]
+struct Cosines {
+    known: Vec<(usize, CosineTransform)>,
+    result: Vec<f32>,
+}
+
+impl Cosines {
+    fn of(&mut self, length: usize) -> (&CosineTransform, &mut Vec<f32>) {
+        let at = self.known.iter().position(|k| k.0 == length).unwrap_or_else(|| {
+            self.known.push((length, CosineTransform::new(length)));
+            self.known.len() - 1
+        });
+        (&self.known[at].1, &mut self.result)
+    }
+
+    fn forward(&mut self, values: &[f32]) -> &[f32] {
+        let (transform, result) = self.of(values.len());
+        transform.forward(values, result);
+        &self.result
+    }
+
+    fn inverse(&mut self, coefficients: &[f32]) -> &[f32] {
+        let (transform, result) = self.of(coefficients.len());
+        transform.inverse(coefficients, result);
+        &self.result
+    }
+}
+
+/// `values` cut into groups.
+fn groups_of(values: &[f32], lengths: impl Iterator<Item = usize>) -> impl Iterator<Item = &[f32]> {
+    let mut rest = values;
+    lengths.map(move |length| {
+        let (group, after) = rest.split_at(length);
+        rest = after;
+        group
+    })
+}
+
+fn round_to_grid(values: &[f32], step: f32, largest: f32, integers: &mut Vec<i16>) {
+    integers.clear();
+    if step == 0.0 {
+        integers.resize(values.len(), 0);
+    } else {
+        integers.extend(values.iter().map(|v| (v / step).round_ties_even().clamp(-largest, largest) as i16));
+    }
+}
+
+fn write_integers(integers: &[i16], encoding: Encoding, filter: Filter, body: &mut Vec<u8>) {
+    if encoding == Encoding::Cosine {
+        body.extend(integers.iter().flat_map(|&q| to_zigzag(q).to_le_bytes()));
+        return;
+    }
+    let mut previous = 0;
+    for &q in integers {
+        body.push(q.wrapping_sub(previous) as u8);
+        if filter == Filter::Differences {
+            previous = q;
+        }
+    }
+}
+
+fn to_zigzag(q: i16) -> u16 {
+    ((q << 1) ^ (q >> 15)) as u16
+}
+
+fn from_zigzag(z: u16) -> f32 {
+    f32::from((z >> 1) as i16 ^ -((z & 1) as i16))
+}
+
+fn to_planes(bytes: &mut [u8], width: usize) {
+    let numbers = bytes.len() / width;
+    let interleaved = bytes.to_vec();
+    for (i, number) in interleaved.chunks_exact(width).enumerate() {
+        for (plane, &byte) in number.iter().enumerate() {
+            bytes[plane * numbers + i] = byte;
+        }
+    }
+}
+
+fn from_planes(bytes: &[u8], width: usize) -> Vec<u8> {
+    let numbers = bytes.len() / width;
+    (0..numbers).flat_map(|i| (0..width).map(move |plane| bytes[plane * numbers + i])).collect()
+}

@@ -1,0 +1,89 @@
+//! One section's bytes: a record, then a body on the next 64th byte.
+
+use std::borrow::Cow;
+
+use bincode::BorrowDecode;
+
+use super::limits::{self, Budget};
+use super::records::{self, Limits};
+use super::section::Section;
+use super::{Codec, Error, codec, table};
+
+/// The payload of a section, as it is in the file.
+pub(super) struct Payload<'a> {
+    /// Its entry in the table.
+    pub(super) section: &'a Section,
+    bytes: &'a [u8],
+}
+
+/// The part of a payload behind its record, still encoded.
+pub(super) struct Body<'a> {
+    pub(super) section: &'a Section,
+    stored: &'a [u8],
+    /// Bytes that the table declares for it, once decoded.
+    pub(super) length: u64,
+}
+
+impl<'a> Payload<'a> {
+    /// Checks that these are the bytes that were written.
+    pub(super) fn new(section: &'a Section, bytes: &'a [u8]) -> Result<Self, Error> {
+        let found = crc32fast::hash(bytes);
+        if found == section.checksum {
+            return Ok(Self { section, bytes });
+        }
+        let range = section.offset..section.offset + section.length;
+        Err(Error::Corrupt { section: section.to_string(), range, expected: section.checksum, found })
+    }
+
+    /// All of it.
+    pub(super) fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// The record of a section that has no body.
+    pub(super) fn record<T: BorrowDecode<'a, ()> + Limits>(&self) -> Result<T, Error> {
+        Error::unless_equal(format!("{} codec", self.section), Codec::Stored, self.section.codec)?;
+        records::read_whole(self.section, self.bytes)
+    }
+
+    /// The record, and the body behind it.
+    pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Limits>(&self) -> Result<(T, Body<'a>), Error> {
+        let (record, rest) = records::read(self.section, self.bytes)?;
+        Ok((record, self.body_after(self.bytes.len() - rest.len())?))
+    }
+
+    /// The body of a section that has no record.
+    pub(super) fn body(&self) -> Result<Body<'a>, Error> {
+        self.body_after(0)
+    }
+
+    fn body_after(&self, record: usize) -> Result<Body<'a>, Error> {
+        let section = self.section;
+        let start = table::aligned(record as u64).filter(|&start| start <= self.bytes.len() as u64);
+        let start = start
+            .ok_or_else(|| Error::malformed(format!("{section} length"), "padding up to the body", self.bytes.len()))?;
+        Error::unless_zero(format!("{section} padding before the body"), &self.bytes[record..start as usize])?;
+        let length = section.decoded_length.checked_sub(start).ok_or_else(|| {
+            Error::malformed(format!("{section} decoded length"), format!("at least {start}"), section.decoded_length)
+        })?;
+        Ok(Body { section, stored: &self.bytes[start as usize..], length })
+    }
+}
+
+impl<'a> Body<'a> {
+    /// The decoded body, which must have `length` bytes, as its record implies.
+    pub(super) fn decode(&self, length: u64, budget: &mut Budget) -> Result<Cow<'a, [u8]>, Error> {
+        let place = format!("{} body length", self.section);
+        Error::unless_equal(&place, length, self.length)?;
+        match self.section.codec {
+            Codec::Stored => Ok(Cow::Borrowed(self.stored)),
+            Codec::Zstd => {
+                budget.spend(self.section, length)?;
+                // Only where addresses have 32 bits can this fail.
+                limits::check(&place, 0..=usize::MAX as u64, length)?;
+                codec::decompress(self.section, self.stored, length as usize).map(Cow::Owned)
+            }
+            Codec::Other(_) => Err(Error::unsupported(self.section, self.section.codec)),
+        }
+    }
+}

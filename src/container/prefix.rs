@@ -1,0 +1,86 @@
+//! PREFIX: how a scene of the first scales alone is corrected.
+
+use super::array::{self, ArrayOptions};
+use super::limits::Budget;
+use super::payload::Payload;
+use super::section::SectionKind;
+use super::writer::{Place, Writer};
+use super::{Error, records};
+use crate::model::Scene;
+
+/// What makes up for the scales that are missing (DESIGN, section 3).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prefix {
+    /// The density feature is multiplied by this, and then this is added.
+    pub gain: f64,
+    /// See `gain`.
+    pub offset: f64,
+    /// P.
+    pub features: u32,
+    /// \[scale\] the appearance matrices, \[P\]\[R\] each, that take the place of the scales' own.
+    pub matrices: Vec<Vec<f32>>,
+}
+
+impl Prefix {
+    /// Corrects `scene`, which has as many scales as this has matrices.
+    pub fn apply(&self, scene: &mut Scene) {
+        scene.rules.density_shift += self.offset;
+        for (scale, matrix) in scene.scales.iter_mut().zip(&self.matrices) {
+            scale.appearance_matrix.weights.clone_from(matrix);
+            // Density is linear in each axis's vectors.
+            let rank = scale.factors.density_rank as usize;
+            let rows = crate::model::Factors::rows(scale.cloud.resolution);
+            let first = (scale.cloud.resolution[0] as usize + 1) * rank;
+            for tensor in scale.factors.density.chunks_exact_mut(rows * rank) {
+                tensor[..first].iter_mut().for_each(|v| *v = (f64::from(*v) * self.gain) as f32);
+            }
+        }
+    }
+}
+
+pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: ArrayOptions) -> Result<(), Error> {
+    let name = format!("PREFIX of scale {scale}");
+    let features = prefix.features as usize;
+    let ranks: Vec<usize> = prefix.matrices.iter().map(|m| m.len() / features.max(1)).collect();
+    let sum: usize = ranks.iter().sum();
+    let mut weights = Vec::with_capacity(features * sum);
+    for p in 0..features {
+        for (matrix, &rank) in prefix.matrices.iter().zip(&ranks) {
+            weights.extend_from_slice(&matrix[p * rank..][..rank]);
+        }
+    }
+    let written = array::write(&name, &weights, std::iter::repeat_n(sum, features), options, None)?;
+    let record = records::Prefix {
+        gain: prefix.gain,
+        offset: prefix.offset,
+        features: prefix.features,
+        rank: sum.try_into().unwrap_or(u32::MAX),
+        head: written.head,
+    };
+    writer.compressed(Place::of_scale(SectionKind::Prefix, scale), records::write(&name, &record)?, &written.body)
+}
+
+/// `ranks` are the appearance ranks of the scales that it corrects, whose matrices have `features` rows.
+pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: &mut Budget) -> Result<Prefix, Error> {
+    let name = payload.section;
+    let (record, body): (records::Prefix, _) = payload.record_and_body()?;
+    Error::unless_equal(format!("{name} features"), features, record.features)?;
+    Error::unless_equal(format!("{name} sum of ranks"), ranks.iter().sum(), record.rank)?;
+    if !(record.gain.is_finite() && record.gain > 0.0 && record.offset.is_finite()) {
+        let found = format!("{} and {}", record.gain, record.offset);
+        return Err(Error::malformed(format!("{name} gain and offset"), "a positive and a finite number", found));
+    }
+    let rows = std::iter::repeat_n(record.rank as usize, features as usize);
+    let weights = array::read_body(&body, &record.head, rows, budget)?;
+    if weights.iter().any(|w| !w.is_finite()) {
+        return Err(Error::malformed(format!("{name} matrices"), "finite numbers", "others"));
+    }
+    let mut first = 0;
+    let mut matrices = Vec::with_capacity(ranks.len());
+    for &rank in ranks {
+        let of_row = |p: usize| weights[p * record.rank as usize + first..][..rank as usize].iter().copied();
+        matrices.push((0..features as usize).flat_map(of_row).collect());
+        first += rank as usize;
+    }
+    Ok(Prefix { gain: record.gain, offset: record.offset, features, matrices })
+}

@@ -1,0 +1,123 @@
+//! Spending bytes where pictures need them.
+//!
+//! Each vector of a component is written by its cosine transform with a step of its own. With h the vector's sensitivity, an
+//! error of variance step²/12 adds h·step²/12 a number to the mean squared error of pictures, and a bit a number less costs
+//! ln 2/6·h·step² of it: fewest bytes for a given loss are spent where h·step² is the same everywhere. That is `loss`. A
+//! component whose absence costs less than its bits do is dropped.
+
+use rayon::prelude::*;
+
+use super::Sensitivity;
+use crate::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, step, step_code};
+use crate::model::{Factors, Scene};
+
+/// A scene without the components that are not worth their bytes, and how to write it.
+#[derive(Clone, Debug)]
+pub struct Lossy {
+    /// What is to be written.
+    pub scene: Scene,
+    /// How.
+    pub options: EncodeOptions,
+    /// What the loss should be: the mean squared error of pictures.
+    pub expected_error: f64,
+    /// The share of components that were dropped.
+    pub dropped: f64,
+}
+
+/// Encodes `scene` so that every number costs the same `loss`.
+pub fn lossy(scene: &Scene, sensitivity: &Sensitivity, loss: f64) -> Lossy {
+    let mut scene = scene.clone();
+    let mut options = EncodeOptions {
+        density: Vec::new(),
+        appearance: Vec::new(),
+        networks: ArrayOptions::best(Encoding::F16),
+        zstd_level: Some(19),
+        ..EncodeOptions::default()
+    };
+    let (mut expected_error, mut dropped, mut all) = (0.0, 0u64, 0u64);
+    for (s, scale) in scene.scales.iter_mut().enumerate() {
+        let resolution = scale.cloud.resolution;
+        let factors = &mut scale.factors;
+        for (values, rank, h, of_scales) in [
+            (&mut factors.density, factors.density_rank, &sensitivity.density[s], &mut options.density),
+            (&mut factors.appearance, factors.appearance_rank, &sensitivity.appearance[s], &mut options.appearance),
+        ] {
+            let rank = rank as usize;
+            let tensor = Factors::rows(resolution) * rank;
+            let choices: Vec<Choice> = (values.par_chunks_exact_mut(tensor).zip(h.par_chunks_exact(tensor)))
+                .flat_map_iter(|(values, h)| {
+                    (0..rank)
+                        .map(move |c| (c, h))
+                        .collect::<Vec<_>>()
+                        .into_iter()
+                        .map({
+                            let axes = axes(resolution);
+                            move |(c, h)| choose(values, h, rank, c, axes, loss)
+                        })
+                        .collect::<Vec<_>>()
+                })
+                .collect();
+            let mut steps = Vec::with_capacity(3 * choices.len());
+            for choice in choices {
+                all += 1;
+                dropped += u64::from(choice.is_dropped);
+                expected_error += choice.error;
+                steps.extend(choice.steps);
+            }
+            of_scales.push(FactorOptions { array: ArrayOptions::best(Encoding::Cosine), steps: Some(steps) });
+        }
+    }
+    Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }
+}
+
+/// How a component of a tensor is written.
+struct Choice {
+    is_dropped: bool,
+    steps: [u8; 3],
+    error: f64,
+}
+
+/// First row and number of rows of each axis.
+fn axes(resolution: [u32; 3]) -> [(usize, usize); 3] {
+    let first = Factors::axis_rows(resolution);
+    [0, 1, 2].map(|a| (first[a], resolution[a] as usize + 1))
+}
+
+/// Chooses for component `c` of the tensor of these `values` and sensitivities, and clears it where it is dropped.
+fn choose(
+    values: &mut [f32],
+    sensitivity: &[f32],
+    rank: usize,
+    c: usize,
+    axes: [(usize, usize); 3],
+    loss: f64,
+) -> Choice {
+    let mut steps = [0; 3];
+    let (mut bits, mut coded, mut absent) = (0.0, 0.0, f64::INFINITY);
+    for (a, (first, rows)) in axes.into_iter().enumerate() {
+        let of_axis = || (first..first + rows).map(|row| row * rank + c);
+        let (mut worth, mut squares, mut cost) = (0.0, 0.0, 0.0);
+        for at in of_axis() {
+            let (v, h) = (f64::from(values[at]), f64::from(sensitivity[at]));
+            worth += h;
+            squares += v * v;
+            cost += h * v * v;
+        }
+        absent = absent.min(cost);
+        let wanted = (loss * rows as f64 / worth).sqrt();
+        // Steps beyond the numbers themselves lose no more than leaving them out.
+        let largest = (squares / rows as f64).sqrt().max(f64::from(f32::MIN_POSITIVE));
+        steps[a] = step_code(wanted.min(8.0 * largest) as f32).max(1);
+        let step = f64::from(step(steps[a]));
+        let ratio = squares / rows as f64 / (step * step / 12.0);
+        bits += rows as f64 * 0.5 * (1.0 + ratio).log2() + 6.0;
+        coded += worth * (step * step / 12.0).min(squares / rows as f64);
+    }
+    let is_dropped = absent <= coded + std::f64::consts::LN_2 / 6.0 * loss * bits;
+    if is_dropped {
+        for (first, rows) in axes {
+            (first..first + rows).for_each(|row| values[row * rank + c] = 0.0);
+        }
+    }
+    Choice { is_dropped, steps, error: if is_dropped { absent } else { coded } }
+}

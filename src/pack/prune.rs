@@ -1,0 +1,71 @@
+//! Dropping what pictures do not show, and what is outside a box.
+
+use glam::DVec3;
+
+use super::Sensitivity;
+use crate::geometry::Aabb;
+use crate::model::{BrokenInvariant, Factors, Placement, Scale, Scene};
+
+/// Clears the components whose absence adds at most `error` each to the mean squared error of pictures; the share that was.
+pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
+    let (mut cleared, mut all) = (0u64, 0u64);
+    for (s, scale) in scene.scales.iter_mut().enumerate() {
+        let resolution = scale.cloud.resolution;
+        let (rows, first) = (Factors::rows(resolution), Factors::axis_rows(resolution));
+        let factors = &mut scale.factors;
+        for (values, rank, h) in [
+            (&mut factors.density, factors.density_rank as usize, &sensitivity.density[s]),
+            (&mut factors.appearance, factors.appearance_rank as usize, &sensitivity.appearance[s]),
+        ] {
+            for (values, h) in values.chunks_exact_mut(rows * rank).zip(h.chunks_exact(rows * rank)) {
+                for c in 0..rank {
+                    let cost = |a: usize| {
+                        let of_axis = (first[a]..first[a] + resolution[a] as usize + 1).map(|row| row * rank + c);
+                        of_axis.map(|at| f64::from(h[at]) * f64::from(values[at]).powi(2)).sum::<f64>()
+                    };
+                    all += 1;
+                    if cost(0).min(cost(1)).min(cost(2)) <= error {
+                        cleared += 1;
+                        (0..rows).for_each(|row| values[row * rank + c] = 0.0);
+                    }
+                }
+            }
+        }
+    }
+    cleared as f64 / all.max(1) as f64
+}
+
+/// `scene` in `within` alone: the tensors that reach into it, and the bounds that both share. Inside, nothing changes.
+///
+/// # Errors
+///
+/// Where nothing is left.
+pub fn crop(scene: &Scene, within: &Aabb) -> Result<Scene, BrokenInvariant> {
+    let mut cropped = scene.clone();
+    cropped.bounds = scene.bounds.intersection(within);
+    for scale in &mut cropped.scales {
+        let reaches = |center: DVec3| {
+            let covered = Aabb::around(center, scale.cloud.half).intersection(&cropped.bounds);
+            covered.min.cmple(covered.max).all()
+        };
+        let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();
+        keep(scale, &kept);
+    }
+    cropped.check()?;
+    Ok(cropped)
+}
+
+fn keep(scale: &mut Scale, kept: &[usize]) {
+    let rows = Factors::rows(scale.cloud.resolution);
+    match &mut scale.cloud.placement {
+        Placement::Lattice { cells, .. } => *cells = kept.iter().map(|&n| cells[n]).collect(),
+        Placement::Explicit { centers } => *centers = kept.iter().map(|&n| centers[n]).collect(),
+    }
+    let factors = &mut scale.factors;
+    for (values, rank) in
+        [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)]
+    {
+        let tensor = rows * rank as usize;
+        *values = kept.iter().flat_map(|&n| values[n * tensor..(n + 1) * tensor].iter().copied()).collect();
+    }
+}

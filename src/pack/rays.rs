@@ -1,0 +1,81 @@
+//! Where a scene is looked at from when it is judged by its own pictures.
+
+use glam::{DMat3, DVec3};
+
+use crate::container::TrainingCamera;
+use crate::geometry::{Camera, Ray};
+use crate::model::{Scene, UpAxis};
+use crate::random::Random;
+
+/// Cameras in the model's space that see the scene as a dataset's might.
+#[derive(Clone, Debug)]
+pub struct Views {
+    /// The cameras.
+    pub cameras: Vec<Camera>,
+}
+
+/// `count` cameras with pictures of `size` pixels a side: those of `known` at equal distances where there are any, else
+/// evenly around the bounds, mostly from above, near enough to fill their pictures.
+pub fn probe_views(scene: &Scene, known: &[TrainingCamera], count: usize, size: u32) -> Views {
+    let cameras = if known.is_empty() {
+        around(scene, count, size)
+    } else {
+        let pick = |n: usize| &known[n * known.len() / count.min(known.len())];
+        (0..count.min(known.len())).map(|n| of_training(pick(n), size)).collect()
+    };
+    Views { cameras }
+}
+
+impl Views {
+    /// `count` rays through random places of random cameras' pictures, always the same for the same `random`.
+    pub fn rays(&self, count: usize, random: &Random) -> Vec<Ray> {
+        (0..count as u64)
+            .map(|n| {
+                let camera = &self.cameras[random.below(3 * n, self.cameras.len() as u64) as usize];
+                let (x, y) = (random.uniform(3 * n + 1), random.uniform(3 * n + 2));
+                camera.ray_through(x * f64::from(camera.width), y * f64::from(camera.height))
+            })
+            .collect()
+    }
+}
+
+/// A training camera with pictures of about `size` pixels a side.
+fn of_training(known: &TrainingCamera, size: u32) -> Camera {
+    let [width, height] = known.size;
+    let scale = f64::from(size) / f64::from(width.max(height));
+    Camera {
+        width: (f64::from(width) * scale).round().max(1.0) as u32,
+        height: (f64::from(height) * scale).round().max(1.0) as u32,
+        focal: known.focal.map(|f| f * scale),
+        principal: known.principal.map(|p| p * scale),
+        world_from_camera: DMat3::from_quat(known.pose.rotation),
+        position: known.pose.position,
+    }
+}
+
+/// Cameras on a sphere around the bounds, by the golden angle, from 20° below the horizon to straight above.
+fn around(scene: &Scene, count: usize, size: u32) -> Vec<Camera> {
+    let up = scene.frame.model_from_dataset.rotation
+        * match scene.frame.up {
+            UpAxis::X => DVec3::X,
+            UpAxis::Y => DVec3::Y,
+            UpAxis::Z => DVec3::Z,
+            UpAxis::MinusX => DVec3::NEG_X,
+            UpAxis::MinusY => DVec3::NEG_Y,
+            UpAxis::MinusZ => DVec3::NEG_Z,
+        };
+    let (aside, ahead) = up.any_orthonormal_pair();
+    let radius = 0.5 * scene.bounds.size().length();
+    // The bounds' sphere then fills two thirds of the picture, and lies behind near.
+    let distance = (2.5 * radius).max(scene.frame.near + radius).min(scene.frame.far);
+    let focal = Camera::focal_of_angle(size, 2.0 * (1.3 * radius / distance).min(1.2).asin().min(1.2));
+    (0..count)
+        .map(|n| {
+            let rise = -0.34 + 1.33 * (n as f64 + 0.5) / count as f64;
+            let turn = n as f64 * std::f64::consts::PI * (3.0 - 5.0f64.sqrt());
+            let level = (1.0 - rise * rise).max(0.0).sqrt();
+            let from = level * (turn.cos() * aside + turn.sin() * ahead) + rise * up;
+            Camera::looking_at([size; 2], focal, scene.bounds.center() + distance * from, scene.bounds.center(), up)
+        })
+        .collect()
+}

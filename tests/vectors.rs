@@ -1,0 +1,412 @@
+//! The files under `fixtures/`, for this and other readers: `v1/` opens, and its probes hold; `hostile/` is refused, each
+//! file with the error that its name in `errors.tsv` says.
+//!
+//! Written anew by `cargo test --release --test vectors -- --ignored`.
+#![cfg(feature = "toolkit")]
+
+#[path = "container/scenes.rs"]
+#[allow(dead_code, reason = "each test uses a part")]
+mod made;
+mod scenes;
+#[path = "container/surgery.rs"]
+#[allow(dead_code, reason = "each test uses a part")]
+mod surgery;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use strivec::container::{
+    ArrayOptions, EncodeOptions, Encoding, Extras, FactorOptions, Filter, GRID_BITS, Limits, Part, decode_document,
+    encode_document, step_code,
+};
+use strivec::measure::{check_probes, make_probes, probe_density_error};
+use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
+use strivec::render::{CpuRenderer, ReferenceRenderer};
+use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+use surgery::{File, Part as Section, name, seal, seal_header};
+
+fn folder(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// A ball of two scales, partly opaque, small as a file.
+fn ball() -> Scene {
+    let scale = |pitch: f64, resolution, density_rank, appearance_rank| ScaleConfig {
+        pitch: [pitch, 0.9 * pitch, 1.1 * pitch],
+        edge: [1.5 * pitch; 3],
+        resolutions: vec![resolution],
+        density_rank,
+        appearance_rank,
+        top_k: 4,
+    };
+    let config = TrainConfig {
+        decoder: DecoderConfig { features: 5, hidden: vec![8], ..DecoderConfig::default() },
+        scales: vec![scale(0.6, [3, 2, 4], 3, 4), scale(0.35, [2, 3, 2], 2, 9)],
+        // Opaque, so that thresholds matter, and as different from sample to sample as can be.
+        field: FieldConfig { density_shift: 0.0, distance_scale: 25.0, min_weight: 0.01, ..FieldConfig::default() },
+        factor_deviation: 1.5,
+        ..scenes::config()
+    };
+    let mut scene = scenes::scene(&config);
+    // Away from the tensors' faces, on which every ray's first sample would lie.
+    scene.bounds = scene.bounds.grown(glam::DVec3::splat(0.0123));
+    // Between the nearest and the farthest probes.
+    (scene.frame.near, scene.frame.far) = (1.2, 2.4);
+    scene
+}
+
+/// The file of `scene` in this encoding, with probes.
+fn file(scene: &Scene, mut extras: Extras, options: &EncodeOptions) -> Vec<u8> {
+    // Probes are of what a reader decodes.
+    let decoded = encode_document(scene, &Extras::default(), options).unwrap();
+    let decoded = decode_document(&decoded, Limits::default()).unwrap().scene;
+    extras.probes = Some(make_probes(&decoded, 64, 1));
+    encode_document(scene, &extras, options).unwrap()
+}
+
+fn in_arrays(encoding: Encoding, filter: Filter) -> EncodeOptions {
+    let array = ArrayOptions { encoding, filter };
+    let steps = (encoding == Encoding::Cosine).then(|| vec![step_code(0.01); 1 << 14]);
+    let factors = vec![FactorOptions { array, steps }];
+    EncodeOptions {
+        density: factors.clone(),
+        appearance: factors,
+        chunk_tensors: 16,
+        zstd_level: None,
+        ..EncodeOptions::default()
+    }
+}
+
+/// Name and bytes of each valid vector: every feature of the format in one at least.
+fn valid() -> BTreeMap<String, Vec<u8>> {
+    let plain = in_arrays(Encoding::F32, Filter::None);
+    let mut files = BTreeMap::new();
+    let mut add = |name: &str, bytes| assert!(files.insert(name.into(), bytes).is_none());
+    add("smallest", encode_document(&made::smallest(), &Extras::default(), &plain).unwrap());
+    add("everything", encode_document(&made::two_scales(), &made::extras(), &plain).unwrap());
+    add("f32", file(&ball(), Extras::default(), &plain));
+    for (name, encoding, filter) in [
+        ("f32-planes", Encoding::F32, Filter::Planes),
+        ("f16", Encoding::F16, Filter::None),
+        ("f16-planes", Encoding::F16, Filter::Planes),
+        ("cosine", Encoding::Cosine, Filter::None),
+        ("cosine-planes", Encoding::Cosine, Filter::Planes),
+        ("grid-8-differences", Encoding::Grid(8), Filter::Differences),
+    ] {
+        add(name, file(&ball(), Extras::default(), &in_arrays(encoding, filter)));
+    }
+    for bits in GRID_BITS {
+        add(&format!("grid-{bits}"), file(&ball(), Extras::default(), &in_arrays(Encoding::Grid(bits), Filter::None)));
+    }
+    let network =
+        |encoding| EncodeOptions { networks: ArrayOptions { encoding, filter: Filter::None }, ..plain.clone() };
+    add("networks-f16", file(&ball(), Extras::default(), &network(Encoding::F16)));
+    add("networks-grid", file(&ball(), Extras::default(), &network(Encoding::Grid(8))));
+    add("zstd", file(&ball(), Extras::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }));
+
+    let mut ragged = ball();
+    for scale in &mut ragged.scales {
+        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
+        let factors = &mut scale.factors;
+        for (values, rank) in
+            [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)]
+        {
+            for (n, v) in values.iter_mut().enumerate() {
+                let (tensor, component) = (n / (rows * rank as usize), n % rank as usize);
+                // Tensor 3 loses all components, others some.
+                if tensor == 3 || (tensor + component).is_multiple_of(3) {
+                    *v = 0.0;
+                }
+            }
+        }
+    }
+    for (name, options) in [("ragged-f32", plain.clone()), ("ragged-grid", in_arrays(Encoding::Grid(6), Filter::None))]
+    {
+        add(name, file(&ragged, Extras::default(), &options));
+    }
+
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 9] = [
+        ("coverage-any", |s| s.rules.coverage = Coverage::Any),
+        ("aggregation-clamped", |s| s.rules.aggregation = Aggregation::Clamped),
+        ("reductions-mean", |s| {
+            s.rules.density_reduction = Reduction::Mean;
+            s.rules.appearance_reduction = Reduction::Mean;
+        }),
+        ("per-ray", |s| s.decoder.mode = DecoderMode::PerRay),
+        ("residual", |s| s.decoder.mode = DecoderMode::Residual),
+        ("explicit", |s| {
+            for scale in &mut s.scales {
+                scale.cloud.placement = Placement::Explicit { centers: scale.cloud.centers().collect() };
+            }
+        }),
+        ("top-1", |s| s.scales.iter_mut().for_each(|scale| scale.top_k = 1)),
+        ("up-minus-y", |s| s.frame.up = UpAxis::MinusY),
+        ("occupancy", |s| {
+            let bounds = s.bounds.grown(glam::DVec3::splat(0.031));
+            let mut occupancy = strivec::model::Occupancy::empty(bounds, glam::UVec3::new(7, 8, 9));
+            for z in 2..9 {
+                for y in 0..8 {
+                    for x in 0..5 {
+                        occupancy.set(glam::UVec3::new(x, y, z));
+                    }
+                }
+            }
+            s.occupancy = Some(occupancy);
+        }),
+    ];
+    for (name, change) in changes {
+        let mut scene = ball();
+        change(&mut scene);
+        add(name, file(&scene, Extras::default(), &plain));
+    }
+
+    let mut newer = File::of(&file(&ball(), Extras::default(), &plain));
+    newer.minor = 9;
+    newer.sections.insert(2, Section::ancillary("X-FUTURE", b"something that a reader skips"));
+    add("newer-minor", newer.bytes());
+    files
+}
+
+/// Name, bytes and the start of the error's text of each hostile vector: one at least for every variant of the error.
+fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
+    let plain = in_arrays(Encoding::F32, Filter::None);
+    let base = encode_document(&made::two_scales(), &made::extras(), &plain).unwrap();
+    let changed = |change: &dyn Fn(&mut File)| {
+        let mut file = File::of(&base);
+        change(&mut file);
+        file.bytes()
+    };
+    let patched = |kind: &str, at: usize, bytes: &[u8]| changed(&|f| f.part(kind).patch(at, bytes));
+    let flipped = |at: usize| {
+        let mut bytes = base.clone();
+        bytes[at] ^= 0x10;
+        bytes
+    };
+    let most = u32::MAX.to_le_bytes();
+    let mut files: Vec<(&str, Vec<u8>)> = vec![
+        ("not-strivec", b"\x89PNG\r\n\x1A\n0000".to_vec()),
+        ("line-endings", base.iter().flat_map(|&b| if b == b'\n' { vec![b'\r', b'\n'] } else { vec![b] }).collect()),
+        ("major-2", changed(&|f| f.major = 2)),
+        ("truncated-magic", base[..5].to_vec()),
+        ("truncated-header", base[..40].to_vec()),
+        ("truncated-table", base[..200].to_vec()),
+        ("truncated-payload", base[..base.len() - 1].to_vec()),
+        ("corrupt-header", flipped(13)),
+        ("corrupt-table", flipped(64 + 30)),
+        ("corrupt-section", flipped(base.len() - 1)),
+        (
+            "unknown-critical",
+            changed(&|f| f.sections.push(Section { flags: 1, ..Section::ancillary("WAVELETS", b"") })),
+        ),
+        ("unsupported-vm", patched("SCALE", 44, &[1])),
+        ("unsupported-contraction", patched("RULES", 6, &[1])),
+        ("unsupported-encoding", patched("DENSITY", 8, &[9])),
+        ("unsupported-codec", changed(&|f| f.part("DENSITY").codec = 2)),
+        ("missing-decoder", changed(&|f| drop(f.sections.remove(f.index("DECODER"))))),
+        ("limit-rank", patched("SCALE", 48, &most)),
+        ("limit-sections", {
+            let mut bytes = base.clone();
+            bytes[12..16].copy_from_slice(&most);
+            seal_header(&mut bytes);
+            bytes
+        }),
+        ("malformed-order", changed(&|f| f.sections.swap(0, 1))),
+        ("malformed-name", changed(&|f| f.part("LICENCE").kind = name("licence"))),
+        ("malformed-padding", {
+            let mut bytes = base.clone();
+            let first = 64 + 64 * u32::from_le_bytes(base[12..16].try_into().unwrap()) as usize;
+            // FRAME has 102 bytes.
+            bytes[first + 110] = 1;
+            seal(&mut bytes);
+            bytes
+        }),
+        ("malformed-offset", {
+            let mut bytes = base.clone();
+            bytes[64 + 64 + 32] ^= 0x40;
+            seal(&mut bytes);
+            bytes
+        }),
+        ("malformed-text", changed(&|f| f.part("LICENCE").patch(8, &[0xFF]))),
+        ("malformed-cells", patched("PLACEMENT", 1, &[21])),
+        (
+            "malformed-zstd",
+            changed(&|f| {
+                f.part("DENSITY").compress(64);
+                f.part("DENSITY").payload.truncate(70);
+            }),
+        ),
+        (
+            "malformed-zstd-size",
+            changed(&|f| {
+                f.part("DENSITY").compress(64);
+                f.part("DENSITY").decoded_length += 1;
+            }),
+        ),
+        (
+            "malformed-zstd-second-frame",
+            changed(&|f| {
+                f.part("DENSITY").compress(64);
+                f.part("DENSITY").payload.extend(zstd::bulk::compress(b"", 3).unwrap());
+            }),
+        ),
+        ("malformed-long-integer", changed(&|f| f.part("PLACEMENT").set(vec![2, 0x80, 0]))),
+        ("malformed-covered", patched("SCALE", 128 + 4, &0f64.to_le_bytes())),
+        ("malformed-extent", patched("SCALE", 120, &5u32.to_le_bytes())),
+        ("malformed-unsorted", {
+            let centers = [[0.1f64, 0.2, 0.3], [-0.1, 0.2, -0.3]].map(|c| c.map(f64::to_le_bytes).concat()).concat();
+            changed(&|f| {
+                let fine = f.sections.iter_mut().rfind(|p| p.kind == name("PLACEMENT")).unwrap();
+                fine.set(centers.clone());
+            })
+        }),
+        ("malformed-filter", patched("DENSITY", 10, &[2])),
+        ("malformed-reserved", patched("SCALE", 46, &[1])),
+        ("malformed-flags", changed(&|f| f.part("RULES").flags = 3)),
+        (
+            "malformed-twice",
+            changed(&|f| {
+                let twice = f.part("MATRIX").clone();
+                f.sections.insert(f.index("MATRIX"), twice);
+            }),
+        ),
+        (
+            "malformed-notes",
+            changed(&|f| {
+                let notes = f.part("NOTES");
+                // "author" becomes "zuthor", behind "place".
+                notes.patch(64 + 8, b"z");
+            }),
+        ),
+        ("corrupt-file", {
+            let mut bytes = base.clone();
+            bytes[28] ^= 1;
+            seal_header(&mut bytes);
+            bytes
+        }),
+        ("malformed-extra-byte", [base.as_slice(), &[0]].concat()),
+        ("scene-nan", patched("RULES", 72, &f64::NAN.to_le_bytes())),
+        ("scene-infinite-factor", patched("DENSITY", 64, &f32::INFINITY.to_le_bytes())),
+    ];
+    let bomb = {
+        let mut scene = made::smallest();
+        scene.occupancy = Some(strivec::model::Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
+        encode_document(&scene, &Extras::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }).unwrap()
+    };
+    files.push(("budget", bomb));
+    let error = |bytes: &[u8]| decode_document(bytes, HOSTILE_LIMITS).expect_err("it is hostile").to_string();
+    files.into_iter().map(|(name, bytes)| (name.to_owned(), (bytes.clone(), error(&bytes)))).collect()
+}
+
+/// What the hostile vectors are opened with.
+const HOSTILE_LIMITS: Limits = Limits { memory: 64 << 20 };
+
+#[test]
+#[ignore = "writes the vectors"]
+fn write() {
+    let mut hashes = String::new();
+    let mut put = |folder_name: &str, name: &str, bytes: &[u8]| {
+        fs::write(folder(folder_name).join(name), bytes).unwrap();
+        hashes += &format!("{:08x}  {folder_name}/{name}\n", crc32fast::hash(bytes));
+    };
+    for (name, bytes) in valid() {
+        put("v1", &format!("{name}.strivec"), &bytes);
+    }
+    let mut errors = String::new();
+    for (name, (bytes, error)) in hostile() {
+        put("hostile", &format!("{name}.strivec"), &bytes);
+        errors += &format!("{name}\t{error}\n");
+    }
+    put("hostile", "errors.tsv", errors.as_bytes());
+    fs::write(folder("CRC32"), hashes).unwrap();
+}
+
+#[test]
+fn the_vectors_are_those_that_were_written() {
+    let hashes = fs::read_to_string(folder("CRC32")).unwrap();
+    assert!(hashes.lines().count() > 50);
+    for line in hashes.lines() {
+        let (hash, path) = line.split_once("  ").unwrap();
+        assert_eq!(hash, format!("{:08x}", crc32fast::hash(&fs::read(folder(path)).unwrap())), "{path}");
+    }
+}
+
+#[test]
+fn valid_vectors_open_and_their_probes_hold() {
+    let mut probed = 0;
+    for name in valid().keys() {
+        let bytes = fs::read(folder("v1").join(format!("{name}.strivec"))).unwrap();
+        let document = decode_document(&bytes, Limits::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let Some(probes) = document.extras.probes.filter(|_| name != "everything") else { continue };
+        probed += 1;
+        assert_eq!(probes.probes.len(), 64, "{name}");
+        assert!(probe_density_error(&document.scene, &probes) < 1e-9, "{name}");
+        let reference = check_probes(&ReferenceRenderer::new(&document.scene), &probes);
+        let fast = check_probes(&CpuRenderer::<f32>::new(&document.scene), &probes);
+        for report in [reference, fast] {
+            assert!(report.failed == 0 && report.compared >= 40, "{name}: {report:?}");
+        }
+        // And they see another scene.
+        let mut other = document.scene.clone();
+        other.rules.density_shift += 0.2;
+        assert!(check_probes(&CpuRenderer::<f32>::new(&other), &probes).failed > 30, "{name}");
+    }
+    assert!(probed > 20);
+}
+
+#[test]
+fn hostile_vectors_are_refused_as_written() {
+    let errors = fs::read_to_string(folder("hostile").join("errors.tsv")).unwrap();
+    for line in errors.lines() {
+        let (name, error) = line.split_once('\t').unwrap();
+        let bytes = fs::read(folder("hostile").join(format!("{name}.strivec"))).unwrap();
+        let found = decode_document(&bytes, HOSTILE_LIMITS).expect_err(name).to_string();
+        assert_eq!(found, error, "{name}");
+    }
+}
+
+#[test]
+fn a_part_of_a_vector_opens_without_the_rest() {
+    let bytes = fs::read(folder("v1").join("f32.strivec")).unwrap();
+    let reader = strivec::container::Reader::open(bytes.as_slice(), Limits::default()).unwrap();
+    let fine = reader.contents().sections.iter().find(|s| s.scale == Some(1)).unwrap().offset as usize;
+    // Nothing of the finer scale is there.
+    let start = strivec::container::Reader::open(&bytes[..fine], Limits::default()).unwrap();
+    let coarse = start.read(&Part { scales: Some(1), ..Part::default() }).unwrap().scene;
+    assert_eq!(coarse.scales.len(), 1);
+    let whole = reader.read(&Part::WHOLE).unwrap().scene;
+    assert_eq!(coarse.scales[0], whole.scales[0]);
+    assert!(start.read(&Part::default()).is_err());
+    let corner = strivec::geometry::Aabb { min: whole.bounds.min, max: whole.bounds.center() };
+    let crop = reader.read(&Part { within: Some(corner), ..Part::default() }).unwrap().scene;
+    assert_eq!(crop.bounds, corner);
+    assert!(crop.scales[1].cloud.len() < whole.scales[1].cloud.len());
+}
+
+#[test]
+fn the_number_of_threads_changes_neither_bytes_nor_numbers_nor_errors() {
+    let scene = ball();
+    let options =
+        EncodeOptions { chunk_tensors: 3, zstd_level: Some(3), ..in_arrays(Encoding::Cosine, Filter::Planes) };
+    let [one, three] = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let bytes = encode_document(&scene, &Extras::default(), &options).unwrap();
+            let decoded = decode_document(&bytes, Limits::default());
+            // Several sections are wrong behind checksums that are right.
+            let wrong = (0..200).map(|n| {
+                let mut changed = File::of(&bytes);
+                for part in changed.sections.iter_mut().skip(n % 7).step_by(5) {
+                    let length = part.payload.len();
+                    part.payload[n * 31 % length] ^= 0x55;
+                }
+                decode_document(&changed.bytes(), Limits::default())
+            });
+            let wrong: Vec<_> = wrong.collect();
+            (bytes, decoded, wrong)
+        })
+    });
+    assert!(one == three);
+    assert!(one.2.iter().any(|result| result.is_err()) && one.1.is_ok());
+}

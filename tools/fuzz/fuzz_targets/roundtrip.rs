@@ -1,0 +1,88 @@
+//! Scenes and options from anyone: what can be written reads back, exactly where numbers are exact, within the declared
+//! error elsewhere; and is written again as the same bytes.
+#![no_main]
+
+use arbitrary::{Arbitrary, Unstructured};
+use libfuzzer_sys::fuzz_target;
+use strivec::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, Limits, decode, decode_document, encode};
+use strivec::model::Scene;
+
+#[derive(Debug, Arbitrary)]
+struct Choice {
+    file: u8,
+    encoding: u8,
+    filter: u8,
+    networks: u8,
+    chunk_tensors: u8,
+    level: u8,
+    /// What numbers are overwritten with, and how far apart these are.
+    stride: u8,
+    numbers: Vec<f32>,
+}
+
+const FILES: [&[u8]; 4] = [
+    include_bytes!("../../../fixtures/v1/smallest.strivec"),
+    include_bytes!("../../../fixtures/v1/everything.strivec"),
+    include_bytes!("../../../fixtures/v1/f32.strivec"),
+    include_bytes!("../../../fixtures/v1/explicit.strivec"),
+];
+
+fn encoding(choice: u8) -> Encoding {
+    [Encoding::F32, Encoding::F16, Encoding::Grid(8), Encoding::Grid(6), Encoding::Grid(5), Encoding::Grid(4), Encoding::Grid(3)]
+        [choice as usize % 7]
+}
+
+fn filter(choice: u8, encoding: Encoding) -> Filter {
+    match (choice % 2, encoding) {
+        (0, _) => Filter::None,
+        (_, Encoding::Grid(_)) => Filter::Differences,
+        _ => Filter::Planes,
+    }
+}
+
+/// Overwrites the scene's factors.
+fn change(scene: &mut Scene, stride: u8, numbers: &[f32]) {
+    let mut at = 0;
+    for scale in &mut scene.scales {
+        for values in [&mut scale.factors.density, &mut scale.factors.appearance] {
+            for value in values.iter_mut().step_by(1 + stride as usize) {
+                if let Some(&number) = numbers.get(at % numbers.len().max(1)) {
+                    *value = number;
+                }
+                at += 1;
+            }
+        }
+    }
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Ok(choice) = Choice::arbitrary(&mut Unstructured::new(bytes)) else { return };
+    let mut scene = decode(FILES[choice.file as usize % FILES.len()]).expect("a valid vector");
+    change(&mut scene, choice.stride, &choice.numbers);
+    let of_factors = encoding(choice.encoding);
+    let networks = [Encoding::F32, Encoding::F16, Encoding::Grid(8)][choice.networks as usize % 3];
+    let factors =
+        vec![FactorOptions { array: ArrayOptions { encoding: of_factors, filter: filter(choice.filter, of_factors) }, steps: None }];
+    let options = EncodeOptions {
+        density: factors.clone(),
+        appearance: factors,
+        networks: ArrayOptions { encoding: networks, filter: filter(choice.filter, networks) },
+        chunk_tensors: 1 + choice.chunk_tensors as usize,
+        zstd_level: (choice.level > 0).then(|| 1 + i32::from(choice.level % 3)),
+    };
+    // Numbers that are not finite or too large for the encoding are refused.
+    let Ok(written) = encode(&scene, &options) else { return };
+    let read = decode_document(&written, Limits::default()).expect("what was written can be read").scene;
+    if of_factors == Encoding::F32 && networks == Encoding::F32 {
+        assert_eq!(read, scene);
+        assert_eq!(encode(&read, &options).expect("and written again"), written);
+    }
+    for (before, after) in scene.scales.iter().zip(&read.scales) {
+        for (before, after) in [(&before.factors.density, &after.factors.density), (&before.factors.appearance, &after.factors.appearance)] {
+            let largest = before.iter().fold(0f32, |m, v| m.max(v.abs()));
+            // A step of the coarsest grid is below a third of the largest number, and an eighth of an octave to spare.
+            let bound = if of_factors == Encoding::F32 { 0.0 } else { 0.5 * largest };
+            assert!(before.iter().zip(after).all(|(b, a)| (b - a).abs() <= bound));
+        }
+    }
+});

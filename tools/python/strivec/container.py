@@ -1,0 +1,305 @@
+"""Header, section table and payloads (section 2 of the format): from the bytes of a file to records and bodies.
+
+A `Container` hands sections out in the order of the file and checks each as it passes: padding, then length, then
+checksum, so that of several faults the first in the file is reported. What records and bodies mean is `sections`' part.
+"""
+
+import struct
+import zlib
+from collections import namedtuple
+from contextlib import contextmanager
+
+import zstandard
+
+from . import limits
+from .errors import (
+    Corrupt,
+    LineEndings,
+    Malformed,
+    MissingSection,
+    NotStrivec,
+    Truncated,
+    UnknownCritical,
+    Unsupported,
+    UnsupportedVersion,
+)
+from .record import Record
+
+MAGIC = b"\xb3STV\r\n\x1a\n"
+HEADER = 64  # bytes
+ENTRY = struct.Struct("<12sHHIHHIIQQQQ")  # 64 bytes
+ALIGNMENT = 64  # bytes
+NO_SCALE = 0xFFFF
+NO_CHUNK = 0xFFFFFFFF
+STORED, ZSTD = 0, 1
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+NAME_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
+
+Kind = namedtuple("Kind", "critical compressible")
+
+KINDS = {
+    "FRAME": Kind(True, False),
+    "RULES": Kind(True, False),
+    "PROVENANCE": Kind(False, False),
+    "LICENCE": Kind(False, False),
+    "QUALITY": Kind(False, False),
+    "VIEWS": Kind(False, False),
+    "THUMBNAIL": Kind(False, False),
+    "DECODER": Kind(True, True),
+    "OCCUPANCY": Kind(True, True),
+    "SCALE": Kind(True, True),
+    "MATRIX": Kind(True, True),
+    "PLACEMENT": Kind(True, True),
+    "DENSITY": Kind(True, True),
+    "APPEARANCE": Kind(True, True),
+    "PREFIX": Kind(False, True),
+    "PROBES": Kind(False, False),
+    "CAMERAS": Kind(False, True),
+    "NOTES": Kind(False, True),
+}
+
+
+class Section(namedtuple("Section", "kind critical scale chunk codec checksum offset length decoded_length")):
+    """One row of the table; `offset` and the lengths are in bytes."""
+
+    @property
+    def key(self):
+        return self.kind, self.scale, self.chunk
+
+    @property
+    def end(self):
+        return self.offset + self.length
+
+    @property
+    def name(self):
+        return section_name(*self.key)
+
+
+def section_name(kind, scale, chunk):
+    """How errors name a section, `DENSITY of chunk 0 of scale 1`."""
+    name = kind
+    if chunk != NO_CHUNK:
+        name += f" of chunk {chunk}"
+    if scale != NO_SCALE:
+        name += f" of scale {scale}"
+    return name
+
+
+def align(offset):
+    """The first multiple of 64 that is not before `offset`."""
+    return -(-offset // ALIGNMENT) * ALIGNMENT
+
+
+class Container:
+    """The sections of a file. `data` is a bytes-like object, `budget` a `limits.Budget`."""
+
+    def __init__(self, data, budget):
+        self.data = memoryview(data)
+        self.budget = budget
+        self.unknown = []  # ancillary sections of unknown kinds
+        self._read_header()
+        self._read_table()
+        self._next = 0  # index of the section that has not passed yet
+        self._keys = {section.key for section in self.sections}
+
+    def _read_header(self):
+        data = self.data
+        start = bytes(data[: len(MAGIC)])
+        if start != MAGIC:
+            if MAGIC.startswith(start):
+                raise Truncated("header", len(data), HEADER)
+            damaged = bytes(data[:12])
+            raise (LineEndings if is_damaged_magic(damaged) else NotStrivec)(start)
+        if len(data) >= 12:
+            major, minor = struct.unpack_from("<HH", data, 8)
+            if major != 1:
+                raise UnsupportedVersion(major, minor)
+        if len(data) < HEADER:
+            raise Truncated("header", len(data), HEADER)
+        count, self.length, self.table_checksum, self.file_checksum = struct.unpack_from("<IQII", data, 12)
+        _check_sum(data, 0, 60, struct.unpack_from("<I", data, 60)[0], "header")
+        self.minor = minor
+        self.count = limits.check(count, limits.SECTIONS, "header section count")
+        if any(data[32:60]):
+            raise Malformed("header reserved", "zeros", "another byte")
+
+    def _read_table(self):
+        end = HEADER + self.count * ENTRY.size
+        if end > len(self.data):
+            raise Truncated("section table", len(self.data), end)
+        _check_sum(self.data, HEADER, end, self.table_checksum, "section table")
+        self.budget.take(16 * (end - HEADER), "section table")
+        self.sections = []
+        for index in range(self.count):
+            section = _read_entry(index, ENTRY.unpack_from(self.data, HEADER + index * ENTRY.size))
+            if section.offset != align(end):
+                raise Malformed(f"{section.name} offset", align(end), section.offset)
+            end = section.end  # Python's integers do not overflow
+            self.sections.append(section)
+        if end != self.length:
+            raise Malformed("header file length", end, self.length)
+
+    def _pass(self):
+        """Checks the next section's padding, length and checksum, and steps over it."""
+        section = self.sections[self._next]
+        before = self.sections[self._next - 1].end if self._next else HEADER + self.count * ENTRY.size
+        if section.end > len(self.data):
+            raise Truncated(section.name, max(len(self.data), section.offset), section.end)
+        if any(self.data[before : section.offset]):
+            raise Malformed(f"padding before {section.name}", "zeros", "another byte")
+        _check_sum(self.data, section.offset, section.end, section.checksum, section.name)
+        self._next += 1
+        return section
+
+    def _pass_unknown(self):
+        while self._next < self.count and self.sections[self._next].kind not in KINDS:
+            self.unknown.append(self._pass())
+
+    def find(self, kind, scale=NO_SCALE, chunk=NO_CHUNK):
+        """The `Payload` of this section where it comes next in the file, else None."""
+        self._pass_unknown()
+        if self._next == self.count or self.sections[self._next].key != (kind, scale, chunk):
+            return None
+        return Payload(self, self._pass())
+
+    def require(self, kind, scale=NO_SCALE, chunk=NO_CHUNK):
+        """The `Payload` of this section, which must come next in the file."""
+        payload = self.find(kind, scale, chunk)
+        if payload is None:
+            if (kind, scale, chunk) not in self._keys:
+                raise MissingSection(section_name(kind, scale, chunk))
+            found = self.sections[self._next].name if self._next < self.count else "the end of the table"
+            raise Malformed("order of sections", section_name(kind, scale, chunk), found)
+        return payload
+
+    def finish(self):
+        """Checks that no known section is left, and the file's end and checksum."""
+        self._pass_unknown()
+        if self._next < self.count:
+            raise Malformed("order of sections", "no further section", self.sections[self._next].name)
+        if len(self.data) > self.length:
+            raise Malformed("bytes in the file", self.length, len(self.data))
+        _check_sum(self.data, HEADER, self.length, self.file_checksum, "file")
+
+
+class Payload:
+    """A section's bytes: `record` to be read first, then `body`, or `end` where the section has none."""
+
+    def __init__(self, container, section):
+        self.name = section.name
+        self.section = section
+        self.budget = container.budget
+        self.data = container.data[section.offset : section.end]
+        self.record = Record(self.data, self.name)
+
+    def end(self):
+        """Checks that the record is all there is."""
+        if self.record.offset != len(self.data):
+            raise Malformed(f"{self.name} length", self.record.offset, len(self.data))
+
+    @property
+    def body_length(self):
+        """Bytes of the body when it is decoded, by the table; for sections that have a body, after their record."""
+        start = self._body_start()
+        if self.section.decoded_length < start:
+            raise Malformed(f"{self.name} decoded length", f"at least {start}", self.section.decoded_length)
+        return self.section.decoded_length - start
+
+    @contextmanager
+    def body(self, least, most=None):
+        """The decoded body for the length of a `with` block; its bytes must be `least`, or from `least` to `most`.
+
+        A stored body is a view into the file; one of zstd is decoded, out of the budget.
+        """
+        most = least if most is None else most
+        length = self.body_length
+        if not least <= length <= most:
+            expected = f"{least}" if least == most else f"{least} to {most}"
+            raise Malformed(f"{self.name} bytes of the body", expected, length)
+        stored = self.data[self._body_start() :]
+        if self.section.codec == STORED:
+            yield stored
+            return
+        _check_zstd_frame(stored, length, self.name)
+        with self.budget.borrow(length, self.name):
+            yield memoryview(_decode_zstd(stored, length, self.name))
+
+    def _body_start(self):
+        end = self.record.offset
+        start = align(end)
+        if start > len(self.data):
+            raise Malformed(f"{self.name} length", f"at least {start}", len(self.data))
+        if any(self.data[end:start]):
+            raise Malformed(f"{self.name} padding before the body", "zeros", "another byte")
+        return start
+
+
+def is_damaged_magic(start):
+    """Whether a file that begins with `start` was transferred as text (section 2.1)."""
+    for first in (b"\xb3", b"\x33", b"\xc2\xb3", b"\xef\xbf\xbd"):
+        if start.startswith(first + b"STV"):
+            rest = start[len(first) + 3 :]
+            line_ends = len(rest) - len(rest.lstrip(b"\r\n"))
+            return line_ends <= 4 and rest[line_ends : line_ends + 1] == b"\x1a"
+    return False
+
+
+def _check_sum(data, start, end, expected, place):
+    found = zlib.crc32(data[start:end])
+    if found != expected:
+        raise Corrupt(place, start, end, found, expected)
+
+
+def _read_entry(index, fields):
+    name, flags, scale, chunk, codec, reserved, checksum, reserved4, offset, length, decoded_length, reserved8 = fields
+    letters = name.rstrip(b"\0")
+    if not letters or not NAME_BYTES.issuperset(letters):
+        expected = "capital letters, digits and hyphens, then zeros"
+        raise Malformed(f"name of section {index}", expected, f"[{name.hex(' ')}]")
+    section = Section(
+        letters.decode(), bool(flags & 1), scale, chunk, codec, checksum, offset, length, decoded_length
+    )
+    if flags > 1:
+        raise Malformed(f"{section.name} flags", "0 or 1", flags)
+    kind = KINDS.get(section.kind)
+    if kind is None and section.critical:
+        raise UnknownCritical(section.kind)
+    if kind is not None and kind.critical != section.critical:
+        raise Malformed(f"{section.name} flags", int(kind.critical), flags)
+    if kind is not None and codec not in (STORED, ZSTD):
+        raise Unsupported(section.name, f"codec {codec}")
+    if kind is not None and codec == ZSTD and not kind.compressible:
+        raise Malformed(f"{section.name} codec", STORED, codec)
+    if reserved or reserved4 or reserved8:
+        raise Malformed(f"{section.name} reserved", "zeros", "another byte")
+    if codec == STORED and decoded_length != length:
+        raise Malformed(f"{section.name} decoded length", length, decoded_length)
+    return section
+
+
+def _check_zstd_frame(frame, length, place):
+    """Checks that a zstd frame without dictionary begins here and declares `length` bytes of content."""
+    if frame[:4] != ZSTD_MAGIC:
+        raise Malformed(place, "a zstd frame", f"[{bytes(frame[:4]).hex(' ')}]")
+    try:
+        parameters = zstandard.get_frame_parameters(frame)
+    except zstandard.ZstdError as error:
+        raise Malformed(place, "a whole zstd frame", error) from None
+    if parameters.content_size != length:
+        unknown = parameters.content_size == zstandard.CONTENTSIZE_UNKNOWN
+        found = "no declared size" if unknown else parameters.content_size
+        raise Malformed(f"{place} content of the zstd frame", f"{length} bytes", found)
+    if parameters.dict_id:
+        raise Malformed(f"{place} dictionary of the zstd frame", "none", parameters.dict_id)
+
+
+def _decode_zstd(frame, length, place):
+    """The content of one zstd frame that declares `length` bytes; no more than those are ever written."""
+    try:
+        # One pass into a buffer of the declared size: the frame's window takes no memory of its own.
+        content = zstandard.ZstdDecompressor().decompress(frame, allow_extra_data=False)
+    except zstandard.ZstdError as error:
+        raise Malformed(place, "a whole zstd frame", error) from None
+    if len(content) != length:
+        raise Malformed(f"{place} content of the zstd frame", f"{length} bytes", len(content))
+    return content

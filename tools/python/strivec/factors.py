@@ -1,0 +1,73 @@
+"""DENSITY and APPEARANCE (section 3.10 of the format): the factor vectors of a chunk's tensors."""
+
+import numpy as np
+
+from . import arrays
+from .errors import Malformed
+
+
+def read_factors(payload, rank, resolution, out):
+    """Decodes a chunk's vectors into `out`, for each axis a zeros float32[T][rank][D_a + 1].
+
+    A component that a tensor does not have is left as it is in `out`.
+    """
+    tensors = len(out[0])
+    record = payload.record
+    ragged = record.flag("ragged")
+    record.zeros(7)
+    head = arrays.read_head(record)
+    vertices = [cells + 1 for cells in resolution]
+
+    components = tensors * rank
+    full = arrays.encoded_size(head, components * sum(vertices), components * 3)
+    mask_size = tensors * -(-rank // 8) if ragged else 0
+    least = mask_size if ragged else full
+    transient = arrays.TRANSIENT * components * sum(vertices) + 16 * mask_size
+    with payload.budget.borrow(transient, payload.name), payload.body(least, mask_size + full) as body:
+        if ragged:
+            mask = _read_mask(body[:mask_size], tensors, rank, payload.name)
+            components = int(mask.sum())
+            size = mask_size + arrays.encoded_size(head, components * sum(vertices), components * 3)
+            if len(body) != size:
+                raise Malformed(f"{payload.name} bytes of the body", size, len(body))
+        else:
+            mask = np.ones((tensors, rank), bool)
+        if components == 0:
+            return
+        numbers = arrays.decode(head, body[mask_size:], np.tile(vertices, components), f"{payload.name} factors")
+        if head.encoding in ("grid", "cosine"):
+            _place_by_component(numbers, mask, vertices, out)
+        else:
+            _place_by_vertex(numbers, mask, vertices, out)
+
+
+def _read_mask(data, tensors, rank, place):
+    """Which components each tensor has, bool[tensors][rank]."""
+    bits = np.unpackbits(np.frombuffer(data, np.uint8).reshape(tensors, -1), axis=1, bitorder="little")
+    if bits[:, rank:].any():
+        raise Malformed(f"{place} unused bits of components", "zeros", "another bit")
+    return bits[:, :rank].astype(bool)
+
+
+def _place_by_component(numbers, mask, vertices, out):
+    """From the order [tensor][component][axis][vertex]."""
+    rows = numbers.reshape(-1, sum(vertices))
+    start = 0
+    for axis, count in enumerate(vertices):
+        out[axis][mask] = rows[:, start : start + count]
+        start += count
+
+
+def _place_by_vertex(numbers, mask, vertices, out):
+    """From the order [tensor][axis][vertex][component], a tensor's own components only."""
+    present = mask.sum(axis=1)
+    starts = (np.cumsum(present) - present) * sum(vertices)
+    for components in np.unique(present[present > 0]):
+        tensors = np.flatnonzero(present == components)
+        which, component = np.nonzero(mask[tensors])
+        start = starts[tensors]
+        for axis, count in enumerate(vertices):
+            entries = start[:, None] + np.arange(count * components)
+            vectors = numbers[entries].reshape(-1, count, components).transpose(0, 2, 1)
+            out[axis][tensors[which], component] = vectors.reshape(-1, count)
+            start = start + count * components

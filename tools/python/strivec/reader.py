@@ -1,0 +1,94 @@
+"""From a file to a `Scene`: the order of sections (section 2.3 of the format)."""
+
+import mmap
+import os
+
+import numpy as np
+
+from . import limits, sections
+from .container import Container
+from .scales import read_scale
+from .scene import Provenance, Scene, UnknownSection
+
+
+def open(path, budget=limits.DEFAULT_BUDGET):
+    """The scene of the file at `path`, using at most `budget` bytes of memory besides the file's pages.
+
+    Fails with OSError where the file cannot be read and with a StrivecError where it is refused.
+    """
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    try:
+        if os.fstat(descriptor).st_size == 0:  # which cannot be mapped
+            return read(b"", budget)
+        return read(mmap.mmap(descriptor, 0, access=mmap.ACCESS_READ), budget)
+    finally:
+        os.close(descriptor)
+
+
+def read(data, budget=limits.DEFAULT_BUDGET):
+    """The scene of a bytes-like object that holds a whole file; fails with a StrivecError."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is found and refused
+        return _read_scene(Container(data, limits.Budget(budget)))
+
+
+def _read_scene(container):
+    frame = sections.read_frame(container.require("FRAME"))
+    rules = sections.read_rules(container.require("RULES"))
+
+    def optional(read_section, kind, *arguments):
+        payload = container.find(kind)
+        return None if payload is None else read_section(payload, *arguments)
+
+    provenance = optional(sections.read_provenance, "PROVENANCE") or Provenance()
+    licence = optional(sections.read_licence, "LICENCE")
+    quality = optional(sections.read_quality, "QUALITY", rules.scales)
+    views = optional(sections.read_views, "VIEWS")
+    thumbnail = optional(sections.read_thumbnail, "THUMBNAIL")
+    decoder = sections.read_decoder(container.require("DECODER"))
+    occupancy = optional(sections.read_occupancy, "OCCUPANCY")
+
+    scales, prefixes = [], {}
+    for index in range(rules.scales):
+        scales.append(read_scale(container, index, decoder.features))
+        payload = container.find("PREFIX", index) if index + 1 < rules.scales else None
+        if payload is not None:
+            ranks = sum(scale.matrix.shape[1] for scale in scales)
+            prefixes[index] = sections.read_prefix(payload, decoder.features, ranks)
+
+    probes = optional(sections.read_probes, "PROBES")
+    cameras = optional(sections.read_cameras, "CAMERAS") or []
+    notes = optional(sections.read_notes, "NOTES") or {}
+    container.finish()
+    return Scene(
+        container.minor,
+        frame,
+        rules,
+        provenance,
+        licence,
+        quality,
+        views,
+        thumbnail,
+        decoder,
+        occupancy,
+        scales,
+        prefixes,
+        probes,
+        cameras,
+        notes,
+        _unknown_sections(container),
+    )
+
+
+def _unknown_sections(container):
+    container.budget.take(sum(section.length for section in container.unknown), "sections of unknown kinds")
+    return [
+        UnknownSection(
+            section.kind,
+            section.scale,
+            section.chunk,
+            section.codec,
+            section.decoded_length,
+            bytes(container.data[section.offset : section.end]),
+        )
+        for section in container.unknown
+    ]

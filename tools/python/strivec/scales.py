@@ -1,0 +1,201 @@
+"""SCALE, MATRIX and the chunks (sections 3.7 to 3.10 of the format): one scale, its tensors in canonical order."""
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from . import limits
+from .errors import Malformed, NotAScene, Unsupported
+from .factors import read_factors
+from .scene import Scale
+from .sections import read_matrix
+
+CHUNK = np.dtype([("tensors", "<u4"), ("smallest", "<f8", 3), ("largest", "<f8", 3)])  # 52 bytes
+LEB128_BYTES = 9  # of a cell's number, at most
+PLACEMENT_TRANSIENT = 96  # bytes a tensor
+
+Layout = namedtuple(
+    "Layout",
+    "tensors neighbours half_edges resolution placement density_rank appearance_rank origin pitch extent chunks",
+)
+
+
+def read_scale(container, index, features):
+    """The `Scale` of this index, from its SCALE to its last chunk, of a scene of `features` features."""
+    budget = container.budget
+    payload = container.require("SCALE", index)
+    layout = _read_layout(payload)
+    matrix = read_matrix(container.require("MATRIX", index), features, layout.appearance_rank)
+
+    vertices = sum(cells + 1 for cells in layout.resolution)
+    numbers = layout.tensors * (layout.density_rank + layout.appearance_rank) * vertices
+    budget.take(24 * layout.tensors + 4 * numbers, payload.name)
+    centres = np.zeros((layout.tensors, 3))
+    density, appearance = (
+        [np.zeros((layout.tensors, rank, cells + 1), np.float32) for cells in layout.resolution]
+        for rank in (layout.density_rank, layout.appearance_rank)
+    )
+    extent = np.zeros(3, np.int64)
+    start = 0
+    for chunk, row in enumerate(layout.chunks):
+        rows = slice(start, start + int(row["tensors"]))
+        placement = container.require("PLACEMENT", index, chunk)
+        extent = np.maximum(extent, _read_placement(placement, layout, centres[rows]))
+        _check_box(placement.name, centres[rows], layout.half_edges, row)
+        for kind, rank, out in (
+            ("DENSITY", layout.density_rank, density),
+            ("APPEARANCE", layout.appearance_rank, appearance),
+        ):
+            read_factors(container.require(kind, index, chunk), rank, layout.resolution, [a[rows] for a in out])
+        start = rows.stop
+    if layout.placement == "lattice" and tuple(extent) != layout.extent:
+        raise Malformed(f"{payload.name} extent", tuple(int(e) for e in extent), layout.extent)
+    _sort(payload.name, budget, centres, density + appearance)
+    return Scale(
+        layout.neighbours,
+        np.array(layout.half_edges),
+        layout.resolution,
+        len(layout.chunks),
+        centres,
+        density,
+        appearance,
+        matrix,
+    )
+
+
+def _read_layout(payload):
+    record = payload.record
+    tensors = record.u32("tensors", limits.TENSORS)
+    neighbours = record.u32("neighbours", limits.NEIGHBOURS)
+    half_edges = record.f64s(3, "half edges", "a positive finite number")
+    resolution = record.u32s(3, "resolution", limits.RESOLUTION)
+    if record.code("factor kind", ("cp", "vm")) == "vm":
+        raise Unsupported(f"{payload.name} factor kind", "vm")
+    placement = record.code("placement", ("lattice", "explicit"))
+    record.zeros(2)
+    density_rank = record.u32("density rank", limits.RANK)
+    appearance_rank = record.u32("appearance rank", limits.RANK)
+    count = record.u32("chunks", limits.CHUNKS)
+    record.zeros(4)
+    if placement == "lattice":
+        origin = record.f64s(3, "origin")
+        pitch = record.f64s(3, "pitch", "a positive finite number")
+        extent = record.u32s(3, "extent", limits.EXTENT)
+    else:
+        origin = pitch = extent = None
+        record.zeros(60, "origin, pitch and extent of an explicit placement")
+
+    size = CHUNK.itemsize * count
+    payload.budget.take(size, payload.name)
+    with payload.body(size) as body:
+        chunks = np.frombuffer(body, CHUNK).copy()
+    if not chunks["tensors"].all():
+        raise Malformed(f"{payload.name} tensors of a chunk", "at least 1", 0)
+    total = int(chunks["tensors"].sum(dtype=np.int64))
+    if total != tensors:
+        raise Malformed(f"{payload.name} tensors of all chunks", tensors, total)
+    return Layout(
+        tensors,
+        neighbours,
+        half_edges,
+        resolution,
+        placement,
+        density_rank,
+        appearance_rank,
+        origin,
+        pitch,
+        extent,
+        chunks,
+    )
+
+
+def _read_placement(payload, layout, centres):
+    """Fills `centres`, float64[n][3]; returns one more than the largest coordinates of their cells, int[3]."""
+    count = len(centres)
+    extent = np.zeros(3, np.int64)
+    with payload.budget.borrow(PLACEMENT_TRANSIENT * count, payload.name):
+        if layout.placement == "explicit":
+            with payload.body(24 * count) as body:
+                centres[:] = np.frombuffer(body, "<f8").reshape(count, 3)
+        else:
+            with payload.body(count, LEB128_BYTES * count) as body:
+                gaps = _read_leb128(body, count, payload.name)
+            cells = _cells(gaps, layout.extent, payload.name)
+            centres[:] = layout.origin + (cells + 0.5) * np.array(layout.pitch)
+            extent = cells.max(axis=0) + 1
+        if not np.isfinite(centres).all():
+            raise NotAScene(f"{payload.name} centres", "finite numbers", "another number")
+        _check_ascending(payload.name, centres)
+    return extent
+
+
+def _read_leb128(data, count, place):
+    """`count` integers of 7 bits a byte, least significant first, uint64[count]; all of `data`, no byte too many."""
+    data = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(data < 0x80)
+    if len(ends) != count or ends[-1] != len(data) - 1:
+        raise Malformed(place, f"{count} integers in all of the body", f"{len(ends)} in {len(data)} bytes")
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    lengths = ends - starts + 1
+    if lengths.max() > LEB128_BYTES:
+        raise Malformed(place, f"integers of at most {LEB128_BYTES} bytes", f"one of {lengths.max()}")
+    if ((lengths > 1) & (data[ends] == 0)).any():
+        raise Malformed(place, "integers of as few bytes as possible", "one that ends with a zero")
+    numbers = np.zeros(count, np.uint64)
+    for byte in range(int(lengths.max())):
+        has = lengths > byte
+        bits = (data[starts[has] + byte] & 0x7F).astype(np.uint64)
+        numbers[has] |= bits << np.uint64(7 * byte)
+    return numbers
+
+
+def _cells(gaps, extent, place):
+    """The cells (i, j, k), int64[n][3], of numbers that are given by their gaps."""
+    total = math.prod(extent)
+    rough = np.cumsum(gaps.astype(np.float64) + 1.0) - 1.0  # does not overflow
+    if rough[-1] < 2.0**62:
+        numbers = np.cumsum(gaps + np.uint64(1)) - np.uint64(1)
+        outside = numbers >= np.uint64(total)
+    else:
+        numbers, outside = rough, rough >= float(total)
+    if outside.any():
+        cell = int(np.argmax(outside))
+        raise Malformed(f"{place} cell {cell}", f"a number below {total}", int(numbers[cell]))
+    numbers = numbers.astype(np.int64)
+    x, y = extent[0], extent[1]
+    return np.stack([numbers % x, numbers // x % y, numbers // (x * y)], axis=1)
+
+
+def _check_ascending(place, centres):
+    """Strictly by (z, y, x)."""
+    before, after = centres[:-1], centres[1:]
+    less = after[:, 2] > before[:, 2]
+    for axis, tied in ((1, [2]), (0, [2, 1])):
+        less |= (after[:, tied] == before[:, tied]).all(axis=1) & (after[:, axis] > before[:, axis])
+    if not less.all():
+        tensor = int(np.argmin(less)) + 1
+        raise Malformed(
+            f"{place} centre {tensor}", f"one after {tuple(centres[tensor - 1])} by z, y, x", tuple(centres[tensor])
+        )
+
+
+def _check_box(place, centres, half_edges, chunk):
+    smallest = (centres - half_edges).min(axis=0)
+    largest = (centres + half_edges).max(axis=0)
+    if (smallest != chunk["smallest"]).any() or (largest != chunk["largest"]).any():
+        expected = f"{smallest.tolist()} to {largest.tolist()}"
+        found = f"{chunk['smallest'].tolist()} to {chunk['largest'].tolist()}"
+        raise Malformed(f"box of {place}", expected, found)
+
+
+def _sort(place, budget, centres, factors):
+    """Puts the tensors of all chunks in the order of (z, y, x), in place."""
+    largest = max(array.nbytes for array in [centres, *factors])
+    with budget.borrow(largest + 16 * len(centres), place):
+        order = np.lexsort((centres[:, 0], centres[:, 1], centres[:, 2]))
+        if (order == np.arange(len(order))).all():
+            order = None
+        for array in [centres, *factors] if order is not None else []:
+            array[:] = array[order]
+    _check_ascending(place, centres)

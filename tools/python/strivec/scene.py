@@ -1,0 +1,209 @@
+"""What a file says, as plain records. Names are the format's; lengths are in model units where nothing else is said."""
+
+from dataclasses import dataclass, field
+from typing import Dict, List, Optional, Tuple
+
+import numpy as np
+
+Vector = Tuple[float, float, float]
+Quaternion = Tuple[float, float, float, float]  # x, y, z, w
+
+
+@dataclass
+class Frame:
+    """Section 3.1: the map from the dataset's space to the model's, and where rays begin and end."""
+
+    scale: float
+    rotation: Quaternion
+    translation: Vector
+    metres_per_unit: Optional[float]
+    near: float
+    far: float
+    background: Vector  # red, green, blue in [0, 1]
+    up: str
+    colour_space: str
+
+
+@dataclass
+class Rules:
+    """Section 3.2: how the field is computed."""
+
+    scales: int
+    coverage: str  # all, any
+    aggregation: str  # normalised, clamped
+    density_reduction: str  # sum, mean
+    appearance_reduction: str  # sum, mean
+    bounds: Tuple[Vector, Vector]  # smallest and largest corner
+    density_shift: float
+    distance_scale: float
+    step: float
+    smallest_transmittance: float
+    smallest_weight: float
+
+
+@dataclass
+class Provenance:
+    """Section 3.4."""
+
+    steps: int = 0
+    seed: int = 0
+    dataset: str = ""
+    preset: str = ""
+    tool: str = ""
+
+
+@dataclass
+class Quality:
+    """Section 3.12: PSNR in dB, None where it was not measured."""
+
+    encoding_psnr: Optional[float]
+    test_psnr: Optional[float]
+    original_test_psnr: Optional[float]
+    prefix_psnr: List[Optional[float]]
+    dataset: str
+
+
+@dataclass
+class Pose:
+    """A camera's position and its rotation from the camera's axes to the model's."""
+
+    position: Vector
+    rotation: Quaternion
+
+
+@dataclass
+class Views:
+    """Section 3.13: angle in radians, duration in seconds."""
+
+    vertical_angle: float
+    start: Pose
+    target: Vector
+    duration: float
+    closed: bool
+    path: List[Pose]
+
+
+@dataclass
+class Thumbnail:
+    """Section 3.14: a picture's file, never decoded here; width and height in pixels are hints."""
+
+    format: str
+    width: int
+    height: int
+    data: bytes
+
+
+@dataclass
+class Layer:
+    """weights float32[outputs][inputs], bias float32[outputs]."""
+
+    weights: np.ndarray
+    bias: np.ndarray
+
+
+@dataclass
+class Decoder:
+    """Section 3.5: the network from features and direction to colour."""
+
+    mode: str  # per sample, per ray, residual
+    features: int  # P
+    feature_frequencies: int
+    direction_frequencies: int
+    layers: List[Layer]
+
+
+@dataclass
+class Occupancy:
+    """Section 3.6: bits uint8[ceil(XYZ/8)], packed as in the file."""
+
+    corners: Tuple[Vector, Vector]
+    vertices: Tuple[int, int, int]
+    bits: np.ndarray
+
+
+@dataclass
+class Scale:
+    """Sections 3.7 to 3.10: the tensors of one scale, in the canonical order of their centres over all chunks.
+
+    centres float64[T][3]; density and appearance: for each axis a the vectors float32[T][rank][D_a + 1], zeros for a
+    component that a tensor does not have; matrix float32[P][R].
+    """
+
+    neighbours: int
+    half_edges: np.ndarray  # float64[3]
+    resolution: Tuple[int, int, int]
+    chunks: int
+    centres: np.ndarray
+    density: List[np.ndarray]
+    appearance: List[np.ndarray]
+    matrix: np.ndarray
+
+
+@dataclass
+class Prefix:
+    """Section 3.11: the correction of a scene of scales 0 to this one; matrix float32[P][sum of R]."""
+
+    gain: float
+    offset: float
+    matrix: np.ndarray
+
+
+@dataclass
+class Probes:
+    """Section 3.16: tolerances, and float64 arrays of one row a probe."""
+
+    colour_tolerance: float
+    depth_tolerance: float
+    density_tolerance: float  # relative to the larger of 1 and the density feature's size
+    origins: np.ndarray  # [n][3]
+    directions: np.ndarray  # [n][3]
+    colours: np.ndarray  # [n][3]
+    opacities: np.ndarray  # [n]
+    depths: np.ndarray  # [n]
+    points: np.ndarray  # [n][3]
+    densities: np.ndarray  # [n], the density feature at the point
+    margins: np.ndarray  # [n], the smallest decision margin along the ray
+
+
+@dataclass
+class Camera:
+    """Section 3.17: focal length and principal point (x, y) and size (width, height) in pixels."""
+
+    pose: Pose
+    focal_length: Tuple[float, float]
+    principal_point: Tuple[float, float]
+    size: Tuple[int, int]
+
+
+@dataclass
+class UnknownSection:
+    """An ancillary section of a kind that version 1.0 does not have; `payload` as it is in the file."""
+
+    kind: str
+    scale: int
+    chunk: int
+    codec: int
+    decoded_length: int
+    payload: bytes
+
+
+@dataclass
+class Scene:
+    """A whole file."""
+
+    minor_version: int
+    frame: Frame
+    rules: Rules
+    provenance: Provenance
+    licence: Optional[str]
+    quality: Optional[Quality]
+    views: Optional[Views]
+    thumbnail: Optional[Thumbnail]
+    decoder: Decoder
+    occupancy: Optional[Occupancy]
+    scales: List[Scale]
+    prefixes: Dict[int, Prefix]  # by the last scale of the prefix
+    probes: Optional[Probes]
+    cameras: List[Camera]
+    notes: Dict[str, str]
+    unknown: List[UnknownSection] = field(default_factory=list)

@@ -1,0 +1,307 @@
+"""The sections without factors (sections 3.1 to 3.6 and 3.11 to 3.18 of the format): a `Payload` to its record."""
+
+import math
+
+import numpy as np
+
+from . import arrays, limits
+from .errors import Malformed, NotAScene
+from .record import Record
+from .scene import (
+    Camera,
+    Decoder,
+    Frame,
+    Layer,
+    Occupancy,
+    Pose,
+    Prefix,
+    Probes,
+    Provenance,
+    Quality,
+    Rules,
+    Thumbnail,
+    Views,
+)
+
+UPS = ("+x", "+y", "+z", "-x", "-y", "-z")
+POSE = 56  # bytes
+PROBE = 144  # bytes
+CAMERA = 96  # bytes
+
+
+def read_frame(payload):
+    """Section 3.1."""
+    record = payload.record
+    scale = record.f64("scale", "a positive finite number")
+    rotation = record.quaternion("rotation")
+    translation = record.f64s(3, "translation")
+    metres = record.f64_unless_zero("metres a dataset unit", "a positive finite number")
+    near = record.f64("near", "a number of at least 0")
+    far = record.f64("far")
+    record.require(far > near, "far", f"more than near, {near}", far)
+    background = record.f32s(3, "background")
+    for value in background:
+        record.require(0.0 <= value <= 1.0, "background", "a number in [0, 1]", value)
+    up = record.code("up", UPS)
+    colour_space = record.code("colour space", ("sRGB",))
+    payload.end()
+    return Frame(scale, rotation, translation, metres, near, far, background, up, colour_space)
+
+
+def read_rules(payload):
+    """Section 3.2."""
+    record = payload.record
+    scales = limits.check(record.u16("scales"), limits.SCALES, "RULES number of scales")
+    coverage = record.code("coverage", ("all", "any"))
+    aggregation = record.code("aggregation", ("normalised", "clamped"))
+    density_reduction = record.code("density reduction", ("sum", "mean"))
+    appearance_reduction = record.code("appearance reduction", ("sum", "mean"))
+    record.code("contraction", ("none",))  # code 1, L∞, is not supported either
+    record.zeros(1)
+    bounds = _read_box(record, "bounds")
+    density_shift = record.f64("density shift")
+    distance_scale = record.f64("distance scale", "a positive finite number")
+    step = record.f64("step", "a positive finite number")
+    steps = math.dist(*bounds) / step
+    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps a diagonal", steps)
+    smallest_transmittance = record.f64("smallest transmittance", "a number in [0, 1)")
+    smallest_weight = record.f64("smallest weight", "a number in [0, 1)")
+    record.zeros(8, "length of the contracted background")
+    payload.end()
+    return Rules(
+        scales,
+        coverage,
+        aggregation,
+        density_reduction,
+        appearance_reduction,
+        bounds,
+        density_shift,
+        distance_scale,
+        step,
+        smallest_transmittance,
+        smallest_weight,
+    )
+
+
+def read_provenance(payload):
+    """Section 3.4."""
+    record = payload.record
+    steps, seed = record.u64("training steps"), record.u64("seed")
+    dataset, preset, tool = record.string("dataset"), record.string("preset"), record.string("tool")
+    payload.end()
+    return Provenance(steps, seed, dataset, preset, tool)
+
+
+def read_licence(payload):
+    """Section 3.15."""
+    licence = payload.record.string("text", limits.TEXT)
+    payload.end()
+    return licence
+
+
+def read_quality(payload, scales):
+    """Section 3.12, of a scene of `scales` scales."""
+    record = payload.record
+    encoding, test, original = (record.f64_unless_absent("PSNR") for _ in range(3))
+    count = record.u64("number of prefixes")
+    if count != scales:
+        raise Malformed("QUALITY number of prefixes", scales, count)
+    prefixes = [record.f64_unless_absent("PSNR of a prefix") for _ in range(count)]
+    dataset = record.string("dataset")
+    payload.end()
+    return Quality(encoding, test, original, prefixes, dataset)
+
+
+def read_views(payload):
+    """Section 3.13."""
+    record = payload.record
+    angle = record.f64("vertical angle of view", "an angle in (0, pi)")
+    start = _read_pose(record)
+    target = record.f64s(3, "target")
+    duration = record.f64("seconds of the path", "a positive finite number")
+    closed = record.flag("closed")
+    count = record.u64("poses of the path", limits.LIST)
+    payload.budget.take(8 * POSE * count, payload.name)
+    path = [_read_pose(record) for _ in range(count)]
+    payload.end()
+    return Views(angle, start, target, duration, closed, path)
+
+
+def read_thumbnail(payload):
+    """Section 3.14."""
+    record = payload.record
+    format = record.code("format", ("PNG", "JPEG"))
+    record.zeros(1)
+    width, height = record.u16("width"), record.u16("height")
+    size = limits.check(payload.body_length, limits.THUMBNAIL, "THUMBNAIL bytes")
+    payload.budget.take(size, payload.name)
+    with payload.body(size) as body:
+        return Thumbnail(format, width, height, bytes(body))
+
+
+def read_decoder(payload):
+    """Section 3.5."""
+    record = payload.record
+    mode = record.code("mode", ("per sample", "per ray", "residual"))
+    feature_frequencies = record.u32("frequencies of features", limits.FREQUENCIES)
+    direction_frequencies = record.u32("frequencies of the direction", limits.FREQUENCIES)
+    count = record.u64("layers", limits.LAYERS)
+    shapes = [record.u32s(2, f"width of layer {layer}", limits.LAYER_WIDTH) for layer in range(count)]
+    for layer in range(1, count):
+        expected, found = shapes[layer - 1][1], shapes[layer][0]
+        record.require(found == expected, f"inputs of layer {layer}", expected, found)
+    record.require(shapes[-1][1] == 3, "outputs of the last layer", 3, shapes[-1][1])
+    direction = 3 * (1 + 2 * direction_frequencies)
+    features, rest = divmod(shapes[0][0] - direction, 1 + 2 * feature_frequencies)
+    fits = rest == 0 and limits.FEATURES[0] <= features <= limits.FEATURES[1]
+    expected = f"{direction} and 1 to 256 times {1 + 2 * feature_frequencies}"
+    record.require(fits, "inputs of layer 0", expected, shapes[0][0])
+    record.require(features >= 3 or mode != "residual", "features", "at least 3", features)
+    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+
+    lengths = np.concatenate([[inputs] * outputs + [outputs] for inputs, outputs in shapes])
+    numbers = _read_array(payload, head, lengths)
+    layers = []
+    start = 0
+    for inputs, outputs in shapes:
+        middle, end = start + inputs * outputs, start + (inputs + 1) * outputs
+        layers.append(Layer(numbers[start:middle].reshape(outputs, inputs), numbers[middle:end]))
+        start = end
+    return Decoder(mode, features, feature_frequencies, direction_frequencies, layers)
+
+
+def read_occupancy(payload):
+    """Section 3.6."""
+    record = payload.record
+    corners = _read_box(record, "box")
+    vertices = record.u32s(3, "vertices", limits.OCCUPANCY_AXIS)
+    total = limits.check(math.prod(vertices), limits.OCCUPANCY_VERTICES, "OCCUPANCY vertices")
+    size = -(-total // 8)
+    payload.budget.take(size, payload.name)
+    with payload.body(size) as body:
+        bits = np.frombuffer(body, np.uint8).copy()
+    if total % 8 and bits[-1] >> (total % 8):
+        raise Malformed("OCCUPANCY unused bits", "zeros", f"{bits[-1]:#04x} in the last byte")
+    return Occupancy(corners, vertices, bits)
+
+
+def read_matrix(payload, features, rank):
+    """Section 3.8: float32[P][R], P being `features` and R `rank`."""
+    record = payload.record
+    found = record.u32("features", limits.FEATURES)
+    record.require(found == features, "features", f"{features} by the inputs of the network", found)
+    found = record.u32("appearance rank", limits.RANK)
+    if found != rank:
+        raise Malformed(f"{payload.name} appearance rank", rank, found)
+    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+    return _read_array(payload, head, np.full(features, rank)).reshape(features, rank)
+
+
+def read_prefix(payload, features, ranks):
+    """Section 3.11, of the prefix whose appearance ranks sum to `ranks`."""
+    record = payload.record
+    gain = record.f64("gain", "a positive finite number")
+    offset = record.f64("offset")
+    found = record.u32("features", limits.FEATURES)
+    if found != features:
+        raise Malformed(f"{payload.name} features", features, found)
+    found = record.u32("sum of appearance ranks", limits.PREFIX_RANKS)
+    if found != ranks:
+        raise Malformed(f"{payload.name} sum of appearance ranks", ranks, found)
+    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+    matrix = _read_array(payload, head, np.full(features, ranks)).reshape(features, ranks)
+    return Prefix(gain, offset, matrix)
+
+
+def read_probes(payload):
+    """Section 3.16."""
+    record = payload.record
+    rule = "a positive finite number"
+    colour, depth, density = (record.f64(f"tolerance of {what}", rule) for what in ("colour", "depth", "density"))
+    count = record.u64("number of probes", limits.LIST)
+    payload.budget.take(PROBE * count, payload.name)
+    with payload.body(PROBE * count) as body:
+        reserved = np.frombuffer(body, "<u8").reshape(count, 18)[:, 16:]
+        if reserved.any():
+            raise Malformed("PROBES reserved", "zeros", "another number")
+        rows = np.frombuffer(body, "<f8").reshape(count, 18)[:, :16].astype(np.float64)
+    if not np.isfinite(rows).all():
+        raise NotAScene("PROBES", "finite numbers", "another number")
+    lengths = np.linalg.norm(rows[:, 3:6], axis=1)
+    wrong = np.flatnonzero(np.abs(lengths - 1.0) > 1e-6)
+    if len(wrong):
+        raise NotAScene(f"PROBES direction of probe {wrong[0]}", "length 1", lengths[wrong[0]])
+    return Probes(
+        colour,
+        depth,
+        density,
+        origins=rows[:, 0:3],
+        directions=rows[:, 3:6],
+        colours=rows[:, 6:9],
+        opacities=rows[:, 9],
+        depths=rows[:, 10],
+        points=rows[:, 11:14],
+        densities=rows[:, 14],
+        margins=rows[:, 15],
+    )
+
+
+def read_cameras(payload):
+    """Section 3.17."""
+    count = payload.record.u64("number of cameras", limits.LIST)
+    payload.budget.take(8 * CAMERA * count, payload.name)
+    with payload.body(CAMERA * count) as data:
+        body = Record(data, payload.name)
+        return [
+            Camera(
+                _read_pose(body),
+                body.f64s(2, "focal length"),
+                body.f64s(2, "principal point"),
+                (body.u32("width"), body.u32("height")),
+            )
+            for _ in range(count)
+        ]
+
+
+def read_notes(payload):
+    """Section 3.18."""
+    count = payload.record.u64("number of notes", limits.LIST)
+    size = limits.check(payload.body_length, limits.TEXT, "NOTES bytes of the body")
+    payload.budget.take(8 * size, payload.name)
+    with payload.body(size) as data:
+        return _read_notes(Record(data, payload.name), count)
+
+
+def _read_notes(body, count):
+    notes = {}
+    last = None
+    for _ in range(count):
+        key = body.string("key", limits.TEXT)
+        if last is not None and key.encode() <= last.encode():
+            raise Malformed("NOTES keys", "in strictly ascending order", f"{key!r} after {last!r}")
+        notes[key] = body.string("value", limits.TEXT)
+        last = key
+    if body.offset != len(body.data):
+        raise Malformed("NOTES bytes of the body", body.offset, len(body.data))
+    return notes
+
+
+def _read_box(record, name):
+    smallest = record.f64s(3, f"{name} smallest corner")
+    largest = record.f64s(3, f"{name} largest corner")
+    for low, high in zip(smallest, largest):
+        record.require(low < high, f"{name} largest corner", f"more than {low}", high)
+    return smallest, largest
+
+
+def _read_pose(record):
+    return Pose(record.f64s(3, "position"), record.quaternion("rotation"))
+
+
+def _read_array(payload, head, lengths):
+    """The numbers of an array that is a section's whole body, float32[sum of lengths]."""
+    total = int(lengths.sum())
+    size = arrays.encoded_size(head, total, len(lengths))
+    payload.budget.take(4 * total, payload.name)
+    with payload.budget.borrow(arrays.TRANSIENT * total, payload.name), payload.body(size) as body:
+        return arrays.decode(head, body, lengths, payload.name)

@@ -1,0 +1,187 @@
+"""The reader against the test vectors of the format: `fixtures/v1` opens and its probes hold, `fixtures/hostile` is
+refused with the right class of error.
+
+    PYTHONPATH=tools/python python -m unittest discover tools/python/tests
+"""
+
+import contextlib
+import dataclasses
+import io
+import re
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import strivec
+from strivec.__main__ import main
+
+FIXTURES = Path(__file__).resolve().parents[3] / "fixtures"
+VALID = sorted((FIXTURES / "v1").glob("*.strivec"))
+HOSTILE = FIXTURES / "hostile"
+HOSTILE_BUDGET = 64 << 20  # bytes
+MADE_UP_PROBES = {"everything"}
+WITHOUT_PROBES = {"smallest"}
+
+CLASSES = (  # by what the messages of `errors.tsv` say
+    (r"not a \.strivec file", strivec.NotStrivec),
+    (r"damaged by a transfer as text", strivec.LineEndings),
+    (r"version .* of the format", strivec.UnsupportedVersion),
+    (r"truncated", strivec.Truncated),
+    (r"corrupt", strivec.Corrupt),
+    (r"malformed", strivec.Malformed),
+    (r"not a valid scene", strivec.NotAScene),
+    (r"section .* is missing", strivec.MissingSection),
+    (r"section .* is unknown to this reader", strivec.UnknownCritical),
+    (r".* is not supported", strivec.Unsupported),
+    (r".* is not in the format's range", strivec.OutOfRange),
+    (r".* needs \d+ bytes of memory", strivec.OverBudget),
+)
+
+
+def error_class(message):
+    return next(error for pattern, error in CLASSES if re.match(pattern, message))
+
+
+def refusal(data, budget=HOSTILE_BUDGET):
+    """The error with which a file is refused, None where it opens."""
+    try:
+        strivec.read(data, budget)
+    except strivec.StrivecError as error:
+        return error
+    return None
+
+
+class ValidVectors(unittest.TestCase):
+    def test_there_are_some(self):
+        self.assertGreaterEqual(len(VALID), 28)
+
+    def test_open_and_probes_hold(self):
+        for path in VALID:
+            with self.subTest(path.stem):
+                scene = strivec.open(path)
+                self.assertEqual(scene.probes is None, path.stem in WITHOUT_PROBES)
+                if scene.probes is None or path.stem in MADE_UP_PROBES:
+                    continue
+                report = strivec.check_probes(scene)
+                self.assertGreater(report.compared, 0)
+                self.assertEqual(report.failed, [])
+
+    def test_changed_scene_fails(self):
+        for path in VALID:
+            if path.stem in MADE_UP_PROBES | WITHOUT_PROBES:
+                continue
+            with self.subTest(path.stem):
+                scene = strivec.open(path)
+                rules = dataclasses.replace(scene.rules, density_shift=scene.rules.density_shift + 0.01)
+                self.assertTrue(strivec.check_probes(dataclasses.replace(scene, rules=rules)).failed)
+
+    def test_same_numbers_however_written(self):
+        def numbers(stem):
+            scene = strivec.open(FIXTURES / "v1" / f"{stem}.strivec")
+            return np.concatenate(
+                [array.ravel() for scale in scene.scales for array in (*scale.density, *scale.appearance)]
+            )
+
+        for one, other in (
+            ("f32", "f32-planes"),
+            ("f32", "zstd"),
+            ("f32", "explicit"),
+            ("f16", "f16-planes"),
+            ("grid-8", "grid-8-differences"),
+            ("cosine", "cosine-planes"),
+        ):
+            with self.subTest(f"{one}, {other}"):
+                np.testing.assert_array_equal(numbers(one), numbers(other))
+
+    def test_extras(self):
+        scene = strivec.open(FIXTURES / "v1" / "everything.strivec")
+        self.assertEqual(scene.licence, "CC-BY-4.0, © somebody")
+        self.assertEqual(scene.provenance.preset, "48 – künstlich")
+        self.assertEqual(scene.quality.encoding_psnr, 54.5)
+        self.assertIsNone(scene.quality.test_psnr)
+        self.assertEqual(scene.quality.prefix_psnr, [21.5, None])
+        self.assertEqual(len(scene.views.path), 3)
+        self.assertEqual(scene.thumbnail.data, b"not a picture")
+        self.assertEqual(len(scene.probes.margins), 2)
+        self.assertEqual(scene.cameras[0].size, (64, 48))
+        self.assertEqual(scene.notes, {"author": "somebody", "place": "Zürich"})
+        self.assertEqual(list(scene.prefixes), [0])
+        self.assertIsNotNone(scene.occupancy)
+        self.assertEqual(scene.decoder.mode, "per ray")
+
+    def test_newer_minor_version(self):
+        scene = strivec.open(FIXTURES / "v1" / "newer-minor.strivec")
+        self.assertGreater(scene.minor_version, 0)
+        self.assertTrue(scene.unknown)
+
+
+class HostileVectors(unittest.TestCase):
+    def test_all_are_listed(self):
+        self.assertEqual(set(self.messages()), {path.stem for path in HOSTILE.glob("*.strivec")})
+
+    def test_refused_with_the_right_class(self):
+        for name, message in self.messages().items():
+            with self.subTest(name), self.assertRaises(strivec.StrivecError) as caught:
+                strivec.open(HOSTILE / f"{name}.strivec", HOSTILE_BUDGET)
+            self.assertIs(type(caught.exception), error_class(message), f"{name}: {caught.exception}")
+            self.assertIs(error_class(str(caught.exception)), type(caught.exception))
+
+    def messages(self):
+        lines = (HOSTILE / "errors.tsv").read_text(encoding="utf-8").splitlines()
+        return dict(line.split("\t", 1) for line in lines)
+
+
+class DamagedFiles(unittest.TestCase):
+    smallest = (FIXTURES / "v1" / "smallest.strivec").read_bytes()
+
+    def test_every_flip_is_refused(self):
+        data = bytearray(self.smallest)
+        for offset in range(len(data)):
+            for flip in (0x01, 0xFF):
+                data[offset] ^= flip
+                self.assertIsNotNone(refusal(data), f"byte {offset} ^ {flip:#04x}")
+                data[offset] ^= flip
+        self.assertIsNone(refusal(data))
+
+    def test_every_truncation_is_refused(self):
+        for length in range(len(self.smallest)):
+            self.assertIsInstance(refusal(self.smallest[:length]), strivec.Truncated, f"{length} bytes")
+
+    def test_transfers_as_text(self):
+        data = self.smallest
+        for damaged in (
+            data.replace(b"\n", b"\r\n"),
+            data.replace(b"\r\n", b"\n"),
+            data.replace(b"\r", b""),
+            data.replace(b"\r\n", b""),
+            bytes(byte & 0x7F for byte in data),
+            data.decode("latin-1").encode("utf-8"),
+            data.decode("utf-8", "replace").encode("utf-8"),
+        ):
+            self.assertIsInstance(refusal(damaged), strivec.LineEndings, str(damaged[:12]))
+
+
+class Command(unittest.TestCase):
+    def run_command(self, *arguments):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            try:
+                return main([str(argument) for argument in arguments])
+            except SystemExit as exit:
+                return exit.code
+
+    def test_exit_codes(self):
+        fine = FIXTURES / "v1" / "f32.strivec"
+        self.assertEqual(self.run_command("info", FIXTURES / "v1" / "everything.strivec"), 0)
+        self.assertEqual(self.run_command("info", fine), 0)
+        self.assertEqual(self.run_command("verify", fine, FIXTURES / "v1" / "smallest.strivec"), 0)
+        self.assertEqual(self.run_command("verify", HOSTILE / "corrupt-table.strivec", fine), 3)
+        self.assertEqual(self.run_command("verify", FIXTURES / "v1" / "everything.strivec"), 3)
+        self.assertEqual(self.run_command("verify", fine, HOSTILE / "major-2.strivec"), 5)
+        self.assertEqual(self.run_command("verify", FIXTURES / "absent.strivec"), 2)
+        self.assertEqual(self.run_command("verify"), 2)
+        self.assertEqual(self.run_command("mend", fine), 2)
+
+
+if __name__ == "__main__":
+    unittest.main()
