@@ -15,7 +15,7 @@ use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
 use crate::pack::{
-    Candidate, Goal, Judge, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
+    Candidate, Goal, Judge, MOST_TRIED, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
 };
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
@@ -324,10 +324,12 @@ impl Packing<'_> {
         let args = &self.args.goal;
         // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
         let (judge, goal) = match (&self.real, args.max_loss) {
-            (Some((judge, before, _)), Some(loss)) => (judge, Goal::Error(before * 10f64.powf(loss / 10.0))),
+            (Some((judge, before, _)), Some(loss)) => {
+                (judge, Goal::Error { before: *before, more: before * grown(loss) })
+            }
             _ => (&self.own, goal(args, &self.extras)),
         };
-        let progress = Progress::start(&self.session.console, "encodings", 10);
+        let progress = Progress::start(&self.session.console, "encodings", MOST_TRIED as u64);
         let mut count = 0;
         let mut tried = |candidate: &Candidate| {
             count += 1;
@@ -398,7 +400,12 @@ fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
         // Errors of encoding and of the model add up, being independent.
         let known = extras.quality.as_ref().and_then(|q| q.test);
         let model = 10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0);
-        return Goal::Error(model * (10f64.powf(loss / 10.0) - 1.0));
+        return Goal::Error { before: 0.0, more: model * grown(loss) };
     }
-    Goal::Error(args.quality.unwrap_or(QualityLevel::Balanced).error())
+    Goal::Error { before: 0.0, more: args.quality.unwrap_or(QualityLevel::Balanced).error() }
+}
+
+/// By what share of itself a mean squared error grows that loses so many dB of PSNR.
+fn grown(loss: f64) -> f64 {
+    10f64.powf(loss / 10.0) - 1.0
 }
