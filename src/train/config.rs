@@ -128,7 +128,7 @@ impl Default for TrainConfig {
             batch_rays: 4096,
             background: [1.0; 3],
             random_background: false,
-            redraw_rays: false,
+            redraw_rays: true,
             near_far: None,
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
@@ -248,6 +248,7 @@ impl TrainConfig {
         preset.scales = match name {
             "per-ray" => {
                 preset.decoder.mode = DecoderMode::PerRay;
+                preset.redraw_rays = false;
                 preset.color_thinning = 0.002;
                 preset_scales(48)
             }
@@ -255,11 +256,13 @@ impl TrainConfig {
                 preset.decoder.mode = DecoderMode::Residual;
                 // Highlights come and go within a few degrees.
                 preset.decoder.direction_frequencies = 6;
-                preset.redraw_rays = true;
                 preset.color_thinning = 0.002;
                 preset_scales(48)
             }
-            "fast" => preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect(),
+            "fast" => {
+                preset.redraw_rays = false;
+                preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect()
+            }
             "12" | "24" | "48" | "96" => preset_scales(name.parse().expect("a number")),
             _ => return Err(ConfigError::UnknownPreset { name: name.into() }),
         };
