@@ -1,10 +1,13 @@
-//! The same scene or error however a file's bytes come: at once, sought, or in ranges of which each is an allocation of
+//! Of changed files: the same scene or error however the bytes come: at once, sought, or in ranges of which each is an allocation of
 //! its own. Of a part of the file, the same or an error.
 #![no_main]
+
+mod mutation;
 
 use std::io::Cursor;
 
 use libfuzzer_sys::fuzz_target;
+use mutation::Input;
 use strivec::container::{Error, Fetch, Limits, Part, Reader, Seekable, Source};
 use strivec::model::Scene;
 
@@ -14,8 +17,9 @@ fn read(source: impl Source, part: &Part) -> Result<Scene, Error> {
     Ok(Reader::open(source, LIMITS)?.read(part)?.scene)
 }
 
-fuzz_target!(|input: (u8, Vec<u8>)| {
-    let (scales, bytes) = input;
+fuzz_target!(|input: (u8, Input)| {
+    let (scales, input) = input;
+    let bytes = input.bytes();
     let fetch = |range: std::ops::Range<u64>| {
         let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
         Ok::<_, String>(bytes[start..end].to_vec())
