@@ -58,7 +58,7 @@ impl Error {
             | container::Error::UnknownCritical { .. }
             | container::Error::UnsupportedVersion { .. } => Self::Unsupported(message),
             container::Error::Source { .. } => Self::Io(message),
-            container::Error::HalfOverflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
+            container::Error::Overflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
             container::Error::Level { .. } => Self::Usage(message),
             _ => Self::Malformed(message),
         }

@@ -157,22 +157,25 @@ pub(super) fn write(
     let mut body = Vec::with_capacity(encoding.length(lengths.clone().count() as u64, values.len() as u64) as usize);
     let head = |error| records::ArrayHead { encoding: code, bits, filter: filter_code, reserved: 0, error };
     check_filter(place, encoding, filter)?;
+    let within = |largest: f32, is_too_large: &dyn Fn(f32) -> bool| match values.iter().position(|&v| is_too_large(v)) {
+        Some(i) => Err(Error::Overflow { place: format!("{place} entry {i}"), value: values[i], largest }),
+        None => Ok(()),
+    };
     match encoding {
         Encoding::F32 => body.extend(values.iter().flat_map(|v| v.to_le_bytes())),
         Encoding::F16 => {
-            for (i, &value) in values.iter().enumerate() {
-                let half = f16::from_f32(value);
-                if half.is_infinite() {
-                    return Err(Error::HalfOverflow { place: format!("{place} entry {i}"), value });
-                }
-                body.extend(half.to_le_bytes());
-            }
+            within(f16::MAX.into(), &|v| f16::from_f32(v).is_infinite())?;
+            body.extend(values.iter().flat_map(|&v| f16::from_f32(v).to_le_bytes()));
         }
         Encoding::Grid(_) | Encoding::Cosine => {
             let found;
             let steps = match steps {
                 Some(steps) => steps,
                 None => {
+                    if let Encoding::Grid(bits) = encoding {
+                        let most = step(u8::MAX) * largest(bits);
+                        within(most, &|v| v.abs() > most)?;
+                    }
                     found = encoding.finest_steps(groups_of(values, lengths.clone()));
                     &found
                 }

@@ -13,7 +13,7 @@ use crate::model::BrokenInvariant;
 /// should be fetched again: [`Error::LineEndingDamage`], [`Error::Truncated`], [`Error::Corrupt`]. It was written
 /// wrongly: [`Error::Malformed`], [`Error::MissingSection`]. It, or the scene, exceeds what the format allows:
 /// [`Error::Limit`]; or what the caller allows: [`Error::Budget`]. Its bytes could not be had: [`Error::Source`]. The scene itself is not valid: [`Error::Scene`]. The caller asked for what
-/// cannot be: [`Error::HalfOverflow`], [`Error::Level`], [`Error::Compression`].
+/// cannot be: [`Error::Overflow`], [`Error::Level`], [`Error::Compression`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -120,13 +120,15 @@ pub enum Error {
         /// What it says.
         message: String,
     },
-    /// A factor too large for a half-precision number (65 504 at most): write the scene with 32-bit factors.
-    #[error("{place}: {value} exceeds what half precision holds; encode the factors as f32")]
-    HalfOverflow {
-        /// Which factor.
+    /// A number too large for the encoding that was asked for: write the scene with 32-bit numbers.
+    #[error("{place}: {value} exceeds {largest}, the largest number of this encoding; encode it as f32")]
+    Overflow {
+        /// Which number.
         place: String,
         /// Its value.
         value: f32,
+        /// The largest value that the encoding has.
+        largest: f32,
     },
     /// A compression level outside 1 to 22.
     #[error("compression level {found} is not between 1 and 22")]

@@ -424,13 +424,23 @@ fn the_writer_refuses_what_a_reader_would() {
 }
 
 #[test]
-fn factors_that_half_precision_does_not_hold() {
+fn numbers_that_an_encoding_does_not_hold() {
     for (value, fits) in [(65_504.0, true), (65_519.0, true), (65_520.0, false), (-1e30, false)] {
         let mut scene = two_scales();
         scene.scales[1].factors.appearance[2] = value;
         assert!(encode(&scene, &f32()).is_ok());
         let place = "APPEARANCE entry 2".to_string();
-        assert_eq!(encode(&scene, &f16()).err(), (!fits).then_some(Error::HalfOverflow { place, value }));
+        let expected = Error::Overflow { place, value, largest: 65_504.0 };
+        assert_eq!(encode(&scene, &f16()).err(), (!fits).then_some(expected));
+    }
+    for (bits, value, fits) in [(8, 27_339.0, true), (8, -27_341.0, false), (3, 645.0, true), (3, 1e37, false)] {
+        let mut scene = two_scales();
+        scene.scales[1].factors.density[2] = value;
+        match encode(&scene, &EncodeOptions::uniform(Encoding::Grid(bits))) {
+            Ok(_) => assert!(fits, "{value} in {bits} bits"),
+            Err(Error::Overflow { value: found, .. }) => assert!(!fits && found == value, "{found} in {bits} bits"),
+            Err(other) => panic!("{other}"),
+        }
     }
 }
 
