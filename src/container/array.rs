@@ -115,14 +115,19 @@ impl Encoding {
         matches!(self, Self::Grid(_) | Self::Cosine)
     }
 
+    /// Bytes of a number.
+    pub(super) fn width(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 | Self::Cosine => 2,
+            Self::Grid(_) => 1,
+        }
+    }
+
     /// Bytes of an array of `numbers` numbers in `groups` groups.
     pub(super) fn length(self, groups: u64, numbers: u64) -> u64 {
-        match self {
-            Self::F32 => 4 * numbers,
-            Self::F16 => 2 * numbers,
-            Self::Grid(_) => groups + numbers,
-            Self::Cosine => groups + 2 * numbers,
-        }
+        let steps = if self.is_by_group() { groups } else { 0 };
+        steps + self.width() as u64 * numbers
     }
 
     /// The steps that lose least: for a grid the smallest that reach each group's largest number.
@@ -311,17 +316,6 @@ fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Resu
         return Ok(());
     }
     Err(Error::malformed(format!("{place} filter"), "one that fits its encoding", format!("{filter:?}")))
-}
-
-impl Encoding {
-    /// Bytes of a number.
-    pub(super) fn width(self) -> usize {
-        match self {
-            Self::F32 => 4,
-            Self::F16 | Self::Cosine => 2,
-            Self::Grid(_) => 1,
-        }
-    }
 }
 
 /// Transforms for the lengths that have come up.

@@ -21,17 +21,16 @@ pub(super) struct Part<'a> {
 /// How a chunk's numbers are laid out in a scene's and in a file's order.
 struct Layout {
     rank: usize,
-    /// Rows of a tensor, and each axis's first and number.
+    /// Rows of a tensor, and of each of its axes.
     rows: usize,
-    axes: [(usize, usize); 3],
+    axes: [usize; 3],
     /// \[tensor of the chunk\] the components that it has.
     components: Vec<Vec<usize>>,
 }
 
 impl Layout {
     fn new(rank: usize, resolution: [u32; 3], components: Vec<Vec<usize>>) -> Self {
-        let first = Factors::axis_rows(resolution);
-        let axes = [0, 1, 2].map(|a| (first[a], resolution[a] as usize + 1));
+        let axes = resolution.map(|d| d as usize + 1);
         Self { rank, rows: Factors::rows(resolution), axes, components }
     }
 
@@ -43,7 +42,7 @@ impl Layout {
     /// The lengths of the array's groups.
     fn group_lengths(&self) -> impl Iterator<Item = usize> + Clone {
         let vectors = self.components.iter().map(Vec::len).sum();
-        std::iter::repeat_n(self.axes.map(|a| a.1), vectors).flatten()
+        std::iter::repeat_n(self.axes, vectors).flatten()
     }
 
     /// Calls `visit` with each number's place within its tensor, tensor by tensor, in the file's order.
@@ -133,9 +132,11 @@ impl Chunk {
 
 /// The section of a chunk's factors, whose record is read and whose body is still to be.
 pub(super) struct Opened<'a> {
-    record: records::Factors,
+    head: records::ArrayHead,
     body: Body<'a>,
     encoding: Encoding,
+    /// Bytes of a tensor's mask of components.
+    mask_bytes: usize,
     rank: usize,
     resolution: [u32; 3],
     tensors: usize,
@@ -152,27 +153,22 @@ pub(super) fn open<'a>(
     let (record, body): (records::Factors, _) = payload.record_and_body()?;
     Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
     let (encoding, _) = array::of_head(name, &record.head)?;
-    let opened = Opened { record, body, encoding, rank, resolution, tensors };
+    let mask_bytes = match record.is_ragged {
+        0 => 0,
+        1 => rank.div_ceil(8),
+        other => return Err(Error::malformed(format!("{name} ragged"), "0 or 1", other)),
+    };
     // How long the array is only the masks tell; all that the chunk may have is its most.
-    let masks = (opened.mask_bytes()? * tensors) as u64;
+    let masks = (mask_bytes * tensors) as u64;
     let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
-    if !(masks..=masks + all).contains(&opened.body.length) {
+    if !(masks..=masks + all).contains(&body.length) {
         let expected = format!("{masks} to {}", masks + all);
-        return Err(Error::malformed(format!("{name} body length"), expected, opened.body.length));
+        return Err(Error::malformed(format!("{name} body length"), expected, body.length));
     }
-    Ok(opened)
+    Ok(Opened { head: record.head, body, encoding, mask_bytes, rank, resolution, tensors })
 }
 
 impl Opened<'_> {
-    /// Bytes of a tensor's mask of components.
-    fn mask_bytes(&self) -> Result<usize, Error> {
-        match self.record.is_ragged {
-            0 => Ok(0),
-            1 => Ok(self.rank.div_ceil(8)),
-            other => Err(Error::malformed(format!("{} ragged", self.body.section), "0 or 1", other)),
-        }
-    }
-
     /// The most memory that [`Self::read`] takes.
     pub(super) fn most(&self) -> u64 {
         let numbers = self.body.length / self.encoding.width() as u64;
@@ -181,10 +177,8 @@ impl Opened<'_> {
 
     /// Reads the factors.
     pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
-        let Self { record, body, encoding, rank, resolution, tensors } = self;
-        let (rank, tensors) = (*rank, *tensors);
+        let &Self { ref head, ref body, encoding, mask_bytes, rank, resolution, tensors } = self;
         let name = body.section;
-        let mask_bytes = self.mask_bytes()?;
         let bytes = body.decode(body.length, budget)?;
         let (masks, array) = bytes.split_at(mask_bytes * tensors);
         let components: Vec<Vec<usize>> = match mask_bytes {
@@ -193,12 +187,12 @@ impl Opened<'_> {
                 masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?
             }
         };
-        let layout = Layout::new(rank, *resolution, components);
+        let layout = Layout::new(rank, resolution, components);
         let (groups, numbers) = array::count(layout.group_lengths());
         let length = encoding.length(groups, numbers);
         Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
         budget.spend(name, NUMBER_BYTES * numbers)?;
-        let numbers = array::read(name, &record.head, array, layout.group_lengths())?;
+        let numbers = array::read(name, head, array, layout.group_lengths())?;
         Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
     }
 }

@@ -42,6 +42,12 @@ impl Factors {
         [0, resolution[0] as usize + 1, resolution[0] as usize + resolution[1] as usize + 2]
     }
 
+    /// The rows of each axis within a tensor.
+    pub fn axis_ranges(resolution: [u32; 3]) -> [std::ops::Range<usize>; 3] {
+        let first = Self::axis_rows(resolution);
+        [0, 1, 2].map(|a| first[a]..first[a] + resolution[a] as usize + 1)
+    }
+
     /// Number of factor entries.
     pub fn parameter_count(&self) -> u64 {
         (self.density.len() + self.appearance.len()) as u64

@@ -5,6 +5,8 @@
 //! ln 2/6·h·step² of it: fewest bytes for a given loss are spent where h·step² is the same everywhere. That is `loss`. A
 //! component whose absence costs less than its bits do is dropped.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::Sensitivity;
@@ -42,19 +44,11 @@ pub fn lossy(scene: &Scene, sensitivity: &Sensitivity, loss: f64) -> Lossy {
             (&mut factors.density, factors.density_rank, &sensitivity.density[s], &mut options.density),
             (&mut factors.appearance, factors.appearance_rank, &sensitivity.appearance[s], &mut options.appearance),
         ] {
-            let rank = rank as usize;
+            let (rank, axes) = (rank as usize, Factors::axis_ranges(resolution));
             let tensor = Factors::rows(resolution) * rank;
             let choices: Vec<Choice> = (values.par_chunks_exact_mut(tensor).zip(h.par_chunks_exact(tensor)))
                 .flat_map_iter(|(values, h)| {
-                    (0..rank)
-                        .map(move |c| (c, h))
-                        .collect::<Vec<_>>()
-                        .into_iter()
-                        .map({
-                            let axes = axes(resolution);
-                            move |(c, h)| choose(values, h, rank, c, axes, loss)
-                        })
-                        .collect::<Vec<_>>()
+                    (0..rank).map(|c| choose(values, h, rank, c, &axes, loss)).collect::<Vec<_>>()
                 })
                 .collect();
             let mut steps = Vec::with_capacity(3 * choices.len());
@@ -77,25 +71,20 @@ struct Choice {
     error: f64,
 }
 
-/// First row and number of rows of each axis.
-fn axes(resolution: [u32; 3]) -> [(usize, usize); 3] {
-    let first = Factors::axis_rows(resolution);
-    [0, 1, 2].map(|a| (first[a], resolution[a] as usize + 1))
-}
-
 /// Chooses for component `c` of the tensor of these `values` and sensitivities, and clears it where it is dropped.
 fn choose(
     values: &mut [f32],
     sensitivity: &[f32],
     rank: usize,
     c: usize,
-    axes: [(usize, usize); 3],
+    axes: &[Range<usize>; 3],
     loss: f64,
 ) -> Choice {
     let mut steps = [0; 3];
     let (mut bits, mut coded, mut absent) = (0.0, 0.0, f64::INFINITY);
-    for (a, (first, rows)) in axes.into_iter().enumerate() {
-        let of_axis = || (first..first + rows).map(|row| row * rank + c);
+    for (a, axis) in axes.iter().enumerate() {
+        let rows = axis.len();
+        let of_axis = || axis.clone().map(|row| row * rank + c);
         let (mut worth, mut squares, mut cost) = (0.0, 0.0, 0.0);
         for at in of_axis() {
             let (v, h) = (f64::from(values[at]), f64::from(sensitivity[at]));
@@ -115,9 +104,7 @@ fn choose(
     }
     let is_dropped = absent <= coded + std::f64::consts::LN_2 / 6.0 * loss * bits;
     if is_dropped {
-        for (first, rows) in axes {
-            (first..first + rows).for_each(|row| values[row * rank + c] = 0.0);
-        }
+        values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
     }
     Choice { is_dropped, steps, error: if is_dropped { absent } else { coded } }
 }

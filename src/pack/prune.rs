@@ -11,7 +11,7 @@ pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
     let (mut cleared, mut all) = (0u64, 0u64);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let resolution = scale.cloud.resolution;
-        let (rows, first) = (Factors::rows(resolution), Factors::axis_rows(resolution));
+        let (rows, axes) = (Factors::rows(resolution), Factors::axis_ranges(resolution));
         let factors = &mut scale.factors;
         for (values, rank, h) in [
             (&mut factors.density, factors.density_rank as usize, &sensitivity.density[s]),
@@ -20,7 +20,7 @@ pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
             for (values, h) in values.chunks_exact_mut(rows * rank).zip(h.chunks_exact(rows * rank)) {
                 for c in 0..rank {
                     let cost = |a: usize| {
-                        let of_axis = (first[a]..first[a] + resolution[a] as usize + 1).map(|row| row * rank + c);
+                        let of_axis = axes[a].clone().map(|row| row * rank + c);
                         of_axis.map(|at| f64::from(h[at]) * f64::from(values[at]).powi(2)).sum::<f64>()
                     };
                     all += 1;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
+use super::package::JUDGED;
 use crate::cli::{Error, Session};
 use crate::container;
 use crate::measure::psnr_of_mse;
@@ -63,8 +64,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let psnr = if same_bytes || args.no_pictures {
         None
     } else {
-        let error =
-            Judge::new(&before.scene, probe_views(&before.scene, &before.extras.cameras, 6, 320)).error(&after.scene);
+        let error = Judge::new(&before.scene, probe_views(&before.scene, &before.extras.cameras, 6, JUDGED.1))
+            .error(&after.scene);
         (error > 0.0).then(|| psnr_of_mse(error))
     };
     let largest_parameter_difference = largest_difference(&before.scene, &after.scene);

@@ -7,6 +7,7 @@ use glam::{DQuat, DVec3};
 use super::convert::rewrite;
 use super::encoding::{LayoutArgs, lossless};
 use super::input::Inputs;
+use super::package::{JUDGED, PROBED};
 use crate::cli::{Error, Session};
 use crate::container::{self, Document, EncodeOptions};
 use crate::geometry::{Aabb, Similarity};
@@ -62,8 +63,8 @@ pub(super) struct PruneArgs {
 /// Drops components that pictures do not show.
 pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document| {
-        let views = probe_views(&document.scene, &document.extras.cameras, 64, 320);
-        let sensitivity = sensitivity(&document.scene, &views, 48, args.seed);
+        let views = probe_views(&document.scene, &document.extras.cameras, PROBED.0, JUDGED.1);
+        let sensitivity = sensitivity(&document.scene, &views, PROBED.1, args.seed);
         let share = pack::prune(&mut document.scene, &sensitivity, args.error);
         session.console.say(&format!("{:.1} % of the components dropped", 100.0 * share));
         Ok(document)

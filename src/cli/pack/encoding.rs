@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 
 use crate::cli::Error;
-use crate::container::{ArrayOptions, EncodeOptions, Encoding, Filter, GRID_BITS};
+use crate::container::{ArrayOptions, EncodeOptions, Encoding, Filter};
 
 /// Encodings that need nothing but the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -29,11 +29,11 @@ impl Plain {
         match self {
             Self::F32 => Encoding::F32,
             Self::F16 => Encoding::F16,
-            Self::Grid8 => Encoding::Grid(GRID_BITS[0]),
-            Self::Grid6 => Encoding::Grid(GRID_BITS[1]),
-            Self::Grid5 => Encoding::Grid(GRID_BITS[2]),
-            Self::Grid4 => Encoding::Grid(GRID_BITS[3]),
-            Self::Grid3 => Encoding::Grid(GRID_BITS[4]),
+            Self::Grid8 => Encoding::Grid(8),
+            Self::Grid6 => Encoding::Grid(6),
+            Self::Grid5 => Encoding::Grid(5),
+            Self::Grid4 => Encoding::Grid(4),
+            Self::Grid3 => Encoding::Grid(3),
         }
     }
 }
