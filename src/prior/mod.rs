@@ -9,6 +9,7 @@ mod bounds;
 mod canonical;
 pub mod coarse;
 mod error;
+pub mod import;
 pub mod placement;
 mod voxel_boxes;
 

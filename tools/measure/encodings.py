@@ -15,12 +15,10 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-# Name, and the arguments of strivec-pack: first those that lose a bounded part of each number, then those that spend
-# bytes where pictures need them.
+# Name, and the arguments of strivec-pack: those that lose a bounded part of each number. Then come those that spend bytes
+# where pictures need them.
 UNIFORM = [(name, ["convert", "--encoding", name]) for name in ("f32", "f16", "grid8", "grid6", "grid5", "grid4", "grid3")]
-JUDGED = [
-    (f"max-loss {loss} dB", ["pack", "--max-loss", f"{loss}dB"]) for loss in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3)
-]
+LOSSES = "0.001,0.003,0.01,0.03,0.1,0.3,1,3"
 COLUMNS = ["encoding", "bytes", "percent_of_raw", "psnr", "ssim"]
 
 
@@ -103,12 +101,14 @@ def main():
     parser.add_argument("--out", type=Path, required=True, help="path of the results, without an extension")
     parser.add_argument("--downscale", type=int, default=1)
     parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--losses", default=LOSSES, help="in dB, of strivec-pack pack --max-loss (default: %(default)s)")
     parser.add_argument("--title", default="")
     parser.add_argument("--commands", type=Path, default=Path("target/release"))
     arguments = parser.parse_args()
     table = arguments.out.with_suffix(".csv")
     rows = read(table)
-    for name, pack in UNIFORM + JUDGED:
+    judged = [(f"max-loss {loss} dB", ["pack", "--max-loss", f"{loss}dB"]) for loss in arguments.losses.split(",")]
+    for name, pack in UNIFORM + judged:
         if any(row["encoding"] == name for row in rows):
             continue
         with tempfile.TemporaryDirectory() as folder:

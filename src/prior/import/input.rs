@@ -1,0 +1,196 @@
+//! Bytes that are read once, from front to back, with their place.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::{Fault, Visitor};
+
+/// What can be read and sought in.
+trait Source: Read + Seek + Send {}
+impl<T: Read + Seek + Send> Source for T {}
+
+/// Bytes between two reports of progress.
+const REPORT_EVERY: u64 = 1 << 22;
+
+/// A file's bytes, or some in memory.
+pub struct Input<'a> {
+    source: BufReader<Box<dyn Source + 'a>>,
+    offset: u64,
+    len: u64,
+    reported: u64,
+}
+
+impl<'a> Input<'a> {
+    /// The file `path`.
+    ///
+    /// # Errors
+    ///
+    /// Where it cannot be opened, and where it is no regular file, which has no length.
+    pub fn open(path: &Path) -> Result<Self, Fault> {
+        let file = File::open(path)?;
+        let metadata = file.metadata()?;
+        if !metadata.is_file() {
+            return Err(Fault::malformed("the path", "a file", "something else"));
+        }
+        Ok(Self::new(Box::new(file), metadata.len()))
+    }
+
+    /// These bytes.
+    pub fn of_bytes(bytes: &'a [u8]) -> Self {
+        Self::new(Box::new(std::io::Cursor::new(bytes)), bytes.len() as u64)
+    }
+
+    fn new(source: Box<dyn Source + 'a>, len: u64) -> Self {
+        Self { source: BufReader::with_capacity(1 << 18, source), offset: 0, len, reported: 0 }
+    }
+
+    /// Bytes read so far.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Bytes in all.
+    pub fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Bytes to come.
+    pub fn left(&self) -> u64 {
+        self.len.saturating_sub(self.offset)
+    }
+
+    /// "byte N": where the next byte is.
+    pub fn place(&self) -> String {
+        format!("byte {}", self.offset)
+    }
+
+    /// Tells the visitor how far this is, now and then.
+    ///
+    /// # Errors
+    ///
+    /// The visitor's.
+    pub fn report(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+        if self.offset < self.reported + REPORT_EVERY {
+            return Ok(());
+        }
+        self.reported = self.offset;
+        visitor.progress(self.offset, self.len)
+    }
+
+    /// Fills `bytes` with what comes next; `what` is what it is.
+    ///
+    /// # Errors
+    ///
+    /// Where there is not so much left.
+    pub fn fill(&mut self, bytes: &mut [u8], what: &str) -> Result<(), Fault> {
+        self.expect_left(bytes.len() as u64, what)?;
+        self.source.read_exact(bytes)?;
+        self.offset += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Checks that so many bytes are left, before memory is set aside for them.
+    ///
+    /// # Errors
+    ///
+    /// Where they are not.
+    pub fn expect_left(&self, bytes: u64, what: &str) -> Result<(), Fault> {
+        if bytes <= self.left() {
+            return Ok(());
+        }
+        Err(Fault::malformed(self.place(), format!("{bytes} bytes of {what}"), format!("{} bytes", self.left())))
+    }
+
+    /// The next bytes as an array.
+    ///
+    /// # Errors
+    ///
+    /// Where there are not so many left.
+    pub fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Fault> {
+        let mut bytes = [0; N];
+        self.fill(&mut bytes, what)?;
+        Ok(bytes)
+    }
+
+    /// The next line without its end, which is any of LF, CRLF and CR LF's lone LF; false at the end of the input. A line longer
+    /// than `most` bytes is an error, so that a file without line ends cannot fill the memory.
+    ///
+    /// # Errors
+    ///
+    /// Where a line is too long.
+    pub fn line(&mut self, line: &mut Vec<u8>, most: usize) -> Result<bool, Fault> {
+        line.clear();
+        let place = self.offset;
+        let read = (&mut self.source).take(most as u64 + 1).read_until(b'\n', line)?;
+        self.offset += read as u64;
+        if read == 0 {
+            return Ok(false);
+        }
+        if line.last() == Some(&b'\n') {
+            line.pop();
+        } else if line.len() > most {
+            return Err(Fault::malformed(
+                format!("byte {place}"),
+                format!("a line of at most {most} bytes"),
+                "a longer one",
+            ));
+        }
+        if line.last() == Some(&b'\r') {
+            line.pop();
+        }
+        Ok(true)
+    }
+
+    /// What comes next, without reading it: up to `most` bytes.
+    ///
+    /// # Errors
+    ///
+    /// The system's.
+    pub fn peek(&mut self, most: usize) -> Result<Vec<u8>, Fault> {
+        let most = (most as u64).min(self.left()) as usize;
+        let mut bytes = vec![0; most];
+        self.source.read_exact(&mut bytes)?;
+        self.source.seek_relative(-(most as i64))?;
+        Ok(bytes)
+    }
+
+    /// Goes to a place.
+    ///
+    /// # Errors
+    ///
+    /// Where it lies past the end.
+    pub fn go_to(&mut self, offset: u64) -> Result<(), Fault> {
+        if offset > self.len {
+            return Err(Fault::malformed(
+                format!("byte {offset}"),
+                "a place inside the file",
+                format!("{} bytes", self.len),
+            ));
+        }
+        self.source.seek_relative(offset as i64 - self.offset as i64)?;
+        self.offset = offset;
+        Ok(())
+    }
+}
+
+/// For libraries that read by themselves.
+impl Read for Input<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.source.read(bytes)?;
+        self.offset += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for Input<'_> {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.offset = self.source.seek(to)?;
+        Ok(self.offset)
+    }
+}
