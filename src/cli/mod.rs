@@ -13,6 +13,7 @@ mod info;
 mod output;
 pub mod pack;
 mod picture_size;
+mod prior;
 mod progress;
 mod render;
 mod scale_table;
