@@ -88,6 +88,23 @@ impl From<measure::Error> for Error {
     }
 }
 
+impl From<prior::BuildError> for Error {
+    fn from(error: prior::BuildError) -> Self {
+        let message = error.to_string();
+        match error {
+            prior::BuildError::Import(prior::import::ImportError { fault, .. }) => match fault {
+                prior::import::Fault::Io(_) => Self::Io(message),
+                _ => Self::Malformed(message),
+            },
+            prior::BuildError::Nothing { .. } => Self::Malformed(message),
+            prior::BuildError::Option { .. }
+            | prior::BuildError::TooManyCells { .. }
+            | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
+            prior::BuildError::Stopped => Self::Runtime(message),
+        }
+    }
+}
+
 impl From<train::PrepareError> for Error {
     fn from(error: train::PrepareError) -> Self {
         let message = error.to_string();

@@ -10,6 +10,7 @@ mod demo;
 mod error;
 mod eval;
 mod info;
+mod numbers;
 mod output;
 pub mod pack;
 mod picture_size;
@@ -72,6 +73,8 @@ enum Command {
     Train(train::Args),
     /// Take pictures of a scene
     Render(render::Args),
+    /// Turn meshes, point clouds, grids and octrees into a prior: where the scene is
+    Prior(prior::Args),
     /// Compare a scene's pictures with photographs
     Eval(eval::Args),
     /// Say what is in a scene file
@@ -95,6 +98,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args, session),
         Command::Train(args) => train::run(args, session),
         Command::Render(args) => render::run(args, session),
+        Command::Prior(args) => prior::run(args, session),
         Command::Eval(args) => eval::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),

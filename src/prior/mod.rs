@@ -6,16 +6,27 @@
 #![forbid(unsafe_code)]
 
 mod bounds;
+mod build;
 mod canonical;
 pub mod coarse;
 mod error;
+mod file;
+mod holes;
 pub mod import;
+mod morphology;
+mod outliers;
+mod overlap;
 pub mod placement;
 mod voxel_boxes;
+mod voxels;
 
 pub use bounds::{CameraBounds, frusta_box};
+pub use build::{BuildError, BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
 pub use error::Error;
+pub use file::to_npz;
+pub use outliers::Outliers;
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
 pub use voxel_boxes::VoxelBoxes;
+pub use voxels::MAX_CELLS;

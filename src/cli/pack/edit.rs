@@ -8,6 +8,7 @@ use super::convert::rewrite;
 use super::encoding::{LayoutArgs, lossless};
 use super::input::Inputs;
 use super::package::{JUDGED, PROBED};
+use crate::cli::numbers::{boxed, numbers};
 use crate::cli::{Error, Session};
 use crate::container::{self, Document, EncodeOptions};
 use crate::geometry::{Aabb, Similarity};
@@ -78,17 +79,13 @@ pub(super) struct CropArgs {
     #[command(flatten)]
     target: Target,
     /// The smallest and the largest corner, in the dataset's space
-    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = numbers::<6>, allow_hyphen_values = true)]
-    corners: [f64; 6],
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
+    corners: Aabb,
 }
 
 /// Keeps what is in a box.
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
-    let [x0, y0, z0, x1, y1, z1] = args.corners;
-    let corners = Aabb { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) };
-    if !corners.is_solid() {
-        return Err(Error::Usage("--box: expected the smallest corner, then a larger one".into()));
-    }
+    let corners = args.corners;
     args.target.rewrite(session, |document| {
         let map = document.scene.frame.model_from_dataset;
         // The box around the box, where the map turns it.
@@ -99,13 +96,6 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
         let within = Aabb::of_points((0..8).map(corner));
         Ok(Document { scene: pack::crop(&document.scene, &within)?, ..document })
     })
-}
-
-/// `N` finite numbers with commas between.
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let wrong = || format!("expected {N} numbers with commas between");
-    let numbers = text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite()));
-    numbers.collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()).ok_or_else(wrong)
 }
 
 /// Arguments of `strivec-pack transform`.

@@ -2,21 +2,52 @@
 
 use std::path::PathBuf;
 
-use crate::cli::{Error, Session};
-use crate::prior::VoxelBoxes;
+use super::shaping::Shaping;
+use crate::cli::progress::Progress;
+use crate::cli::{Error, Session, table};
+use crate::prior::{self, Built};
 
-/// Where the scene is, from files.
+/// Where the scene is, from files: of commands that train.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Prior from files")]
 pub(in crate::cli) struct Inputs {
     /// Where the scene is: meshes, point clouds, grids, octrees, or what `strivec prior` wrote; several are joined
     #[arg(long = "prior", value_name = "INPUT")]
     pub(in crate::cli) files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) shaping: Shaping,
 }
 
 impl Inputs {
     /// The occupied cells in the dataset's space; `None` where no file is named.
-    pub(in crate::cli) fn voxels(&self, _session: &Session) -> Result<Option<VoxelBoxes>, Error> {
-        if self.files.is_empty() { Ok(None) } else { todo!() }
+    pub(in crate::cli) fn build(&self, session: &Session) -> Result<Option<Built>, Error> {
+        if self.files.is_empty() { Ok(None) } else { build(&self.files, &self.shaping, session).map(Some) }
     }
+}
+
+/// Reads `files`, with progress and what was found on the console.
+pub(super) fn build(files: &[PathBuf], shaping: &Shaping, session: &Session) -> Result<Built, Error> {
+    /// Of each file, as their lengths differ.
+    const PARTS: u64 = 1000;
+    let options = shaping.options()?;
+    let progress = Progress::start(&session.console, "prior", PARTS);
+    let built = prior::build(files, &options, &mut |at| {
+        let of_file = at.done as f64 / at.total.max(1) as f64;
+        let done = PARTS as f64 * (at.file as f64 + of_file) / at.files as f64;
+        progress.set(done as u64, || format!("{:.0} of {:.0} MB", at.done as f64 / 1e6, at.total as f64 / 1e6));
+        std::ops::ControlFlow::Continue(())
+    })?;
+    let counts = built.counts;
+    let parts = [
+        (counts.triangles, "triangles"),
+        (counts.degenerate, "of them without area"),
+        (counts.points, "points"),
+        (counts.outliers, "of them outliers"),
+        (counts.cells, "cells of grids"),
+    ];
+    let read: Vec<_> =
+        parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", table::grouped(*n))).collect();
+    let cells = table::grouped(built.boxes.cells.len() as u64);
+    progress.finish(&format!("prior: {cells} occupied voxels of {}", read.join(", ")));
+    Ok(built)
 }

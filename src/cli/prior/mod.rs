@@ -1,5 +1,89 @@
 //! `strivec prior`, and what other commands take of priors from files.
 
 mod inputs;
+mod shaping;
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
 
 pub(super) use inputs::Inputs;
+use shaping::Shaping;
+
+use super::{Error, Session, check_output, table, write_atomically};
+use crate::prior::{self, Counts};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec prior mesh.ply -o prior.npz
+  strivec prior scan.laz more.e57 -o prior.npz --voxel 0.05 --outliers 16,2 --min-points 3
+  strivec prior scene0101_04 -o prior.npz --close 0.2
+  strivec prior coarse_last.tar -o prior.npz
+  strivec prior model.glb -o prior.npz --up y --scale 0.001
+
+Reads PLY, OBJ, glTF and GLB meshes; PLY, XYZ, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 clouds; COLMAP's \
+points3D.bin and .txt; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
+Several inputs are joined. What is written opens in NumPy: cells, origin, pitch and, where there are colours, colors.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Files and folders to read
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// The file to write
+    #[arg(long, short, value_name = "NPZ")]
+    output: PathBuf,
+    #[command(flatten)]
+    shaping: Shaping,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Report<'a> {
+    file: &'a Path,
+    cells: usize,
+    /// Edge lengths of a cell.
+    pitch: [f64; 3],
+    /// The smallest and the largest corner.
+    bounds: [[f64; 3]; 2],
+    colored: bool,
+    points: u64,
+    outliers: u64,
+    triangles: u64,
+    degenerate_triangles: u64,
+    grid_cells: u64,
+}
+
+/// Reads geometry and writes where it is.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    check_output(&args.output, session.force)?;
+    let built = inputs::build(&args.inputs, &args.shaping, session)?;
+    let bytes = prior::to_npz(&built).map_err(Error::io("write", &args.output))?;
+    write_atomically(&args.output, &bytes, session.force)?;
+    let bounds = built.boxes.bounds();
+    let Counts { points, outliers, triangles, degenerate, cells } = built.counts;
+    let report = Report {
+        file: &args.output,
+        cells: built.boxes.cells.len(),
+        pitch: built.boxes.lattice.pitch.into(),
+        bounds: [bounds.min, bounds.max].map(Into::into),
+        colored: built.colors.is_some(),
+        points,
+        outliers,
+        triangles,
+        degenerate_triangles: degenerate,
+        grid_cells: cells,
+    };
+    session.console.result(&report, |r| {
+        let [x, y, z] = r.pitch;
+        let cells = table::grouped(r.cells as u64);
+        format!(
+            "{}: {cells} cells of {x:.6} x {y:.6} x {z:.6}, from {:?} to {:?}",
+            r.file.display(),
+            r.bounds[0],
+            r.bounds[1]
+        )
+    })
+}

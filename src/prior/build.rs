@@ -1,0 +1,486 @@
+//! From files of geometry to occupied cells in the dataset's space.
+//!
+//! In: files, and [`BuildOptions`]. Out: a [`Built`]. Files are read from front to back, twice where the size of cells follows
+//! from what is in them, and never held; memory grows with the cells, and with the points where outliers are to be found.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use glam::{DAffine3, DVec3, IVec3};
+
+use super::holes::filled;
+use super::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
+use super::morphology::Runs;
+use super::outliers::{Outliers, inliers};
+use super::overlap::{Parallelepiped, Triangle};
+use super::voxels::{MAX_CELLS, Voxels, boxes_of};
+use super::{VoxelBoxes, coarse};
+use crate::geometry::{Aabb, Lattice};
+
+/// The most points among which outliers are looked for; each takes 45 bytes.
+const MAX_SEARCHED: usize = 1 << 27;
+/// No default makes cells smaller than this share of the longest extent, however flat the geometry is.
+const LEAST_SHARE: f64 = 1.0 / 1024.0;
+
+/// What becomes of files' geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildOptions {
+    /// Which parts of the files count.
+    pub read: ReadOptions,
+    /// From the files' space to the dataset's.
+    pub transform: DAffine3,
+    /// In the dataset's space: what is outside is left out.
+    pub crop: Option<Aabb>,
+    /// Edge of a cell, in the dataset's units. Where absent, grids keep their own, and all else is divided into about as many
+    /// cells as the coarse reconstruction has.
+    pub voxel: Option<f64>,
+    /// Surfaces and points are so thick, in the dataset's units.
+    pub thickness: f64,
+    /// Which points are outliers; none where absent.
+    pub outliers: Option<Outliers>,
+    /// Cells with fewer points are left out.
+    pub min_points: u32,
+    /// Holes of up to this radius are filled, in the dataset's units.
+    pub close: f64,
+    /// By what cells are grown to all sides, in the dataset's units.
+    pub dilate: f64,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self {
+            read: ReadOptions::default(),
+            transform: DAffine3::IDENTITY,
+            crop: None,
+            voxel: None,
+            thickness: 0.0,
+            outliers: None,
+            min_points: 1,
+            close: 0.0,
+            dilate: 0.0,
+        }
+    }
+}
+
+/// Occupied cells, and what they are made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Built {
+    /// In the dataset's space.
+    pub boxes: VoxelBoxes,
+    /// sRGB of each cell, where any file has colours; grey where it is not known.
+    pub colors: Option<Vec<[u8; 3]>>,
+    /// What was read.
+    pub counts: Counts,
+}
+
+/// How much was read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Points, outliers included.
+    pub points: u64,
+    /// Points that were outliers.
+    pub outliers: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Of these, those without an area.
+    pub degenerate: u64,
+    /// Cells of grids and octrees.
+    pub cells: u64,
+}
+
+/// Why there are no cells.
+#[derive(Debug, thiserror::Error)]
+pub enum BuildError {
+    /// A file (its author, or the system).
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// An option that cannot be meant (the caller).
+    #[error("{name}: expected {expected}, found {found}")]
+    Option {
+        /// Which one.
+        name: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
+    /// Files without geometry, or none that the options leave.
+    #[error("expected something occupied, found nothing{why}")]
+    Nothing {
+        /// What was there, if anything.
+        why: String,
+    },
+    /// More than memory should hold, or than can be done.
+    #[error(
+        "cells of {pitch:?} are too many over this geometry (at most {limit} are held): choose a larger --voxel, or --crop"
+    )]
+    TooManyCells {
+        /// Edge lengths of a cell.
+        pitch: [f64; 3],
+        /// The most that are held.
+        limit: u64,
+    },
+    /// More points than outliers are looked for among.
+    #[error("outliers are looked for among at most {limit} points: --crop, or leave --outliers out")]
+    TooManyPoints {
+        /// The most.
+        limit: usize,
+    },
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Stopped,
+}
+
+/// How far the reading is: which file, and bytes of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuildProgress {
+    /// The file's number.
+    pub file: usize,
+    /// Files in all passes.
+    pub files: usize,
+    /// Bytes done of this file.
+    pub done: u64,
+    /// Its bytes.
+    pub total: u64,
+}
+
+/// The cells that the geometry of `files`, all together, occupies.
+///
+/// # Errors
+///
+/// [`BuildError`].
+pub fn build(
+    files: &[PathBuf],
+    options: &BuildOptions,
+    progress: &mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
+) -> Result<Built, BuildError> {
+    options.check()?;
+    let passes = if options.voxel.is_some() { 1 } else { 2 };
+    let mut run = Run { files, options, progress, passes, passed: 0 };
+    let lattice = match options.voxel {
+        Some(edge) => Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(edge) },
+        None => {
+            let mut survey = Survey::default();
+            run.pass(&mut survey)?;
+            survey.lattice(options)?
+        }
+    };
+    let mut filling = Filling::new(lattice, options);
+    let read = run.pass(&mut filling);
+    // What the cells refuse reaches the reader as an interruption.
+    if let Some(error) = filling.failure.take() {
+        return Err(error);
+    }
+    read?;
+    filling.finish()
+}
+
+impl BuildOptions {
+    fn check(&self) -> Result<(), BuildError> {
+        let error = |name, expected, found: &dyn std::fmt::Debug| {
+            Err(BuildError::Option { name, expected, found: format!("{found:?}") })
+        };
+        let determinant = self.transform.matrix3.determinant();
+        if !self.transform.is_finite() || !determinant.is_normal() {
+            return error("--transform", "a map that can be undone", &self.transform);
+        }
+        if let Some(edge) = self.voxel.filter(|v| !(v.is_normal() && *v > 0.0)) {
+            return error("--voxel", "a positive length", &edge);
+        }
+        for (name, length) in [("--thickness", self.thickness), ("--close", self.close), ("--dilate", self.dilate)] {
+            if !(length >= 0.0 && length.is_finite()) {
+                return error(name, "a length of at least 0", &length);
+            }
+        }
+        match (&self.crop, &self.outliers) {
+            (Some(crop), _) if !crop.is_solid() => error("--crop", "the smallest corner, then a larger one", crop),
+            (_, Some(rule)) if rule.neighbours == 0 || !(rule.deviations >= 0.0) => {
+                error("--outliers", "at least one neighbour, and deviations of at least 0", rule)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Reading all files, once or twice.
+struct Run<'a> {
+    files: &'a [PathBuf],
+    options: &'a BuildOptions,
+    progress: &'a mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
+    passes: usize,
+    passed: usize,
+}
+
+impl Run<'_> {
+    fn pass(&mut self, shapes: &mut dyn Shapes) -> Result<(), BuildError> {
+        for file in self.files {
+            let at = BuildProgress { file: self.passed, files: self.files.len() * self.passes, done: 0, total: 0 };
+            let mut placed =
+                Placed { transform: self.options.transform, shapes: &mut *shapes, at, progress: self.progress };
+            let read = import::read(file, &self.options.read, &mut placed);
+            read.map_err(|e| match e.fault {
+                Fault::Stopped => BuildError::Stopped,
+                _ => BuildError::Import(e),
+            })?;
+            self.passed += 1;
+        }
+        Ok(())
+    }
+}
+
+/// Takes shapes in the dataset's space.
+trait Shapes {
+    fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault>;
+    fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault>;
+    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault>;
+}
+
+/// Maps what a file holds to the dataset's space.
+struct Placed<'a> {
+    transform: DAffine3,
+    shapes: &'a mut dyn Shapes,
+    at: BuildProgress,
+    progress: &'a mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
+}
+
+impl Visitor for Placed<'_> {
+    fn point(&mut self, point: Point) -> Result<(), Fault> {
+        self.shapes.point(self.transform.transform_point3(point.position), point.color)
+    }
+
+    fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
+        let color = mean_color(corners.map(|c| c.color));
+        let corners = corners.map(|c| self.transform.transform_point3(c.position));
+        self.shapes.triangle(Triangle { corners }, color)
+    }
+
+    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
+        self.shapes.cell(cell, &self.transform)
+    }
+
+    fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault> {
+        match (self.progress)(BuildProgress { done, total, ..self.at }) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(Fault::Stopped),
+        }
+    }
+}
+
+fn mean_color(colors: [Option<[u8; 3]>; 3]) -> Option<[u8; 3]> {
+    let [a, b, c] = [colors[0]?, colors[1]?, colors[2]?];
+    Some([0, 1, 2].map(|i| ((u32::from(a[i]) + u32::from(b[i]) + u32::from(c[i]) + 1) / 3) as u8))
+}
+
+/// Whether `map` brings upright boxes to upright boxes.
+fn keeps_upright(map: &DAffine3) -> bool {
+    map.matrix3.to_cols_array_2d().iter().all(|column| column.iter().filter(|v| **v != 0.0).count() == 1)
+}
+
+/// What is there, before the size of cells is known.
+struct Survey {
+    bounds: Aabb,
+    /// The first cell, and the smallest size of any; none where something else is there, too, or turned.
+    grid: Option<(DVec3, DVec3)>,
+    all_grid: bool,
+}
+
+impl Default for Survey {
+    fn default() -> Self {
+        Self { bounds: Aabb::EMPTY, grid: None, all_grid: true }
+    }
+}
+
+impl Shapes for Survey {
+    fn point(&mut self, at: DVec3, _: Option<[u8; 3]>) -> Result<(), Fault> {
+        self.all_grid = false;
+        self.bounds = self.bounds.union(&Aabb { min: at, max: at });
+        Ok(())
+    }
+
+    fn triangle(&mut self, triangle: Triangle, _: Option<[u8; 3]>) -> Result<(), Fault> {
+        self.all_grid = false;
+        self.bounds = self.bounds.union(&Aabb::of_points(triangle.corners));
+        Ok(())
+    }
+
+    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault> {
+        let image = Aabb::of_points(super::overlap::Convex::corners(&Parallelepiped::image(cell, map)).iter().copied());
+        self.bounds = self.bounds.union(&image);
+        self.all_grid &= keeps_upright(map);
+        let (corner, least) = self.grid.unwrap_or((image.min, image.size()));
+        self.grid = Some((corner, least.min(image.size())));
+        Ok(())
+    }
+}
+
+impl Survey {
+    fn lattice(&self, options: &BuildOptions) -> Result<Lattice, BuildError> {
+        let bounds = options.crop.map_or(self.bounds, |crop| crop.intersection(&self.bounds));
+        if bounds.min.cmpgt(bounds.max).any() {
+            let why = match options.crop {
+                Some(_) if self.bounds.min.cmple(self.bounds.max).all() => {
+                    format!(" within the crop: the files' geometry spans {} to {}", self.bounds.min, self.bounds.max)
+                }
+                _ => String::new(),
+            };
+            return Err(BuildError::Nothing { why });
+        }
+        if let Some((corner, pitch)) = self.grid.filter(|_| self.all_grid) {
+            return Ok(Lattice { origin: corner, pitch });
+        }
+        let size = bounds.size();
+        let longest = size.max_element();
+        if longest <= 0.0 || !longest.is_finite() {
+            return Err(BuildError::Option {
+                name: "--voxel",
+                expected: "it, as a single point has no extent to divide",
+                found: "nothing".into(),
+            });
+        }
+        let voxels = f64::from(coarse::CoarseOptions::default().voxels);
+        let edge = (size.element_product() / voxels).cbrt().max(LEAST_SHARE * longest);
+        Ok(Lattice { origin: bounds.min, pitch: DVec3::splat(edge) })
+    }
+}
+
+/// Cells being filled.
+struct Filling<'a> {
+    options: &'a BuildOptions,
+    lattice: Lattice,
+    voxels: Voxels,
+    /// Points, where outliers are to be found first.
+    searched: Vec<(DVec3, Option<[u8; 3]>)>,
+    colored: bool,
+    counts: Counts,
+    failure: Option<BuildError>,
+}
+
+impl<'a> Filling<'a> {
+    fn new(lattice: Lattice, options: &'a BuildOptions) -> Self {
+        Self {
+            options,
+            lattice,
+            voxels: Voxels::new(lattice, options.crop),
+            searched: Vec::new(),
+            colored: false,
+            counts: Counts::default(),
+            failure: None,
+        }
+    }
+
+    /// Ends the reading where the cells refuse.
+    fn held(&mut self, added: Result<(), BuildError>) -> Result<(), Fault> {
+        added.map_err(|error| {
+            self.failure = Some(error);
+            Fault::Stopped
+        })
+    }
+
+    fn finish(mut self) -> Result<Built, BuildError> {
+        if let Some(rule) = &self.options.outliers {
+            let positions: Vec<_> = self.searched.iter().map(|(at, _)| *at).collect();
+            let kept = inliers(&positions, rule);
+            for ((at, color), kept) in std::mem::take(&mut self.searched).into_iter().zip(kept) {
+                if kept {
+                    self.voxels.add_point(at, color, self.options.thickness)?;
+                } else {
+                    self.counts.outliers += 1;
+                }
+            }
+        }
+        let all = self.voxels.len();
+        let cells = self.voxels.into_cells(self.options.min_points);
+        let runs = reshaped(&cells, self.options, self.lattice.pitch)?;
+        let Some(boxes) = boxes_of(&self.lattice, runs.cells()) else {
+            let why = match all {
+                0 => format!(
+                    ": {} points ({} of them outliers), {} triangles, {} cells of grids",
+                    self.counts.points, self.counts.outliers, self.counts.triangles, self.counts.cells
+                ),
+                _ => format!(": of {all} cells none has {} points", self.options.min_points),
+            };
+            return Err(BuildError::Nothing { why });
+        };
+        let colors = self.colored.then(|| colors_of(&cells, runs.cells()));
+        Ok(Built { boxes, colors, counts: self.counts })
+    }
+}
+
+impl Shapes for Filling<'_> {
+    fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault> {
+        self.counts.points += 1;
+        self.colored |= color.is_some();
+        if self.options.outliers.is_none() {
+            let added = self.voxels.add_point(at, color, self.options.thickness);
+            return self.held(added);
+        }
+        // What is cropped has no say in what is an outlier.
+        if self.options.crop.is_some_and(|crop| !crop.contains(at)) {
+            return Ok(());
+        }
+        if self.searched.len() == MAX_SEARCHED {
+            return self.held(Err(BuildError::TooManyPoints { limit: MAX_SEARCHED }));
+        }
+        self.searched.push((at, color));
+        Ok(())
+    }
+
+    fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault> {
+        let [a, b, c] = triangle.corners;
+        self.counts.triangles += 1;
+        self.counts.degenerate += u64::from((b - a).cross(c - a) == DVec3::ZERO);
+        self.colored |= color.is_some();
+        let added = self.voxels.add_triangle(&triangle, color, self.options.thickness);
+        self.held(added)
+    }
+
+    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault> {
+        self.counts.cells += 1;
+        let image = Parallelepiped::image(cell, map);
+        let added = if keeps_upright(map) {
+            self.voxels.add_box(&Aabb::of_points(super::overlap::Convex::corners(&image).iter().copied()))
+        } else {
+            self.voxels.add_convex(&image, None, 0.0)
+        };
+        self.held(added)
+    }
+}
+
+/// Holes filled, then cells grown.
+fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
+    let too_large = |name, length: f64| BuildError::Option {
+        name,
+        expected: "a radius of fewer cells, or --crop, or larger cells by --voxel",
+        found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
+    };
+    let shortest = pitch.min_element();
+    let mut runs = Runs::of_cells(cells.iter().map(|(cell, _)| *cell));
+    if options.close >= shortest {
+        let cells: Vec<_> = runs.cells().collect();
+        let filled = filled(&cells, options.close / shortest, pitch / shortest);
+        runs = Runs::of_cells(filled.ok_or_else(|| too_large("--close", options.close))?.into_iter());
+    }
+    let radius = options.dilate / pitch;
+    if radius.max_element() >= 1.0 {
+        // Runs are joined only after all have been collected.
+        let ball = 4.19 * (radius + 1.0).element_product();
+        if !(ball * runs.len() as f64 <= 16.0 * MAX_CELLS as f64) {
+            return Err(too_large("--dilate", options.dilate));
+        }
+        runs = runs.grown(radius);
+    }
+    if runs.len() > MAX_CELLS {
+        return Err(BuildError::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS });
+    }
+    Ok(runs)
+}
+
+/// The colour of each of `cells`; grey where `known`, which ascends as `cells` do, has none.
+fn colors_of(known: &[(IVec3, Option<[u8; 3]>)], cells: impl Iterator<Item = IVec3>) -> Vec<[u8; 3]> {
+    let key = |c: IVec3| [c.z, c.y, c.x];
+    let of = |cell: IVec3| {
+        let found = known.binary_search_by_key(&key(cell), |(cell, _)| key(*cell)).ok();
+        found.and_then(|n| known[n].1).unwrap_or([128; 3])
+    };
+    cells.map(of).collect()
+}

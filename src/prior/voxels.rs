@@ -1,0 +1,316 @@
+//! A lattice's cells, filled by points, triangles and boxes, one after the other.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, I64Vec3, IVec3, UVec3};
+
+use super::overlap::{Convex, Triangle, meets};
+use super::{BuildError, VoxelBoxes};
+use crate::geometry::{Aabb, Lattice};
+
+/// The most cells that are held; each takes about 50 bytes.
+pub const MAX_CELLS: u64 = 1 << 25;
+/// The most blocks of cells that all triangles and boxes together may be compared with: some minutes of work.
+const MAX_VISITS: u64 = 1 << 32;
+/// How far, in cells, an upright box may reach into a cell and still count as rounding.
+const FUZZ: f64 = 1e-6;
+/// Colours of a cell beyond so many points are left out of its mean, so that sums fit.
+const MAX_COLORED: u32 = 1 << 24;
+
+/// Cells of a lattice that geometry was found in.
+#[derive(Clone, Debug)]
+pub(super) struct Voxels {
+    lattice: Lattice,
+    /// What is outside counts for nothing.
+    within: Option<Aabb>,
+    cells: HashMap<[i32; 3], Tally>,
+    visits: u64,
+}
+
+/// What was found in a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    points: u32,
+    /// Whether a triangle or a box was: then no number of points is asked for.
+    solid: bool,
+    colored: u32,
+    color_sums: [u32; 3],
+}
+
+impl Tally {
+    fn add_color(&mut self, color: Option<[u8; 3]>) {
+        if let Some(color) = color.filter(|_| self.colored < MAX_COLORED) {
+            self.colored += 1;
+            self.color_sums.iter_mut().zip(color).for_each(|(sum, c)| *sum += u32::from(c));
+        }
+    }
+
+    fn color(&self) -> Option<[u8; 3]> {
+        let mean = |sum: u32| ((f64::from(sum) / f64::from(self.colored)).round()) as u8;
+        (self.colored > 0).then(|| self.color_sums.map(mean))
+    }
+}
+
+impl Voxels {
+    /// None yet, on `lattice`; only what is in `within` will count.
+    pub(super) fn new(lattice: Lattice, within: Option<Aabb>) -> Self {
+        Self { lattice, within, cells: HashMap::new(), visits: 0 }
+    }
+
+    /// Cells so far.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Adds a point, as a cube of the edge `thickness` around it.
+    pub(super) fn add_point(&mut self, at: DVec3, color: Option<[u8; 3]>, thickness: f64) -> Result<(), BuildError> {
+        if self.within.is_some_and(|within| !within.contains(at)) {
+            return Ok(());
+        }
+        let cell = self.cell_of(at)?;
+        let tally = self.touch(cell)?;
+        tally.points = tally.points.saturating_add(1);
+        tally.add_color(color);
+        if thickness > 0.0 {
+            let (first, last) = self.range(&Aabb::around(at, DVec3::splat(0.5 * thickness)))?;
+            self.for_cells(first, last, &mut |voxels, other| {
+                if other != cell {
+                    let tally = voxels.touch(other)?;
+                    tally.points = tally.points.saturating_add(1);
+                    tally.add_color(color);
+                }
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Adds every cell that has a point in common with the triangle, grown by half of `thickness` along every axis.
+    pub(super) fn add_triangle(
+        &mut self,
+        triangle: &Triangle,
+        color: Option<[u8; 3]>,
+        thickness: f64,
+    ) -> Result<(), BuildError> {
+        self.add_convex(triangle, color, 0.5 * thickness)
+    }
+
+    /// Adds every cell that shares volume with the upright box `body`, or contains it where it is thinner than rounding.
+    pub(super) fn add_box(&mut self, body: &Aabb) -> Result<(), BuildError> {
+        let body = self.within.map_or(*body, |within| within.intersection(body));
+        if body.min.cmpgt(body.max).any() {
+            return Ok(());
+        }
+        let shrunk = DVec3::splat(FUZZ) * self.lattice.pitch;
+        let inner = Aabb { min: body.min + shrunk, max: body.max - shrunk };
+        let inner = if inner.min.cmple(inner.max).all() { inner } else { Aabb::around(body.center(), DVec3::ZERO) };
+        let (first, last) = self.range(&inner)?;
+        self.for_cells(first, last, &mut |voxels, cell| {
+            voxels.touch(cell)?.solid = true;
+            Ok(())
+        })
+    }
+
+    /// Adds every cell that has a point in common with `body`, grown by `margin` along every axis.
+    pub(super) fn add_convex(
+        &mut self,
+        body: &impl Convex,
+        color: Option<[u8; 3]>,
+        margin: f64,
+    ) -> Result<(), BuildError> {
+        let margin = DVec3::splat(margin);
+        let mut bounds = Aabb::of_points(body.corners().iter().copied()).grown(margin);
+        if let Some(within) = &self.within {
+            bounds = bounds.intersection(within);
+        }
+        if bounds.min.cmpgt(bounds.max).any() {
+            return Ok(());
+        }
+        let (first, last) = self.range(&bounds)?;
+        self.descend(
+            first,
+            last,
+            &mut |voxels, block| {
+                let block = voxels.within.map_or(*block, |within| within.intersection(block));
+                meets(body, &block.grown(margin))
+            },
+            color,
+        )
+    }
+
+    /// Adds the cells from `first` to `last` for which `test` holds, halving blocks for which it holds; so a large triangle costs as
+    /// much as the cells along it, not those around it.
+    fn descend(
+        &mut self,
+        first: IVec3,
+        last: IVec3,
+        test: &mut impl FnMut(&Self, &Aabb) -> bool,
+        color: Option<[u8; 3]>,
+    ) -> Result<(), BuildError> {
+        // At most one pending half a level, 32 levels an axis.
+        let mut pending = vec![(first, last)];
+        while let Some((first, last)) = pending.pop() {
+            self.count_visits(1)?;
+            let corner = |cell: IVec3| self.lattice.origin + cell.as_dvec3() * self.lattice.pitch;
+            if !test(self, &Aabb { min: corner(first), max: corner(last + 1) }) {
+                continue;
+            }
+            let extent = last - first;
+            if extent == IVec3::ZERO {
+                let tally = self.touch(first)?;
+                tally.solid = true;
+                tally.add_color(color);
+                continue;
+            }
+            let axis = (0..3).max_by_key(|&a| extent[a]).unwrap_or(0);
+            let middle = first[axis] + extent[axis] / 2;
+            let (mut lower, mut upper) = (last, first);
+            lower[axis] = middle;
+            upper[axis] = middle + 1;
+            pending.push((upper, last));
+            pending.push((first, lower));
+        }
+        Ok(())
+    }
+
+    fn for_cells(
+        &mut self,
+        first: IVec3,
+        last: IVec3,
+        add: &mut impl FnMut(&mut Self, IVec3) -> Result<(), BuildError>,
+    ) -> Result<(), BuildError> {
+        let counts = (last.as_i64vec3() - first.as_i64vec3() + 1).to_array();
+        self.count_visits(counts.into_iter().fold(1, |all, n| all.saturating_mul(n.unsigned_abs())))?;
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                for x in first.x..=last.x {
+                    add(self, IVec3::new(x, y, z))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn count_visits(&mut self, visits: u64) -> Result<(), BuildError> {
+        self.visits = self.visits.saturating_add(visits);
+        if self.visits > MAX_VISITS { Err(self.too_many()) } else { Ok(()) }
+    }
+
+    fn too_many(&self) -> BuildError {
+        BuildError::TooManyCells { pitch: self.lattice.pitch.into(), limit: MAX_CELLS }
+    }
+
+    /// The cell that contains `at`.
+    fn cell_of(&self, at: DVec3) -> Result<IVec3, BuildError> {
+        let cell = ((at - self.lattice.origin) / self.lattice.pitch).floor();
+        // One to spare at either end.
+        let reach = f64::from(i32::MAX - 1);
+        if cell.abs().max_element() < reach { Ok(cell.as_ivec3()) } else { Err(self.too_many()) }
+    }
+
+    /// The cells that contain the corners of `body`.
+    fn range(&self, body: &Aabb) -> Result<(IVec3, IVec3), BuildError> {
+        Ok((self.cell_of(body.min)?, self.cell_of(body.max)?))
+    }
+
+    fn touch(&mut self, cell: IVec3) -> Result<&mut Tally, BuildError> {
+        if self.cells.len() as u64 >= MAX_CELLS && !self.cells.contains_key(&cell.to_array()) {
+            return Err(self.too_many());
+        }
+        Ok(self.cells.entry(cell.to_array()).or_default())
+    }
+
+    /// The cells with at least `min_points` points or anything solid, as (cell, colour), ascending by (z, y, x).
+    pub(super) fn into_cells(self, min_points: u32) -> Vec<(IVec3, Option<[u8; 3]>)> {
+        let kept = |tally: &Tally| tally.solid || tally.points >= min_points;
+        let cells = self.cells.into_iter().filter(|(_, tally)| kept(tally));
+        let mut cells: Vec<_> = cells.map(|(cell, tally)| (IVec3::from(cell), tally.color())).collect();
+        cells.sort_unstable_by_key(|(cell, _)| [cell.z, cell.y, cell.x]);
+        cells
+    }
+}
+
+/// `cells` of `lattice`, ascending by (z, y, x), as boxes whose lattice begins where they do.
+pub(super) fn boxes_of(lattice: &Lattice, cells: impl Iterator<Item = IVec3> + Clone) -> Option<VoxelBoxes> {
+    let first = cells.clone().reduce(IVec3::min)?;
+    let origin = lattice.origin + first.as_dvec3() * lattice.pitch;
+    let relative = |cell: IVec3| {
+        let from_first: I64Vec3 = cell.as_i64vec3() - first.as_i64vec3();
+        UVec3::from_array(from_first.to_array().map(|v| v as u32))
+    };
+    Some(VoxelBoxes { lattice: Lattice { origin, ..*lattice }, cells: cells.map(relative).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LATTICE: Lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::ONE };
+
+    fn found(voxels: Voxels, min_points: u32) -> Vec<[i32; 3]> {
+        voxels.into_cells(min_points).into_iter().map(|(cell, _)| cell.to_array()).collect()
+    }
+
+    #[test]
+    fn a_triangle_fills_what_it_crosses_and_nothing_that_only_its_bounds_do() {
+        let mut voxels = Voxels::new(LATTICE, None);
+        let corners = [[0.5, 0.5, 0.5], [3.5, 0.5, 0.5], [0.5, 3.5, 0.5]].map(DVec3::from);
+        voxels.add_triangle(&Triangle { corners }, None, 0.0).unwrap();
+        let expected: Vec<[i32; 3]> = (0..4)
+            .flat_map(|y| (0..4).filter(move |x| x + y <= 4).map(move |x| [x, y, 0]))
+            .filter(|c| {
+                c[0] + c[1] < 4 || {
+                    // The edge x + y = 4 passes through cells whose lower corner has x + y of at most 3, and touches the corners of
+                    // those with 4.
+                    c[0] + c[1] == 4 && c[0] > 0 && c[1] > 0
+                }
+            })
+            .collect();
+        assert_eq!(found(voxels, 9), expected);
+    }
+
+    #[test]
+    fn thickness_grows_to_both_sides() {
+        let mut voxels = Voxels::new(LATTICE, None);
+        let corners = [[0.2, 0.2, 0.1], [0.8, 0.2, 0.1], [0.2, 0.8, 0.1]].map(DVec3::from);
+        voxels.add_triangle(&Triangle { corners }, None, 0.3).unwrap();
+        assert_eq!(found(voxels, 0), [[0, 0, -1], [0, 0, 0]]);
+    }
+
+    #[test]
+    fn points_are_counted_and_colours_averaged() {
+        let mut voxels = Voxels::new(LATTICE, None);
+        for color in [[0, 10, 255], [101, 20, 255]] {
+            voxels.add_point(DVec3::splat(0.5), Some(color), 0.0).unwrap();
+        }
+        voxels.add_point(DVec3::new(-0.5, 0.5, 0.5), None, 0.0).unwrap();
+        assert_eq!(voxels.clone().into_cells(1), [(IVec3::new(-1, 0, 0), None), (IVec3::ZERO, Some([51, 15, 255]))]);
+        assert_eq!(found(voxels, 2), [[0, 0, 0]]);
+    }
+
+    #[test]
+    fn upright_boxes_that_end_on_faces_fill_no_more() {
+        let mut voxels = Voxels::new(LATTICE, None);
+        voxels.add_box(&Aabb { min: DVec3::splat(1.0 - 1e-9), max: DVec3::new(2.0, 3.0 + 1e-9, 2.0) }).unwrap();
+        assert_eq!(found(voxels, 0), [[1, 1, 1], [1, 2, 1]]);
+    }
+
+    #[test]
+    fn what_is_outside_the_crop_is_left_out() {
+        let within = Aabb { min: DVec3::splat(-10.0), max: DVec3::new(1.5, 10.0, 10.0) };
+        let mut voxels = Voxels::new(LATTICE, Some(within));
+        let corners = [[0.5, 0.5, 0.5], [9.5, 0.5, 0.5], [0.5, 0.6, 0.5]].map(DVec3::from);
+        voxels.add_triangle(&Triangle { corners }, None, 0.0).unwrap();
+        voxels.add_point(DVec3::new(1.6, 0.5, 5.5), None, 0.0).unwrap();
+        voxels.add_box(&Aabb { min: DVec3::splat(3.0), max: DVec3::splat(4.0) }).unwrap();
+        assert_eq!(found(voxels, 0), [[0, 0, 0], [1, 0, 0]]);
+    }
+
+    #[test]
+    fn too_much_is_refused() {
+        let mut voxels = Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(1e-3) }, None);
+        let huge = Aabb { min: DVec3::splat(-1e3), max: DVec3::splat(1e3) };
+        assert!(matches!(voxels.add_box(&huge), Err(BuildError::TooManyCells { .. })));
+        assert!(matches!(voxels.add_point(DVec3::splat(1e9), None, 0.0), Err(BuildError::TooManyCells { .. })));
+    }
+}
