@@ -1,0 +1,7 @@
+//! Any bytes as a file of `prior::import::arrays`.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use strivec::prior::import::arrays;
+
+fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, arrays::read));

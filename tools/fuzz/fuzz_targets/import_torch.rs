@@ -1,0 +1,7 @@
+//! Any bytes as a file of `prior::import::torch`.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use strivec::prior::import::torch;
+
+fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, torch::read));

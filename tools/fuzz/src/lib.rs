@@ -1,0 +1,59 @@
+//! What the targets of readers of geometry share: a visitor that believes nothing.
+
+use strivec::geometry::Aabb;
+use strivec::prior::import::{Fault, Input, Point, ReadOptions, Visitor};
+
+/// The most points, triangles and cells that one input may lead to before the reading is ended.
+const MOST: u64 = 1 << 16;
+
+/// Checks what readers promise: finite numbers, and an end when one is asked for.
+#[derive(Default)]
+struct Doubting {
+    seen: u64,
+    ended: bool,
+}
+
+impl Doubting {
+    fn see(&mut self, finite: bool) -> Result<(), Fault> {
+        assert!(finite, "a number that is not finite");
+        assert!(!self.ended, "more after the end");
+        self.seen += 1;
+        self.ended = self.seen >= MOST;
+        if self.ended { Err(Fault::Stopped) } else { Ok(()) }
+    }
+}
+
+impl Visitor for Doubting {
+    fn point(&mut self, point: Point) -> Result<(), Fault> {
+        self.see(point.position.is_finite())
+    }
+
+    fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
+        self.see(corners.iter().all(|c| c.position.is_finite()))
+    }
+
+    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
+        self.see(cell.min.is_finite() && cell.max.is_finite())
+    }
+
+    fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault> {
+        assert!(done <= total, "{done} of {total}");
+        Ok(())
+    }
+}
+
+/// Reads `bytes` by `read`, with two settings; whatever is in them, it must end in a result.
+pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>) {
+    let usual = ReadOptions::default();
+    let filtered = ReadOptions {
+        vertices: true,
+        min_confidence: 0.5,
+        min_track: 2,
+        max_reprojection_error: 1.0,
+        bounds: Some(Aabb { min: [-1.0; 3].into(), max: [1.0; 3].into() }),
+        ..usual
+    };
+    for options in [usual, filtered] {
+        let _ = read(&mut Input::of_bytes(bytes), &options, &mut Doubting::default());
+    }
+}
