@@ -184,10 +184,7 @@ mod tests {
         let mut more = binary();
         more.push(0);
         assert_eq!(error(&more), "byte 142: expected the end of the file, found 1 more bytes");
-        assert_eq!(
-            error(&changed(51, &10_u64.to_le_bytes())),
-            "byte 139: expected 51 bytes of a point, found 3 bytes"
-        );
+        assert_eq!(error(&changed(51, &10_u64.to_le_bytes())), "byte 139: expected 51 bytes of a point, found 3 bytes");
     }
 
     #[test]

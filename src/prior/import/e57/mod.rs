@@ -35,10 +35,10 @@ const MOST_NAMESPACES: usize = 100;
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut pages = Pages::of(input)?;
     check_xml(&mut pages)?;
-    let described = E57Reader::new(pages.input()).map_err(|error| {
-        let source = std::error::Error::source(&error).map(|source| format!(": {source}")).unwrap_or_default();
-        Fault::malformed("the XML section", "what E57 says", format!("{error}{source}"))
-    })?;
+    let input = pages.input();
+    input.go_to(0)?;
+    let described =
+        E57Reader::new(input).map_err(|error| Fault::malformed("the XML section", "what E57 says", error))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
         scans.push(Scan::of(described, format!("scan {at}"))?);

@@ -51,6 +51,9 @@ impl Stream {
     }
 }
 
+/// Takes streams, and how many numbers all of them have.
+type Sink<'a> = dyn FnMut(&[Stream], usize) -> Result<(), Fault> + 'a;
+
 /// Reads packets from where `pages` are until `records` are read; `sink` takes those that are there, and how many.
 ///
 /// # Errors
@@ -60,7 +63,7 @@ pub(super) fn read(
     pages: &mut Pages<'_, '_>,
     streams: &mut [Stream],
     records: u64,
-    sink: &mut dyn FnMut(&[Stream], usize) -> Result<(), Fault>,
+    sink: &mut Sink<'_>,
 ) -> Result<(), Fault> {
     let mut left = records;
     while left > 0 {

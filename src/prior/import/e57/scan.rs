@@ -207,6 +207,7 @@ impl Scan {
                 if let Some(position) = self.position(streams, at) {
                     let color = self.color(streams, at);
                     let place = || format!("{}, point {}", self.place, done + at as u64);
+                    let Point { position, color } = Point::new(position, color, place)?;
                     visitor.point(Point::new(self.rotation * position + self.translation, color, place)?)?;
                 }
             }

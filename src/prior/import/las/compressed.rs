@@ -94,7 +94,8 @@ fn chunk<R>(
         left -= taken;
         records.resize(taken as usize * record, 0);
         let decoded = catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(&mut records)));
-        let bad = |found: &str| Fault::malformed(format!("the chunk at {at}"), format!("{points} compressed points"), found);
+        let bad =
+            |found: &str| Fault::malformed(format!("the chunk at {at}"), format!("{points} compressed points"), found);
         match decoded {
             Ok(Ok(())) => sink(&records)?,
             Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => return Err(bad("fewer")),

@@ -110,7 +110,11 @@ impl Header {
 
     fn check(&self, len: u64) -> Result<(), Fault> {
         if !self.scale.is_finite() || !self.offset.is_finite() {
-            return Err(Fault::malformed("byte 131", "finite scales and offsets", format!("{} {}", self.scale, self.offset)));
+            return Err(Fault::malformed(
+                "byte 131",
+                "finite scales and offsets",
+                format!("{} {}", self.scale, self.offset),
+            ));
         }
         let left = len - self.offset_to_points;
         let most = if self.compressed { left.saturating_mul(MOST_POINTS_PER_BYTE) } else { left / self.record };

@@ -36,7 +36,13 @@ fn record(format: u8, i: i32, flags: u8, class: u8) -> Vec<u8> {
 
 /// A header and what follows it: scales of 0.5, 0.25 and 2, an offset of 100 in x.
 fn file(minor: u8, format: u8, length: u16, count: u64, records: u32, rest: &[u8], points: &[u8]) -> Vec<u8> {
-    let size: usize = if minor < 3 { 227 } else if minor == 3 { 235 } else { 375 };
+    let size: usize = if minor < 3 {
+        227
+    } else if minor == 3 {
+        235
+    } else {
+        375
+    };
     let mut bytes = vec![0; size];
     bytes[..4].copy_from_slice(b"LASF");
     bytes[24..26].copy_from_slice(&[1, minor]);
@@ -105,7 +111,13 @@ fn expect_the_run(seen: &Seen, count: usize, colors: bool) {
 #[test]
 fn every_point_format_is_read_plain_and_compressed() {
     for format in 0..11_u8 {
-        let minor = if format < 4 { 2 } else if format < 6 { 3 } else { 4 };
+        let minor = if format < 4 {
+            2
+        } else if format < 6 {
+            3
+        } else {
+            4
+        };
         let colors = [2, 3, 5, 7, 8, 10].contains(&format);
         let points = run(format, 700);
         expect_the_run(&read_of(&las(minor, format, &points)).unwrap(), 700, colors);
@@ -171,7 +183,10 @@ fn hostile_headers_are_named() {
     assert!(of(131, &f64::NAN.to_le_bytes()).starts_with("byte 131: expected finite scales and offsets, found"));
     assert!(of(131, &f64::MAX.to_le_bytes()).starts_with("point 2: expected finite coordinates"));
     let many = file(4, 6, 30, u64::MAX, 0, &[], &record(6, 1, 0, 2));
-    assert_eq!(error(&many), format!("the number of points: expected at most 1 points in 30 bytes, found {}", u64::MAX));
+    assert_eq!(
+        error(&many),
+        format!("the number of points: expected at most 1 points in 30 bytes, found {}", u64::MAX)
+    );
 }
 
 #[test]
@@ -185,22 +200,35 @@ fn hostile_descriptions_are_named() {
         error(&bytes)
     };
     assert_eq!(of(start, &[3, 0]), "the record of LAZ: expected a compression for point format 0, found compressor 3");
-    assert_eq!(of(start + 2, &[1, 0]), "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 20), 2)]");
+    assert_eq!(
+        of(start + 2, &[1, 0]),
+        "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 20), 2)]"
+    );
     assert_eq!(
         of(start + 12, &[0; 4]),
         "LAZ of point format 0 in chunks of different sizes is not supported: write it as LAS, or as LAZ with chunks of one size"
     );
     assert_eq!(of(start + 32, &[0, 0]), "the record of LAZ: expected items [(6, 20)], versions 1..=2, found []");
     assert_eq!(of(start + 32, &[255, 255]), "the record of LAZ: expected 65535 items, found 1");
-    assert_eq!(of(start + 36, &[21, 0]), "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 21), 2)]");
+    assert_eq!(
+        of(start + 36, &[21, 0]),
+        "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 21), 2)]"
+    );
     assert_eq!(
         of(start - 34, &[255, 255]),
         "byte 281: expected a record before the points at byte 375, found a longer one"
     );
-    assert_eq!(of(227 + 56, b"x"), "the records before the points: expected one that describes the compression, found none");
+    assert_eq!(
+        of(227 + 56, b"x"),
+        "the records before the points: expected one that describes the compression, found none"
+    );
     assert_eq!(
         of(107, &[255; 4]),
-        format!("the number of points: expected at most {} points in {} bytes, found 4294967295", 100 * (good.len() - 375), good.len() - 375)
+        format!(
+            "the number of points: expected at most {} points in {} bytes, found 4294967295",
+            100 * (good.len() - 375),
+            good.len() - 375
+        )
     );
 }
 

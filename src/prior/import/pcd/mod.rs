@@ -70,7 +70,8 @@ fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) 
         points += 1;
         let text = |field: &Field| {
             let bytes = &line[fields[field.column].clone()];
-            std::str::from_utf8(bytes).map_err(|_| Fault::malformed(place(), "a number", "bytes that are no UTF-8 text"))
+            std::str::from_utf8(bytes)
+                .map_err(|_| Fault::malformed(place(), "a number", "bytes that are no UTF-8 text"))
         };
         let mut position = [0.0; 3];
         for (coordinate, field) in position.iter_mut().zip(&header.position) {

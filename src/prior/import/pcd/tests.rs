@@ -130,8 +130,14 @@ fn hostile_headers_are_named() {
     assert_eq!(of("FIELDS", "WIDTH 1\nFIELDS"), "line 8: expected one WIDTH, found a second one");
     assert_eq!(of("label x", "label w"), "FIELDS: expected x, y and z, found others");
     assert_eq!(of("SIZE 4 ", "SIZE "), "SIZE: expected 6 numbers, found 5");
-    assert_eq!(of("SIZE 4 ", "SIZE 3 "), "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found F of 3");
-    assert_eq!(of("TYPE F ", "TYPE Q "), "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found Q of 4");
+    assert_eq!(
+        of("SIZE 4 ", "SIZE 3 "),
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found F of 3"
+    );
+    assert_eq!(
+        of("TYPE F ", "TYPE Q "),
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found Q of 4"
+    );
     assert_eq!(of("TYPE F ", "TYPE "), "TYPE: expected 6 letters, found 5");
     assert_eq!(
         of("COUNT 3", "COUNT 18446744073709551615"),
@@ -140,7 +146,10 @@ fn hostile_headers_are_named() {
     assert_eq!(of("COUNT 3", "COUNT -1"), "COUNT: expected a number, found \"-1\"");
     assert_eq!(of("POINTS 3", "POINTS 4"), "POINTS: expected WIDTH 3 times HEIGHT 1, found 4");
     assert_eq!(of("HEIGHT 1\n", ""), "the header: expected HEIGHT, found none");
-    assert_eq!(of("DATA binary", "DATA zip"), "line 11: expected DATA ascii, binary or binary_compressed, found \"zip\"");
+    assert_eq!(
+        of("DATA binary", "DATA zip"),
+        "line 11: expected DATA ascii, binary or binary_compressed, found \"zip\""
+    );
     let many = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9999999999999999999\nHEIGHT 1\nDATA binary\n";
     assert_eq!(error(many.as_bytes()), "POINTS: expected a number of points, found 9999999999999999999");
 }

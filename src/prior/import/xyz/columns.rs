@@ -105,12 +105,12 @@ impl Columns {
         })
     }
 
-    /// By how many there are.
-    pub(super) fn unnamed(width: usize) -> Self {
-        let color = match width {
-            6 => Some([3, 4, 5]),
-            // PTS: the fourth is an intensity.
-            7 => Some([4, 5, 6]),
+    /// By how many there are. PTS has an intensity before the colour; other files of seven columns may as well have an opacity
+    /// after it.
+    pub(super) fn unnamed(width: usize, pts: bool) -> Self {
+        let color = match (width, pts) {
+            (6, _) => Some([3, 4, 5]),
+            (7, true) => Some([4, 5, 6]),
             _ => None,
         };
         Self { position: [0, 1, 2], color, confidence: None }

@@ -2,8 +2,9 @@
 //!
 //! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else blanks, of which a run
 //! counts as one. Names, if a line or a comment before the numbers has them, say which column is what; without names the
-//! first three columns are x, y and z, and the last three of six or seven are red, green and blue where they are bytes in each
-//! of the first thousand lines (else they are a normal, which is ignored). Columns that are not needed may hold anything.
+//! first three columns are x, y and z, and the last three of six, or of a PTS file's seven, are red, green and blue where they
+//! are bytes in each of the first thousand lines (else they are a normal, which is ignored). Columns that are not needed may
+//! hold anything.
 
 mod colors;
 mod columns;
@@ -137,9 +138,12 @@ impl Before {
             return Ok(true);
         }
         if self.count.is_none() && line.bytes.iter().all(u8::is_ascii_digit) {
-            self.count = Some(shown(line.bytes).trim_matches('"').parse().map_err(|_| {
-                Fault::malformed(line.place(), "a number of points", shown(line.bytes))
-            })?);
+            self.count = Some(
+                shown(line.bytes)
+                    .trim_matches('"')
+                    .parse()
+                    .map_err(|_| Fault::malformed(line.place(), "a number of points", shown(line.bytes)))?,
+            );
             return Ok(true);
         }
         let named = matches!(self.names, Some((_, false)));
@@ -174,7 +178,9 @@ impl Table {
         let width = fields.len();
         // A comment of another number of words is but a comment.
         let names = before.names.as_ref().filter(|(names, comment)| !comment || names.len() == width);
-        let columns = names.and_then(|(names, _)| Columns::named(names)).unwrap_or_else(|| Columns::unnamed(width));
+        let columns = names
+            .and_then(|(names, _)| Columns::named(names))
+            .unwrap_or_else(|| Columns::unnamed(width, before.count.is_some()));
         let colors = Colors::new(columns.color.is_some(), names.is_some());
         Self { separator, columns, width, first: line.number, fields, colors }
     }

@@ -53,6 +53,8 @@ fn colours_are_bytes_shares_or_words() {
     assert_eq!(color("1 2 3 255 0 7\n"), Some([255, 0, 7]));
     assert_eq!(color("3\n1 2 3 -1200 255 0 7\n1 2 3 0 0 0 0\n1 2 3 0 0 0 0\n"), Some([255, 0, 7]));
     assert_eq!(color("1 2 3 0.6 0 0.8\n"), None);
+    // Intensity and colour, or colour and opacity?
+    assert_eq!(color("1 2 3 255 0 7 255\n"), None);
     // One line of the first thousand that is no colour is enough.
     assert_eq!(color("1 2 3 1 0 0\n1 2 3 0 0 -1\n"), None);
     assert_eq!(color("x,y,z,intensity,r,g,b\n1,2,3,9,255,0,7\n"), Some([255, 0, 7]));
