@@ -277,7 +277,7 @@ fn hostile_scans_are_named() {
     assert_eq!(error(&changed(&good, 82, &[3, 0])), "byte 80: expected a packet of 4 bytes, found streams of 2412");
     assert_eq!(
         error(&changed(&good, 92, &f64::NAN.to_le_bytes())),
-        "scan 0, point 0: expected finite coordinates, found [NaN, 0, 0]"
+        "scan 0, point 0: expected finite coordinates, found [NaN, 0, -0]"
     );
 }
 
@@ -322,4 +322,21 @@ fn streams_that_run_ahead_are_refused() {
     let bytes: Vec<u8> = logical.chunks(1020).flat_map(|page| [page, &[0; 4]].concat()).collect();
     let message = error(&changed(&bytes, 0, &[]));
     assert!(message.ends_with(": expected streams that keep step, found one 16777216 bytes ahead"), "{message}");
+}
+
+#[test]
+fn bytes_that_no_writer_wrote_are_an_error_or_points() {
+    let good = plain(30);
+    let mut state = 1_u32;
+    let mut errors = 0;
+    for _ in 0..500 {
+        let mut bytes = good.clone();
+        for _ in 0..2 {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let at = (state >> 8) as usize % bytes.len();
+            bytes[at] = (state >> 3) as u8;
+        }
+        errors += usize::from(read_of(&changed(&bytes, 0, &[])).is_err());
+    }
+    assert!(errors > 100, "{errors}");
 }

@@ -3,7 +3,8 @@
 //! `laz` trusts what it reads: it sets memory aside for layers as long as they say they are, adds lengths without checks, and
 //! indexes tables with numbers out of the stream. So the description of the compression must be exactly what the point format
 //! asks for, each chunk's layers are added up before they are read, and the table of chunks, which only seeking needs, is
-//! not read at all. What is left are panics on streams that no encoder wrote; they cannot be foreseen without decoding, and
+//! not read at all. What is left are panics on streams that no encoder wrote (assertions and sums that overflow, in builds that
+//! check them); they cannot be foreseen without decoding, and
 //! [`std::panic::catch_unwind`] turns them into errors. Nothing of a decoder that panicked is used again.
 
 use std::io;
