@@ -4,9 +4,9 @@
     python3 -m venv V && V/bin/pip install numpy plyfile trimesh 'laspy[lazrs]' pye57 open3d pypcd4 pycolmap
     V/bin/python tools/measure/foreign_geometry.py FOLDER
 
-writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean colour
-of its points or of the mesh's vertices, as they are before a format rounds them: half a step of LAS is "tolerance", and floats of
-32 bits have theirs. What does not install is skipped, with a word.
+writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean
+colour of its points or of the mesh's vertices before a format rounds them; "tolerance" is how far a coordinate may then be off.
+A package that does not install is skipped, with a word; open3d needs libusb-1.0.
 """
 
 import argparse

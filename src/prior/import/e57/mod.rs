@@ -19,11 +19,10 @@ use super::{Fault, Input, ReadOptions, Visitor};
 /// The longest XML section that is read, in bytes. It has some thousand of them for each scan.
 const MOST_XML: u64 = 1 << 24;
 
-/// The most attributes of an XML element, and the most names of its namespaces: the time and the memory that XML takes grow with
-/// the square of them.
+/// The most attributes of an XML element: the time that XML takes grows with the square of them.
 const MOST_ATTRIBUTES: usize = 1000;
 
-/// Likewise, in all.
+/// The most namespaces in all: nested elements hold those around them, each its own.
 const MOST_NAMESPACES: usize = 100;
 
 /// Reads `input`.

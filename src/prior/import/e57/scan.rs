@@ -70,8 +70,8 @@ struct Channel {
 }
 
 impl Channel {
-    /// By the scan's limits, or else by those of the field. Limits that are no range of up to 16 bits say nothing: then the numbers
-    /// are taken for bytes.
+    /// By the scan's limits, or else by those of the field. Limits that are no range of up to 16 bits say nothing: then the
+    /// numbers are taken for bytes.
     fn of(record: &Record, stream: usize, limits: Option<(&RecordValue, &RecordValue)>) -> Self {
         let field = Field::of(record, stream);
         let number = |value: &RecordValue| match (value, field.kind) {
