@@ -1,0 +1,76 @@
+//! E57: all scans of a file, each in its pose.
+//!
+//! `e57` reads the header and the XML section, which says what there is. The points are read here: the library holds what its
+//! streams are ahead of each other without a limit, and spends memory for ever on a scan whose fields need no bits. Points
+//! whose state says that they are a direction or nothing are left out.
+
+mod packets;
+mod pages;
+mod scan;
+#[cfg(test)]
+mod tests;
+
+use ::e57::E57Reader;
+
+use self::pages::Pages;
+use self::scan::Scan;
+use super::{Fault, Input, ReadOptions, Visitor};
+
+/// The longest XML section that is read, in bytes. It has some thousand of them for each scan.
+const MOST_XML: u64 = 1 << 24;
+
+/// The most attributes of an XML element: the time that XML takes grows with the square of them.
+const MOST_ATTRIBUTES: usize = 1000;
+
+/// The most namespaces in all: nested elements hold those around them, each its own.
+const MOST_NAMESPACES: usize = 100;
+
+/// Reads `input`.
+///
+/// # Errors
+///
+/// Where a page's checksum is wrong, where the XML section is none or promises more than there is, where a coordinate is not
+/// finite, and those of `visitor`.
+pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let mut pages = Pages::of(input)?;
+    check_xml(&mut pages)?;
+    let input = pages.input();
+    input.go_to(0)?;
+    let described =
+        E57Reader::new(input).map_err(|error| Fault::malformed("the XML section", "what E57 says", error))?;
+    let mut scans = Vec::new();
+    for (at, described) in described.pointclouds().iter().enumerate() {
+        scans.push(Scan::of(described, format!("scan {at}"))?);
+    }
+    let total = scans.iter().map(|scan| scan.records).fold(0, u64::saturating_add);
+    let mut done = 0;
+    for scan in &scans {
+        scan.read(&mut pages, &mut |points, visitor| visitor.progress(done + points, total), visitor)?;
+        done += scan.records;
+    }
+    Ok(())
+}
+
+/// Checks the file's header, and that nothing in the XML section makes a parser slow.
+fn check_xml(pages: &mut Pages<'_, '_>) -> Result<(), Fault> {
+    let mut header = [0; 48];
+    pages.fill(&mut header, "a header")?;
+    if &header[..8] != b"ASTM-E57" {
+        return Err(Fault::malformed("byte 0", "ASTM-E57", format!("{:?}", &header[..8])));
+    }
+    let number = |at: usize| u64::from_le_bytes(header[at..at + 8].try_into().expect("8 bytes"));
+    if number(40) != pages::PAGE {
+        return Err(Fault::malformed("byte 40", format!("pages of {} bytes", pages::PAGE), number(40)));
+    }
+    let (offset, length) = (number(24), number(32));
+    Fault::unless_within("bytes of the XML section", MOST_XML, length)?;
+    pages.go_to(offset, "the XML section")?;
+    pages.expect_left(length, "the XML section")?;
+    let mut xml = vec![0; length as usize];
+    pages.fill(&mut xml, "the XML section")?;
+    let namespaces = xml.windows(5).filter(|word| word == b"xmlns").count();
+    Fault::unless_within("namespaces in the XML section", MOST_NAMESPACES as u64, namespaces as u64)?;
+    let element = xml.split(|byte| *byte == b'<');
+    let attributes = element.map(|element| element.iter().filter(|byte| **byte == b'=').count()).max().unwrap_or(0);
+    Fault::unless_within("attributes of an element in the XML section", MOST_ATTRIBUTES as u64, attributes as u64)
+}

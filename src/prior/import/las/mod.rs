@@ -1,0 +1,103 @@
+//! LAS 1.0 to 1.4, and LAZ, its compressed twin, through `laz`.
+//!
+//! Points that are withheld are left out, and those of the classes 7 and 18, which are noise. Colours have 16 bits; where the
+//! first ten thousand stay below 256, their writer meant bytes, and they are taken for such. Waveforms, extra bytes and
+//! extended records are ignored.
+
+mod compressed;
+mod header;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+
+use self::header::Header;
+use super::{Fault, Input, Point, ReadOptions, Visitor};
+
+/// Points that are read at once.
+const BATCH: u64 = 4096;
+
+/// Points that are held back until it is known what their colours are.
+const JUDGED: usize = 10_000;
+
+/// Classes of noise: low and high.
+const NOISE: [u8; 2] = [7, 18];
+
+/// Reads `input`.
+///
+/// # Errors
+///
+/// Where the header contradicts itself or promises more than there is, where compressed points are none, where a coordinate
+/// is not finite, and those of `visitor`.
+pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let header = Header::read(input)?;
+    let mut points = Points { header: &header, held: Vec::new(), shift: None, done: 0 };
+    if header.compressed {
+        compressed::read(input, &header, &mut |records| points.take(records, visitor))?;
+    } else {
+        input.go_to(header.offset_to_points)?;
+        // Read has checked that all of them are there.
+        let mut left = header.points;
+        let mut records = Vec::new();
+        while left > 0 {
+            let taken = left.min(BATCH);
+            left -= taken;
+            records.resize((taken * header.record) as usize, 0);
+            input.fill(&mut records, "points")?;
+            points.take(&records, visitor)?;
+        }
+    }
+    points.finish(visitor)
+}
+
+/// Makes points of records.
+struct Points<'a> {
+    header: &'a Header,
+    held: Vec<(DVec3, [u16; 3])>,
+    /// What turns colours into bytes, once it is known.
+    shift: Option<u32>,
+    done: u64,
+}
+
+impl Points<'_> {
+    fn take(&mut self, records: &[u8], visitor: &mut dyn Visitor) -> Result<(), Fault> {
+        visitor.progress(self.done, self.header.points)?;
+        for record in records.chunks_exact(self.header.record as usize) {
+            let at = self.done;
+            self.done += 1;
+            if self.header.leaves_out(record) {
+                continue;
+            }
+            let position = self.header.position(record);
+            let point = Point::new(position, None, || format!("point {at}"))?;
+            match (self.header.color(record), self.shift) {
+                (None, _) => visitor.point(point)?,
+                (Some(color), Some(shift)) => visitor.point(colored(point.position, color, shift))?,
+                (Some(color), None) => {
+                    self.held.push((point.position, color));
+                    if self.held.len() == JUDGED {
+                        self.finish(visitor)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands on the points that are still held.
+    fn finish(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+        if self.held.is_empty() {
+            return Ok(());
+        }
+        let bytes = self.held.iter().flat_map(|(_, color)| color).all(|channel| *channel < 256);
+        let shift = if bytes { 0 } else { 8 };
+        self.shift = Some(shift);
+        let mut held = std::mem::take(&mut self.held).into_iter();
+        held.try_for_each(|(position, color)| visitor.point(colored(position, color, shift)))
+    }
+}
+
+/// Later colours may be out of range: they are clamped.
+fn colored(position: DVec3, color: [u16; 3], shift: u32) -> Point {
+    Point { position, color: Some(color.map(|channel| (channel >> shift).min(255) as u8)) }
+}

@@ -1,0 +1,170 @@
+//! PCD: the Point Cloud Library's clouds, as text, binary and compressed.
+//!
+//! A point with a coordinate that is not a number stands for "no point" in this format, and is left out. VIEWPOINT is where
+//! the sensor was; it does not move points, here as in PCL.
+
+mod header;
+mod lzf;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use self::header::{Data, Field, Header};
+use super::{Fault, Input, Point, ReadOptions, Visitor};
+
+/// The longest line that is read, in bytes.
+const MOST_LINE: usize = 1 << 16;
+
+/// Bytes of records that are read at once.
+const BATCH_BYTES: u64 = 1 << 18;
+
+/// The most bytes of coordinates and colours that are held: those of a compressed file lie column by column.
+const MOST_COLUMNS: u64 = 1 << 31;
+
+/// Reads `input`.
+///
+/// # Errors
+///
+/// Where the header contradicts itself or promises more than there is, where compressed bytes are none, where a coordinate
+/// is infinite, and those of `visitor`.
+pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let header = Header::read(input)?;
+    match header.data {
+        Data::Ascii => read_text(input, &header, visitor),
+        Data::Binary => read_records(input, &header, visitor),
+        Data::Compressed => read_columns(input, &header, visitor),
+    }
+}
+
+fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let mut line = Vec::new();
+    let mut fields: Vec<Range<usize>> = Vec::new();
+    let mut at = header.lines;
+    let mut points = 0;
+    while points < header.points {
+        at += 1;
+        let place = || format!("line {at}");
+        if !input.line(&mut line, MOST_LINE)? {
+            return Err(Fault::malformed(place(), format!("{} points", header.points), points));
+        }
+        input.report(visitor)?;
+        fields.clear();
+        let mut start = 0;
+        for (end, byte) in line.iter().chain(b" ").enumerate() {
+            if byte.is_ascii_whitespace() {
+                if end > start {
+                    fields.push(start..end);
+                }
+                start = end + 1;
+            }
+        }
+        if fields.is_empty() {
+            continue;
+        }
+        if fields.len() != header.columns {
+            return Err(Fault::malformed(place(), format!("{} numbers", header.columns), fields.len()));
+        }
+        points += 1;
+        let text = |field: &Field| {
+            let bytes = &line[fields[field.column].clone()];
+            std::str::from_utf8(bytes)
+                .map_err(|_| Fault::malformed(place(), "a number", "bytes that are no UTF-8 text"))
+        };
+        let mut position = [0.0; 3];
+        for (coordinate, field) in position.iter_mut().zip(&header.position) {
+            let text = text(field)?;
+            *coordinate = text.parse().map_err(|_| none(place(), text))?;
+        }
+        let color = header.color.as_ref().map(|field| {
+            let text = text(field)?;
+            field.packed_of_text(text).ok_or_else(|| none(place(), text))
+        });
+        point(position, color.transpose()?, place, visitor)?;
+    }
+    Ok(())
+}
+
+fn none(place: String, text: &str) -> Fault {
+    Fault::malformed(place, "a number", format!("{:?}", text.chars().take(40).collect::<String>()))
+}
+
+fn read_records(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    input.expect_left(header.bytes()?, "points")?;
+    let most = (BATCH_BYTES / header.record).max(1);
+    let mut left = header.points;
+    let mut batch = Vec::new();
+    while left > 0 {
+        let taken = left.min(most);
+        left -= taken;
+        let start = input.offset();
+        batch.resize((taken * header.record) as usize, 0);
+        input.fill(&mut batch, "points")?;
+        input.report(visitor)?;
+        for (at, record) in batch.chunks_exact(header.record as usize).enumerate() {
+            let position = header.position.each_ref().map(|field| field.value(&record[field.bytes()]));
+            let color = header.color.as_ref().map(|field| field.packed(&record[field.bytes()]));
+            point(position, color, || format!("byte {}", start + at as u64 * header.record), visitor)?;
+        }
+    }
+    Ok(())
+}
+
+fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let place = input.place();
+    let packed = u32::from_le_bytes(input.array("the size of the compressed points")?);
+    let size = u64::from(u32::from_le_bytes(input.array("the size of the points")?));
+    let bytes = header.bytes()?;
+    if size != bytes {
+        let expected = format!("{bytes} bytes of {} points", header.points);
+        return Err(Fault::malformed(place, expected, format!("{size} bytes")));
+    }
+    input.expect_left(packed.into(), "compressed points")?;
+    if size > u64::from(packed) * lzf::MOST_EXPANSION {
+        let expected = format!("compressed points of at least {} bytes", size.div_ceil(lzf::MOST_EXPANSION));
+        return Err(Fault::malformed(place, expected, format!("{packed} bytes")));
+    }
+    // After decompression all of the first field comes, then all of the second: what is needed is kept.
+    let fields: Vec<_> = header.position.iter().chain(&header.color).collect();
+    let kept = fields.iter().map(|field| header.points * field.size as u64).sum();
+    Fault::unless_within("bytes of coordinates and colours in a compressed file", MOST_COLUMNS, kept)?;
+    let mut columns: Vec<Vec<u8>> = vec![Vec::new(); fields.len()];
+    let ranges = fields.iter().map(|field| {
+        let start = header.points * field.start as u64;
+        start..start + header.points * field.size as u64
+    });
+    let ranges: Vec<Range<u64>> = ranges.collect();
+    lzf::decompress(input, packed.into(), size, visitor, &mut |offset, bytes| {
+        for (range, column) in ranges.iter().zip(&mut columns) {
+            let start = range.start.clamp(offset, offset + bytes.len() as u64) - offset;
+            let end = range.end.clamp(offset, offset + bytes.len() as u64) - offset;
+            column.extend_from_slice(&bytes[start as usize..end as usize]);
+        }
+    })?;
+    for at in 0..header.points as usize {
+        let value = |column: usize, field: &Field| &columns[column][at * field.size..][..field.size];
+        let mut position = [0.0; 3];
+        for (axis, field) in header.position.iter().enumerate() {
+            position[axis] = field.value(value(axis, field));
+        }
+        let color = header.color.as_ref().map(|field| field.packed(value(3, field)));
+        point(position, color, || format!("point {at}"), visitor)?;
+    }
+    Ok(())
+}
+
+/// Hands on a point, if it is one.
+fn point(
+    position: [f64; 3],
+    packed: Option<u32>,
+    place: impl FnOnce() -> String,
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
+    if position.iter().any(|x| x.is_nan()) {
+        return Ok(());
+    }
+    let color = packed.map(|packed| [(packed >> 16) as u8, (packed >> 8) as u8, packed as u8]);
+    visitor.point(Point::new(DVec3::from_array(position), color, place)?)
+}
