@@ -1,7 +1,8 @@
 //! Settings that stay within a number of parameters or bytes.
 
 use super::{
-    cells_of, cost, ending_in, initial_decoder, last, listed, scale_plans, tensor_counts, total, without_idle_upsamplings,
+    cells_of, cost, ending_in, initial_decoder, last, listed, scale_plans, tensor_counts, total,
+    without_idle_upsamplings,
 };
 use crate::prior::VoxelBoxes;
 use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};

@@ -137,8 +137,8 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
     let matrices = PASSES * 2.0 * components * (decoded * features + own * 3.0);
     let products = decoded * PASSES * network_flop(config) * NETWORK_FLOP + matrices * MATRIX_FLOP;
     let reference = MachineSpeed::REFERENCE;
-    let core_seconds = in_caches * reference.gathered / machine.gathered
-        + products * reference.product_flops / machine.product_flops;
+    let core_seconds =
+        in_caches * reference.gathered / machine.gathered + products * reference.product_flops / machine.product_flops;
     core_seconds / machine.threads.max(1) as f64
 }
 

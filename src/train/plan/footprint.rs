@@ -83,7 +83,8 @@ impl<'a> Frustum<'a> {
     /// How wide a pixel is at `place` (along columns, along rows, ahead); infinite where the sphere of `radius` around it is
     /// behind the camera or outside the picture. Nearer than `radius` the camera may be in the cell.
     fn pixel_width(&self, [column, row, ahead]: [f64; 3], radius: f64) -> f64 {
-        let inside = |planes: &[[f64; 2]; 2], across: f64| planes.iter().all(|[x, z]| x * across + z * ahead >= -radius);
+        let inside =
+            |planes: &[[f64; 2]; 2], across: f64| planes.iter().all(|[x, z]| x * across + z * ahead >= -radius);
         if ahead < -radius || !inside(&self.columns, column) || !inside(&self.rows, row) {
             return f64::INFINITY;
         }

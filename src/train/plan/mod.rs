@@ -143,11 +143,7 @@ fn finest_cell(config: &TrainConfig) -> f64 {
 }
 
 /// What the cameras say about `config`'s cells and about `occupied`.
-fn observations(
-    config: &TrainConfig,
-    cameras: &[Camera],
-    occupied: &VoxelBoxes,
-) -> Result<Vec<String>, PrepareError> {
+fn observations(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Result<Vec<String>, PrepareError> {
     let map = canonical_map(&occupied.bounds())?;
     let footprints = Footprints::of(config, cameras, occupied);
     let unseen = occupied.cells.len() - footprints.seen();
@@ -212,7 +208,7 @@ fn without_idle_upsamplings(config: &mut TrainConfig) {
     for stage in (1..=config.upsample_at.len()).rev() {
         if config.scales.iter().all(|s| s.resolutions[stage] == s.resolutions[stage - 1]) {
             config.upsample_at.remove(stage - 1);
-            config.scales.iter_mut().for_each(|s| drop(s.resolutions.remove(stage)));
+            config.scales.iter_mut().for_each(|s| _ = s.resolutions.remove(stage));
         }
     }
 }

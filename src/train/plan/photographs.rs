@@ -34,9 +34,8 @@ pub fn fit_to_photographs(
     occupied: &VoxelBoxes,
 ) -> Result<(TrainConfig, VoxelBoxes, Vec<String>), PrepareError> {
     let footprints = Footprints::of(config, cameras, occupied);
-    let pixel = footprints
-        .near_pixel()
-        .ok_or(prior::Error::NothingToPlace { what: "occupied cell that a camera sees" })?;
+    let pixel =
+        footprints.near_pixel().ok_or(prior::Error::NothingToPlace { what: "occupied cell that a camera sees" })?;
     let cells = (occupied.cells.iter().enumerate()).filter(|(n, _)| footprints.is_seen(*n)).map(|(_, &c)| c).collect();
     let seen = VoxelBoxes { lattice: occupied.lattice, cells };
     let mut reasons = Vec::new();
