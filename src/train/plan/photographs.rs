@@ -9,7 +9,7 @@ use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 /// Edge of a tensor's cell in pixels at the nearest cells: what `docs/configs/quarter.toml` has, which was found by hand.
 pub const PIXELS_APART: f64 = 1.3;
 /// A tensor has at most this many times the cells of the settings that are fitted: nothing was measured beyond.
-const MOST_TIMES: f64 = 2.0;
+const MOST_TIMES: u32 = 2;
 /// A finer scale whose tensors have fewer cells on every axis adds next to nothing to the scale before it.
 const FEWEST_CELLS: u32 = 4;
 /// Lengths are relative to the scene's extent, up to this: far below what placing tensors takes for rounding.
@@ -62,20 +62,23 @@ pub fn fit_to_photographs(
     ));
 
     let pixel = pixel * map.scale;
-    let finest = finest_cell(&config) / MOST_TIMES;
-    let cell = (PIXELS_APART * pixel).max(finest);
-    let ends: Vec<_> = config.scales.iter().map(|scale| scale.edge.map(|e| cells_along(e, cell))).collect();
-    for (scale, end) in config.scales.iter_mut().zip(ends) {
-        scale.resolutions = ending_in(&scale.resolutions, end);
+    let cell = PIXELS_APART * pixel;
+    let mut limited = false;
+    for scale in &mut config.scales {
+        let most = last(scale).map(|d| d.saturating_mul(MOST_TIMES));
+        let end = [0, 1, 2].map(|a| cells_along(scale.edge[a], cell));
+        limited |= (0..3).any(|a| end[a] > most[a]);
+        scale.resolutions = ending_in(&scale.resolutions, [0, 1, 2].map(|a| end[a].min(most[a])));
     }
+    let cell = if limited { finest_cell(&config) } else { cell };
     reasons.push(format!(
         "cells of {}: a pixel is {} at the nearest cells, so they are {:.1} pixels wide{}",
         rounded(cell),
         rounded(pixel),
         cell / pixel,
-        if cell == finest { ", as fine as twice the settings' cells allow" } else { "" }
+        if limited { ", as twice the settings' cells are the most" } else { "" }
     ));
-    leave_out_fine_scales(&mut config, &mut reasons);
+    leave_out_fine_scales(&mut config, cell, &mut reasons);
     limit_ranks(&mut config, &mut reasons);
     let steps = config.upsample_at.len();
     without_idle_upsamplings(&mut config);
@@ -96,16 +99,16 @@ fn cells_along(edge: f64, cell: f64) -> u32 {
     ((edge / cell + FUZZ).round() as u32).max(1)
 }
 
-fn leave_out_fine_scales(config: &mut TrainConfig, reasons: &mut Vec<String>) {
+fn leave_out_fine_scales(config: &mut TrainConfig, cell: f64, reasons: &mut Vec<String>) {
     let hardly_any = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < FEWEST_CELLS);
     while config.scales.len() > 1
         && let Some(scale) = config.scales.pop_if(|scale| hardly_any(scale))
     {
         reasons.push(format!(
-            "scale {} left out: its tensors of {} would have {} cells",
+            "scale {} left out: tensors of {} have hardly any cells of {}",
             config.scales.len(),
             rounded(scale.edge[0]),
-            cells_of(last(&scale))
+            rounded(cell)
         ));
     }
 }

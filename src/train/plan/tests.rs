@@ -69,14 +69,14 @@ fn cells_are_as_fine_as_pixels_and_no_finer() {
     }
     // Pictures that show next to nothing need no fine tensors; ones that show everything get twice the preset's cells.
     let fit = |size| fit_to_photographs(&preset(), &cameras(1.0, DVec3::ZERO, size), &shell(1.0, DVec3::ZERO)).unwrap();
-    let (config, _, reasons) = fit(24);
+    let (config, _, reasons) = fit(64);
     assert_eq!(config.scales.len(), 2, "{reasons:?}");
     assert!(config.upsample_at.is_empty() && config.scales[0].resolutions.len() == 1);
     assert!(config.scales[1].density_rank < 24, "{reasons:?}");
     assert!(reasons.iter().any(|r| r.starts_with("scale 2 left out")), "{reasons:?}");
     let (config, _, reasons) = fit(8000);
     assert_eq!(last(&config.scales[0]), [242; 3]);
-    assert!(reasons.iter().any(|r| r.contains("twice the settings' cells")), "{reasons:?}");
+    assert!(reasons.iter().any(|r| r.ends_with("as twice the settings' cells are the most")), "{reasons:?}");
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn a_cell_at_a_picture_s_edge_counts_as_seen() {
         [0, 1, 2, 3].map(|n| footprints.is_seen(n))
     };
     assert_eq!(of(&config), [true, true, false, false]);
-    assert_eq!(of(&TrainConfig { near_far: Some([4.5, 10.0]), ..config }), [false; 4]);
+    assert_eq!(of(&TrainConfig { near_far: Some([5.0, 10.0]), ..config }), [false; 4]);
     let one = VoxelBoxes { lattice, cells: vec![UVec3::ZERO] };
     let pixel = Footprints::of(&preset(), &[camera], &one).near_pixel().unwrap();
     assert!((pixel - 0.04).abs() < 1e-12, "{pixel}");
@@ -121,7 +121,7 @@ fn budgets_are_kept_and_more_is_never_less() {
     let whole = planned(&config, &occupied);
     let fitted = |budget| fit_to_budget(&config, &occupied, budget);
     let mut before = 0;
-    for percent in [2, 4, 6, 10, 20, 30, 45, 60, 75, 90, 99] {
+    for percent in [4, 6, 10, 20, 30, 45, 60, 75, 90, 99] {
         let most = whole.parameters * percent / 100;
         let (config, given_up) = fitted(Budget { parameters: Some(most), ..Budget::default() }).unwrap();
         config.check().unwrap();
@@ -151,7 +151,6 @@ fn sacrifices_come_in_their_order_and_the_least_is_named() {
     assert!(cells[0].starts_with("given up: cells a tensor, ") && cells[0].ends_with(" instead of 121, 61 and 31"));
     assert_eq!(appearance[0], "given up: cells a tensor, 79, 40 and 20 instead of 121, 61 and 31");
     assert!(appearance[1].starts_with("given up: appearance components, ") && appearance.len() == 2, "{appearance:?}");
-    assert_eq!(given_up(whole / 50)[0], "given up: 2 of 3 scales, the finest");
 
     let refuse = |parameters| {
         fit_to_budget(&config, &occupied, Budget { parameters: Some(parameters), file_bytes: None })
@@ -161,7 +160,7 @@ fn sacrifices_come_in_their_order_and_the_least_is_named() {
     let error = refuse(10);
     let least: u64 = error.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
     assert!(error.starts_with("budget: expected at least ") && error.ends_with(", found 10 parameters"), "{error}");
-    given_up(least);
+    assert_eq!(given_up(least)[0], "given up: 2 of 3 scales, the finest");
     refuse(least - 1);
 }
 
@@ -195,6 +194,11 @@ fn estimates_are_near_what_was_measured() {
         assert!((0.97..1.03).contains(&file), "{preset}: {file}");
         assert!((0.7..1.4).contains(&time), "{preset}: {time}");
     };
+    // Bytes at the peak of short runs: 100 pictures of 800x800, and of 200x200.
+    let memory = |parameters, edge: u64, held| cost::memory_bytes(parameters, 100 * edge * edge, held) as f64 / 1e6;
+    assert!((0.9..1.1).contains(&(memory(28_889_363, 800, PhotographMemory::Bytes) / 1464.0)));
+    assert!((0.8..1.2).contains(&(memory(6_282_491, 200, PhotographMemory::Floats) / 264.0)));
+
     measured("48", false, 50.00, 60.2);
     measured("48", true, 50.09, 87.4);
     measured("best", false, 50.00, 60.5);
