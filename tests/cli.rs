@@ -169,9 +169,9 @@ fn each_point_of_growth_holds_memory_of_its_own() {
 #[test]
 fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     let folder = TempDir::new().unwrap();
-    let synth = ["synth", "toy", "--views", "6", "--test-views", "1", "--size", "24x24", "--quiet"];
+    let synth = ["synth", "toy", "--views", "12", "--test-views", "1", "--size", "32x32", "--quiet"];
     assert_eq!(code(&run(folder.path(), &synth)), 0);
-    let short = "preset = \"24\"\n[prior]\nvoxels = 20000\nsteps = [30]\nrays = 512\nmin_views = 1\n";
+    let short = "preset = \"24\"\n[prior]\nvoxels = 30000\nsteps = [100, 100]\nrays = 512\nmin_views = 1\n";
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 

@@ -99,7 +99,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let plan = train::plan(&config, &cameras, photographs, &occupied, &speed)?;
     let scales = scale_table::planned(&plan);
     let Plan { decoder_parameters, parameters, file_bytes, memory_bytes, minutes, .. } = plan;
-    reasons.extend(plan.reasons);
+    // What was fitted to the photographs alone has said so.
+    if !args.fitting.is_by_photographs_alone() {
+        reasons.extend(plan.reasons);
+    }
     let machine = Machine { threads: speed.threads, product_flops: speed.product_flops, gathered: speed.gathered };
     let report = Report {
         scales,
@@ -118,12 +121,16 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 impl Report {
     fn text(&self) -> String {
         let threads = self.machine.threads;
+        let duration = match self.minutes {
+            minutes if minutes < 120.0 => format!("{minutes:.1} min"),
+            minutes => format!("{:.1} hours", minutes / 60.0),
+        };
         let lines = [
             ("network", format!("{} parameters", grouped(self.decoder_parameters))),
             ("parameters", grouped(self.parameters)),
             ("file", format!("about {:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6)),
             ("memory", format!("about {:.1} GB at the peak", self.memory_bytes as f64 / 1e9)),
-            ("training", format!("about {:.1} min with {threads} threads of this machine", self.minutes)),
+            ("training", format!("about {duration} with {threads} threads of this machine")),
         ];
         let figures: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let reasons: String = self.reasons.iter().map(|reason| format!("- {reason}\n")).collect();

@@ -83,6 +83,11 @@ pub(super) struct Fitting {
 }
 
 impl Fitting {
+    /// Whether nothing but photographs decides.
+    pub(super) fn is_by_photographs_alone(&self) -> bool {
+        self.auto && self.max_params.is_none() && self.max_size.is_none()
+    }
+
     /// `config` and `occupied` as they were asked to fit, and why: one line for each choice.
     pub(super) fn reasoned(
         &self,
