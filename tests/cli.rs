@@ -165,3 +165,34 @@ fn each_point_of_growth_holds_memory_of_its_own() {
     // Six times the components: factors, gradients and moments, beside what does not grow.
     assert!(bytes.is_none_or(|bytes| bytes[3] > 2 * bytes[0]), "{report}");
 }
+
+#[test]
+fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
+    let folder = TempDir::new().unwrap();
+    let synth = ["synth", "toy", "--views", "12", "--test-views", "1", "--size", "32x32", "--quiet"];
+    assert_eq!(code(&run(folder.path(), &synth)), 0);
+    let short = "preset = \"24\"\n[prior]\nvoxels = 30000\nsteps = [100, 100]\nrays = 512\nmin_views = 1\n";
+    fs::write(folder.path().join("short.toml"), short).unwrap();
+    let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
+
+    let output = plan(&["--auto", "--max-params", "200k", "--json"]);
+    assert_eq!(code(&output), 0, "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
+    assert!(number("parameters") <= 200e3 && number("parameters") > 1e3, "{json}");
+    assert!(number("file_bytes") > number("parameters") && number("minutes") > 0.0, "{json}");
+    let of_scales: f64 = json["scales"].as_array().unwrap().iter().map(|s| s["parameters"].as_f64().unwrap()).sum();
+    assert_eq!(of_scales + number("decoder_parameters"), number("parameters"));
+    assert!(json["reasons"].as_array().unwrap().len() >= 3, "{json}");
+
+    let output = plan(&["--auto", "--max-params", "200k", "--print-config", "--quiet"]);
+    assert_eq!(code(&output), 0, "{}", text(&output.stderr));
+    fs::write(folder.path().join("planned.toml"), &output.stdout).unwrap();
+    let train = ["train", "--config", "planned.toml", "--print-config"];
+    assert_eq!(text(&run(folder.path(), &train).stdout), text(&output.stdout));
+
+    let message = failure(&plan(&["--max-size", "9", "--quiet"]), 1);
+    assert!(message.contains("budget: expected at least ") && message.ends_with("found 9 bytes\n"), "{message}");
+    let output = run(folder.path(), &["train", "toy", "-o", "b", "--auto", "--print-config"]);
+    assert_eq!(code(&output), 1, "it needs the photographs");
+}

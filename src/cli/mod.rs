@@ -14,11 +14,14 @@ mod numbers;
 mod output;
 pub mod pack;
 mod picture_size;
+mod plan;
 mod prior;
 mod progress;
+mod quantity;
 mod render;
 mod scale_table;
 mod scene_file;
+mod settings;
 mod synth;
 mod table;
 mod train;
@@ -71,6 +74,8 @@ enum Command {
     Demo(demo::Args),
     /// Turn photographs into a scene
     Train(train::Args),
+    /// Say what training would come to, before it begins
+    Plan(plan::Args),
     /// Take pictures of a scene
     Render(render::Args),
     /// Turn meshes, point clouds, grids and octrees into a prior: where the scene is
@@ -97,6 +102,7 @@ pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
         Command::Demo(args) => demo::run(args, session),
         Command::Train(args) => train::run(args, session),
+        Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),
         Command::Eval(args) => eval::run(args, session),

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::table::{Table, grouped};
 use crate::model::{Placement, Scale, Scene};
+use crate::train::{Plan, ScalePlan};
 
 /// One scale.
 #[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
@@ -42,6 +43,22 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
         bytes: 4 * scale.parameter_count(),
     };
     scene.scales.iter().map(row).collect()
+}
+
+/// The same of a scene that is not there yet, after its last upsampling.
+pub(super) fn planned(plan: &Plan) -> Vec<ScaleRow> {
+    let row = |scale: &ScalePlan| ScaleRow {
+        tensors: scale.tensors,
+        placement: "lattice",
+        edges: scale.edge,
+        resolution: scale.resolution,
+        density_rank: scale.density_rank,
+        appearance_rank: scale.appearance_rank,
+        top_k: scale.top_k,
+        parameters: scale.parameters,
+        bytes: scale.bytes(),
+    };
+    plan.scales.iter().map(row).collect()
 }
 
 /// `rows` for people.

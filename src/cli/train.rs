@@ -12,11 +12,15 @@ use serde::Serialize;
 use super::console::Console;
 use super::progress::Progress;
 use super::scale_table::{self, ScaleRow};
+pub(super) use super::settings::Preset;
+use super::settings::{Fitting, Settings};
 use super::{Error, Session, check_output, table, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::geometry::Camera;
 use crate::measure;
 use crate::model::Scene;
+use crate::prior::VoxelBoxes;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{self, StepReport, TrainConfig, Trainer};
 
@@ -27,6 +31,7 @@ Examples:
   strivec train --preset 48 --print-config > mine.toml
   strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
   strivec train lego -o lego.strivec --checkpoint lego.state --resume
+  strivec train lego -o small.strivec --auto --max-size 10MB
 
 Ctrl-C writes the checkpoint and stops; a second one stops at once.";
 
@@ -40,36 +45,13 @@ pub(super) struct Args {
     /// The file to write
     #[arg(long, short, value_name = "FILE", required_unless_present = "print_config")]
     pub(super) output: Option<PathBuf>,
-    /// The model [default: the configuration's, else 48]
-    #[arg(long, value_enum)]
-    pub(super) preset: Option<Preset>,
-    /// Settings as --print-config writes them; the arguments here go before them
-    #[arg(long, value_name = "TOML")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: Settings,
+    #[command(flatten)]
+    pub(super) fitting: Fitting,
     /// Print the settings that the other arguments lead to, and stop
-    #[arg(long)]
+    #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
-    /// Optimiser steps; the whole schedule scales along
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(super) steps: Option<u64>,
-    /// Rays a step
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) batch: Option<u32>,
-    /// Photographs made N times smaller
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) downscale: u32,
-    /// Of every random choice
-    #[arg(long, value_name = "S")]
-    pub(super) seed: Option<u64>,
-    /// Behind transparent photographs
-    #[arg(long, value_enum)]
-    pub(super) background: Option<Background>,
-    /// Where rays begin, in the dataset's units
-    #[arg(long, value_name = "LENGTH", requires = "far")]
-    pub(super) near: Option<f64>,
-    /// Where rays end, in the dataset's units
-    #[arg(long, value_name = "LENGTH", requires = "near")]
-    pub(super) far: Option<f64>,
     /// Where the state of an unfinished run is kept [default: FILE.state]
     #[arg(long, value_name = "PATH")]
     pub(super) checkpoint: Option<PathBuf>,
@@ -77,7 +59,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Go on from the state that an earlier run left, with its settings
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting"])]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -88,61 +70,6 @@ pub(super) struct Args {
     /// Measure PSNR on held-out views every N steps
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) eval_every: Option<u64>,
-}
-
-/// The models.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Preset {
-    /// 12 appearance components
-    #[value(name = "12")]
-    P12,
-    /// 24 appearance components
-    #[value(name = "24")]
-    P24,
-    /// 48 appearance components, as the paper's main results
-    #[value(name = "48")]
-    P48,
-    /// 96 appearance components
-    #[value(name = "96")]
-    P96,
-    /// Two scales, two neighbours
-    Fast,
-    /// 48 appearance components, the network called once a ray instead of once a sample
-    PerRay,
-    /// per-ray with a colour of each sample's own and directions told better apart: the best pictures, nearly as fast
-    Best,
-}
-
-impl Preset {
-    /// As the command line and configurations write it.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::P12 => "12",
-            Self::P24 => "24",
-            Self::P48 => "48",
-            Self::P96 => "96",
-            Self::Fast => "fast",
-            Self::PerRay => "per-ray",
-            Self::Best => "best",
-        }
-    }
-}
-
-/// The colours behind photographs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Background {
-    White,
-    Black,
-}
-
-impl Background {
-    /// In sRGB.
-    pub(super) fn color(self) -> [f32; 3] {
-        match self {
-            Self::White => [1.0; 3],
-            Self::Black => [0.0; 3],
-        }
-    }
 }
 
 /// How factors are stored.
@@ -166,7 +93,7 @@ impl Precision {
 
 /// Trains.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let config = configuration(args)?;
+    let config = args.settings.configuration()?;
     if args.print_config {
         return session.console.print(&config.to_toml());
     }
@@ -176,7 +103,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
-    let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
+    let options = LoadOptions { downscale: args.settings.downscale, ..LoadOptions::default() };
     let dataset = dataset::load_blender(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
@@ -190,7 +117,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let start = Instant::now();
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
-        None => begin(config, &dataset, &interrupted, session)?,
+        None => {
+            let occupied = reconstruct(&config, &dataset, &interrupted, session)?;
+            let (config, occupied) = args.fitting.fit(config, &cameras(&dataset), occupied, session)?;
+            place(config, &dataset, &occupied, session)?
+        }
     };
     trainer.add_seconds(start.elapsed().as_secs_f64());
     let mut run = Run { args, session, files: &files, held_out: &held_out, curve: Vec::new() };
@@ -239,31 +170,13 @@ struct CurvePoint {
     test_psnr: Option<f64>,
 }
 
-/// The settings that the arguments lead to: preset, then file, then single arguments.
-fn configuration(args: &Args) -> Result<TrainConfig, Error> {
-    let preset = args.preset.map(Preset::name);
-    let mut config = match &args.config {
-        Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-            TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))?
-        }
-        None => TrainConfig::preset(preset.unwrap_or("48")).map_err(|e| Error::Usage(e.to_string()))?,
-    };
-    config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
-    config.seed = args.seed.unwrap_or(config.seed);
-    config.background = args.background.map_or(config.background, Background::color);
-    if let (Some(near), Some(far)) = (args.near, args.far) {
-        config.near_far = Some([near, far]);
-    }
-    if let Some(steps) = args.steps {
-        config = config.with_steps(steps);
-    }
-    config.check().map_err(|e| Error::Usage(e.to_string()))?;
-    Ok(config)
+/// The cameras of `dataset`'s photographs.
+pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
+    dataset.views.iter().map(|view| view.camera).collect()
 }
 
 /// Counts Ctrl-C and termination; the second one ends the process.
-fn interrupts() -> Result<Arc<AtomicBool>, Error> {
+pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let seen = Arc::clone(&interrupted);
     ctrlc::set_handler(move || {
@@ -282,10 +195,21 @@ pub(super) fn begin<'a>(
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
+    let occupied = reconstruct(&config, dataset, interrupted, session)?;
+    place(config, dataset, &occupied, session)
+}
+
+/// The prior from the photographs, with progress on the console.
+pub(super) fn reconstruct(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<VoxelBoxes, Error> {
     let total = u64::from(config.prior.total_steps());
     let progress = Progress::start(&session.console, "prior", total);
     let start = Instant::now();
-    let occupied = train::reconstruct_prior(&config, dataset, &mut |at| {
+    let occupied = train::reconstruct_prior(config, dataset, &mut |at| {
         progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
         if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })
@@ -295,7 +219,17 @@ pub(super) fn begin<'a>(
         table::grouped(occupied.cells.len() as u64),
         start.elapsed().as_secs_f64()
     ));
-    let scene = train::place_scene(&config, dataset, &occupied)?;
+    Ok(occupied)
+}
+
+/// Tensors on `occupied`, and a run that begins with them.
+fn place<'a>(
+    config: TrainConfig,
+    dataset: &'a Dataset,
+    occupied: &VoxelBoxes,
+    session: &Session,
+) -> Result<Trainer<'a>, Error> {
+    let scene = train::place_scene(&config, dataset, occupied)?;
     session.console.say(&scale_table::text(&scale_table::rows(&scene)));
     let trainer = Trainer::new(config, scene, &dataset.views)?;
     session.console.say(&format!("{} rays meet the model", table::grouped(trainer.ray_count() as u64)));
@@ -485,20 +419,6 @@ impl Files {
         match std::fs::remove_file(&self.state) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),
             _ => Ok(()),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_command_line_knows_every_preset_and_no_other() {
-        let names: Vec<_> = Preset::value_variants().iter().map(|p| p.name()).collect();
-        assert_eq!(names, TrainConfig::PRESETS);
-        for preset in Preset::value_variants() {
-            assert_eq!(Preset::from_str(preset.name(), false), Ok(*preset));
         }
     }
 }

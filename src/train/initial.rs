@@ -87,7 +87,8 @@ fn uniform(stream: &Random, inputs: u32, first: u32, count: u32) -> Vec<f32> {
     (first..first + count).map(|i| (bound * (2.0 * stream.uniform(u64::from(i)) - 1.0)) as f32).collect()
 }
 
-fn initial_decoder(config: &TrainConfig) -> Decoder {
+/// The network before the first step.
+pub(super) fn initial_decoder(config: &TrainConfig) -> Decoder {
     let shape = &config.decoder;
     let mut decoder = Decoder {
         mode: shape.mode,

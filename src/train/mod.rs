@@ -13,6 +13,7 @@ mod networks;
 mod occupancy;
 mod pairs;
 mod photographs;
+mod plan;
 mod prepare;
 mod progress;
 mod trainer;
@@ -28,6 +29,9 @@ pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
 pub use photographs::Photographs;
+pub use plan::{
+    Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs, plan,
+};
 pub use prepare::{PrepareError, place_scene, reconstruct_prior};
 pub use progress::{Progress, ProgressError};
 pub use trainer::{StepReport, TrainError, Trainer};

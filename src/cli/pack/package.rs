@@ -9,7 +9,7 @@ use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail, training_camera};
 use crate::cli::progress::Progress;
 use crate::cli::table::grouped;
-use crate::cli::{Error, Session, train};
+use crate::cli::{Error, Session, quantity, train};
 use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
@@ -125,7 +125,7 @@ struct GoalArgs {
     #[arg(long, value_name = "DB", value_parser = decibels)]
     max_loss: Option<f64>,
     /// Be at most this large, as in 2MB, 700kB or 1500000
-    #[arg(long, value_name = "SIZE", value_parser = size)]
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     target_size: Option<u64>,
 }
 
@@ -163,15 +163,6 @@ fn effort(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
         _ => Err("expected a number from 0.001 to 100".into()),
-    }
-}
-
-fn size(text: &str) -> Result<u64, String> {
-    let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("KiB", 1024.0), ("MiB", 1048576.0), ("B", 1.0), ("", 1.0)];
-    let read = |(unit, bytes): (&str, f64)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * bytes);
-    match units.into_iter().find_map(read) {
-        Some(bytes) if bytes >= 1.0 && bytes.is_finite() => Ok(bytes as u64),
-        _ => Err("expected a size, as in 2MB, 700kB or 1500000".into()),
     }
 }
 

@@ -1,0 +1,189 @@
+//! What commands that train, or plan to, are told: the settings, and what these shall fit.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use super::{Error, Session, quantity};
+use crate::geometry::Camera;
+use crate::prior::VoxelBoxes;
+use crate::train::{self, Budget, TrainConfig};
+
+/// The settings of a run.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Settings {
+    /// The model [default: the configuration's, else 48]
+    #[arg(long, value_enum)]
+    pub(super) preset: Option<Preset>,
+    /// Settings as --print-config writes them; the arguments here go before them
+    #[arg(long, value_name = "TOML")]
+    pub(super) config: Option<PathBuf>,
+    /// Optimiser steps; the whole schedule scales along
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(super) steps: Option<u64>,
+    /// Rays a step
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) batch: Option<u32>,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) downscale: u32,
+    /// Of every random choice
+    #[arg(long, value_name = "S")]
+    pub(super) seed: Option<u64>,
+    /// Behind transparent photographs
+    #[arg(long, value_enum)]
+    pub(super) background: Option<Background>,
+    /// Where rays begin, in the dataset's units
+    #[arg(long, value_name = "LENGTH", requires = "far")]
+    pub(super) near: Option<f64>,
+    /// Where rays end, in the dataset's units
+    #[arg(long, value_name = "LENGTH", requires = "near")]
+    pub(super) far: Option<f64>,
+}
+
+impl Settings {
+    /// The settings that the arguments lead to: preset, then file, then single arguments.
+    pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
+        let preset = self.preset.map(Preset::name);
+        let mut config = match &self.config {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+                TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))?
+            }
+            None => TrainConfig::preset(preset.unwrap_or("48")).map_err(|e| Error::Usage(e.to_string()))?,
+        };
+        config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
+        config.seed = self.seed.unwrap_or(config.seed);
+        config.background = self.background.map_or(config.background, Background::color);
+        if let (Some(near), Some(far)) = (self.near, self.far) {
+            config.near_far = Some([near, far]);
+        }
+        if let Some(steps) = self.steps {
+            config = config.with_steps(steps);
+        }
+        config.check().map_err(|e| Error::Usage(e.to_string()))?;
+        Ok(config)
+    }
+}
+
+/// What the settings shall fit, once it is known where the scene is.
+#[derive(Clone, Debug, clap::Args)]
+#[group(id = "fitting", multiple = true)]
+pub(super) struct Fitting {
+    /// Choose tensors, resolutions and ranks by the scene's extent and by how much the photographs show; leave out what none
+    /// shows
+    #[arg(long)]
+    auto: bool,
+    /// Give up resolution, then components, then fine scales until there are at most N parameters, as in 500k or 3.5M
+    #[arg(long, value_name = "N", value_parser = quantity::count)]
+    max_params: Option<u64>,
+    /// The same until the file is likely to be at most this large, as in 2MB or 700kB
+    #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
+    max_size: Option<u64>,
+}
+
+impl Fitting {
+    /// Whether nothing but photographs decides.
+    pub(super) fn is_by_photographs_alone(&self) -> bool {
+        self.auto && self.max_params.is_none() && self.max_size.is_none()
+    }
+
+    /// `config` and `occupied` as they were asked to fit, and why: one line for each choice.
+    pub(super) fn reasoned(
+        &self,
+        mut config: TrainConfig,
+        cameras: &[Camera],
+        mut occupied: VoxelBoxes,
+    ) -> Result<(TrainConfig, VoxelBoxes, Vec<String>), Error> {
+        let mut reasons = Vec::new();
+        if self.auto {
+            (config, occupied, reasons) = train::fit_to_photographs(&config, cameras, &occupied)?;
+        }
+        let budget = Budget { parameters: self.max_params, file_bytes: self.max_size };
+        let (config, given_up) = train::fit_to_budget(&config, &occupied, budget)?;
+        reasons.extend(given_up);
+        Ok((config, occupied, reasons))
+    }
+
+    /// The same, with the reasons as messages.
+    pub(super) fn fit(
+        &self,
+        config: TrainConfig,
+        cameras: &[Camera],
+        occupied: VoxelBoxes,
+        session: &Session,
+    ) -> Result<(TrainConfig, VoxelBoxes), Error> {
+        let (config, occupied, reasons) = self.reasoned(config, cameras, occupied)?;
+        reasons.iter().for_each(|reason| session.console.say(reason));
+        Ok((config, occupied))
+    }
+}
+
+/// The models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Preset {
+    /// 12 appearance components
+    #[value(name = "12")]
+    P12,
+    /// 24 appearance components
+    #[value(name = "24")]
+    P24,
+    /// 48 appearance components, as the paper's main results
+    #[value(name = "48")]
+    P48,
+    /// 96 appearance components
+    #[value(name = "96")]
+    P96,
+    /// Two scales, two neighbours
+    Fast,
+    /// 48 appearance components, the network called once a ray instead of once a sample
+    PerRay,
+    /// per-ray with a colour of each sample's own and directions told better apart: the best pictures, nearly as fast
+    Best,
+}
+
+impl Preset {
+    /// As the command line and configurations write it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::P12 => "12",
+            Self::P24 => "24",
+            Self::P48 => "48",
+            Self::P96 => "96",
+            Self::Fast => "fast",
+            Self::PerRay => "per-ray",
+            Self::Best => "best",
+        }
+    }
+}
+
+/// The colours behind photographs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Background {
+    White,
+    Black,
+}
+
+impl Background {
+    /// In sRGB.
+    pub(super) fn color(self) -> [f32; 3] {
+        match self {
+            Self::White => [1.0; 3],
+            Self::Black => [0.0; 3],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_knows_every_preset_and_no_other() {
+        let names: Vec<_> = Preset::value_variants().iter().map(|p| p.name()).collect();
+        assert_eq!(names, TrainConfig::PRESETS);
+        for preset in Preset::value_variants() {
+            assert_eq!(Preset::from_str(preset.name(), false), Ok(*preset));
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Settings that stay within a number of parameters or bytes.
+
+use super::{
+    cells_of, cost, ending_in, initial_decoder, last, listed, scale_plans, tensor_counts, total,
+    without_idle_upsamplings,
+};
+use crate::prior::VoxelBoxes;
+use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
+
+/// Steps in which each sacrifice is made.
+const STEPS: u32 = 64;
+/// What is left of each at the end: cells along an edge (pixels 1.3 apart are then 2 apart), appearance components,
+/// density components.
+const LEAST_CELLS: f64 = 0.65;
+const LEAST_APPEARANCE: f64 = 0.25;
+const LEAST_DENSITY: f64 = 0.5;
+/// Ranks are multiples of this where they can be: kernels work in registers of at least as many numbers.
+const LANES: u32 = 4;
+
+/// What a scene may come to; absent is any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Budget {
+    /// Of everything that is trained.
+    pub parameters: Option<u64>,
+    /// Of the file, as [`super::Plan::file_bytes`] estimates it.
+    pub file_bytes: Option<u64>,
+}
+
+/// `config` made smaller until tensors on `occupied` (in the dataset's space) stay within `budget`, and what was given up
+/// for it; unchanged where it fits.
+///
+/// What is given up, in this order, each only once the one before is used up, and no more of it than is needed:
+/// resolution, down to 0.65 of the cells along an edge; appearance components, down to a quarter; density components,
+/// down to half; the finest scale. Without that scale all else is given back, and given up in the same order.
+///
+/// # Errors
+///
+/// Where even the coarsest scale alone, with the least of everything, is too large: names that least.
+pub fn fit_to_budget(
+    config: &TrainConfig,
+    occupied: &VoxelBoxes,
+    budget: Budget,
+) -> Result<(TrainConfig, Vec<String>), PrepareError> {
+    if budget == Budget::default() {
+        return Ok((config.clone(), Vec::new()));
+    }
+    let size = Size { tensors: tensor_counts(config, occupied)?, decoder: initial_decoder(config).parameter_count() };
+    if budget.allows(size.of(config)) {
+        return Ok((config.clone(), Vec::new()));
+    }
+    for scales in (1..=config.scales.len()).rev() {
+        let reduced = |step| reduced(config, scales, step);
+        // Each step has at most the parameters of the one before.
+        let steps: Vec<u32> = (0..=3 * STEPS).collect();
+        let at = steps.partition_point(|&step| !budget.allows(size.of(&reduced(step))));
+        if let Some(&step) = steps.get(at) {
+            let mut fitted = reduced(step);
+            let given_up = given_up(config, &fitted);
+            without_idle_upsamplings(&mut fitted);
+            fitted.check()?;
+            return Ok((fitted, given_up));
+        }
+    }
+    let [parameters, bytes] = size.of(&reduced(config, 1, 3 * STEPS));
+    let expected = format!("at least {parameters} parameters and {bytes} bytes, the least that this scene can do with");
+    let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));
+    let found: Vec<_> =
+        [part(budget.parameters, "parameters"), part(budget.file_bytes, "bytes")].into_iter().flatten().collect();
+    Err(ConfigError::Value { place: "budget".into(), expected, found: listed(&found) }.into())
+}
+
+impl Budget {
+    /// Whether `[parameters, bytes]` are within it.
+    fn allows(self, [parameters, bytes]: [u64; 2]) -> bool {
+        self.parameters.is_none_or(|most| parameters <= most) && self.file_bytes.is_none_or(|most| bytes <= most)
+    }
+}
+
+/// What does not change with what is given up.
+struct Size {
+    /// \[scale\]
+    tensors: Vec<u64>,
+    /// Weights and biases of the network.
+    decoder: u64,
+}
+
+impl Size {
+    /// Parameters and bytes of `config`.
+    fn of(&self, config: &TrainConfig) -> [u64; 2] {
+        let scales = scale_plans(config, &self.tensors);
+        [total(&scales, self.decoder), cost::file_bytes(config, &scales, self.decoder)]
+    }
+}
+
+/// The first `scales` scales of `config`, after `step` of 3·`STEPS` steps of giving up.
+fn reduced(config: &TrainConfig, scales: usize, step: u32) -> TrainConfig {
+    let left = |stage: u32, least: f64| {
+        let done = f64::from(step.saturating_sub(stage * STEPS).min(STEPS)) / f64::from(STEPS);
+        1.0 - done * (1.0 - least)
+    };
+    let (cells, appearance, density) = (left(0, LEAST_CELLS), left(1, LEAST_APPEARANCE), left(2, LEAST_DENSITY));
+    let scale = |s: &ScaleConfig| {
+        let end = last(s).map(|d| ((f64::from(d) * cells).round() as u32).max(1));
+        ScaleConfig {
+            resolutions: ending_in(&s.resolutions, end),
+            density_rank: fewer(s.density_rank, density),
+            appearance_rank: fewer(s.appearance_rank, appearance),
+            ..s.clone()
+        }
+    };
+    TrainConfig { scales: config.scales[..scales].iter().map(scale).collect(), ..config.clone() }
+}
+
+/// About `share` of `rank`, rounded down to whole registers.
+fn fewer(rank: u32, share: f64) -> u32 {
+    if share == 1.0 {
+        return rank;
+    }
+    let left = (f64::from(rank) * share) as u32;
+    if left >= LANES { left / LANES * LANES } else { left.max(1) }
+}
+
+/// A line for each kind of thing that `after` has less of than `before`.
+fn given_up(before: &TrainConfig, after: &TrainConfig) -> Vec<String> {
+    let mut lines = Vec::new();
+    let dropped = before.scales.len() - after.scales.len();
+    if dropped > 0 {
+        lines.push(format!("given up: {} of {} scales, the finest", dropped, before.scales.len()));
+    }
+    let mut compare = |what: &str, of: &dyn Fn(&ScaleConfig) -> String| {
+        let all = |config: &TrainConfig| {
+            let each: Vec<_> = config.scales[..after.scales.len()].iter().map(of).collect();
+            if each.windows(2).all(|w| w[0] == w[1]) { each[0].clone() } else { listed(&each) }
+        };
+        let (old, new) = (all(before), all(after));
+        if old != new {
+            lines.push(format!("given up: {what}, {new} instead of {old}"));
+        }
+    };
+    compare("cells a tensor", &|s| cells_of(last(s)));
+    compare("appearance components", &|s| s.appearance_rank.to_string());
+    compare("density components", &|s| s.density_rank.to_string());
+    lines
+}

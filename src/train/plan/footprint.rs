@@ -1,0 +1,94 @@
+//! How large a pixel is where the scene is.
+
+use rayon::prelude::*;
+
+use crate::geometry::Camera;
+use crate::prior::{CameraBounds, VoxelBoxes};
+use crate::train::TrainConfig;
+
+/// The share of seen cells that may have smaller pixels than [`Footprints::near_pixel`]: a few cells in front of one camera
+/// shall not decide for all.
+const NEAREST_SHARE: f64 = 0.1;
+
+/// For each occupied cell, how wide a pixel of the camera that sees it best is there.
+#[derive(Clone, Debug)]
+pub(super) struct Footprints {
+    /// \[cell\] in the dataset's units; infinite where no camera sees it.
+    widths: Vec<f64>,
+}
+
+/// A camera, and the planes between which its picture lies: inside where `side`·(x, z) ≥ 0, with unit normals.
+struct Frustum<'a> {
+    camera: &'a Camera,
+    columns: [[f64; 2]; 2],
+    rows: [[f64; 2]; 2],
+}
+
+impl Footprints {
+    /// Of `occupied`, seen by `cameras`, both in the dataset's space. A camera sees a cell that any part of the smallest
+    /// sphere around it may be in its picture, between near and far. What lies in front of the cell is not asked: the
+    /// prior knows it only roughly.
+    pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
+        let derived = CameraBounds::of_cameras(cameras.iter());
+        let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]);
+        let radius = 0.5 * occupied.lattice.pitch.length();
+        let frusta: Vec<_> = cameras.iter().map(Frustum::new).collect();
+        let width = |n: usize| {
+            let center = occupied.cell_box(n).center();
+            let seen = |frustum: &Frustum<'_>| {
+                let from_camera = center - frustum.camera.position;
+                let distance = from_camera.length();
+                if distance + radius < near || distance - radius > far {
+                    return f64::INFINITY;
+                }
+                let p = frustum.camera.world_from_camera.transpose() * from_camera;
+                frustum.pixel_width([p.x, -p.y, -p.z], radius)
+            };
+            frusta.iter().map(seen).fold(f64::INFINITY, f64::min)
+        };
+        Self { widths: (0..occupied.cells.len()).into_par_iter().map(width).collect() }
+    }
+
+    /// \[cell\] whether any camera sees it.
+    pub(super) fn is_seen(&self, cell: usize) -> bool {
+        self.widths[cell].is_finite()
+    }
+
+    /// How many cells any camera sees.
+    pub(super) fn seen(&self) -> usize {
+        self.widths.iter().filter(|w| w.is_finite()).count()
+    }
+
+    /// The width of a pixel, in the dataset's units, that a tenth of the seen cells are below; `None` where none is seen.
+    pub(super) fn near_pixel(&self) -> Option<f64> {
+        let mut seen: Vec<f64> = self.widths.iter().copied().filter(|w| w.is_finite()).collect();
+        let at = (NEAREST_SHARE * seen.len().checked_sub(1)? as f64) as usize;
+        Some(*seen.select_nth_unstable_by(at, f64::total_cmp).1)
+    }
+}
+
+impl<'a> Frustum<'a> {
+    fn new(camera: &'a Camera) -> Self {
+        let planes = |extent: u32, principal: f64, focal: f64| {
+            let [low, high] = [-principal / focal, (f64::from(extent) - principal) / focal];
+            [[1.0, -low], [-1.0, high]].map(|[x, z]: [f64; 2]| [x / x.hypot(z), z / x.hypot(z)])
+        };
+        Self {
+            camera,
+            columns: planes(camera.width, camera.principal[0], camera.focal[0]),
+            rows: planes(camera.height, camera.principal[1], camera.focal[1]),
+        }
+    }
+
+    /// How wide a pixel is at `place` (along columns, along rows, ahead); infinite where the sphere of `radius` around it is
+    /// behind the camera or outside the picture. Nearer than `radius` the camera may be in the cell.
+    fn pixel_width(&self, [column, row, ahead]: [f64; 3], radius: f64) -> f64 {
+        let inside =
+            |planes: &[[f64; 2]; 2], across: f64| planes.iter().all(|[x, z]| x * across + z * ahead >= -radius);
+        if ahead < -radius || !inside(&self.columns, column) || !inside(&self.rows, row) {
+            return f64::INFINITY;
+        }
+        let [x, y] = self.camera.focal;
+        ahead.max(radius) / (x * y).sqrt()
+    }
+}

@@ -1,0 +1,132 @@
+//! Settings as fine as photographs can tell, and no finer.
+
+use super::footprint::Footprints;
+use super::{cells_of, ending_in, finest_cell, last, listed, rounded, without_idle_upsamplings};
+use crate::geometry::Camera;
+use crate::prior::{self, CANONICAL_HALF_EXTENT, VoxelBoxes, canonical_map};
+use crate::train::{PrepareError, ScaleConfig, TrainConfig};
+
+/// Edge of a tensor's cell in pixels at the nearest cells: what `docs/configs/quarter.toml` has, which was found by hand.
+pub const PIXELS_APART: f64 = 1.3;
+/// A tensor has at most this many times the cells of the settings that are fitted: nothing was measured beyond.
+const MOST_TIMES: u32 = 2;
+/// A finer scale whose tensors have fewer cells on every axis adds next to nothing to the scale before it.
+const FEWEST_CELLS: u32 = 4;
+/// Lengths are relative to the scene's extent, up to this: far below what placing tensors takes for rounding.
+const EXTENT_DIGITS: f64 = 1e9;
+
+/// `config` made for a scene, and the occupied cells that any of `cameras` sees; then a line of reason for each choice.
+/// All are in the dataset's space.
+///
+/// `config`'s lengths count as those for a scene of the presets' extent and are scaled to this one's. Cells of all scales
+/// are [`PIXELS_APART`] pixels wide where pixels are small, a tensor having at most twice as many as in `config`. The
+/// steps of coarse to fine, ranks and neighbours stay; but a scale is left out where its tensors would have hardly any
+/// cells, no tensor has more density components than would pay against a dense grid, and no upsampling changes nothing.
+///
+/// Scenes that differ in their unit alone get the same tensors.
+///
+/// # Errors
+///
+/// Where no camera sees any cell, and where what is seen has no extent.
+pub fn fit_to_photographs(
+    config: &TrainConfig,
+    cameras: &[Camera],
+    occupied: &VoxelBoxes,
+) -> Result<(TrainConfig, VoxelBoxes, Vec<String>), PrepareError> {
+    let footprints = Footprints::of(config, cameras, occupied);
+    let pixel =
+        footprints.near_pixel().ok_or(prior::Error::NothingToPlace { what: "occupied cell that a camera sees" })?;
+    let cells = (occupied.cells.iter().enumerate()).filter(|(n, _)| footprints.is_seen(*n)).map(|(_, &c)| c).collect();
+    let seen = VoxelBoxes { lattice: occupied.lattice, cells };
+    let mut reasons = Vec::new();
+    let unseen = occupied.cells.len() - seen.cells.len();
+    if unseen > 0 {
+        reasons.push(format!("{unseen} of {} occupied cells left out: no photograph shows them", occupied.cells.len()));
+    }
+
+    let bounds = seen.bounds();
+    let map = canonical_map(&bounds)?;
+    let half = 0.5 * bounds.size().max_element() * map.scale;
+    let stretch = (half / CANONICAL_HALF_EXTENT * EXTENT_DIGITS).round() / EXTENT_DIGITS;
+    let mut config = config.clone();
+    for scale in &mut config.scales {
+        scale.pitch = scale.pitch.map(|v| v * stretch);
+        scale.edge = scale.edge.map(|v| v * stretch);
+    }
+    let coarsest = &config.scales[0];
+    reasons.push(format!(
+        "tensors {} apart: {} to the scene's {} model units, the settings' proportion",
+        rounded(coarsest.pitch[0]),
+        rounded(2.0 * half / coarsest.pitch[0]),
+        rounded(2.0 * half)
+    ));
+
+    let pixel = pixel * map.scale;
+    let cell = PIXELS_APART * pixel;
+    let mut limited = false;
+    for scale in &mut config.scales {
+        let most = last(scale).map(|d| d.saturating_mul(MOST_TIMES));
+        let end = [0, 1, 2].map(|a| cells_along(scale.edge[a], cell));
+        limited |= (0..3).any(|a| end[a] > most[a]);
+        scale.resolutions = ending_in(&scale.resolutions, [0, 1, 2].map(|a| end[a].min(most[a])));
+    }
+    let cell = if limited { finest_cell(&config) } else { cell };
+    reasons.push(format!(
+        "cells of {}: a pixel is {} at the nearest cells, so they are {:.1} pixels wide{}",
+        rounded(cell),
+        rounded(pixel),
+        cell / pixel,
+        if limited { ", as twice the settings' cells are the most" } else { "" }
+    ));
+    leave_out_fine_scales(&mut config, cell, &mut reasons);
+    limit_ranks(&mut config, &mut reasons);
+    let steps = config.upsample_at.len();
+    without_idle_upsamplings(&mut config);
+    let ends: Vec<_> = config.scales.iter().map(|s| cells_of(last(s))).collect();
+    reasons.push(format!(
+        "{} cells a tensor, after {} of {steps} upsamplings that make a difference",
+        listed(&ends),
+        config.upsample_at.len()
+    ));
+    config.check()?;
+    Ok((config, seen, reasons))
+}
+
+/// How many cells of about `cell` an edge has.
+fn cells_along(edge: f64, cell: f64) -> u32 {
+    // Halves shall not turn on the last bit of a length.
+    const FUZZ: f64 = 1e-6;
+    ((edge / cell + FUZZ).round() as u32).max(1)
+}
+
+fn leave_out_fine_scales(config: &mut TrainConfig, cell: f64, reasons: &mut Vec<String>) {
+    let hardly_any = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < FEWEST_CELLS);
+    while config.scales.len() > 1
+        && let Some(scale) = config.scales.pop_if(|scale| hardly_any(scale))
+    {
+        reasons.push(format!(
+            "scale {} left out: tensors of {} have hardly any cells of {}",
+            config.scales.len(),
+            rounded(scale.edge[0]),
+            rounded(cell)
+        ));
+    }
+}
+
+/// A dense grid of a tensor's (D + 1)³ vertices has as many numbers as (D + 1)²/3 components.
+fn limit_ranks(config: &mut TrainConfig, reasons: &mut Vec<String>) {
+    for (n, scale) in config.scales.iter_mut().enumerate() {
+        let vertices = last(scale).map(|d| d.saturating_add(1));
+        let dense = vertices.iter().map(|&v| u64::from(v)).product::<u64>();
+        let row = vertices.iter().map(|&v| u64::from(v)).sum::<u64>();
+        let most = (dense / row).clamp(1, u64::from(u32::MAX)) as u32;
+        if scale.density_rank > most {
+            reasons.push(format!(
+                "{most} density components instead of {} at scale {n}: as many numbers as its {} cells in a dense grid",
+                scale.density_rank,
+                cells_of(last(scale)),
+            ));
+            scale.density_rank = most;
+        }
+    }
+}
