@@ -1,0 +1,485 @@
+//! The stack machine that a pickle is a program of, without those instructions that would run anything.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use super::globals::{Global, known};
+use super::{Array, Id, Storage, Tensor, Value};
+use crate::prior::import::Fault;
+
+/// The most instructions that are followed.
+const MAX_STEPS: u64 = 1 << 22;
+/// The most values.
+const MAX_VALUES: u64 = 1 << 20;
+/// The longest name of a function or its module.
+const MAX_NAME: usize = 256;
+/// The newest protocol.
+const NEWEST: u8 = 5;
+
+struct Machine<'a> {
+    name: &'a str,
+    bytes: &'a [u8],
+    /// Where the next byte is.
+    at: usize,
+    /// Where the instruction is that is followed.
+    instruction: usize,
+    values: Vec<Value>,
+    stack: Vec<Id>,
+    /// Heights of the stack.
+    marks: Vec<usize>,
+    memo: HashMap<u32, Id>,
+}
+
+/// The values of the pickle `bytes`, and which of them it is of.
+pub(super) fn run(bytes: &[u8], name: &str) -> Result<(Vec<Value>, Id), Fault> {
+    let mut machine = Machine {
+        name,
+        bytes,
+        at: 0,
+        instruction: 0,
+        values: Vec::new(),
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: HashMap::new(),
+    };
+    for step in 0.. {
+        Fault::unless_within("instructions of a pickle", MAX_STEPS, step)?;
+        machine.instruction = machine.at;
+        if machine.step()? {
+            break;
+        }
+    }
+    let root = machine.pop()?;
+    if machine.at != bytes.len() {
+        return Err(machine.malformed("the end of the pickle", format!("{} bytes", bytes.len() - machine.at)));
+    }
+    Ok((machine.values, root))
+}
+
+impl Machine<'_> {
+    /// Follows one instruction; whether it was the last.
+    fn step(&mut self) -> Result<bool, Fault> {
+        match self.u8()? {
+            // PROTO, FRAME
+            0x80 => {
+                let version = self.u8()?;
+                if version > NEWEST {
+                    return Err(self.malformed("a protocol of 2 to 5", version));
+                }
+            }
+            0x95 => drop(self.take(8)?),
+            b'.' => return Ok(true),
+            // POP, POP_MARK, MARK
+            b'0' => drop(self.pop()?),
+            b'1' => drop(self.pop_mark()?),
+            b'(' => self.marks.push(self.stack.len()),
+            b'N' => self.push(Value::Opaque)?,
+            // NEWTRUE, NEWFALSE
+            0x88 => self.push(Value::Bool(true))?,
+            0x89 => self.push(Value::Bool(false))?,
+            // BININT, BININT1, BININT2, LONG1, BINFLOAT
+            b'J' => {
+                let value = i32::from_le_bytes(self.array()?);
+                self.push(Value::Int(value.into()))?;
+            }
+            b'K' => {
+                let value = self.u8()?;
+                self.push(Value::Int(value.into()))?;
+            }
+            b'M' => {
+                let value = u16::from_le_bytes(self.array()?);
+                self.push(Value::Int(value.into()))?;
+            }
+            0x8a => self.long()?,
+            b'G' => {
+                let value = f64::from_be_bytes(self.array()?);
+                self.push(Value::Float(value))?;
+            }
+            // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8
+            b'X' => self.text(4)?,
+            0x8c => self.text(1)?,
+            0x8d => self.text(8)?,
+            // BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8
+            b'B' => self.binary(4)?,
+            b'C' => self.binary(1)?,
+            0x8e | 0x96 => self.binary(8)?,
+            // EMPTY_TUPLE, EMPTY_LIST, EMPTY_DICT
+            b')' | b']' => self.push(Value::Items(Vec::new()))?,
+            b'}' => self.push(Value::Dict(Vec::new()))?,
+            // TUPLE1 to TUPLE3, TUPLE, LIST, DICT
+            number @ 0x85..=0x87 => {
+                let items = self.pop_some(usize::from(number - 0x84))?;
+                self.push(Value::Items(items))?;
+            }
+            b't' | b'l' => {
+                let items = self.pop_mark()?;
+                self.push(Value::Items(items))?;
+            }
+            b'd' => {
+                let items = self.pop_mark()?;
+                let pairs = self.pairs(items)?;
+                self.push(Value::Dict(pairs))?;
+            }
+            // APPEND, APPENDS, SETITEM, SETITEMS
+            b'a' => {
+                let item = self.pop()?;
+                self.extend(vec![item])?;
+            }
+            b'e' => {
+                let items = self.pop_mark()?;
+                self.extend(items)?;
+            }
+            b's' => {
+                let items = self.pop_some(2)?;
+                self.set(items)?;
+            }
+            b'u' => {
+                let items = self.pop_mark()?;
+                self.set(items)?;
+            }
+            // BINPUT, LONG_BINPUT, MEMOIZE, BINGET, LONG_BINGET
+            b'q' => {
+                let key = self.u8()?.into();
+                self.memoize(key)?;
+            }
+            b'r' => {
+                let key = u32::from_le_bytes(self.array()?);
+                self.memoize(key)?;
+            }
+            0x94 => self.memoize(self.memo.len() as u32)?,
+            b'h' => {
+                let key = self.u8()?.into();
+                self.recall(key)?;
+            }
+            b'j' => {
+                let key = u32::from_le_bytes(self.array()?);
+                self.recall(key)?;
+            }
+            // GLOBAL, STACK_GLOBAL
+            b'c' => {
+                let (module, name) = (self.line()?, self.line()?);
+                self.global(module, name)?;
+            }
+            0x93 => {
+                let texts = self.pop_some(2)?;
+                let [module, name] = [texts[0], texts[1]].map(|id| self.range_of_text(id));
+                self.global(module?, name?)?;
+            }
+            // REDUCE, NEWOBJ, BUILD, BINPERSID
+            b'R' | 0x81 => {
+                let both = self.pop_some(2)?;
+                self.call(both[0], both[1])?;
+            }
+            b'b' => {
+                let state = self.pop()?;
+                self.build(state)?;
+            }
+            b'Q' => {
+                let id = self.pop()?;
+                let storage = self.storage(id)?;
+                self.push(storage)?;
+            }
+            other => return Err(self.malformed("an instruction of torch's pickles", format!("{other:#04x}"))),
+        }
+        Ok(false)
+    }
+
+    /// What a call of `function` would make.
+    fn call(&mut self, function: Id, arguments: Id) -> Result<(), Fault> {
+        let Value::Global(global) = *self.value(function) else {
+            return Err(self.malformed("a function to call", "something else"));
+        };
+        let arguments = self.items(arguments)?;
+        let made = match (global, arguments.as_slice()) {
+            (Global::Dict, []) => Value::Dict(Vec::new()),
+            (Global::Same, &[same, ..]) => {
+                self.stack.push(same);
+                return Ok(());
+            }
+            (Global::Ignored, _) => Value::Opaque,
+            (Global::Tensor, &[storage, offset, shape, strides, ..]) => {
+                self.tensor(storage, offset, shape, strides)?
+            }
+            (Global::Reconstruct, [..]) => {
+                let nothing = self.new(Value::Opaque)?;
+                Value::Array(Array { shape: vec![0], dtype: nothing, fortran_order: false, data: nothing })
+            }
+            (Global::FromBuffer, &[data, dtype, shape, order]) => {
+                let shape = self.lengths(shape)?;
+                let order = self.range_of_text(order)?;
+                Value::Array(Array { shape, dtype, fortran_order: &self.bytes[order] == b"F", data })
+            }
+            (Global::Dtype, &[name, ..]) => Value::Dtype { name, order: None },
+            (Global::Scalar, &[dtype, data]) => {
+                Value::Array(Array { shape: Vec::new(), dtype, fortran_order: false, data })
+            }
+            (Global::Encode, &[text, encoding]) => {
+                let encoding = self.range_of_text(encoding)?;
+                if !matches!(&self.bytes[encoding], b"latin1" | b"latin-1") {
+                    return Err(self.malformed("bytes as latin1", "another encoding"));
+                }
+                Value::Latin1(self.range_of_text(text)?)
+            }
+            (Global::Bytes, []) => Value::Bytes(0..0),
+            (global, arguments) => {
+                let found = format!("{} for {global:?}", arguments.len());
+                return Err(self.malformed("the arguments of a known function", found));
+            }
+        };
+        self.push(made)
+    }
+
+    /// Gives the value on top of the stack its state.
+    fn build(&mut self, state: Id) -> Result<(), Fault> {
+        let on = self.top()?;
+        match self.value(on).clone() {
+            // (version, shape, type, order, bytes)
+            Value::Array(_) => {
+                let state = self.items(state)?;
+                let &[_, shape, dtype, order, data] = state.as_slice() else {
+                    return Err(self.malformed("an array's five parts", state.len()));
+                };
+                let fortran_order = match self.value(order) {
+                    Value::Bool(order) => *order,
+                    Value::Int(order) => *order != 0,
+                    _ => return Err(self.malformed("an array's order", "something else")),
+                };
+                let shape = self.lengths(shape)?;
+                self.values[on as usize] = Value::Array(Array { shape, dtype, fortran_order, data });
+            }
+            // (version, order of bytes, …)
+            Value::Dtype { name, .. } => {
+                let state = self.items(state)?;
+                let order = state.get(1).copied();
+                self.values[on as usize] = Value::Dtype { name, order };
+            }
+            // Attributes of dictionaries: `_metadata`.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// ("storage", class, key, where it was, numbers)
+    fn storage(&mut self, id: Id) -> Result<Value, Fault> {
+        let parts = self.items(id)?;
+        if let &[_, class, key, _, count, ..] = parts.as_slice()
+            && let (Value::Global(Global::Storage(element)), &Value::Int(count)) = (self.value(class), self.value(count))
+            && let (Ok(count), Value::Text(_)) = (u64::try_from(count), self.value(key))
+        {
+            return Ok(Value::Storage(Storage { element: *element, key, count }));
+        }
+        Err(self.malformed("a storage of a known type, its key and its length", "something else"))
+    }
+
+    fn tensor(&self, storage: Id, offset: Id, shape: Id, strides: Id) -> Result<Value, Fault> {
+        let (Value::Storage(Storage { count, .. }), &Value::Int(offset)) = (self.value(storage), self.value(offset)) else {
+            return Err(self.malformed("a tensor's storage and offset", "something else"));
+        };
+        let (shape, strides) = (self.lengths(shape)?, self.lengths(strides)?);
+        // One past the last number, if there is any.
+        let end = || {
+            let steps = shape.iter().zip(&strides).map(|(n, stride)| (n - 1).checked_mul(*stride));
+            let last = steps.into_iter().try_fold(0_u64, |sum, step| sum.checked_add(step?))?;
+            last.checked_add(u64::try_from(offset).ok()?)?.checked_add(1)
+        };
+        let inside = shape.contains(&0) || end().is_some_and(|end| end <= *count);
+        let countable = shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n)).is_some();
+        if shape.len() != strides.len() || offset < 0 || !inside || !countable {
+            let found = format!("offset {offset}, shape {shape:?}, strides {strides:?}");
+            return Err(self.malformed(&format!("a tensor inside its storage of {count} numbers"), found));
+        }
+        Ok(Value::Tensor(Tensor { storage, offset: offset as u64, shape, strides }))
+    }
+
+    fn global(&mut self, module: Range<usize>, name: Range<usize>) -> Result<(), Fault> {
+        let text = |range: Range<usize>| String::from_utf8_lossy(&self.bytes[range]).into_owned();
+        let (module, name) = (text(module), text(name));
+        match known(&module, &name) {
+            Some(global) => self.push(Value::Global(global)),
+            None => Err(Fault::unsupported(
+                format!("byte {} of {}: the global {:?}", self.instruction, self.name, format!("{module}.{name}")),
+                "pickles are parsed, never executed; save dictionaries of tensors, arrays, texts and numbers",
+            )),
+        }
+    }
+
+    fn memoize(&mut self, key: u32) -> Result<(), Fault> {
+        let id = self.top()?;
+        self.memo.insert(key, id);
+        Ok(())
+    }
+
+    fn recall(&mut self, key: u32) -> Result<(), Fault> {
+        let id = self.memo.get(&key).copied();
+        self.stack.push(id.ok_or_else(|| self.malformed("a value that was memorised", format!("number {key}")))?);
+        Ok(())
+    }
+
+    /// LONG1: integers of any size, of which those of 64 bits are of use.
+    fn long(&mut self) -> Result<(), Fault> {
+        let length = usize::from(self.u8()?);
+        let range = self.take(length)?;
+        let bytes = &self.bytes[range];
+        let value = match bytes {
+            [.., last] if length <= 8 => {
+                let mut eight = [if *last >= 0x80 { 0xff } else { 0 }; 8];
+                eight[..length].copy_from_slice(bytes);
+                Value::Int(i64::from_le_bytes(eight))
+            }
+            [] => Value::Int(0),
+            _ => Value::Opaque,
+        };
+        self.push(value)
+    }
+
+    fn text(&mut self, width: usize) -> Result<(), Fault> {
+        let range = self.counted(width)?;
+        if std::str::from_utf8(&self.bytes[range.clone()]).is_err() {
+            return Err(self.malformed("UTF-8", "bytes that are none"));
+        }
+        self.push(Value::Text(range))
+    }
+
+    fn binary(&mut self, width: usize) -> Result<(), Fault> {
+        let range = self.counted(width)?;
+        self.push(Value::Bytes(range))
+    }
+
+    /// Bytes behind a length of `width` bytes.
+    fn counted(&mut self, width: usize) -> Result<Range<usize>, Fault> {
+        let mut eight = [0; 8];
+        let range = self.take(width)?;
+        eight[..width].copy_from_slice(&self.bytes[range]);
+        let length = u64::from_le_bytes(eight);
+        self.take(usize::try_from(length).unwrap_or(usize::MAX))
+    }
+
+    /// A name, up to the end of its line.
+    fn line(&mut self) -> Result<Range<usize>, Fault> {
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().take(MAX_NAME + 1).position(|&b| b == b'\n');
+        let length = length.ok_or_else(|| self.malformed("a name of at most 256 bytes and its line's end", "none"))?;
+        let range = self.take(length)?;
+        self.take(1)?;
+        Ok(range)
+    }
+
+    fn range_of_text(&self, id: Id) -> Result<Range<usize>, Fault> {
+        match self.value(id) {
+            Value::Text(range) => Ok(range.clone()),
+            _ => Err(self.malformed("a text", "something else")),
+        }
+    }
+
+    fn items(&self, id: Id) -> Result<Vec<Id>, Fault> {
+        match self.value(id) {
+            Value::Items(items) if items.len() <= MAX_NAME => Ok(items.clone()),
+            Value::Items(items) => Err(self.malformed("a tuple of at most 256", items.len())),
+            _ => Err(self.malformed("a tuple", "something else")),
+        }
+    }
+
+    /// A shape or strides.
+    fn lengths(&self, id: Id) -> Result<Vec<u64>, Fault> {
+        let items = self.items(id)?;
+        let length = |&id: &Id| match self.value(id) {
+            &Value::Int(n) => u64::try_from(n).ok(),
+            _ => None,
+        };
+        let lengths: Option<Vec<u64>> = items.iter().map(length).collect();
+        match lengths {
+            Some(lengths) if lengths.len() <= 64 => Ok(lengths),
+            _ => Err(self.malformed("at most 64 lengths", "something else")),
+        }
+    }
+
+    fn extend(&mut self, more: Vec<Id>) -> Result<(), Fault> {
+        let on = self.top()?;
+        match &mut self.values[on as usize] {
+            Value::Items(items) => items.extend(more),
+            _ => return Err(self.malformed("a list to append to", "something else")),
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, items: Vec<Id>) -> Result<(), Fault> {
+        let more = self.pairs(items)?;
+        let on = self.top()?;
+        match &mut self.values[on as usize] {
+            Value::Dict(pairs) => pairs.extend(more),
+            _ => return Err(self.malformed("a dictionary to set items of", "something else")),
+        }
+        Ok(())
+    }
+
+    fn pairs(&self, items: Vec<Id>) -> Result<Vec<(Id, Id)>, Fault> {
+        if !items.len().is_multiple_of(2) {
+            return Err(self.malformed("keys and values", format!("{} of them", items.len())));
+        }
+        Ok(items.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect())
+    }
+
+    fn value(&self, id: Id) -> &Value {
+        &self.values[id as usize]
+    }
+
+    fn new(&mut self, value: Value) -> Result<Id, Fault> {
+        Fault::unless_within("values of a pickle", MAX_VALUES, self.values.len() as u64 + 1)?;
+        self.values.push(value);
+        Ok(self.values.len() as Id - 1)
+    }
+
+    fn push(&mut self, value: Value) -> Result<(), Fault> {
+        let id = self.new(value)?;
+        self.stack.push(id);
+        Ok(())
+    }
+
+    /// Values above the last mark.
+    fn available(&self) -> usize {
+        self.stack.len() - self.marks.last().copied().unwrap_or(0)
+    }
+
+    fn top(&self) -> Result<Id, Fault> {
+        self.stack.last().copied().ok_or_else(|| self.malformed("a value on the stack", "none"))
+    }
+
+    fn pop(&mut self) -> Result<Id, Fault> {
+        Ok(self.pop_some(1)?[0])
+    }
+
+    fn pop_some(&mut self, count: usize) -> Result<Vec<Id>, Fault> {
+        if self.available() < count {
+            return Err(self.malformed(&format!("{count} values on the stack"), self.available()));
+        }
+        Ok(self.stack.split_off(self.stack.len() - count))
+    }
+
+    fn pop_mark(&mut self) -> Result<Vec<Id>, Fault> {
+        let mark = self.marks.pop().ok_or_else(|| self.malformed("a mark on the stack", "none"))?;
+        Ok(self.stack.split_off(mark))
+    }
+
+    fn u8(&mut self) -> Result<u8, Fault> {
+        Ok(self.array::<1>()?[0])
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+        let range = self.take(N)?;
+        Ok(std::array::from_fn(|n| self.bytes[range.start + n]))
+    }
+
+    fn take(&mut self, count: usize) -> Result<Range<usize>, Fault> {
+        let left = self.bytes.len() - self.at;
+        if count > left {
+            return Err(self.malformed(&format!("{count} bytes"), left));
+        }
+        let range = self.at..self.at + count;
+        self.at = range.end;
+        Ok(range)
+    }
+
+    fn malformed(&self, expected: &str, found: impl ToString) -> Fault {
+        Fault::malformed(format!("byte {} of {}", self.instruction, self.name), expected, found)
+    }
+}
