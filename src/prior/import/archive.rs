@@ -48,7 +48,7 @@ impl<'a, 'b> Archive<'a, 'b> {
         Ok(Self { zip })
     }
 
-    /// What the entries are called, in their order.
+    /// What the entries are called, sorted.
     pub(super) fn names(&self) -> Vec<String> {
         let mut names: Vec<_> = self.zip.file_names().map(String::from).collect();
         names.sort_unstable();
@@ -69,7 +69,10 @@ impl<'a, 'b> Archive<'a, 'b> {
             }
             CompressionMethod::Stored | CompressionMethod::Deflated => {}
             other => {
-                return Err(Fault::unsupported(format!("{name}: compression by {other:?}"), "save it stored or deflated"));
+                return Err(Fault::unsupported(
+                    format!("{name}: compression by {other:?}"),
+                    "save it stored or deflated",
+                ));
             }
         }
         Fault::unless_within(&format!("{name}: bytes"), MAX_ENTRY, entry.size())?;
@@ -135,6 +138,18 @@ fn fault(place: &str, error: ZipError) -> Fault {
             Fault::unsupported(format!("{place}: {what}"), "save it stored or deflated, without a password")
         }
         ZipError::FileNotFound => Fault::malformed("the archive", place, "none"),
+    }
+}
+
+/// Checks that an entry ends here; only then its checksum is compared.
+///
+/// # Errors
+///
+/// Where it goes on, or the checksum is another one.
+pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
+    match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
+        0 => Ok(()),
+        _ => Err(Fault::malformed(name, "its end", "more bytes")),
     }
 }
 

@@ -48,7 +48,11 @@ impl Grid {
         }
         let fewest = if at == At::Vertices { 2 } else { 1 };
         if shape.iter().any(|&n| n < fewest) {
-            return Err(Fault::malformed("the grid's shape", format!("axes of {fewest} or more"), format!("{shape:?}")));
+            return Err(Fault::malformed(
+                "the grid's shape",
+                format!("axes of {fewest} or more"),
+                format!("{shape:?}"),
+            ));
         }
         let [a, b, c] = shape.map(|n| n as f64);
         let counts = if order == Order::Xyz { DVec3::new(a, b, c) } else { DVec3::new(c, b, a) };
@@ -108,7 +112,10 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 /// Where nobody says it.
 pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
     options.bounds.ok_or_else(|| {
-        Fault::unsupported("a grid that does not say what it spans", "give its smallest and largest corner with `--bounds`")
+        Fault::unsupported(
+            "a grid that does not say what it spans",
+            "give its smallest and largest corner with `--bounds`",
+        )
     })
 }
 
@@ -170,10 +177,7 @@ mod tests {
         let vertices = Grid::new([2, 3, 5], Order::Xyz, At::Vertices, &BOX).unwrap();
         assert_eq!(vertices.index(1), [0, 0, 1]);
         assert_eq!(vertices.center(29), DVec3::ONE);
-        assert_eq!(
-            vertices.cell(0),
-            Aabb { min: DVec3::new(-2.0, -1.5, -1.25), max: DVec3::new(0.0, -0.5, -0.75) }
-        );
+        assert_eq!(vertices.cell(0), Aabb { min: DVec3::new(-2.0, -1.5, -1.25), max: DVec3::new(0.0, -0.5, -0.75) });
         assert_eq!(cells.fortran(true).index(1), [0, 0, 1]);
     }
 
@@ -186,7 +190,9 @@ mod tests {
         assert_eq!(density.alpha(1000.0), 1.0);
         let half = Density::new(0.0, 0.5).unwrap();
         assert!((half.alpha(0.3) - (1.0 - (1.0 + 0.3_f64.exp()).powf(-0.5))).abs() < 1e-15);
-        assert!(Density::shift_of(1.0).is_err() && Density::new(f64::NAN, 1.0).is_err() && Density::new(0.0, 0.0).is_err());
+        assert!(
+            Density::shift_of(1.0).is_err() && Density::new(f64::NAN, 1.0).is_err() && Density::new(0.0, 0.0).is_err()
+        );
     }
 
     #[test]

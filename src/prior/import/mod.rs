@@ -5,6 +5,8 @@
 //! each reader takes an [`Input`], which may as well be bytes in memory, and checks lengths before it sets memory aside.
 
 mod archive;
+#[cfg(test)]
+mod compare_tmp;
 pub mod arrays;
 pub mod colmap;
 pub mod e57;
@@ -19,6 +21,8 @@ pub mod octomap;
 pub mod pcd;
 pub mod ply;
 mod scannet;
+#[cfg(test)]
+mod testing;
 pub mod torch;
 mod visitor;
 pub mod xyz;

@@ -68,9 +68,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     if found != header.nodes {
         return Err(Fault::malformed(input.place(), format!("{} nodes, as the header says", header.nodes), found));
     }
-    if input.left() > 0 {
-        return Err(Fault::malformed(input.place(), "the end", format!("{} bytes", input.left())));
-    }
+    // What follows is left, as OctoMap's own reader leaves it: pyoctomap keeps colours there.
     Ok(())
 }
 
@@ -93,13 +91,15 @@ impl Header {
             if !input.line(&mut line, MAX_LINE)? {
                 return Err(Fault::malformed(place(), "a line \"data\"", "the end"));
             }
-            let text = std::str::from_utf8(&line).map_err(|_| Fault::malformed(place(), "text", "bytes that are none"))?;
+            let text =
+                std::str::from_utf8(&line).map_err(|_| Fault::malformed(place(), "text", "bytes that are none"))?;
             let (key, value) = text.trim().split_once(char::is_whitespace).unwrap_or((text.trim(), ""));
             let value = value.trim();
             match key {
                 "id" => id = Some(value.to_owned()),
                 "size" => {
-                    let size = value.parse::<u32>().map_err(|_| Fault::malformed(place(), "a number of nodes", value))?;
+                    let size =
+                        value.parse::<u32>().map_err(|_| Fault::malformed(place(), "a number of nodes", value))?;
                     nodes = Some(u64::from(size));
                 }
                 "res" => {
@@ -201,4 +201,111 @@ impl Frame {
 fn log_odds(probability: f64) -> f64 {
     let p = probability.clamp(0.0, 1.0);
     (p / (1.0 - p)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::import::testing::{Seen, seen_with};
+
+    fn tree(binary: bool, header: &str, nodes: &[u8]) -> Vec<u8> {
+        let first = if binary { BINARY } else { FULL };
+        [first, b"\n# (a comment)\n#\n", header.as_bytes(), b"\ndata\n", nodes].concat()
+    }
+
+    fn seen(bytes: &[u8]) -> Result<Seen, Fault> {
+        seen_with(bytes, &ReadOptions::default(), read)
+    }
+
+    fn message(bytes: &[u8]) -> String {
+        seen(bytes).err().map_or_else(String::new, |error| error.to_string())
+    }
+
+    fn cube(min: [f64; 3], edge: f64) -> Aabb {
+        Aabb { min: DVec3::from_array(min), max: DVec3::from_array(min) + edge }
+    }
+
+    /// Log odds, and which children there are.
+    fn node(value: f32, children: u8) -> Vec<u8> {
+        [value.to_le_bytes().as_slice(), &[children]].concat()
+    }
+
+    #[test]
+    fn two_bits_a_child() {
+        // Child 0 is free (01), 1 occupied (10), 3 has children (11): its child 7 is occupied. The root is 65536 · 0.5 wide.
+        let nodes = [0b1100_1001, 0b0000_0000, 0b0000_0000, 0b1000_0000];
+        let bytes = tree(true, "id OcTree\nsize 5\nres 0.5", &nodes);
+        let expected = [cube([0.0, -16384.0, -16384.0], 16384.0), cube([8192.0, 8192.0, -8192.0], 8192.0)];
+        assert_eq!(seen(&bytes).unwrap().cells, expected);
+    }
+
+    #[test]
+    fn a_probability_a_node() {
+        // The root has children 0 and 6; the latter, children 0 (free) and 1 (occupied).
+        let nodes = [node(0.0, 0b0100_0001), node(1.5, 0), node(9.0, 0b11), node(-0.1, 0), node(0.1, 0)].concat();
+        let bytes = tree(false, "id OcTree\nsize 5\nres 1", &nodes);
+        let expected = [cube([-32768.0; 3], 32768.0), cube([-16384.0, 0.0, 0.0], 16384.0)];
+        assert_eq!(seen(&bytes).unwrap().cells, expected);
+        // e^1.5 / (1 + e^1.5) = 0.818
+        for (threshold, count) in [(0.0, 3), (0.81, 1), (0.82, 0), (1.0, 0)] {
+            let options = ReadOptions { threshold, ..ReadOptions::default() };
+            assert_eq!(seen_with(&bytes, &options, read).unwrap().cells.len(), count, "{threshold}");
+        }
+        let colored = [0.0_f32.to_le_bytes().as_slice(), &[1, 2, 3, 1], &1.0_f32.to_le_bytes(), &[4, 5, 6, 0]].concat();
+        let bytes = tree(false, "id ColorOcTree\nsize 2\nres 1", &colored);
+        assert_eq!(seen(&bytes).unwrap().cells, [cube([-32768.0; 3], 32768.0)]);
+    }
+
+    #[test]
+    fn the_deepest_leaf_is_one_cell() {
+        // Child 7 sixteen times: the smallest cell at the largest corner.
+        let mut nodes = node(0.0, 0x80).repeat(16);
+        nodes.extend(node(1.0, 0));
+        let good = tree(false, "id OcTree\nsize 17\nres 0.25", &nodes);
+        assert_eq!(seen(&good).unwrap().cells, [cube([8191.75; 3], 0.25)]);
+        let mut nodes = node(0.0, 0x80).repeat(17);
+        nodes.extend(node(1.0, 0));
+        let bad = message(&tree(false, "id OcTree\nsize 18\nres 0.25", &nodes));
+        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
+        let mut nodes = [0, 0b1100_0000].repeat(16);
+        nodes.extend([0, 0b1000_0000]);
+        let bad = message(&tree(true, "id OcTree\nsize 18\nres 0.25", &nodes));
+        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
+    }
+
+    #[test]
+    fn headers_that_are_none_are_refused() {
+        assert!(message(b"").starts_with("line 1: expected \"# Octomap OcTree file\""));
+        assert!(
+            message(&tree(true, "id OcTree\nsize 1", &[]))
+                .ends_with("line 6: expected a line \"res\" before, found none")
+        );
+        for res in ["0", "-1", "NaN", "inf", "1e308", "x"] {
+            let error = message(&tree(true, &format!("id OcTree\nres {res}"), &[]));
+            assert_eq!(error, format!("line 5: expected a finite edge above 0, found {res}"));
+        }
+        assert_eq!(
+            message(&tree(false, "id CountingOcTree\nsize 1\nres 1", &[])),
+            "OctoMap's \"CountingOcTree\" is not supported: convert it to an OcTree or a ColorOcTree"
+        );
+        assert_eq!(message(&tree(true, "size -4", &[])), "line 4: expected a number of nodes, found -4");
+        assert!(message(&[FULL, b"\n#\n"].concat()).ends_with("line 3: expected a line \"data\", found the end"));
+        assert!(message(&[FULL, b"\n", &[b'#'; 5000]].concat()).contains("a line of at most 4096 bytes"));
+        assert!(message(&[FULL, b"\n", "#\n".repeat(5000).as_bytes()].concat()).starts_with("line 4096"));
+    }
+
+    #[test]
+    fn trees_that_end_elsewhere_are_refused() {
+        assert_eq!(
+            message(&tree(true, "id OcTree\nsize 4000000000\nres 1", &[3, 0])),
+            "byte 84: expected 2 bytes of a node, found 0 bytes"
+        );
+        let bad = message(&tree(true, "id OcTree\nsize 3\nres 1", &[2, 0]));
+        assert!(bad.ends_with("expected 3 nodes, as the header says, found 2"), "{bad}");
+        let followed = tree(true, "id OcTree\nsize 2\nres 1", &[2, 0, 9]);
+        assert_eq!(seen(&followed).unwrap().cells.len(), 1, "what follows is not the tree's");
+        let bad = message(&tree(false, "id OcTree\nsize 1\nres 1", &node(f32::NAN, 0)));
+        assert!(bad.ends_with("expected log odds, found NaN"), "{bad}");
+        assert_eq!(seen(&tree(true, "id OcTree\nsize 0\nres 1", &[])).unwrap().cells, []);
+    }
 }

@@ -9,7 +9,7 @@ mod points;
 #[cfg(test)]
 mod tests;
 
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 
 use super::archive::{Archive, reading};
 use super::grid::Order;
@@ -115,14 +115,5 @@ impl From<NpyError> for Fault {
             NpyError::Io(error) => reading("the array", error),
             NpyError::Malformed { place, expected, found } => Self::malformed(place, expected, found),
         }
-    }
-}
-
-/// What an entry of an archive holds after its numbers: nothing.
-fn check_end(input: &mut dyn Read) -> Result<(), Fault> {
-    // The checksum is compared when the end is read.
-    match input.read(&mut [0]).map_err(|e| reading("the array", e))? {
-        0 => Ok(()),
-        _ => Err(Fault::malformed("the array", "its end", "more bytes")),
     }
 }

@@ -15,10 +15,10 @@
 
 use glam::DVec3;
 
-use super::{Array, check_end, first, grids, of_any_shape, points};
+use super::{Array, first, grids, of_any_shape, points};
 use crate::geometry::Aabb;
 use crate::npy::{Header, Number};
-use crate::prior::import::archive::Archive;
+use crate::prior::import::archive::{Archive, check_end_of};
 use crate::prior::import::grid::{At, Density, Order};
 use crate::prior::import::{Fault, ReadOptions, Visitor};
 
@@ -120,7 +120,7 @@ impl Array for Member<'_, '_, '_> {
         let mut bytes = self.archive.entry(&self.entry)?;
         let header = first(&Header::read(&mut bytes)?, count);
         header.for_each(&mut bytes, visit)?;
-        if count >= self.header.count { check_end(&mut bytes) } else { Ok(()) }
+        if count >= self.header.count { check_end_of(&mut bytes, "the array") } else { Ok(()) }
     }
 }
 

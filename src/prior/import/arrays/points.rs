@@ -59,7 +59,11 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     let [count, _] = rows_and_columns(array, "colours")?;
     Fault::unless_within("colours", MAX_COLORS, count)?;
     let Some(scale) = scale_of(array, 0)? else {
-        return Err(Fault::malformed("the colours", "whole numbers within 0 to 255, or floats within 0 to 1", "others"));
+        return Err(Fault::malformed(
+            "the colours",
+            "whole numbers within 0 to 255, or floats within 0 to 1",
+            "others",
+        ));
     };
     let mut colors = Vec::new();
     rows(array, 3, &mut |_, row| {

@@ -4,7 +4,7 @@ use std::io::Read;
 
 use super::pickle::{Element, Id, Pickle, Tensor, Value};
 use crate::npy::{Header, Number, number_of};
-use crate::prior::import::archive::{Archive, reading};
+use crate::prior::import::archive::{Archive, check_end_of, reading};
 use crate::prior::import::{Fault, Input};
 
 /// The longest pickle. A TensoRF alpha mask lies in it, at a bit and a half a voxel.
@@ -79,8 +79,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
             Element::Number(_) => value,
             Element::Bfloat16 => f32::from_bits((value as u32) << 16).into(),
         };
-        let header =
-            |count| Header { number, big_endian: false, fortran_order: false, shape: vec![count], count };
+        let header = |count| Header { number, big_endian: false, fortran_order: false, shape: vec![count], count };
         let count = tensor.shape.iter().product();
         if count == 0 {
             return Ok(());
@@ -91,7 +90,8 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
             if passed.map_err(|e| reading(&name, e))? != skipped {
                 return Err(Fault::malformed(name, "more bytes", "the end"));
             }
-            return header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)));
+            header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)))?;
+            return if tensor.offset + count == storage.count { check_end_of(&mut bytes, &name) } else { Ok(()) };
         }
         Fault::unless_within("numbers of a tensor that is not contiguous", MAX_HELD, storage.count.max(count))?;
         let numbers = header(storage.count).numbers(&mut bytes)?;

@@ -32,10 +32,8 @@ pub(super) fn read(
     let (Some(min), Some(max)) = (min, max) else {
         return Err(Fault::malformed("model_kwargs", "xyz_min and xyz_max", checkpoint.pickle.keys(parts.kwargs)));
     };
-    let bounds = Aabb {
-        min: checkpoint.numbers(min, "xyz_min")?.into(),
-        max: checkpoint.numbers(max, "xyz_max")?.into(),
-    };
+    let bounds =
+        Aabb { min: checkpoint.numbers(min, "xyz_min")?.into(), max: checkpoint.numbers(max, "xyz_max")?.into() };
     let not_a_tensor = || Fault::malformed("density", "a tensor", "something else");
     let tensor = checkpoint.tensor(density).ok_or_else(not_a_tensor)?.clone();
     let shape = three_axes(&tensor.shape)?;
@@ -49,7 +47,9 @@ pub(super) fn read(
         if value.is_nan() {
             return Err(Fault::malformed(format!("number {n} of density"), "a number", value));
         }
-        if activation.alpha(value) >= options.min_alpha && mask.as_ref().is_none_or(|mask| mask.contains(grid.center(n))) {
+        if activation.alpha(value) >= options.min_alpha
+            && mask.as_ref().is_none_or(|mask| mask.contains(grid.center(n)))
+        {
             visitor.cell(&grid.cell(n))?;
         }
         Ok(())
@@ -69,7 +69,11 @@ impl Parts {
         let pickle = &checkpoint.pickle;
         let part = |name: &str| pickle.get(pickle.root, name);
         let (Some(state), Some(kwargs)) = (part("model_state_dict"), part("model_kwargs")) else {
-            return Err(Fault::malformed("the checkpoint", "model_state_dict and model_kwargs", pickle.keys(pickle.root)));
+            return Err(Fault::malformed(
+                "the checkpoint",
+                "model_state_dict and model_kwargs",
+                pickle.keys(pickle.root),
+            ));
         };
         let parts = Self { state, kwargs, mask_kwargs: part("MaskCache_kwargs") };
         if parts.setting(checkpoint, "mpi_depth").is_some() {

@@ -39,7 +39,10 @@ pub(super) enum Value {
     Storage(Storage),
     Tensor(Tensor),
     /// NumPy's `dtype`: its name, and its order of bytes where it has one.
-    Dtype { name: Id, order: Option<Id> },
+    Dtype {
+        name: Id,
+        order: Option<Id>,
+    },
     Array(Array),
 }
 

@@ -56,7 +56,9 @@ pub(super) fn known(module: &str, name: &str) -> Option<Global> {
         ("torch" | "torch.cuda", "CharStorage") => number(Number::Signed(1)),
         ("torch" | "torch.cuda", "ByteStorage") => number(Number::Unsigned(1)),
         ("torch" | "torch.cuda", "BoolStorage") => number(Number::Bool),
-        ("torch", "float16" | "float32" | "float64" | "bfloat16" | "int32" | "int64" | "uint8" | "bool") => Some(Ignored),
+        ("torch", "float16" | "float32" | "float64" | "bfloat16" | "int32" | "int64" | "uint8" | "bool") => {
+            Some(Ignored)
+        }
         ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Some(Reconstruct),
         ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Some(Scalar),
         ("numpy.core.numeric" | "numpy._core.numeric", "_frombuffer") => Some(FromBuffer),

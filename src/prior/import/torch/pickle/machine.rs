@@ -197,9 +197,7 @@ impl Machine<'_> {
                 return Ok(());
             }
             (Global::Ignored, _) => Value::Opaque,
-            (Global::Tensor, &[storage, offset, shape, strides, ..]) => {
-                self.tensor(storage, offset, shape, strides)?
-            }
+            (Global::Tensor, &[storage, offset, shape, strides, ..]) => self.tensor(storage, offset, shape, strides)?,
             (Global::Reconstruct, [..]) => {
                 let nothing = self.new(Value::Opaque)?;
                 Value::Array(Array { shape: vec![0], dtype: nothing, fortran_order: false, data: nothing })
@@ -263,7 +261,8 @@ impl Machine<'_> {
     fn storage(&mut self, id: Id) -> Result<Value, Fault> {
         let parts = self.items(id)?;
         if let &[_, class, key, _, count, ..] = parts.as_slice()
-            && let (Value::Global(Global::Storage(element)), &Value::Int(count)) = (self.value(class), self.value(count))
+            && let (Value::Global(Global::Storage(element)), &Value::Int(count)) =
+                (self.value(class), self.value(count))
             && let (Ok(count), Value::Text(_)) = (u64::try_from(count), self.value(key))
         {
             return Ok(Value::Storage(Storage { element: *element, key, count }));
@@ -272,7 +271,8 @@ impl Machine<'_> {
     }
 
     fn tensor(&self, storage: Id, offset: Id, shape: Id, strides: Id) -> Result<Value, Fault> {
-        let (Value::Storage(Storage { count, .. }), &Value::Int(offset)) = (self.value(storage), self.value(offset)) else {
+        let (Value::Storage(Storage { count, .. }), &Value::Int(offset)) = (self.value(storage), self.value(offset))
+        else {
             return Err(self.malformed("a tensor's storage and offset", "something else"));
         };
         let (shape, strides) = (self.lengths(shape)?, self.lengths(strides)?);
