@@ -5,8 +5,6 @@
 //! each reader takes an [`Input`], which may as well be bytes in memory, and checks lengths before it sets memory aside.
 
 mod archive;
-#[cfg(test)]
-mod compare_tmp;
 pub mod arrays;
 pub mod colmap;
 pub mod e57;
