@@ -91,12 +91,11 @@ fn first(header: &Header, count: u64) -> Header {
     Header { count: count.min(header.count), ..header.clone() }
 }
 
-/// Numbers of three axes or fewer, read one after the other with progress, as the visitor wants it.
-fn visit_all(
-    array: &mut dyn Array,
-    visitor: &mut dyn Visitor,
-    visit: &mut dyn FnMut(&mut dyn Visitor, u64, f64) -> Result<(), Fault>,
-) -> Result<(), Fault> {
+/// Takes a visitor, a number's place and the number.
+type VisitNumber<'v> = dyn FnMut(&mut dyn Visitor, u64, f64) -> Result<(), Fault> + 'v;
+
+/// Visits all numbers, and tells `visitor` how far this is.
+fn visit_all(array: &mut dyn Array, visitor: &mut dyn Visitor, visit: &mut VisitNumber<'_>) -> Result<(), Fault> {
     let (count, width) = (array.header().count, array.header().number.width() as u64);
     array.visit(count, &mut |n, value| {
         if n % REPORT_EVERY == REPORT_EVERY - 1 {

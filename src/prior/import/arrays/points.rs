@@ -73,12 +73,11 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     Ok(colors)
 }
 
-/// Visits the first `used` columns of each row.
-pub(super) fn rows(
-    array: &mut dyn Array,
-    used: usize,
-    visit: &mut dyn FnMut(u64, &[f64]) -> Result<(), Fault>,
-) -> Result<(), Fault> {
+/// Takes a row's number and the columns that are used.
+type VisitRow<'v> = dyn FnMut(u64, &[f64]) -> Result<(), Fault> + 'v;
+
+/// Visits the first `used` columns of each row, of an array of which [`rows_and_columns`] has seen the shape.
+pub(super) fn rows(array: &mut dyn Array, used: usize, visit: &mut VisitRow<'_>) -> Result<(), Fault> {
     let &[count, columns] = array.header().shape.as_slice() else { unreachable!("rows_and_columns was called before") };
     if array.header().fortran_order {
         let numbers = count * used as u64;

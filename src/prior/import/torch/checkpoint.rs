@@ -145,9 +145,9 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     }
 
     fn number(&self, id: Id) -> Option<f64> {
-        match self.pickle.value(id) {
-            &Value::Int(value) => Some(value as f64),
-            &Value::Float(value) => Some(value),
+        match *self.pickle.value(id) {
+            Value::Int(value) => Some(value as f64),
+            Value::Float(value) => Some(value),
             _ => None,
         }
     }

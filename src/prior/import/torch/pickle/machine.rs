@@ -67,11 +67,17 @@ impl Machine<'_> {
                     return Err(self.malformed("a protocol of 2 to 5", version));
                 }
             }
-            0x95 => drop(self.take(8)?),
+            0x95 => {
+                self.take(8)?;
+            }
             b'.' => return Ok(true),
             // POP, POP_MARK, MARK
-            b'0' => drop(self.pop()?),
-            b'1' => drop(self.pop_mark()?),
+            b'0' => {
+                self.pop()?;
+            }
+            b'1' => {
+                self.pop_mark()?;
+            }
             b'(' => self.marks.push(self.stack.len()),
             b'N' => self.push(Value::Opaque)?,
             // NEWTRUE, NEWFALSE
@@ -199,7 +205,7 @@ impl Machine<'_> {
             (Global::Ignored, _) => Value::Opaque,
             (Global::Tensor, &[storage, offset, shape, strides, ..]) => self.tensor(storage, offset, shape, strides)?,
             (Global::Reconstruct, [..]) => {
-                let nothing = self.new(Value::Opaque)?;
+                let nothing = self.add(Value::Opaque)?;
                 Value::Array(Array { shape: vec![0], dtype: nothing, fortran_order: false, data: nothing })
             }
             (Global::FromBuffer, &[data, dtype, shape, order]) => {
@@ -423,14 +429,14 @@ impl Machine<'_> {
         &self.values[id as usize]
     }
 
-    fn new(&mut self, value: Value) -> Result<Id, Fault> {
+    fn add(&mut self, value: Value) -> Result<Id, Fault> {
         Fault::unless_within("values of a pickle", MAX_VALUES, self.values.len() as u64 + 1)?;
         self.values.push(value);
         Ok(self.values.len() as Id - 1)
     }
 
     fn push(&mut self, value: Value) -> Result<(), Fault> {
-        let id = self.new(value)?;
+        let id = self.add(value)?;
         self.stack.push(id);
         Ok(())
     }
