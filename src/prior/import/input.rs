@@ -189,8 +189,17 @@ impl Read for Input<'_> {
 }
 
 impl Seek for Input<'_> {
+    /// Keeps what is buffered where the place is near: readers of archives seek for every few bytes.
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
-        self.offset = self.source.seek(to)?;
+        let to = match to {
+            SeekFrom::Start(to) => i128::from(to),
+            SeekFrom::Current(by) => i128::from(self.offset) + i128::from(by),
+            SeekFrom::End(by) => i128::from(self.len) + i128::from(by),
+        };
+        let outside = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "a place outside the file");
+        let to = i64::try_from(to).ok().filter(|&to| to >= 0).ok_or_else(outside)?;
+        self.source.seek_relative(to - self.offset as i64)?;
+        self.offset = to as u64;
         Ok(self.offset)
     }
 }

@@ -4,12 +4,14 @@
 //! than a mesh's vertices is held in memory. What becomes of the geometry is [`super::build`]'s business. One file a format;
 //! each reader takes an [`Input`], which may as well be bytes in memory, and checks lengths before it sets memory aside.
 
+mod archive;
 pub mod arrays;
 pub mod colmap;
 pub mod e57;
 mod error;
 mod format;
 pub mod gltf;
+mod grid;
 mod input;
 pub mod las;
 pub mod obj;

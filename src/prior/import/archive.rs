@@ -1,0 +1,166 @@
+//! Zip archives from anyone, through `zip`: those of NumPy and of PyTorch.
+//!
+//! The library searches for parts of the directory byte by byte, as far as the file says. Here the end of the directory is looked at
+//! first, so that it finds everything where it looks first, and the number of entries is known to be sensible.
+
+use std::io::{ErrorKind, Read};
+
+use zip::read::ZipFile;
+use zip::result::ZipError;
+use zip::{CompressionMethod, ZipArchive};
+
+use super::{Fault, Input};
+
+/// The most entries of an archive.
+const MAX_ENTRIES: u64 = 1 << 16;
+/// The most bytes of an entry, inflated.
+pub(super) const MAX_ENTRY: u64 = 1 << 34;
+/// Bytes of an entry in the directory, without its name.
+const DIRECTORY_ENTRY: u64 = 46;
+
+/// How the directory's end begins, how the place of its 64-bit end does, and how that does.
+const END: &[u8] = b"PK\x05\x06";
+const LOCATOR: &[u8] = b"PK\x06\x07";
+const END_64: &[u8] = b"PK\x06\x06";
+
+/// An archive.
+pub(super) struct Archive<'a, 'b> {
+    zip: ZipArchive<&'a mut Input<'b>>,
+}
+
+impl<'a, 'b> Archive<'a, 'b> {
+    /// Whether a file that begins so is an archive.
+    pub(super) fn begins(start: &[u8]) -> bool {
+        start.starts_with(b"PK\x03\x04") || start.starts_with(END)
+    }
+
+    /// Reads the directory.
+    ///
+    /// # Errors
+    ///
+    /// Where there is none, where it has too many entries, and where two have the same name.
+    pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
+        check_end(input)?;
+        let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
+        if zip.file_names().count() != zip.len() {
+            return Err(Fault::malformed("the archive", "every name once", "a name twice"));
+        }
+        Ok(Self { zip })
+    }
+
+    /// What the entries are called, sorted.
+    pub(super) fn names(&self) -> Vec<String> {
+        let mut names: Vec<_> = self.zip.file_names().map(String::from).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// The bytes of an entry.
+    ///
+    /// # Errors
+    ///
+    /// Where there is none, or one that is too long or compressed in another way.
+    pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_>, Fault> {
+        let entry = self.zip.by_name(name).map_err(|e| fault(name, e))?;
+        match entry.compression() {
+            CompressionMethod::Stored if entry.size() != entry.compressed_size() => {
+                let (size, stored) = (entry.size(), entry.compressed_size());
+                return Err(Fault::malformed(name, format!("{size} stored bytes"), format!("{stored} bytes")));
+            }
+            CompressionMethod::Stored | CompressionMethod::Deflated => {}
+            other => {
+                return Err(Fault::unsupported(
+                    format!("{name}: compression by {other:?}"),
+                    "save it stored or deflated",
+                ));
+            }
+        }
+        Fault::unless_within(&format!("{name}: bytes"), MAX_ENTRY, entry.size())?;
+        Ok(entry)
+    }
+
+    /// All bytes of an entry, of which there may be `most`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Archive::entry`], and where there are more, or others than the directory says.
+    pub(super) fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
+        let mut entry = self.entry(name)?;
+        let size = entry.size();
+        Fault::unless_within(&format!("{name}: bytes"), most, size)?;
+        let mut bytes = Vec::new();
+        entry.by_ref().take(size + 1).read_to_end(&mut bytes).map_err(|e| reading(name, e))?;
+        if bytes.len() as u64 != size {
+            return Err(Fault::malformed(name, format!("{size} bytes"), format!("{} bytes", bytes.len())));
+        }
+        Ok(bytes)
+    }
+}
+
+/// Looks at the directory's end before the library does.
+fn check_end(input: &mut Input<'_>) -> Result<(), Fault> {
+    let no_end = || Fault::malformed("the archive's end", "a zip directory", "none");
+    let tail_len = input.len().min(22 + u64::from(u16::MAX));
+    let tail_start = input.len() - tail_len;
+    input.go_to(tail_start)?;
+    let tail = input.peek(tail_len as usize)?;
+    let last = tail.len().checked_sub(22).ok_or_else(no_end)?;
+    let at = (0..=last).rev().find(|&at| tail[at..].starts_with(END)).ok_or_else(no_end)?;
+    let u16_at = |at: usize| u64::from(u16::from_le_bytes([tail[at], tail[at + 1]]));
+    let (mut entries, comment) = (u16_at(at + 8), u16_at(at + 20));
+    let end = tail_start + at as u64;
+    if end + 22 + comment != input.len() {
+        let found = format!("{} bytes", input.len() - end - 22);
+        return Err(Fault::malformed("the archive's end", format!("a comment of {comment} bytes"), found));
+    }
+    if let Some(locator) = end.checked_sub(20) {
+        input.go_to(locator)?;
+        let bytes: [u8; 20] = input.array("the archive's directory")?;
+        if bytes.starts_with(LOCATOR) {
+            input.go_to(u64::from_le_bytes(std::array::from_fn(|n| bytes[8 + n])))?;
+            let place = input.place();
+            let bytes: [u8; 56] = input.array("the archive's directory")?;
+            if !bytes.starts_with(END_64) {
+                return Err(Fault::malformed(place, "the end of a zip64 directory", format!("{:02x?}", &bytes[..4])));
+            }
+            entries = u64::from_le_bytes(std::array::from_fn(|n| bytes[32 + n]));
+        }
+    }
+    Fault::unless_within("the archive's entries", MAX_ENTRIES.min(input.len() / DIRECTORY_ENTRY), entries)?;
+    input.go_to(0)
+}
+
+fn fault(place: &str, error: ZipError) -> Fault {
+    match error {
+        ZipError::Io(error) => reading(place, error),
+        ZipError::InvalidArchive(what) => Fault::malformed(place, "a zip archive", what),
+        ZipError::UnsupportedArchive(what) => {
+            Fault::unsupported(format!("{place}: {what}"), "save it stored or deflated, without a password")
+        }
+        ZipError::FileNotFound => Fault::malformed("the archive", place, "none"),
+    }
+}
+
+/// Checks that an entry ends here; only then its checksum is compared.
+///
+/// # Errors
+///
+/// Where it goes on, or the checksum is another one.
+pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
+    match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
+        0 => Ok(()),
+        _ => Err(Fault::malformed(name, "its end", "more bytes")),
+    }
+}
+
+/// What an error of reading or inflating means: only some are the system's.
+pub(super) fn reading(place: &str, error: std::io::Error) -> Fault {
+    match error.kind() {
+        ErrorKind::UnexpectedEof => Fault::malformed(place, "more bytes", "the end"),
+        // A wrong checksum is `Other`.
+        ErrorKind::InvalidData | ErrorKind::InvalidInput | ErrorKind::Other => {
+            Fault::malformed(place, "whole bytes", error)
+        }
+        _ => Fault::Io(error),
+    }
+}

@@ -1,0 +1,207 @@
+//! Numbers on a regular grid over a box, and the boxes of those that count.
+
+use glam::DVec3;
+
+use super::{Fault, ReadOptions};
+use crate::geometry::Aabb;
+
+/// What a number stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum At {
+    /// A cell: n cells fill the box.
+    Cells,
+    /// A vertex, the first and the last on the box's faces ("aligned corners"): its box reaches half a cell to each side, so that
+    /// those at the faces reach out of the grid, as `crate::prior::coarse` has them.
+    Vertices,
+}
+
+/// In which order the axes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// \[x\]\[y\]\[z\]: DVGO's.
+    Xyz,
+    /// \[z\]\[y\]\[x\]: this project's, and TensoRF's masks.
+    Zyx,
+}
+
+/// A grid over a box.
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    /// Lengths of the axes, the slowest first.
+    pub(super) shape: [u64; 3],
+    order: Order,
+    origin: DVec3,
+    pitch: DVec3,
+    /// Whether the first axis is fastest, after all.
+    fortran: bool,
+}
+
+impl Grid {
+    /// A grid of `shape` over `bounds`.
+    ///
+    /// # Errors
+    ///
+    /// Where the box is none, and where vertices do not span it.
+    pub(super) fn new(shape: [u64; 3], order: Order, at: At, bounds: &Aabb) -> Result<Self, Fault> {
+        if !bounds.is_solid() || !bounds.size().is_finite() {
+            return Err(Fault::malformed("the grid's bounds", "finite ones, min < max", format!("{bounds:?}")));
+        }
+        let fewest = if at == At::Vertices { 2 } else { 1 };
+        if shape.iter().any(|&n| n < fewest) {
+            return Err(Fault::malformed(
+                "the grid's shape",
+                format!("axes of {fewest} or more"),
+                format!("{shape:?}"),
+            ));
+        }
+        let [a, b, c] = shape.map(|n| n as f64);
+        let counts = if order == Order::Xyz { DVec3::new(a, b, c) } else { DVec3::new(c, b, a) };
+        let pitch = bounds.size() / if at == At::Vertices { counts - 1.0 } else { counts };
+        let origin = if at == At::Vertices { bounds.min - 0.5 * pitch } else { bounds.min };
+        Ok(Self { shape, order, origin, pitch, fortran: false })
+    }
+
+    /// The same, with its first axis fastest.
+    pub(super) fn fortran(self, fortran: bool) -> Self {
+        Self { fortran, ..self }
+    }
+
+    /// (x, y, z) of number `n`.
+    pub(super) fn index(&self, n: u64) -> [u64; 3] {
+        let [a, b, c] = self.shape;
+        let index = if self.fortran { [n % a, n / a % b, n / (a * b)] } else { [n / (b * c), n / c % b, n % c] };
+        match self.order {
+            Order::Xyz => index,
+            Order::Zyx => [index[2], index[1], index[0]],
+        }
+    }
+
+    /// The box of number `n`.
+    pub(super) fn cell(&self, n: u64) -> Aabb {
+        let index = DVec3::from_array(self.index(n).map(|i| i as f64));
+        Aabb { min: self.origin + index * self.pitch, max: self.origin + (index + 1.0) * self.pitch }
+    }
+
+    /// The middle of [`Grid::cell`].
+    pub(super) fn center(&self, n: u64) -> DVec3 {
+        let index = DVec3::from_array(self.index(n).map(|i| i as f64));
+        self.origin + (index + 0.5) * self.pitch
+    }
+}
+
+/// Three axes: more are allowed where those before or behind them have length 1.
+///
+/// # Errors
+///
+/// Where there are fewer, or more that are longer.
+pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
+    let mut axes = shape;
+    while axes.len() > 3 && axes[0] == 1 {
+        axes = &axes[1..];
+    }
+    while axes.len() > 3 && axes[axes.len() - 1] == 1 {
+        axes = &axes[..axes.len() - 1];
+    }
+    axes.try_into().map_err(|_| Fault::malformed("the grid's shape", "three axes", format!("{shape:?}")))
+}
+
+/// What a grid spans that does not say so itself.
+///
+/// # Errors
+///
+/// Where nobody says it.
+pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
+    options.bounds.ok_or_else(|| {
+        Fault::unsupported(
+            "a grid that does not say what it spans",
+            "give its smallest and largest corner with `--bounds`",
+        )
+    })
+}
+
+/// What DVGO's densities stand for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Density {
+    shift: f64,
+    interval: f64,
+}
+
+impl Density {
+    /// Densities to which `shift` is added, over steps of `interval` base voxels (DVGO's `voxel_size_ratio`).
+    ///
+    /// # Errors
+    ///
+    /// Where these are no numbers to go by.
+    pub(super) fn new(shift: f64, interval: f64) -> Result<Self, Fault> {
+        if !shift.is_finite() {
+            return Err(Fault::malformed("act_shift", "a finite number", shift));
+        }
+        if !(interval.is_finite() && interval > 0.0) {
+            return Err(Fault::malformed("voxel_size_ratio", "a finite number above 0", interval));
+        }
+        Ok(Self { shift, interval })
+    }
+
+    /// The shift at which a density of 0 has the opacity `alpha`: DVGO's `act_shift` of `alpha_init`.
+    ///
+    /// # Errors
+    ///
+    /// Where `alpha` is none.
+    pub(super) fn shift_of(alpha: f64) -> Result<f64, Fault> {
+        if !(alpha > 0.0 && alpha < 1.0) {
+            return Err(Fault::malformed("alpha_init", "a number between 0 and 1", alpha));
+        }
+        Ok((1.0 / (1.0 - alpha) - 1.0).ln())
+    }
+
+    /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), which keeps its digits where it is small.
+    pub(super) fn alpha(&self, density: f64) -> f64 {
+        let x = density + self.shift;
+        let softplus = x.max(0.0) + (-x.abs()).exp().ln_1p();
+        -(-self.interval * softplus).exp_m1()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOX: Aabb = Aabb { min: DVec3::NEG_ONE, max: DVec3::ONE };
+
+    #[test]
+    fn cells_fill_the_box_and_vertices_reach_out_of_it() {
+        let cells = Grid::new([2, 4, 8], Order::Zyx, At::Cells, &BOX).unwrap();
+        assert_eq!(cells.index(1), [1, 0, 0]);
+        assert_eq!(cells.cell(0), Aabb { min: BOX.min, max: DVec3::new(-0.75, -0.5, 0.0) });
+        assert_eq!(cells.cell(63), Aabb { min: DVec3::new(0.75, 0.5, 0.0), max: BOX.max });
+        let vertices = Grid::new([2, 3, 5], Order::Xyz, At::Vertices, &BOX).unwrap();
+        assert_eq!(vertices.index(1), [0, 0, 1]);
+        assert_eq!(vertices.center(29), DVec3::ONE);
+        assert_eq!(vertices.cell(0), Aabb { min: DVec3::new(-2.0, -1.5, -1.25), max: DVec3::new(0.0, -0.5, -0.75) });
+        assert_eq!(cells.fortran(true).index(1), [0, 0, 1]);
+    }
+
+    #[test]
+    fn opacity_is_dvgos() {
+        let shift = Density::shift_of(1e-6).unwrap();
+        let density = Density::new(shift, 1.0).unwrap();
+        assert!((density.alpha(0.0) / 1e-6 - 1.0).abs() < 1e-9, "{}", density.alpha(0.0));
+        assert_eq!(density.alpha(-1000.0), 0.0);
+        assert_eq!(density.alpha(1000.0), 1.0);
+        let half = Density::new(0.0, 0.5).unwrap();
+        assert!((half.alpha(0.3) - (1.0 - (1.0 + 0.3_f64.exp()).powf(-0.5))).abs() < 1e-15);
+        assert!(
+            Density::shift_of(1.0).is_err() && Density::new(f64::NAN, 1.0).is_err() && Density::new(0.0, 0.0).is_err()
+        );
+    }
+
+    #[test]
+    fn grids_that_are_none_are_refused() {
+        assert!(Grid::new([1, 2, 2], Order::Xyz, At::Vertices, &BOX).is_err());
+        assert!(Grid::new([0, 2, 2], Order::Xyz, At::Cells, &BOX).is_err());
+        assert!(Grid::new([2, 2, 2], Order::Xyz, At::Cells, &Aabb::EMPTY).is_err());
+        assert_eq!(three_axes(&[1, 1, 2, 3, 1, 1]).unwrap(), [2, 3, 1]);
+        let error = three_axes(&[2, 2, 3, 4]).unwrap_err().to_string();
+        assert_eq!(error, "the grid's shape: expected three axes, found [2, 2, 3, 4]");
+    }
+}

@@ -1,0 +1,71 @@
+//! What pickles may name.
+
+use super::Element;
+use crate::npy::Number;
+
+/// A function or class that is known as what it makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in super::super) enum Global {
+    /// A dictionary, from no arguments.
+    Dict,
+    /// Its one argument.
+    Same,
+    /// Something of which nothing is needed.
+    Ignored,
+    /// A tensor from a storage, its offset, shape and strides.
+    Tensor,
+    /// A class of storages.
+    Storage(Element),
+    /// NumPy's empty array, to be filled.
+    Reconstruct,
+    /// An array from bytes, type, shape and order.
+    FromBuffer,
+    /// The class of arrays.
+    Ndarray,
+    /// A type of numbers, from its name.
+    Dtype,
+    /// One number, from type and bytes.
+    Scalar,
+    /// Bytes, from a text and "latin1".
+    Encode,
+    /// No bytes, from no arguments.
+    Bytes,
+}
+
+/// What `module` calls `name`, if that is known.
+pub(super) fn known(module: &str, name: &str) -> Option<Global> {
+    use Global::{
+        Bytes, Dict, Dtype, Encode, FromBuffer, Ignored, Ndarray, Reconstruct, Same, Scalar, Storage, Tensor,
+    };
+    let number = |number| Some(Storage(Element::Number(number)));
+    match (module, name) {
+        ("torch._utils", "_rebuild_tensor_v2") => Some(Tensor),
+        ("torch._utils", "_rebuild_parameter") | ("torch", "Size") => Some(Same),
+        ("torch", "device") => Some(Ignored),
+        // Where a model's settings came from a file, they are of the settings' own class of dictionaries.
+        ("collections", "OrderedDict")
+        | ("mmcv.utils.config" | "mmengine.config.config", "ConfigDict")
+        | ("addict.addict", "Dict") => Some(Dict),
+        ("torch" | "torch.cuda", "DoubleStorage") => number(Number::Float(8)),
+        ("torch" | "torch.cuda", "FloatStorage") => number(Number::Float(4)),
+        ("torch" | "torch.cuda", "HalfStorage") => number(Number::Float(2)),
+        ("torch" | "torch.cuda", "BFloat16Storage") => Some(Storage(Element::Bfloat16)),
+        ("torch" | "torch.cuda", "LongStorage") => number(Number::Signed(8)),
+        ("torch" | "torch.cuda", "IntStorage") => number(Number::Signed(4)),
+        ("torch" | "torch.cuda", "ShortStorage") => number(Number::Signed(2)),
+        ("torch" | "torch.cuda", "CharStorage") => number(Number::Signed(1)),
+        ("torch" | "torch.cuda", "ByteStorage") => number(Number::Unsigned(1)),
+        ("torch" | "torch.cuda", "BoolStorage") => number(Number::Bool),
+        ("torch", "float16" | "float32" | "float64" | "bfloat16" | "int32" | "int64" | "uint8" | "bool") => {
+            Some(Ignored)
+        }
+        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Some(Reconstruct),
+        ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Some(Scalar),
+        ("numpy.core.numeric" | "numpy._core.numeric", "_frombuffer") => Some(FromBuffer),
+        ("numpy", "ndarray") => Some(Ndarray),
+        ("numpy", "dtype") => Some(Dtype),
+        ("_codecs", "encode") => Some(Encode),
+        ("__builtin__" | "builtins", "bytes") => Some(Bytes),
+        _ => None,
+    }
+}
