@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::console::Console;
+use super::prior::Inputs;
 use super::progress::Progress;
 use super::scale_table::{self, ScaleRow};
 pub(super) use super::settings::Preset;
@@ -32,6 +33,7 @@ Examples:
   strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
   strivec train lego -o lego.strivec --checkpoint lego.state --resume
   strivec train lego -o small.strivec --auto --max-size 10MB
+  strivec train scan -o scan.strivec --prior mesh.ply --close 0.1
 
 Ctrl-C writes the checkpoint and stops; a second one stops at once.";
 
@@ -49,6 +51,8 @@ pub(super) struct Args {
     pub(super) settings: Settings,
     #[command(flatten)]
     pub(super) fitting: Fitting,
+    #[command(flatten)]
+    pub(super) prior: Inputs,
     /// Print the settings that the other arguments lead to, and stop
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
@@ -59,7 +63,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Go on from the state that an earlier run left, with its settings
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting", "files"])]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -118,7 +122,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
         None => {
-            let occupied = reconstruct(&config, &dataset, &interrupted, session)?;
+            let occupied = match args.prior.voxels(session)? {
+                Some(occupied) => occupied,
+                None => reconstruct(&config, &dataset, &interrupted, session)?,
+            };
             let (config, occupied) = args.fitting.fit(config, &cameras(&dataset), occupied, session)?;
             place(config, &dataset, &occupied, session)?
         }

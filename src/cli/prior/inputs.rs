@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::shaping::Shaping;
 use crate::cli::progress::Progress;
 use crate::cli::{Error, Session, table};
-use crate::prior::{self, Built};
+use crate::prior::{self, Built, VoxelBoxes};
 
 /// Where the scene is, from files: of commands that train.
 #[derive(Clone, Debug, clap::Args)]
@@ -20,8 +20,11 @@ pub(in crate::cli) struct Inputs {
 
 impl Inputs {
     /// The occupied cells in the dataset's space; `None` where no file is named.
-    pub(in crate::cli) fn build(&self, session: &Session) -> Result<Option<Built>, Error> {
-        if self.files.is_empty() { Ok(None) } else { build(&self.files, &self.shaping, session).map(Some) }
+    pub(in crate::cli) fn voxels(&self, session: &Session) -> Result<Option<VoxelBoxes>, Error> {
+        if self.files.is_empty() {
+            return Ok(None);
+        }
+        build(&self.files, &self.shaping, session).map(|built| Some(built.boxes))
     }
 }
 
