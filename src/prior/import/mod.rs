@@ -17,6 +17,8 @@ pub mod octomap;
 pub mod pcd;
 pub mod ply;
 mod scannet;
+#[cfg(test)]
+mod testing;
 pub mod torch;
 mod visitor;
 pub mod xyz;

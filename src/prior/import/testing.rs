@@ -1,0 +1,48 @@
+//! What a reader's tests look at: everything it handed over.
+
+use super::{Fault, Input, Point, ReadOptions, Visitor};
+use crate::geometry::Aabb;
+
+/// All that a visitor was given.
+#[derive(Debug, Default)]
+pub(crate) struct Seen {
+    pub(crate) points: Vec<Point>,
+    pub(crate) triangles: Vec<[Point; 3]>,
+    pub(crate) cells: Vec<Aabb>,
+}
+
+impl Seen {
+    pub(crate) fn positions(&self) -> Vec<[f64; 3]> {
+        self.points.iter().map(|point| point.position.to_array()).collect()
+    }
+}
+
+impl Visitor for Seen {
+    fn point(&mut self, point: Point) -> Result<(), Fault> {
+        self.points.push(point);
+        Ok(())
+    }
+
+    fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
+        self.triangles.push(corners);
+        Ok(())
+    }
+
+    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
+        self.cells.push(*cell);
+        Ok(())
+    }
+
+    fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {
+        Ok(())
+    }
+}
+
+type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
+
+/// What `read` hands over of `bytes`.
+pub(crate) fn seen_with(bytes: &[u8], options: &ReadOptions, read: Read) -> Result<Seen, Fault> {
+    let mut seen = Seen::default();
+    read(&mut Input::of_bytes(bytes), options, &mut seen)?;
+    Ok(seen)
+}
