@@ -3,8 +3,9 @@
 use std::fmt;
 use std::io::BufRead;
 
+use super::super::error::excerpt;
 use super::super::{Fault, Input, Visitor};
-use super::header::{Element, Encoding, Kind, Scalar, shown};
+use super::header::{Element, Encoding, Kind, Scalar};
 
 /// Bytes that are decoded at once; more than the largest record without lists.
 const CHUNK: usize = 1 << 16;
@@ -224,10 +225,14 @@ impl<'i, 'a> Body<'i, 'a> {
 
     /// The length of a list, which the rest of the file can hold.
     fn length(&mut self, count: Scalar, item: Scalar) -> Result<u64, Fault> {
-        let place = self.place();
+        let mut place = self.place();
         let length = self.number(count)?;
-        let (size, spare) = if self.encoding == Encoding::Ascii { (2, 1) } else { (item.size() as u64, 0) };
-        let room = (self.input.left() + spare) / size;
+        if self.encoding == Encoding::Ascii {
+            // Blank lines may have come before.
+            place = self.place();
+        }
+        // Of text, an item is a blank and a digit at least.
+        let room = self.input.left() / if self.encoding == Encoding::Ascii { 2 } else { item.size() as u64 };
         if length < 0.0 || length > room as f64 {
             return Err(Fault::malformed(place.to_string(), format!("a list's length from 0 to {room}"), length));
         }
@@ -249,8 +254,8 @@ impl<'i, 'a> Body<'i, 'a> {
         }
         self.token()?;
         scalar.parse(&self.token).ok_or_else(|| {
-            let found = shown(&String::from_utf8_lossy(&self.token));
-            Fault::malformed(self.place().to_string(), format!("a number of the type {scalar:?}"), found)
+            let expected = format!("a number of the type {scalar:?}");
+            Fault::malformed(self.place().to_string(), expected, excerpt(&self.token))
         })
     }
 

@@ -43,9 +43,10 @@ impl Surface {
         if element.count == 0 {
             return Ok(None);
         }
-        let list = names.iter().find_map(|name| element.property(name)).filter(|&list| {
-            matches!(element.properties[list].kind, Kind::List { item, .. } if item.is_integer())
-        });
+        let list = names
+            .iter()
+            .find_map(|name| element.property(name))
+            .filter(|&list| matches!(element.properties[list].kind, Kind::List { item, .. } if item.is_integer()));
         let expected = || format!("a list of integers {} of the element {}", names.join(" or "), element.name);
         let list = list.ok_or_else(|| Fault::malformed("the header", expected(), "none"))?;
         Ok(Some(Self { list, shape }))

@@ -1,5 +1,6 @@
 //! What a PLY file declares: its encoding, and its elements with their properties.
 
+use super::super::error::excerpt;
 use super::super::{Fault, Input};
 
 /// Lines, elements and properties of one element that a header may have. The headers of splats have about 70 properties.
@@ -171,7 +172,7 @@ impl Header {
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
             let line = String::from_utf8_lossy(&bytes);
             let words: Vec<&str> = line.split_ascii_whitespace().take(6).collect();
-            let wrong = |expected: &str| Fault::malformed(format!("line {lines}"), expected, shown(&line));
+            let wrong = |expected: &str| Fault::malformed(format!("line {lines}"), expected, excerpt(&bytes));
             if lines == 1 {
                 if words != ["ply"] {
                     return Err(wrong("ply"));
@@ -246,13 +247,4 @@ fn check_counts(elements: &[Element], encoding: Encoding, input: &Input<'_>) -> 
         }
     }
     Ok(())
-}
-
-/// The beginning of a line, for messages.
-pub(super) fn shown(line: &str) -> String {
-    let mut shown: String = line.chars().take(40).collect::<String>().escape_debug().to_string();
-    if line.chars().nth(40).is_some() {
-        shown.push('…');
-    }
-    format!("\"{shown}\"")
 }

@@ -131,7 +131,9 @@ fn every_type_of_number_has_two_names() {
     for (old, new, letter, x) in types {
         for name in [old, new] {
             let header = |format: &str| {
-                format!("ply\nformat {format} 1.0\nelement vertex 1\nproperty {name} x\nproperty {name} y\nproperty {name} z\nend_header\n")
+                format!(
+                    "ply\nformat {format} 1.0\nelement vertex 1\nproperty {name} x\nproperty {name} y\nproperty {name} z\nend_header\n"
+                )
             };
             let expected = vec![[x, 0.0, 1.0]];
             let ascii = format!("{}{x} 0 1", header("ascii"));
@@ -270,8 +272,10 @@ fn headers_that_are_none() {
     for (file, message) in cases {
         assert_eq!(fault(file), message);
     }
-    let no_list = format!("ply\nformat ascii 1.0\n{vertex}element face 1\nproperty int vertex_indices\nend_header\n0 0 0\n0\n");
-    let message = "the header: expected a list of integers vertex_indices or vertex_index of the element face, found none";
+    let no_list =
+        format!("ply\nformat ascii 1.0\n{vertex}element face 1\nproperty int vertex_indices\nend_header\n0 0 0\n0\n");
+    let message =
+        "the header: expected a list of integers vertex_indices or vertex_index of the element face, found none";
     assert_eq!(fault(no_list), message);
 }
 
@@ -292,10 +296,11 @@ fn endless_headers_are_not_read_to_their_end() {
 fn counts_that_the_file_cannot_hold_are_refused_before_anything_is_set_aside() {
     let vertex = "property float x\nproperty float y\nproperty float z\n";
     let binary = format!("ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\n{vertex}end_header\n");
-    let message = "byte 119: expected 48000000000 bytes or more up to the last of 4000000000 × vertex, found 0 bytes";
+    let message = "byte 124: expected 48000000000 bytes or more up to the last of 4000000000 × vertex, found 0 bytes";
     assert_eq!(fault(binary), message);
     let most = format!("ply\nformat ascii 1.0\nelement vertex 18446744073709551615\n{vertex}end_header\n0 0 0\n");
-    let message = "expected 18446744073709551615 bytes or more up to the last of 18446744073709551615 × vertex, found 6 bytes";
+    let message =
+        "expected 18446744073709551615 bytes or more up to the last of 18446744073709551615 × vertex, found 6 bytes";
     assert!(fault(most).ends_with(message));
     let faces = "element face 1000000\nproperty list uchar int vertex_indices\n";
     let message = "expected 2000006 bytes or more up to the last of 1000000 × face, found 12 bytes";
@@ -314,27 +319,33 @@ fn lists_longer_than_the_file_or_negative_are_refused() {
     file.extend(bytes(&[('i', -1.0), ('i', 0.0)], false));
     assert_eq!(fault(&file), format!("byte {start}: expected a list's length from 0 to 1, found -1"));
     let text = |data: &str| ascii("float", 1, "element face 1\nproperty list int int vertex_indices\n", data);
-    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 10: expected a list's length from 0 to 3, found 4");
-    assert_eq!(fault(text("0 0 0\n3 0 0 -1\n")), "line 10: expected a vertex from 0 to below 1, found -1");
+    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 11: expected a list's length from 0 to 3, found 4");
+    assert_eq!(fault(text("0 0 0\n3 0 0 -1\n")), "line 11: expected a vertex from 0 to below 1, found -1");
 }
 
 #[test]
 fn data_that_are_none() {
     let cases = [
-        ("0 0 0\n1 0\n0 1 0\n3 0 1 2\n", "line 11: expected the end of the line after the last property of vertex, found more"),
-        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 10: expected a number of the type F32, found \"zero\""),
-        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 10: expected a number of the type F32, found \"é\""),
-        ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 10: expected finite coordinates, found [1, 0, NaN]"),
-        ("0 0 0\n1e99 0 0\n0 1 0\n3 0 1 2\n", "line 10: expected finite coordinates, found [inf, 0, 0]"),
-        ("0 0 0\n1 0 0\n0 1 0\n3 0 1\n         ", "line 13: expected a number, found the end of the file"),
-        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 12: expected a number of the type U8, found \"256\""),
+        (
+            "0 0 0\n1 0\n0 1 0\n3 0 1 2\n",
+            "line 12: expected the end of the line after the last property of vertex, found more",
+        ),
+        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11: expected a number of the type F32, found \"zero\""),
+        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11: expected a number of the type F32, found \"é\""),
+        ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [1, 0, NaN]"),
+        ("0 0 0\n1e99 0 0\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [inf, 0, 0]"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1\n         ", "line 14: expected a number, found the end of the file"),
+        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 13: expected a number of the type U8, found \"256\""),
     ];
     for (data, message) in cases {
         let file = ascii("float", 3, TRIANGLE, data);
         assert_eq!(fault(&file), message, "{data}");
     }
     let long = format!("0 0 {}", "1".repeat(2000));
-    assert_eq!(fault(ascii("float", 1, "", &long)), "line 8: expected a number of at most 1024 characters, found a longer one");
+    assert_eq!(
+        fault(ascii("float", 1, "", &long)),
+        "line 8: expected a number of at most 1024 characters, found a longer one"
+    );
     let header = "ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
     let values = bytes(&[('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', f64::INFINITY), ('f', 0.0)], true);
     let message = format!("byte {}: expected finite coordinates, found [0, inf, 0]", header.len() + 12);

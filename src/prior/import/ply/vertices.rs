@@ -7,7 +7,8 @@ use super::body::{Body, Place};
 use super::header::{Element, Kind, Scalar};
 
 /// Names of the three colour channels.
-const CHANNELS: [[&str; 3]; 3] = [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
+const CHANNELS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 /// Which properties of a vertex count.
 pub(super) struct Columns {
