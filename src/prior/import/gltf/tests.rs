@@ -119,10 +119,10 @@ fn a_mesh_reads_alike_from_all_places_of_buffers() {
 #[test]
 fn colours_become_srgb() {
     let seen = seen(&with(&[("/meshes/0/primitives/0/attributes/COLOR_0", json!(1))]));
-    // 55/255 linear is 128 in sRGB; 188 is 222, 1 is 13, 128 is 188.
+    // 55/255 linear is 128 in sRGB; 188 is 223, 1 is 13, 128 is 188.
     assert_eq!(
         seen.triangles[0].map(|corner| corner.color),
-        [Some([255, 0, 128]), Some([0, 0, 0]), Some([222, 13, 188])]
+        [Some([255, 0, 128]), Some([0, 0, 0]), Some([223, 13, 188])]
     );
     let bytes = floats(&[0.0, 0.2158605, 1.0, 2.0, -1.0, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let floats = with(&[
@@ -284,6 +284,10 @@ fn documents_that_are_none() {
     let deep = format!("{{\"asset\": {}", "[".repeat(100_000));
     assert!(text(&deep).starts_with("the JSON: expected a glTF document, found invalid type: sequence"));
     let deep = format!("{{\"extras\": {}", "[".repeat(100_000));
+    assert!(text(&deep).starts_with("the JSON: expected a glTF document, found EOF"));
+    let deep = with(&[("/accessors/0/min", json!("deep"))])
+        .to_string()
+        .replace("\"deep\"", &format!("{}{}", "[".repeat(100_000), "]".repeat(100_000)));
     assert!(text(&deep).starts_with("the JSON: expected a glTF document, found recursion limit exceeded"));
     let many = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{}{{}}]}}", "{},".repeat(1 << 20));
     assert!(text(&many).contains("found invalid length 1048577, expected a list of at most 1048576"));
@@ -402,7 +406,7 @@ fn bytes_that_are_not_there() {
     }
     let infinite = floats(&[0., 0., 0., f32::INFINITY, 0., 0., 0., 0., 0., 0., 0., 0.]);
     let infinite = [infinite, quad()[48..].to_vec()].concat();
-    let message = "vertex 1 of primitive 0 of mesh 0: expected finite coordinates, found [inf, 0, 0]";
+    let message = "vertex 1 of primitive 0 of mesh 0: expected finite coordinates, found [inf, NaN, NaN]";
     assert_eq!(fault(&with(&[("/buffers/0/uri", json!(data(&infinite)))])), message);
 }
 

@@ -303,7 +303,7 @@ fn counts_that_the_file_cannot_hold_are_refused_before_anything_is_set_aside() {
         "expected 18446744073709551615 bytes or more up to the last of 18446744073709551615 × vertex, found 6 bytes";
     assert!(fault(most).ends_with(message));
     let faces = "element face 1000000\nproperty list uchar int vertex_indices\n";
-    let message = "expected 2000006 bytes or more up to the last of 1000000 × face, found 12 bytes";
+    let message = "expected 2000006 bytes or more up to the last of 1000000 × face, found 13 bytes";
     assert!(fault(ascii("float", 1, faces, "0 0 0\n3 0 0 0")).ends_with(message));
 }
 
