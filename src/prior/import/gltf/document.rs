@@ -105,7 +105,7 @@ impl Document {
 
 /// The entry `index` of `list`, which is one of `what`.
 pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, Fault> {
-    let missing = || Fault::malformed("the JSON", format!("a {what} below {}", list.len()), format!("{what} {index}"));
+    let missing = || Fault::malformed("the JSON", format!("an index below {}", list.len()), format!("{what} {index}"));
     list.get(index.value()).ok_or_else(missing)
 }
 

@@ -300,18 +300,18 @@ fn documents_that_are_none() {
 fn indices_and_types_that_are_wrong() {
     let primitive = "primitive 0 of mesh 0: ";
     let cases: Vec<(&str, Value, String)> = vec![
-        ("/scene", json!(1), "the JSON: expected a scene below 1, found scene 1".into()),
-        ("/scenes/0/nodes/0", json!(7), "the JSON: expected a node below 1, found node 7".into()),
-        ("/nodes/0/mesh", json!(7), "the JSON: expected a mesh below 1, found mesh 7".into()),
+        ("/scene", json!(1), "the JSON: expected an index below 1, found scene 1".into()),
+        ("/scenes/0/nodes/0", json!(7), "the JSON: expected an index below 1, found node 7".into()),
+        ("/nodes/0/mesh", json!(7), "the JSON: expected an index below 1, found mesh 7".into()),
         (
             "/meshes/0/primitives/0/attributes/POSITION",
             json!(7),
-            "the JSON: expected a accessor below 3, found accessor 7".into(),
+            "the JSON: expected an index below 3, found accessor 7".into(),
         ),
-        ("/meshes/0/primitives/0/indices", json!(7), "the JSON: expected a accessor below 3, found accessor 7".into()),
+        ("/meshes/0/primitives/0/indices", json!(7), "the JSON: expected an index below 3, found accessor 7".into()),
         ("/meshes/0/primitives/0/mode", json!(7), format!("{primitive}expected a mode from 0 to 6, found another")),
-        ("/accessors/0/bufferView", json!(7), "the JSON: expected a buffer view below 3, found buffer view 7".into()),
-        ("/bufferViews/0/buffer", json!(7), "the JSON: expected a buffer below 1, found buffer 7".into()),
+        ("/accessors/0/bufferView", json!(7), "the JSON: expected an index below 3, found buffer view 7".into()),
+        ("/bufferViews/0/buffer", json!(7), "the JSON: expected an index below 1, found buffer 7".into()),
         ("/accessors/0/type", json!("VEC9"), "accessor 0: expected a known type of numbers, found another".into()),
         (
             "/accessors/0/componentType",
@@ -464,7 +464,7 @@ fn nodes_that_are_no_tree() {
         "node 0: expected one place in the scene, found another, or a cycle"
     );
     assert_eq!(nodes(json!([{"children": [1, 1, 1, 1]}, {}])), "children: at most 2 are read, found 3");
-    assert_eq!(nodes(json!([{"children": [9]}])), "the JSON: expected a node below 1, found node 9");
+    assert_eq!(nodes(json!([{"children": [9]}])), "the JSON: expected an index below 1, found node 9");
     assert!(
         nodes(json!([{"mesh": 0, "rotation": [0, 0, 0, 0]}])).starts_with("node 0: expected a rotation of length 1")
     );
