@@ -167,9 +167,10 @@ fn of_a_mesh_the_vertices_alone_can_be_had() {
 
 #[test]
 fn nodes_turn_move_and_repeat_a_mesh() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
     let nodes = json!([
         {"children": [1, 2], "translation": [10, 0, 0], "scale": [2, 2, 2]},
-        {"mesh": 0, "rotation": [0, 0, 0.70710678, 0.70710678], "translation": [0, 0, 1]},
+        {"mesh": 0, "rotation": [0, 0, half, half], "translation": [0, 0, 1]},
         {"children": [3]},
         {"mesh": 0, "matrix": [-1, 0, 0, 0,  0, 1, 0, 0,  0, 0, 1, 0,  0, 5, 0, 1]},
         {"mesh": 0, "translation": [1000, 0, 0]},
