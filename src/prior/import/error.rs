@@ -78,3 +78,13 @@ pub struct ImportError {
     #[source]
     pub fault: Fault,
 }
+
+/// The beginning of a text, in quotation marks, with nothing in it that a terminal would obey.
+pub(super) fn excerpt(text: &[u8]) -> String {
+    const CHARACTERS: usize = 40;
+    // A character is at most four bytes, so that a long text is not turned whole.
+    let start = String::from_utf8_lossy(&text[..text.len().min(4 * CHARACTERS)]);
+    let end = start.char_indices().nth(CHARACTERS).map_or(start.len(), |(end, _)| end);
+    let more = if end < start.len() || text.len() > 4 * CHARACTERS { "…" } else { "" };
+    format!("\"{}{more}\"", start[..end].escape_debug())
+}

@@ -188,6 +188,18 @@ impl Read for Input<'_> {
     }
 }
 
+/// For readers that look for ends in what is buffered.
+impl BufRead for Input<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        self.source.fill_buf()
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.source.consume(amount);
+        self.offset += amount as u64;
+    }
+}
+
 impl Seek for Input<'_> {
     /// Keeps what is buffered where the place is near: readers of archives seek for every few bytes.
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {

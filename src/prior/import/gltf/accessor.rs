@@ -1,0 +1,189 @@
+//! Numbers of an accessor, after every bound has been checked.
+
+use gltf::json::accessor::{ComponentType, Type, sparse};
+use gltf::json::buffer::View;
+use gltf::json::validation::{Checked, USize64};
+use gltf::json::{Accessor, Index};
+
+use super::super::Fault;
+use super::buffers::Buffers;
+use super::document::{Budget, get};
+
+/// Elements of an accessor that no bytes stand behind: they are zeros.
+const MAX_ZEROS: u64 = 1 << 24;
+
+/// The elements of an accessor, in place.
+pub(super) struct Values<'b> {
+    pub(super) count: u64,
+    pub(super) shape: Type,
+    pub(super) component: ComponentType,
+    pub(super) normalized: bool,
+    /// None for zeros.
+    base: Option<Strided<'b>>,
+    sparse: Option<Sparse<'b>>,
+}
+
+/// Elements at even distances.
+#[derive(Clone, Copy)]
+struct Strided<'b> {
+    bytes: &'b [u8],
+    stride: usize,
+    size: usize,
+}
+
+/// Elements that replace others: `indices` ascend.
+struct Sparse<'b> {
+    count: usize,
+    indices: Strided<'b>,
+    index: ComponentType,
+    values: Strided<'b>,
+}
+
+impl<'b> Strided<'b> {
+    /// `count` elements of `size` bytes, from `offset` in `view`.
+    fn of(
+        buffers: &'b Buffers<'_>,
+        index: Index<View>,
+        offset: USize64,
+        size: usize,
+        count: u64,
+    ) -> Result<Self, Fault> {
+        let view = get(&buffers.document.buffer_views, index, "buffer view")?;
+        let wrong = |expected: String, found: String| Fault::malformed(format!("buffer view {index}"), expected, found);
+        let bytes = buffers.bytes(view.buffer)?;
+        let start = view.byte_offset.unwrap_or_default().0;
+        let part = start.checked_add(view.byte_length.0).and_then(|end| bytes.get(start as usize..end as usize));
+        let part = part.ok_or_else(|| {
+            let found = format!("{} from byte {start} on", view.byte_length.0);
+            wrong(format!("bytes of the {} of its buffer", bytes.len()), found)
+        })?;
+        let stride = view.byte_stride.map_or(size, |stride| stride.0);
+        if stride < size {
+            return Err(wrong(format!("a stride of at least {size}"), stride.to_string()));
+        }
+        if count == 0 {
+            return Ok(Self { bytes: &[], stride, size });
+        }
+        let needed = (count - 1)
+            .checked_mul(stride as u64)
+            .and_then(|before| before.checked_add(size as u64))
+            .and_then(|length| length.checked_add(offset.0));
+        match needed {
+            Some(needed) if needed <= part.len() as u64 => Ok(Self { bytes: &part[offset.0 as usize..], stride, size }),
+            _ => Err(wrong(
+                format!("{count} elements of {size} bytes from byte {} on, {stride} apart", offset.0),
+                format!("{} bytes", part.len()),
+            )),
+        }
+    }
+
+    fn element(&self, n: usize) -> &'b [u8] {
+        &self.bytes[n * self.stride..][..self.size]
+    }
+}
+
+impl<'b> Sparse<'b> {
+    /// The replacements in an accessor of `count` elements of `size` bytes.
+    fn of(
+        buffers: &'b Buffers<'_>,
+        json: &sparse::Sparse,
+        size: usize,
+        count: u64,
+        place: &dyn Fn() -> String,
+        budget: &mut Budget,
+    ) -> Result<Self, Fault> {
+        let Checked::Valid(gltf::json::accessor::IndexComponentType(index)) = json.indices.component_type else {
+            return Err(Fault::malformed(place(), "sparse indices of a known type", "others"));
+        };
+        let n = json.count.0;
+        let indices = Strided::of(buffers, json.indices.buffer_view, json.indices.byte_offset, index.size(), n)?;
+        let values = Strided::of(buffers, json.values.buffer_view, json.values.byte_offset, size, n)?;
+        budget.spend(n)?;
+        let sparse = Self { count: n as usize, indices, index, values };
+        let mut least = 0;
+        for n in 0..sparse.count {
+            let index = sparse.index(n);
+            if index < least || index >= count {
+                let expected = format!("sparse indices that ascend from 0 to below {count}");
+                return Err(Fault::malformed(place(), expected, index));
+            }
+            least = index + 1;
+        }
+        Ok(sparse)
+    }
+
+    fn index(&self, n: usize) -> u64 {
+        number(self.index, self.indices.element(n)) as u64
+    }
+
+    /// What replaces the element `n`, if something does.
+    fn element(&self, n: usize) -> Option<&'b [u8]> {
+        let (mut low, mut high) = (0, self.count);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.index(middle) < n as u64 { low = middle + 1 } else { high = middle }
+        }
+        (low < self.count && self.index(low) == n as u64).then(|| self.values.element(low))
+    }
+}
+
+impl<'b> Values<'b> {
+    /// Those of the accessor `index`.
+    ///
+    /// # Errors
+    ///
+    /// Where they reach past their buffers, or there is nothing behind too many of them.
+    pub(super) fn of(buffers: &'b Buffers<'_>, index: Index<Accessor>, budget: &mut Budget) -> Result<Self, Fault> {
+        let accessor = get(&buffers.document.accessors, index, "accessor")?;
+        let place = || format!("accessor {index}");
+        let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_) else {
+            return Err(Fault::malformed(place(), "a known type of numbers", "another"));
+        };
+        let (count, component) = (accessor.count.0, component.0);
+        let size = component.size() * shape.multiplicity();
+        let offset = accessor.byte_offset.unwrap_or_default();
+        let base = match accessor.buffer_view {
+            Some(view) => Some(Strided::of(buffers, view, offset, size, count)?),
+            None => {
+                if accessor.sparse.is_none() {
+                    buffers.document.unless_compressed()?;
+                }
+                Fault::unless_within("elements of an accessor without a buffer view", MAX_ZEROS, count)?;
+                None
+            }
+        };
+        let sparse = accessor.sparse.as_ref();
+        let sparse = sparse.map(|json| Sparse::of(buffers, json, size, count, &place, budget)).transpose()?;
+        Ok(Self { count, shape, component, normalized: accessor.normalized, base, sparse })
+    }
+
+    /// The first `N` numbers of the element `n`, which is below the count; the shape has so many.
+    pub(super) fn vector<const N: usize>(&self, n: usize) -> [f64; N] {
+        let replaced = self.sparse.as_ref().and_then(|sparse| sparse.element(n));
+        let Some(bytes) = replaced.or_else(|| self.base.map(|base| base.element(n))) else { return [0.0; N] };
+        let size = self.component.size();
+        std::array::from_fn(|k| {
+            let value = number(self.component, &bytes[k * size..]);
+            match (self.normalized, self.component) {
+                (true, ComponentType::I8) => (value / 127.0).max(-1.0),
+                (true, ComponentType::U8) => value / 255.0,
+                (true, ComponentType::I16) => (value / 32767.0).max(-1.0),
+                (true, ComponentType::U16) => value / 65535.0,
+                _ => value,
+            }
+        })
+    }
+}
+
+/// The number that `bytes` begin with.
+#[inline]
+fn number(component: ComponentType, bytes: &[u8]) -> f64 {
+    match component {
+        ComponentType::I8 => f64::from(bytes[0] as i8),
+        ComponentType::U8 => f64::from(bytes[0]),
+        ComponentType::I16 => f64::from(i16::from_le_bytes([bytes[0], bytes[1]])),
+        ComponentType::U16 => f64::from(u16::from_le_bytes([bytes[0], bytes[1]])),
+        ComponentType::U32 => f64::from(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])),
+        ComponentType::F32 => f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])),
+    }
+}

@@ -1,0 +1,66 @@
+//! The two forms of a glTF file: JSON alone, or a GLB of chunks.
+
+use super::super::{Fault, Input};
+
+/// Bytes of JSON. Only data URIs make it large; a GLB is the better form then.
+const MAX_JSON: u64 = 256 << 20;
+
+pub(super) struct Container {
+    pub(super) json: Vec<u8>,
+    /// The GLB's chunk BIN.
+    pub(super) blob: Option<Vec<u8>>,
+}
+
+/// Reads either form.
+///
+/// # Errors
+///
+/// Where a GLB's lengths are not those of the file, or it is too much JSON.
+pub(super) fn read(input: &mut Input<'_>) -> Result<Container, Fault> {
+    if input.peek(4)? == b"glTF" {
+        return glb(input);
+    }
+    Ok(Container { json: part(input, input.len(), MAX_JSON, "JSON")?, blob: None })
+}
+
+fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
+    let header: [u8; 12] = input.array("a GLB header")?;
+    let [_, version, length] = [0, 4, 8].map(|at| number(&header[at..]));
+    if version != 2 {
+        return Err(Fault::unsupported(format!("GLB of version {version}"), "convert it to glTF 2"));
+    }
+    if u64::from(length) > input.len() || length < 20 {
+        return Err(Fault::malformed("byte 8", format!("a length from 20 to {}", input.len()), length));
+    }
+    let (mut json, mut blob) = (None, None);
+    while u64::from(length).saturating_sub(input.offset()) >= 8 {
+        let place = input.place();
+        let header: [u8; 8] = input.array("a chunk's header")?;
+        let (size, kind) = (u64::from(number(&header)), &header[4..]);
+        let room = u64::from(length) - input.offset();
+        if size > room {
+            return Err(Fault::malformed(place, format!("a chunk of at most {room} bytes"), size));
+        }
+        match kind {
+            b"JSON" if json.is_none() => json = Some(part(input, size, MAX_JSON, "JSON")?),
+            _ if json.is_none() => return Err(Fault::malformed(place, "a chunk JSON", "another")),
+            b"BIN\0" if blob.is_none() => blob = Some(part(input, size, u64::MAX, "BIN")?),
+            // Chunks of extensions.
+            _ => input.go_to(input.offset() + size)?,
+        }
+    }
+    let json = json.ok_or_else(|| Fault::malformed("byte 12", "a chunk JSON", "none"))?;
+    Ok(Container { json, blob })
+}
+
+fn part(input: &mut Input<'_>, size: u64, most: u64, what: &str) -> Result<Vec<u8>, Fault> {
+    input.expect_left(size, what)?;
+    Fault::unless_within(&format!("bytes of {what}"), most, size)?;
+    let mut bytes = vec![0; size as usize];
+    input.fill(&mut bytes, what)?;
+    Ok(bytes)
+}
+
+fn number(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}

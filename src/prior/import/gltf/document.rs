@@ -1,0 +1,148 @@
+//! The JSON of a glTF file: what concerns geometry, in lists of bounded lengths.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use gltf::json::buffer::View;
+use gltf::json::{Accessor, Buffer, Index, Mesh, Node, Scene};
+use serde::de::{Error as _, SeqAccess};
+use serde::{Deserialize, Deserializer};
+
+use super::super::Fault;
+use super::super::error::excerpt;
+
+/// Entries of one of the document's lists. Two letters of JSON may become hundreds of bytes here.
+const MAX_ENTRIES: usize = 1 << 20;
+/// What all instances of all meshes may cost, in corners.
+const MAX_CORNERS: u64 = 1 << 32;
+
+/// Extensions that change neither where vertices are nor how they are written, by the beginnings of their names; and the one
+/// that allows smaller types, which are all read.
+const HARMLESS: [&str; 6] =
+    ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_punctual", "KHR_mesh_quantization"];
+const COMPRESSION: [&str; 3] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// What is known before the rest is looked at: other versions have other types there.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Preamble {
+    asset: Option<Asset>,
+    #[serde(default, deserialize_with = "few")]
+    extensions_used: Vec<String>,
+    #[serde(default, deserialize_with = "few")]
+    extensions_required: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Asset {
+    version: String,
+}
+
+/// The parts of a document that hold geometry.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Document {
+    #[serde(default, deserialize_with = "few")]
+    pub(super) accessors: Vec<Accessor>,
+    #[serde(default, deserialize_with = "few")]
+    pub(super) buffers: Vec<Buffer>,
+    #[serde(default, deserialize_with = "few")]
+    pub(super) buffer_views: Vec<View>,
+    #[serde(default, deserialize_with = "few")]
+    pub(super) meshes: Vec<Mesh>,
+    #[serde(default, deserialize_with = "few")]
+    pub(super) nodes: Vec<Node>,
+    #[serde(default, deserialize_with = "few")]
+    pub(super) scenes: Vec<Scene>,
+    pub(super) scene: Option<Index<Scene>>,
+    /// The compression that is used, if not required: there may be uncompressed meshes, too.
+    #[serde(skip)]
+    pub(super) compression: Option<&'static str>,
+}
+
+impl Document {
+    /// Parses `json`.
+    ///
+    /// # Errors
+    ///
+    /// Where it is no glTF 2, or uses what is not read.
+    pub(super) fn parse(json: &[u8]) -> Result<Self, Fault> {
+        let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+        let wrong = |error| Fault::malformed("the JSON", "a glTF document", error);
+        let preamble: Preamble = serde_json::from_slice(json).map_err(wrong)?;
+        let version = preamble.asset.map(|asset| asset.version).unwrap_or_else(|| "unknown".into());
+        if version != "2" && !version.starts_with("2.") {
+            let what = format!("glTF of version {}", excerpt(version.as_bytes()));
+            return Err(Fault::unsupported(what, "convert it to glTF 2"));
+        }
+        let refused = |name: &str| {
+            let what = format!("the extension {}", excerpt(name.as_bytes()));
+            Err(Fault::unsupported(what, "export the file without it"))
+        };
+        for name in &preamble.extensions_required {
+            if !HARMLESS.iter().any(|known| name.starts_with(known)) {
+                return refused(name);
+            }
+        }
+        if preamble.extensions_used.iter().any(|name| name == INSTANCING) {
+            return refused(INSTANCING);
+        }
+        let mut document: Self = serde_json::from_slice(json).map_err(wrong)?;
+        document.compression =
+            COMPRESSION.into_iter().find(|name| preamble.extensions_used.iter().any(|used| used == name));
+        Ok(document)
+    }
+
+    /// Refuses what is missing as compressed, where the file uses compression.
+    pub(super) fn unless_compressed(&self) -> Result<(), Fault> {
+        match self.compression {
+            Some(name) => Err(Fault::unsupported(format!("the extension \"{name}\""), "export the file without it")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The entry `index` of `list`, which is one of `what`.
+pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, Fault> {
+    let missing = || Fault::malformed("the JSON", format!("an index below {}", list.len()), format!("{what} {index}"));
+    list.get(index.value()).ok_or_else(missing)
+}
+
+/// A list of at most [`MAX_ENTRIES`].
+fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
+    struct Few<T>(PhantomData<T>);
+    impl<'de, T: Deserialize<'de>> serde::de::Visitor<'de> for Few<T> {
+        type Value = Vec<T>;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(formatter, "a list of at most {MAX_ENTRIES}")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
+            let mut entries = Vec::new();
+            while let Some(entry) = list.next_element()? {
+                if entries.len() == MAX_ENTRIES {
+                    return Err(A::Error::invalid_length(MAX_ENTRIES + 1, &self));
+                }
+                entries.push(entry);
+            }
+            Ok(entries)
+        }
+    }
+    list.deserialize_seq(Few(PhantomData))
+}
+
+/// What is left of [`MAX_CORNERS`]: a few bytes of JSON can ask for one large mesh a million times.
+#[derive(Default)]
+pub(super) struct Budget {
+    spent: u64,
+}
+
+impl Budget {
+    /// Spends `corners`.
+    pub(super) fn spend(&mut self, corners: u64) -> Result<(), Fault> {
+        self.spent = self.spent.saturating_add(corners);
+        Fault::unless_within("corners of all instances", MAX_CORNERS, self.spent)
+    }
+}

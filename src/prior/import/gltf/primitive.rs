@@ -1,0 +1,147 @@
+//! A mesh's primitive: its vertices, how they join, and their colours.
+
+use std::sync::LazyLock;
+
+use glam::{DMat4, DVec3};
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Mode, Primitive as Json};
+use gltf::json::validation::Checked;
+use gltf::mesh::Semantic;
+
+use super::super::{Fault, Point, Visitor};
+use super::accessor::Values;
+use super::buffers::Buffers;
+use super::document::Budget;
+
+/// What a primitive costs that has no corners, in corners.
+const PRIMITIVE_COST: u64 = 64;
+/// Corners between two questions whether to go on.
+const ASK_EVERY: u64 = 1 << 17;
+
+pub(super) struct Primitive<'b> {
+    mode: Mode,
+    positions: Values<'b>,
+    colors: Option<Values<'b>>,
+    indices: Option<Values<'b>>,
+}
+
+impl<'b> Primitive<'b> {
+    /// The primitive `json` at `place`; none where it has no positions, or is of lines.
+    ///
+    /// # Errors
+    ///
+    /// Where its accessors are not of the types that the format says.
+    pub(super) fn of(
+        json: &Json,
+        place: &dyn Fn() -> String,
+        buffers: &'b Buffers<'_>,
+        budget: &mut Budget,
+    ) -> Result<Option<Self>, Fault> {
+        budget.spend(PRIMITIVE_COST)?;
+        let wrong = |expected: &str, found: String| Err(Fault::malformed(place(), expected, found));
+        let mode = match json.mode {
+            Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => return Ok(None),
+            Checked::Valid(mode) => mode,
+            Checked::Invalid => return wrong("a mode from 0 to 6", "another".into()),
+        };
+        let mut attribute = |semantic| {
+            let accessor = json.attributes.get(&Checked::Valid(semantic));
+            accessor.map(|&accessor| Values::of(buffers, accessor, budget)).transpose()
+        };
+        let Some(positions) = attribute(Semantic::Positions)? else { return Ok(None) };
+        let colors = attribute(Semantic::Colors(0))?;
+        let indices = json.indices.map(|accessor| Values::of(buffers, accessor, budget)).transpose()?;
+
+        // KHR_mesh_quantization allows the small integers.
+        if positions.shape != Type::Vec3 || positions.component == ComponentType::U32 {
+            return wrong("positions of three floats or small integers", types(&positions));
+        }
+        if let Some(colors) = &colors {
+            let is_known = match colors.component {
+                ComponentType::F32 => true,
+                ComponentType::U8 | ComponentType::U16 => colors.normalized,
+                _ => false,
+            };
+            if !is_known || !matches!(colors.shape, Type::Vec3 | Type::Vec4) {
+                return wrong("colours of floats or normalised small integers", types(colors));
+            }
+            if colors.count != positions.count {
+                return wrong(&format!("{} colours", positions.count), colors.count.to_string());
+            }
+        }
+        if let Some(indices) = &indices {
+            let is_unsigned = matches!(indices.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+            if indices.shape != Type::Scalar || !is_unsigned || indices.normalized {
+                return wrong("indices of unsigned integers", types(indices));
+            }
+        }
+        Ok(Some(Self { mode, positions, colors, indices }))
+    }
+
+    /// Hands over the triangles or points where `world` places them, or only the vertices. The file's `bytes` are all read.
+    pub(super) fn hand_over(
+        &self,
+        world: &DMat4,
+        only_vertices: bool,
+        place: &dyn Fn() -> String,
+        budget: &mut Budget,
+        bytes: u64,
+        visitor: &mut dyn Visitor,
+    ) -> Result<(), Fault> {
+        let indices = self.indices.as_ref().filter(|_| !only_vertices);
+        let count = indices.map_or(self.positions.count, |indices| indices.count);
+        budget.spend(count)?;
+        let corner = |n: u64| {
+            let vertex = match indices {
+                Some(indices) => indices.vector::<1>(n as usize)[0] as u64,
+                None => n,
+            };
+            if vertex >= self.positions.count {
+                return Err(Fault::malformed(place(), format!("an index below {}", self.positions.count), vertex));
+            }
+            self.point(vertex as usize, world, place)
+        };
+        if only_vertices || self.mode == Mode::Points {
+            for n in 0..count {
+                visitor.point(corner(n)?)?;
+                if n % ASK_EVERY == ASK_EVERY - 1 {
+                    visitor.progress(bytes, bytes)?;
+                }
+            }
+            return Ok(());
+        }
+        let triangles = if self.mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
+        for n in 0..triangles {
+            let [a, b, c] = match self.mode {
+                Mode::TriangleStrip => [n, n + 1 + n % 2, n + 2 - n % 2],
+                Mode::TriangleFan => [n + 1, n + 2, 0],
+                _ => [3 * n, 3 * n + 1, 3 * n + 2],
+            };
+            visitor.triangle([corner(a)?, corner(b)?, corner(c)?])?;
+            if n % ASK_EVERY == ASK_EVERY - 1 {
+                visitor.progress(bytes, bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn point(&self, vertex: usize, world: &DMat4, place: &dyn Fn() -> String) -> Result<Point, Fault> {
+        let position = world.transform_point3(DVec3::from_array(self.positions.vector(vertex)));
+        let color = self.colors.as_ref().map(|colors| colors.vector(vertex).map(srgb));
+        Point::new(position, color, || format!("vertex {vertex} of {}", place()))
+    }
+}
+
+/// What an accessor holds, for messages.
+fn types(values: &Values<'_>) -> String {
+    format!("{}{:?} of {:?}", if values.normalized { "normalised " } else { "" }, values.shape, values.component)
+}
+
+/// The sRGB byte of a linear value from 0 to 1. The table is finer than a byte's steps everywhere.
+fn srgb(linear: f64) -> u8 {
+    static BYTES: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let encoded = |x: f64| if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+        (0..=u16::MAX).map(|n| (encoded(f64::from(n) / 65535.0) * 255.0).round() as u8).collect()
+    });
+    BYTES[(linear.clamp(0.0, 1.0) * 65535.0).round() as usize]
+}

@@ -1,0 +1,133 @@
+//! What `tobj` is shown of an OBJ file: vertices and polygons that have been checked.
+
+use std::io::{self, BufRead, Read, Write};
+
+use super::super::error::excerpt;
+use super::super::{Fault, Visitor};
+use super::statements::Statements;
+
+/// Corners after which a new group begins. `tobj` sets about a hundred bytes aside for each face of a group.
+const GROUP: usize = 1 << 20;
+
+/// The checked statements as text.
+pub(super) struct Guard<'g, 'a> {
+    statements: Statements<'g, 'a>,
+    visitor: &'g mut dyn Visitor,
+    /// One statement as `tobj` is to see it, and how much of it has been read.
+    text: Vec<u8>,
+    read: usize,
+    vertices: u64,
+    /// Whether the vertices have colours: the first one says.
+    colored: bool,
+    /// Corners since the last group.
+    corners: usize,
+    fault: Option<Fault>,
+}
+
+impl<'g, 'a> Guard<'g, 'a> {
+    pub(super) fn new(statements: Statements<'g, 'a>, visitor: &'g mut dyn Visitor) -> Self {
+        let (text, fault) = (Vec::new(), None);
+        Self { statements, visitor, text, read: 0, vertices: 0, colored: false, corners: 0, fault }
+    }
+
+    /// What was wrong, if something was.
+    pub(super) fn end(self) -> Option<Fault> {
+        self.fault
+    }
+
+    /// Puts the next statement that counts into the text; none at the end.
+    fn advance(&mut self) -> Result<(), Fault> {
+        self.text.clear();
+        self.read = 0;
+        while self.text.is_empty() && self.statements.advance(self.visitor)? {
+            match self.statements.keyword() {
+                b"v" => self.vertex()?,
+                b"f" => self.face()?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn vertex(&mut self) -> Result<(), Fault> {
+        let colored = self.statements.vertex()?.color.is_some();
+        if self.vertices == 0 {
+            self.colored = colored;
+        }
+        // tobj would give the colours to other vertices.
+        if colored != self.colored {
+            let expected =
+                if self.colored { "a colour, as the first vertex has" } else { "no colour, as at the first vertex" };
+            return Err(self.statements.wrong(expected));
+        }
+        self.vertices += 1;
+        self.text.push(b'v');
+        for word in self.statements.words() {
+            self.text.push(b' ');
+            self.text.extend_from_slice(word);
+        }
+        self.text.push(b'\n');
+        Ok(())
+    }
+
+    /// Only the vertices of the corners, counted from 1; nothing of faces that are no polygons.
+    fn face(&mut self) -> Result<(), Fault> {
+        self.text.push(b'f');
+        let mut corners = 0;
+        for word in self.statements.words() {
+            let Some(vertex) = self.corner(word) else {
+                let expected = format!("corners of the {} vertices above", self.vertices);
+                let place = format!("line {}", self.statements.line());
+                return Err(Fault::malformed(place, expected, excerpt(word)));
+            };
+            write!(self.text, " {vertex}")?;
+            corners += 1;
+        }
+        if corners < 3 {
+            self.text.clear();
+            return Ok(());
+        }
+        self.text.push(b'\n');
+        self.corners += corners;
+        if self.corners >= GROUP {
+            self.text.extend_from_slice(b"g\n");
+            self.corners = 0;
+        }
+        Ok(())
+    }
+
+    /// The vertex of a corner `vertex/texture/normal`, from 1.
+    fn corner(&self, word: &[u8]) -> Option<u64> {
+        let vertex = word.split(|&b| b == b'/').next()?;
+        let vertex: i64 = std::str::from_utf8(vertex).ok()?.parse().ok()?;
+        let vertex = if vertex < 0 { self.vertices.checked_sub(vertex.unsigned_abs())? + 1 } else { vertex as u64 };
+        (1..=self.vertices).contains(&vertex).then_some(vertex)
+    }
+}
+
+impl BufRead for Guard<'_, '_> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.read == self.text.len()
+            && self.fault.is_none()
+            && let Err(fault) = self.advance()
+        {
+            self.fault = Some(fault);
+        }
+        match self.fault {
+            Some(_) => Err(io::Error::other("see the guard's fault")),
+            None => Ok(&self.text[self.read..]),
+        }
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.read += amount;
+    }
+}
+
+impl Read for Guard<'_, '_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(bytes)?;
+        self.consume(read);
+        Ok(read)
+    }
+}

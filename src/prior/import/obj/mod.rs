@@ -1,0 +1,93 @@
+//! OBJ: Wavefront's meshes, through `tobj`.
+//!
+//! Read: vertices with their colours (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without polygons is a
+//! cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are passed over; `mtllib` opens no
+//! file. Faces may count vertices from either end, but only those above them; free-form surfaces are refused.
+//!
+//! `tobj` overflows on some indices, shifts colours that are not at every vertex, wants UTF-8 and reports no lines. So a
+//! [`Guard`] stands before it, which checks every statement and lets it see only vertices and polygons that are right.
+//! `tobj` holds the whole mesh in memory, up to about seven bytes for one of the file: hence [`MAX_BYTES`].
+
+mod guard;
+mod statements;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+
+use super::{Fault, Input, Point, ReadOptions, Visitor};
+use guard::Guard;
+use statements::Statements;
+
+/// Bytes of a mesh's file; clouds may be of any size.
+pub const MAX_BYTES: u64 = 4 << 30;
+/// Triangles between two questions whether to go on.
+const ASK_EVERY: usize = 1 << 16;
+
+/// Reads `input`.
+///
+/// # Errors
+///
+/// Where it is not what the format says, and those of `visitor`.
+pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    if options.vertices || !has_polygons(input, visitor)? {
+        return hand_over_vertices(input, visitor);
+    }
+    Fault::unless_within("bytes of an OBJ mesh", MAX_BYTES, input.len())?;
+    let mut guard = Guard::new(Statements::from_start(input)?, visitor);
+    let loaded = tobj::load_obj_buf(&mut guard, &tobj::GPU_LOAD_OPTIONS, |_| Err(tobj::LoadError::OpenFileFailed));
+    let (models, _) = match (guard.end(), loaded) {
+        (Some(fault), _) => return Err(fault),
+        (None, Ok(loaded)) => loaded,
+        (None, Err(error)) => return Err(Fault::malformed("the mesh", "vertices and faces", error)),
+    };
+
+    let mut count = 0;
+    for tobj::Model { mesh, .. } in &models {
+        let corner = |n: u32| {
+            let at = 3 * n as usize;
+            let three = |values: &[f64]| values.get(at..at + 3).map(DVec3::from_slice);
+            let color = three(&mesh.vertex_color).map(statements::color);
+            Point::new(three(&mesh.positions).unwrap_or(DVec3::NAN), color, || "a face".into())
+        };
+        for corners in mesh.indices.chunks_exact(3) {
+            visitor.triangle([corner(corners[0])?, corner(corners[1])?, corner(corners[2])?])?;
+            count += 1;
+            if count % ASK_EVERY == 0 {
+                visitor.progress(input.len(), input.len())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether there is a face that is no point and no line.
+fn has_polygons(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<bool, Fault> {
+    let mut statements = Statements::from_start(input)?;
+    while statements.advance(visitor)? {
+        match statements.keyword() {
+            b"f" if statements.words().nth(2).is_some() => return Ok(true),
+            b"surf" => {
+                let what = format!("the free-form surface in line {}", statements.line());
+                return Err(Fault::unsupported(what, "export it as polygons"));
+            }
+            _ => {}
+        }
+    }
+    Ok(false)
+}
+
+fn hand_over_vertices(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let mut statements = Statements::from_start(input)?;
+    let mut none = true;
+    while statements.advance(visitor)? {
+        if statements.keyword() == b"v" {
+            none = false;
+            visitor.point(statements.vertex()?)?;
+        }
+    }
+    if none {
+        return Err(Fault::malformed("the end of the file", "a vertex", "none"));
+    }
+    Ok(())
+}

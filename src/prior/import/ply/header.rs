@@ -1,0 +1,250 @@
+//! What a PLY file declares: its encoding, and its elements with their properties.
+
+use super::super::error::excerpt;
+use super::super::{Fault, Input};
+
+/// Lines, elements and properties of one element that a header may have. The headers of splats have about 70 properties.
+const MAX_LINES: u64 = 10_000;
+const MAX_ELEMENTS: u64 = 256;
+const MAX_PROPERTIES: u64 = 1024;
+/// Bytes of a header's line: comments are sometimes long.
+const MAX_LINE: usize = 1 << 16;
+
+/// How the values after the header are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A number's type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+/// What one property of an element is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+#[derive(Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// Lines up to the data.
+    pub(super) lines: u64,
+}
+
+impl Scalar {
+    /// By either of its names.
+    fn of(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// In bytes.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Self::F32 | Self::F64)
+    }
+
+    /// Whether an f32 holds each of its values.
+    pub(super) fn fits_f32(self) -> bool {
+        !matches!(self, Self::I32 | Self::U32 | Self::F64)
+    }
+
+    /// The number that `bytes` begin with. An f64 holds every value of every type.
+    #[inline]
+    pub(super) fn decode(self, bytes: &[u8], big_endian: bool) -> f64 {
+        macro_rules! number {
+            ($type:ty) => {{
+                let mut own = [0; size_of::<$type>()];
+                own.copy_from_slice(&bytes[..size_of::<$type>()]);
+                f64::from(if big_endian { <$type>::from_be_bytes(own) } else { <$type>::from_le_bytes(own) })
+            }};
+        }
+        match self {
+            Self::I8 => number!(i8),
+            Self::U8 => number!(u8),
+            Self::I16 => number!(i16),
+            Self::U16 => number!(u16),
+            Self::I32 => number!(i32),
+            Self::U32 => number!(u32),
+            Self::F32 => number!(f32),
+            Self::F64 => number!(f64),
+        }
+    }
+
+    /// The number that `token` is, if it is one of this type.
+    pub(super) fn parse(self, token: &[u8]) -> Option<f64> {
+        let token = std::str::from_utf8(token).ok()?;
+        match self {
+            Self::I8 => token.parse::<i8>().ok().map(f64::from),
+            Self::U8 => token.parse::<u8>().ok().map(f64::from),
+            Self::I16 => token.parse::<i16>().ok().map(f64::from),
+            Self::U16 => token.parse::<u16>().ok().map(f64::from),
+            Self::I32 => token.parse::<i32>().ok().map(f64::from),
+            Self::U32 => token.parse::<u32>().ok().map(f64::from),
+            Self::F32 => token.parse::<f32>().ok().map(f64::from),
+            Self::F64 => token.parse::<f64>().ok(),
+        }
+    }
+}
+
+impl Element {
+    /// The place of the property `name`.
+    pub(super) fn property(&self, name: &str) -> Option<usize> {
+        self.properties.iter().position(|property| property.name == name)
+    }
+
+    /// Bytes of one record, where all have as many.
+    pub(super) fn record_size(&self) -> Option<usize> {
+        self.properties.iter().try_fold(0, |size, property| match property.kind {
+            Kind::Scalar(scalar) => Some(size + scalar.size()),
+            Kind::List { .. } => None,
+        })
+    }
+
+    /// The least that one record takes: a character and what ends it for each number, or its bytes; lists may be empty.
+    fn least_record(&self, encoding: Encoding) -> u64 {
+        let least = |property: &Property| match (encoding, property.kind) {
+            (Encoding::Ascii, _) => 2,
+            (_, Kind::Scalar(scalar) | Kind::List { count: scalar, .. }) => scalar.size() as u64,
+        };
+        self.properties.iter().map(least).sum()
+    }
+}
+
+impl Header {
+    /// Reads everything up to the data.
+    ///
+    /// # Errors
+    ///
+    /// Where it is no header, declares more than is read, or more than the rest of the file can hold.
+    pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
+        let (mut encoding, mut elements, mut lines) = (None, Vec::<Element>::new(), 0);
+        let mut bytes = Vec::new();
+        loop {
+            if !input.line(&mut bytes, MAX_LINE)? {
+                return Err(Fault::malformed(input.place(), "end_header", "the end of the file"));
+            }
+            lines += 1;
+            Fault::unless_within("lines of a header", MAX_LINES, lines)?;
+            let line = String::from_utf8_lossy(&bytes);
+            let words: Vec<&str> = line.split_ascii_whitespace().take(6).collect();
+            let wrong = |expected: &str| Fault::malformed(format!("line {lines}"), expected, excerpt(&bytes));
+            if lines == 1 {
+                if words != ["ply"] {
+                    return Err(wrong("ply"));
+                }
+                continue;
+            }
+            match words[..] {
+                [] | ["comment" | "obj_info", ..] => {}
+                ["format", name, version] => {
+                    encoding = Some(match (name, version) {
+                        ("ascii", "1.0") => Encoding::Ascii,
+                        ("binary_little_endian", "1.0") => Encoding::LittleEndian,
+                        ("binary_big_endian", "1.0") => Encoding::BigEndian,
+                        _ => return Err(wrong("format ascii, binary_little_endian or binary_big_endian, and 1.0")),
+                    });
+                }
+                ["element", name, count] => {
+                    let count = count.parse().map_err(|_| wrong("element, a name and a count"))?;
+                    if elements.iter().any(|element| element.name == name) {
+                        return Err(wrong("an element of another name"));
+                    }
+                    elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                    Fault::unless_within("elements of a header", MAX_ELEMENTS, elements.len() as u64)?;
+                }
+                ["property", ref what @ .., name] => {
+                    let kind = kind(what).ok_or_else(|| wrong("property, a type of number or of list, and a name"))?;
+                    let element = elements.last_mut().ok_or_else(|| wrong("an element before its properties"))?;
+                    element.properties.push(Property { name: name.into(), kind });
+                    let count = element.properties.len() as u64;
+                    Fault::unless_within("properties of an element", MAX_PROPERTIES, count)?;
+                }
+                ["end_header"] => break,
+                _ => return Err(wrong("a line of a header")),
+            }
+        }
+        let encoding = encoding.ok_or_else(|| Fault::malformed("the header", "a line format", "none"))?;
+        check_counts(&elements, encoding, input)?;
+        Ok(Self { encoding, elements, lines })
+    }
+}
+
+/// A property's kind, by what stands between `property` and its name.
+fn kind(words: &[&str]) -> Option<Kind> {
+    match *words {
+        [scalar] => Scalar::of(scalar).map(Kind::Scalar),
+        ["list", count, item] => {
+            let count = Scalar::of(count).filter(|count| count.is_integer())?;
+            Some(Kind::List { count, item: Scalar::of(item)? })
+        }
+        _ => None,
+    }
+}
+
+/// Checks that what is left of the file can hold all that is declared.
+fn check_counts(elements: &[Element], encoding: Encoding, input: &Input<'_>) -> Result<(), Fault> {
+    // The last line of an ASCII file may lack its end.
+    let left = input.left() + u64::from(encoding == Encoding::Ascii);
+    let mut least = 0_u64;
+    for Element { name, count, properties } in elements {
+        if properties.is_empty() && *count > 0 {
+            return Err(Fault::malformed("the header", format!("properties of the element {name}"), "none"));
+        }
+    }
+    for element in elements {
+        least = least.saturating_add(element.count.saturating_mul(element.least_record(encoding)));
+        if least > left {
+            return Err(Fault::malformed(
+                input.place(),
+                format!("{least} bytes or more up to the last of {} × {}", element.count, element.name),
+                format!("{} bytes", input.left()),
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! The element `vertex`: handed over as points, or held for the faces that refer to it.
+
+use glam::{DVec3, Vec3};
+
+use super::super::{Fault, Point, Visitor};
+use super::body::{Body, Place};
+use super::header::{Element, Kind, Scalar};
+
+/// Names of the three colour channels.
+const CHANNELS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
+
+/// Which properties of a vertex count.
+pub(super) struct Columns {
+    /// x, y, z, the three colours if any, the confidence if any.
+    wanted: Vec<usize>,
+    color: Option<Scalar>,
+    has_confidence: bool,
+    /// Whether f32 holds the coordinates exactly.
+    narrow: bool,
+}
+
+impl Columns {
+    /// Those of `element`.
+    ///
+    /// # Errors
+    ///
+    /// Where it has no coordinates.
+    pub(super) fn of(element: &Element) -> Result<Self, Fault> {
+        let number = |name: &str| {
+            let property = element.property(name)?;
+            match element.properties[property].kind {
+                Kind::Scalar(scalar) => Some((property, scalar)),
+                Kind::List { .. } => None,
+            }
+        };
+        let numbers = |names: &[&str; 3]| Some([number(names[0])?, number(names[1])?, number(names[2])?]);
+        let position = numbers(&["x", "y", "z"])
+            .ok_or_else(|| Fault::malformed("the header", "properties x, y and z of the element vertex", "others"))?;
+        let color = CHANNELS.iter().filter_map(numbers).find(|channels| {
+            let known = matches!(channels[0].1, Scalar::U8 | Scalar::F32 | Scalar::F64);
+            known && channels.iter().all(|channel| channel.1 == channels[0].1)
+        });
+        let confidence = number("confidence").or_else(|| number("quality"));
+        let columns = position.iter().chain(color.iter().flatten()).chain(&confidence);
+        Ok(Self {
+            wanted: columns.map(|(property, _)| *property).collect(),
+            color: color.map(|channels| channels[0].1),
+            has_confidence: confidence.is_some(),
+            narrow: position.iter().all(|(_, scalar)| scalar.fits_f32()),
+        })
+    }
+
+    fn point(&self, values: &[f64], place: Place) -> Result<Point, Fault> {
+        let color = self.color.map(|scalar| [3, 4, 5].map(|n| channel(scalar, values[n])));
+        Point::new(DVec3::new(values[0], values[1], values[2]), color, || place.to_string())
+    }
+
+    /// Hands over every vertex as a point, but not those of a confidence below `min_confidence`. At 0 all are: what is called
+    /// quality may be negative.
+    pub(super) fn hand_over(
+        &self,
+        body: &mut Body<'_, '_>,
+        element: &Element,
+        min_confidence: f64,
+        visitor: &mut dyn Visitor,
+    ) -> Result<(), Fault> {
+        let sorts_out = self.has_confidence && min_confidence > 0.0;
+        body.records(element, &self.wanted, visitor, |visitor, values, place| {
+            let point = self.point(values, place)?;
+            let confidence = values[values.len() - 1];
+            // An unknown confidence, NaN, is none.
+            if sorts_out && (confidence < min_confidence || confidence.is_nan()) {
+                return Ok(());
+            }
+            visitor.point(point)
+        })
+    }
+}
+
+/// A colour channel as a byte.
+fn channel(scalar: Scalar, value: f64) -> u8 {
+    if scalar.is_integer() { value as u8 } else { (value.clamp(0.0, 1.0) * 255.0).round() as u8 }
+}
+
+enum Positions {
+    Narrow(Vec<Vec3>),
+    Wide(Vec<DVec3>),
+}
+
+/// All vertices of a mesh.
+pub(super) struct Vertices {
+    positions: Positions,
+    /// As many as positions, or none.
+    colors: Vec<[u8; 3]>,
+}
+
+impl Vertices {
+    /// Reads `element`, whose count the header's check has seen to fit the file.
+    pub(super) fn read(
+        columns: &Columns,
+        body: &mut Body<'_, '_>,
+        element: &Element,
+        visitor: &mut dyn Visitor,
+    ) -> Result<Self, Fault> {
+        let count = element.count as usize;
+        let mut positions = if columns.narrow {
+            Positions::Narrow(Vec::with_capacity(count))
+        } else {
+            Positions::Wide(Vec::with_capacity(count))
+        };
+        let mut colors = Vec::with_capacity(if columns.color.is_some() { count } else { 0 });
+        body.records(element, &columns.wanted, visitor, |_, values, place| {
+            let point = columns.point(values, place)?;
+            match &mut positions {
+                Positions::Narrow(positions) => positions.push(point.position.as_vec3()),
+                Positions::Wide(positions) => positions.push(point.position),
+            }
+            colors.extend(point.color);
+            Ok(())
+        })?;
+        Ok(Self { positions, colors })
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        match &self.positions {
+            Positions::Narrow(positions) => positions.len(),
+            Positions::Wide(positions) => positions.len(),
+        }
+    }
+
+    /// Number `n`, which is below [`Vertices::len`].
+    pub(super) fn point(&self, n: usize) -> Point {
+        let position = match &self.positions {
+            Positions::Narrow(positions) => positions[n].as_dvec3(),
+            Positions::Wide(positions) => positions[n],
+        };
+        Point { position, color: self.colors.get(n).copied() }
+    }
+}
