@@ -28,7 +28,7 @@ fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
         let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size))));
         View { name: format!("r_{n}"), camera, pixels }
     };
-    Dataset { name: "box".into(), views: (0..views).map(view).collect() }
+    Dataset { name: "box".into(), views: (0..views).map(view).collect(), lost: 0 }
 }
 
 fn color(solid: &Aabb, ray: &Ray) -> [f32; 3] {
@@ -108,7 +108,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
     assert!(matches!(error, Error::EmptyReconstruction { steps: 20, .. }), "{error}");
     assert!(error.to_string().contains("background"), "{error}");
 
-    let none = Dataset { name: "none".into(), views: vec![] };
+    let none = Dataset { name: "none".into(), views: vec![], lost: 0 };
     assert_eq!(run(&none, &options), Err(Error::NoViews { dataset: "none".into() }));
 
     let mut short = dataset.clone();
@@ -134,7 +134,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
 
 #[test]
 fn one_view_or_parallel_views_still_reconstruct_something_or_say_why_not() {
-    let one = Dataset { name: "one".into(), views: photographs(6, 24, 1.0).views[..1].to_vec() };
+    let one = Dataset { name: "one".into(), views: photographs(6, 24, 1.0).views[..1].to_vec(), lost: 0 };
     let mut parallel = photographs(3, 24, 1.0);
     for (n, view) in parallel.views.iter_mut().enumerate() {
         let position = DVec3::new(0.2 * n as f64, -3.0, 0.0);

@@ -177,12 +177,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
     let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
-    let dataset = dataset::load_blender(folder, "train", &options)?;
+    let dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
-            let count = dataset::load_blender_cameras(&folder.join("transforms_test.json"), None, 1)?.len();
+            let count = dataset::load_cameras(folder, "test", None, 1)?.len();
             let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
-            dataset::load_blender(folder, "test", &options)?.views
+            dataset::load(folder, "test", &options)?.views
         }
         None => Vec::new(),
     };
