@@ -271,7 +271,7 @@ fn world_scale_and_origin_do_not_change_the_placement() {
     // 48 voxels of 0.05 along x: half extent 1.2 about 0, where the map is the identity.
     let lattice = Lattice { origin: -0.05 * DVec3::new(24.0, 15.0, 12.5), pitch: DVec3::splat(0.05) };
     let canonical = VoxelBoxes { lattice, cells: cells_of_prior };
-    assert_eq!(canonical_map(&canonical.bounds()).unwrap(), Similarity::IDENTITY);
+    assert_eq!(canonical_map(&canonical.bounds(), 1.2).unwrap(), Similarity::IDENTITY);
     let shapes = [0.4, 0.2, 0.1].map(|pitch| ScaleShape::cubic(pitch, 1.5 * pitch, 7));
     let placed = |boxes: &VoxelBoxes| shapes.map(|s| cells(&place_on_boxes(boxes, &s).unwrap()).to_vec());
     let expected = placed(&canonical);
@@ -280,7 +280,7 @@ fn world_scale_and_origin_do_not_change_the_placement() {
             let scale = 10.0_f64.powi(exponent);
             let world = Similarity { scale, rotation: DQuat::IDENTITY, translation: scale * offset };
             let boxes = canonical.mapped(&world);
-            let map = canonical_map(&boxes.bounds()).unwrap();
+            let map = canonical_map(&boxes.bounds(), 1.2).unwrap();
             assert_eq!(placed(&boxes.mapped(&map)), expected, "scale {scale:e}, offset {offset}");
         }
     }
@@ -299,7 +299,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     let options = CoarseOptions { steps: vec![200, 200], rays: 1024, seen_stride: 2, ..CoarseOptions::default() };
     let boxes = run(&dataset, &options).unwrap();
     let bounds = boxes.bounds();
-    assert_eq!(canonical_map(&bounds).unwrap(), Similarity::IDENTITY, "{bounds:?}");
+    assert_eq!(canonical_map(&bounds, 1.2).unwrap(), Similarity::IDENTITY, "{bounds:?}");
     assert!(bounds.size().max_element() < 2.8, "floaters: {bounds:?}");
 
     let occupied: BTreeSet<_> = boxes.cells.iter().map(|c| c.as_ivec3().to_array()).collect();

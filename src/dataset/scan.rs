@@ -27,8 +27,8 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// The scan that `path` is: a folder with a mesh, or with `pose` and `color` or `intrinsic`; or such a mesh itself, of which the other
-    /// files need not be there. `None` where it is something else, or nothing.
+    /// The scan that `path` is: a folder with a mesh, or with `pose` and `color` or `intrinsic`; or such a mesh itself, of
+    /// which the other files need not be there. `None` where it is something else, or nothing.
     ///
     /// # Errors
     ///
