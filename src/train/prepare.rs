@@ -93,16 +93,16 @@ mod tests {
 
     #[test]
     fn rays_of_cameras_in_a_room_begin_at_once_and_reach_its_corners() {
-        let view = |x: f64| View {
+        let view = |x: f64, y: f64, z: f64| View {
             name: String::new(),
-            camera: Camera::looking_at([8, 8], 9.0, DVec3::new(x, 0.0, 0.0), DVec3::ZERO, DVec3::Z),
+            camera: Camera::looking_at([8, 8], 9.0, DVec3::new(x, y, z), DVec3::ZERO, DVec3::Z),
             pixels: Pixels::opaque([[0.0; 3]; 64]),
         };
         let room = Aabb::around(DVec3::ZERO, DVec3::new(3.0, 4.0, 0.5));
         let dataset = |views| Dataset { name: String::new(), views, lost: 0 };
-        let inside = near_far(&dataset(vec![view(1.0), view(-9.0)]), &room);
+        let inside = near_far(&dataset(vec![view(1.0, 0.0, 0.0), view(-9.0, 0.0, 0.0)]), &room);
         assert_eq!(inside, [0.0, DVec3::new(12.0, 4.0, 0.5).length()]);
-        let [near, far] = near_far(&dataset(vec![view(4.0), view(-4.0)]), &room);
-        assert!((near - 2.0).abs() < 1e-9 && (far - 6.0).abs() < 1e-9, "{near} {far}");
+        let [near, far] = near_far(&dataset(vec![view(4.0, 0.0, 3.0), view(0.0, 4.0, 3.0)]), &room);
+        assert!((near - 2.5).abs() < 1e-9 && (far - 7.5).abs() < 1e-9, "{near} {far}");
     }
 }
