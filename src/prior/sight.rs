@@ -96,8 +96,10 @@ fn advice(tree: &CellTree, bounds: &Aabb, cameras: &[Camera]) -> Option<Advice> 
     // The prior's size as a multiple of the cameras' surroundings, ideally about 1.
     let ratio = bounds.size().length() / distance.max(apart);
     let better = |scale: f64| (ratio * scale).ln().abs() + 2_f64.ln() < ratio.ln().abs();
-    let fits = |scale: f64| (0.02..50.0).contains(&(ratio * scale));
-    let scales = UNITS.iter().map(|unit| unit.0).filter(|&scale| better(scale) && fits(scale));
+    let fits = |scale: f64| (0.05..20.0).contains(&(ratio * scale));
+    let scales = UNITS.iter().map(|unit| unit.0).filter(|&scale| better(scale));
+    // Of a prior that is far too large some part is in sight whichever way it is turned.
+    let scales = [1.0].into_iter().chain(scales).filter(|&scale| fits(scale));
 
     // Each with what its share is multiplied by when changes are compared.
     let mut turns: Vec<(f64, Advice)> = Vec::new();
@@ -108,15 +110,13 @@ fn advice(tree: &CellTree, bounds: &Aabb, cameras: &[Camera]) -> Option<Advice> 
         turns.push((0.85, Advice { exchanged: Some(exchanged), ..Advice::NOTHING }));
     }
     let mut tried: Vec<(f64, Advice)> = Vec::new();
-    for scale in [1.0].into_iter().chain(scales) {
+    for scale in scales {
         for (weight, turn) in &turns {
             let both = if scale != 1.0 && *turn != Advice::NOTHING { 0.8 } else { 1.0 };
             tried.push((weight * both, Advice { scale, ..turn.clone() }));
         }
-        if fits(scale) {
-            let weight = if scale == 1.0 { 0.7 } else { 0.6 };
-            tried.push((weight, Advice { scale, shift: focus - scale * bounds.center(), ..Advice::NOTHING }));
-        }
+        let weight = if scale == 1.0 { 0.7 } else { 0.6 };
+        tried.push((weight, Advice { scale, shift: focus - scale * bounds.center(), ..Advice::NOTHING }));
     }
     let mut best: Option<(f64, Advice)> = None;
     for (weight, mut change) in tried {
@@ -231,16 +231,16 @@ mod tests {
         let mut cells: Vec<UVec3> = slab.chain(tower).collect();
         cells.sort_by_key(|c| [c.z, c.y, c.x]);
         cells.dedup();
-        VoxelBoxes { lattice: Lattice { origin: DVec3::new(4.0, 2.0, 6.0), pitch: DVec3::splat(0.05) }, cells }
+        VoxelBoxes { lattice: Lattice { origin: DVec3::new(4.0, 2.0, 12.0), pitch: DVec3::splat(0.05) }, cells }
     }
 
     fn cameras() -> Vec<Camera> {
-        let target = DVec3::new(5.5, 3.5, 6.5);
+        let target = DVec3::new(5.5, 3.5, 12.5);
         (0..24)
             .map(|i| {
                 let angle = f64::from(i) * std::f64::consts::TAU / 24.0;
                 let offset = DVec3::new(4.0 * angle.cos(), 4.0 * angle.sin(), 2.0 + 0.1 * f64::from(i % 5));
-                Camera::looking_at([60, 40], 60.0, target + offset, target, DVec3::Z)
+                Camera::looking_at([60, 40], 100.0, target + offset, target, DVec3::Z)
             })
             .collect()
     }
@@ -262,7 +262,7 @@ mod tests {
         assert!(share > 0.3 && advice.is_none(), "{share} {advice:?}");
         // By hand: one ray straight down on the slab, one past it.
         let above =
-            |x: f64| Camera::looking_at([2, 2], 1e6, DVec3::new(x, 3.0, 9.0), DVec3::new(x, 3.0, 0.0), DVec3::X);
+            |x: f64| Camera::looking_at([2, 2], 1e6, DVec3::new(x, 3.0, 15.0), DVec3::new(x, 3.0, 0.0), DVec3::X);
         assert_eq!(sight(&scene(), &[above(4.5), above(4.7), above(9.0), above(10.0)]).share, 0.5);
         assert_eq!(sight(&scene(), &[]), Sight { share: 0.0, advice: None });
     }
@@ -326,7 +326,7 @@ mod tests {
     #[test]
     fn a_small_thing_gets_no_advice_to_grow() {
         let small = VoxelBoxes {
-            lattice: Lattice { origin: DVec3::new(5.45, 3.45, 6.45), pitch: DVec3::splat(0.1) },
+            lattice: Lattice { origin: DVec3::new(5.35, 3.35, 12.35), pitch: DVec3::splat(0.3) },
             cells: vec![UVec3::ZERO],
         };
         let Sight { share, advice } = sight(&small, &cameras());
