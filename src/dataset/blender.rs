@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
-use super::{Dataset, Error, LoadOptions, NamedCamera, photographs, pose};
+use super::{Dataset, Error, LoadOptions, NamedCamera, pose};
 use crate::geometry::Camera;
 
 /// A `file_path` that ends in one of these is complete; any other lacks `.png`.
@@ -63,8 +64,10 @@ pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result
         }
     };
     let cameras = transforms.cameras(&json, size, options.downscale)?;
-    let chosen: Vec<_> = frames.iter().map(|&frame| (&pictures[frame], cameras[frame])).collect();
-    let views = photographs::load(&json, &chosen, size, like, options.downscale)?;
+    let taken =
+        |&frame: &usize| Taken { name: &pictures[frame].0, picture: &pictures[frame].1, camera: cameras[frame] };
+    let taken: Vec<_> = frames.iter().map(taken).collect();
+    let views = photographs::load(&json, &taken, size, like, options.downscale)?;
     Ok(Dataset { name: photographs::name_of(folder), views, lost: 0 })
 }
 

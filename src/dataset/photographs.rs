@@ -1,7 +1,7 @@
 //! What all layouts have in common: which views are asked for, and their pictures, decoded in parallel.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
@@ -20,27 +20,35 @@ pub(super) fn chosen(path: &Path, count: usize, options: &LoadOptions) -> Result
     Ok(range.step_by(every).collect())
 }
 
-/// The photographs of `frames` (name and path, and the camera of the picture made `downscale` times smaller), all of
-/// `size` (columns and rows) as `like` says; `path` lists them.
+/// A photograph that is about to be loaded.
+pub(super) struct Taken<'a> {
+    pub(super) name: &'a str,
+    pub(super) picture: &'a Path,
+    /// Of the picture once it is made smaller.
+    pub(super) camera: Camera,
+}
+
+/// The photographs `taken`, all of `size` (columns and rows) as the file `like` says, made `downscale` times smaller; `path`
+/// lists them.
 pub(super) fn load(
     path: &Path,
-    frames: &[(&(String, PathBuf), Camera)],
+    taken: &[Taken<'_>],
     size: [u32; 2],
     like: &Path,
     downscale: u32,
 ) -> Result<Vec<View>, Error> {
-    let pixels = |(_, camera): &(_, Camera)| u64::from(camera.width) * u64::from(camera.height);
-    let found = frames.iter().map(pixels).fold(0, u64::saturating_add);
+    let pixels = |taken: &Taken<'_>| u64::from(taken.camera.width) * u64::from(taken.camera.height);
+    let found = taken.iter().map(pixels).fold(0, u64::saturating_add);
     if found > MAX_PIXELS {
         let path = path.to_path_buf();
         return Err(Error::TooLarge { path, what: "pixels of all pictures", limit: MAX_PIXELS, found });
     }
     // Collected before the first error is picked, so that it does not depend on which thread was faster.
-    let pixels: Vec<_> = frames.par_iter().map(|(named, _)| picture::load(&named.1, size, like, downscale)).collect();
-    let view = |(&(named, camera), pixels): (&(&(String, PathBuf), Camera), Result<Pixels, Error>)| {
-        Ok(View { name: named.0.clone(), camera, pixels: pixels? })
+    let pixels: Vec<_> = taken.par_iter().map(|taken| picture::load(taken.picture, size, like, downscale)).collect();
+    let view = |(taken, pixels): (&Taken<'_>, Result<Pixels, Error>)| {
+        Ok(View { name: taken.name.to_owned(), camera: taken.camera, pixels: pixels? })
     };
-    frames.iter().zip(pixels).map(view).collect()
+    taken.iter().zip(pixels).map(view).collect()
 }
 
 /// The last component of `folder`, also where it is written as `.` or ends in `..`.

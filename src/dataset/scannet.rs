@@ -12,9 +12,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 
+use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
 use super::scan::{Constants, read_matrix};
-use super::{Dataset, Error, LoadOptions, NamedCamera, Scan, photographs, pose};
+use super::{Dataset, Error, LoadOptions, NamedCamera, Scan, pose};
 use crate::geometry::Camera;
 
 /// One of so many frames is a test view.
@@ -49,8 +50,9 @@ pub fn load_scannet(folder: &Path, split: &str, options: &LoadOptions) -> Result
     let first = pictures[chosen[0]].1.as_path();
     let size = picture::size(first)?;
     let cameras = frames.cameras(size, options.downscale)?;
-    let chosen: Vec<_> = chosen.iter().map(|&i| (&pictures[i], cameras[i])).collect();
-    let views = photographs::load(folder, &chosen, size, first, options.downscale)?;
+    let taken = |&i: &usize| Taken { name: &pictures[i].0, picture: &pictures[i].1, camera: cameras[i] };
+    let taken: Vec<_> = chosen.iter().map(taken).collect();
+    let views = photographs::load(folder, &taken, size, first, options.downscale)?;
     Ok(Dataset { name: frames.scan.name, views, lost: frames.lost })
 }
 
