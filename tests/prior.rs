@@ -28,7 +28,7 @@ fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
         let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size))));
         View { name: format!("r_{n}"), camera, pixels }
     };
-    Dataset { name: "box".into(), views: (0..views).map(view).collect() }
+    Dataset { name: "box".into(), views: (0..views).map(view).collect(), lost: 0 }
 }
 
 fn color(solid: &Aabb, ray: &Ray) -> [f32; 3] {
@@ -108,7 +108,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
     assert!(matches!(error, Error::EmptyReconstruction { steps: 20, .. }), "{error}");
     assert!(error.to_string().contains("background"), "{error}");
 
-    let none = Dataset { name: "none".into(), views: vec![] };
+    let none = Dataset { name: "none".into(), views: vec![], lost: 0 };
     assert_eq!(run(&none, &options), Err(Error::NoViews { dataset: "none".into() }));
 
     let mut short = dataset.clone();
@@ -134,7 +134,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
 
 #[test]
 fn one_view_or_parallel_views_still_reconstruct_something_or_say_why_not() {
-    let one = Dataset { name: "one".into(), views: photographs(6, 24, 1.0).views[..1].to_vec() };
+    let one = Dataset { name: "one".into(), views: photographs(6, 24, 1.0).views[..1].to_vec(), lost: 0 };
     let mut parallel = photographs(3, 24, 1.0);
     for (n, view) in parallel.views.iter_mut().enumerate() {
         let position = DVec3::new(0.2 * n as f64, -3.0, 0.0);
@@ -271,7 +271,7 @@ fn world_scale_and_origin_do_not_change_the_placement() {
     // 48 voxels of 0.05 along x: half extent 1.2 about 0, where the map is the identity.
     let lattice = Lattice { origin: -0.05 * DVec3::new(24.0, 15.0, 12.5), pitch: DVec3::splat(0.05) };
     let canonical = VoxelBoxes { lattice, cells: cells_of_prior };
-    assert_eq!(canonical_map(&canonical.bounds()).unwrap(), Similarity::IDENTITY);
+    assert_eq!(canonical_map(&canonical.bounds(), 1.2).unwrap(), Similarity::IDENTITY);
     let shapes = [0.4, 0.2, 0.1].map(|pitch| ScaleShape::cubic(pitch, 1.5 * pitch, 7));
     let placed = |boxes: &VoxelBoxes| shapes.map(|s| cells(&place_on_boxes(boxes, &s).unwrap()).to_vec());
     let expected = placed(&canonical);
@@ -280,7 +280,7 @@ fn world_scale_and_origin_do_not_change_the_placement() {
             let scale = 10.0_f64.powi(exponent);
             let world = Similarity { scale, rotation: DQuat::IDENTITY, translation: scale * offset };
             let boxes = canonical.mapped(&world);
-            let map = canonical_map(&boxes.bounds()).unwrap();
+            let map = canonical_map(&boxes.bounds(), 1.2).unwrap();
             assert_eq!(placed(&boxes.mapped(&map)), expected, "scale {scale:e}, offset {offset}");
         }
     }
@@ -299,7 +299,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     let options = CoarseOptions { steps: vec![200, 200], rays: 1024, seen_stride: 2, ..CoarseOptions::default() };
     let boxes = run(&dataset, &options).unwrap();
     let bounds = boxes.bounds();
-    assert_eq!(canonical_map(&bounds).unwrap(), Similarity::IDENTITY, "{bounds:?}");
+    assert_eq!(canonical_map(&bounds, 1.2).unwrap(), Similarity::IDENTITY, "{bounds:?}");
     assert!(bounds.size().max_element() < 2.8, "floaters: {bounds:?}");
 
     let occupied: BTreeSet<_> = boxes.cells.iter().map(|c| c.as_ivec3().to_array()).collect();

@@ -102,7 +102,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let mut config = TrainConfig::from_toml(SETTINGS, None).map_err(|e| Error::Runtime(e.to_string()))?;
     config.seed = args.seed;
-    let load = |split| dataset::load_blender(&folder, split, &LoadOptions::default());
+    let load = |split| dataset::load(&folder, split, &LoadOptions::default());
     let (training, held_out) = (load("train")?, load("test")?);
     let start = Instant::now();
     let scene = train_through(config, &training, session)?;

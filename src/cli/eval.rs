@@ -36,7 +36,7 @@ pub(super) struct Args {
     file: PathBuf,
     /// Folder of the dataset
     dataset: PathBuf,
-    /// Which photographs: the S of transforms_S.json
+    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
     #[arg(long, value_name = "S", default_value = "test")]
     split: String,
     /// Photographs made N times smaller
@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let approximation = args.approximations.chosen();
     approximation.check(&scene)?;
     let options = args.selection.options(args.downscale);
-    let Dataset { name, views } = dataset::load_blender(&args.dataset, &args.split, &options)?;
+    let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;

@@ -77,14 +77,14 @@ struct Machine {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
     let downscale = args.settings.downscale;
-    let named = dataset::load_blender_cameras(&args.dataset.join("transforms_train.json"), None, downscale)?;
+    let named = dataset::load_cameras(&args.dataset, "train", None, downscale)?;
     let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
     let start = Instant::now();
-    let (occupied, prior_seconds) = match args.prior.voxels(session)? {
+    let (occupied, prior_seconds) = match args.prior.voxels(&cameras, session)? {
         Some(occupied) => (occupied, None),
         None => {
             let options = LoadOptions { downscale, ..LoadOptions::default() };
-            let dataset = dataset::load_blender(&args.dataset, "train", &options)?;
+            let dataset = dataset::load(&args.dataset, "train", &options)?;
             let occupied = reconstruct(&config, &dataset, &*interrupts()?, session)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }

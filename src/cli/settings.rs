@@ -140,6 +140,8 @@ pub(super) enum Preset {
     PerRay,
     /// per-ray with a colour of each sample's own and directions told better apart: the best pictures, nearly as fast
     Best,
+    /// Four scales for rooms, 100 000 steps
+    Scannet,
 }
 
 impl Preset {
@@ -153,6 +155,7 @@ impl Preset {
             Self::Fast => "fast",
             Self::PerRay => "per-ray",
             Self::Best => "best",
+            Self::Scannet => "scannet",
         }
     }
 }

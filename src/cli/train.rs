@@ -108,12 +108,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
     let options = LoadOptions { downscale: args.settings.downscale, ..LoadOptions::default() };
-    let dataset = dataset::load_blender(folder, "train", &options)?;
+    let dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
-            let count = dataset::load_blender_cameras(&folder.join("transforms_test.json"), None, 1)?.len();
+            let count = dataset::load_cameras(folder, "test", None, 1)?.len();
             let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
-            dataset::load_blender(folder, "test", &options)?.views
+            dataset::load(folder, "test", &options)?.views
         }
         None => Vec::new(),
     };
@@ -122,11 +122,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
         None => {
-            let occupied = match args.prior.voxels(session)? {
+            let cameras = cameras(&dataset);
+            let occupied = match args.prior.voxels(&cameras, session)? {
                 Some(occupied) => occupied,
                 None => reconstruct(&config, &dataset, &interrupted, session)?,
             };
-            let (config, occupied) = args.fitting.fit(config, &cameras(&dataset), occupied, session)?;
+            let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;
             place(config, &dataset, &occupied, session)?
         }
     };

@@ -19,8 +19,8 @@ const ELEVATION: f64 = 30.0;
 #[group(skip)]
 #[command(group = clap::ArgGroup::new("viewpoint").required(true).args(["cameras", "orbit", "pose"]))]
 pub(super) struct Viewpoints {
-    /// The cameras of a dataset's JSON file, as in transforms_test.json
-    #[arg(long, value_name = "JSON")]
+    /// The cameras of a dataset's JSON file, as in transforms_test.json, or of its folder's test split
+    #[arg(long, value_name = "PATH")]
     cameras: Option<PathBuf>,
     /// N cameras on a circle around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -67,8 +67,12 @@ fn length(text: &str) -> Result<f64, String> {
 impl Viewpoints {
     /// At least one camera, for the scene of this `frame` whose `bounds` are in model units.
     pub(super) fn cameras(&self, frame: &Frame, bounds: &Aabb) -> Result<Vec<NamedCamera>, Error> {
-        if let Some(json) = &self.cameras {
-            return Ok(dataset::load_blender_cameras(json, self.size, self.downscale)?);
+        if let Some(path) = &self.cameras {
+            return Ok(if path.is_dir() {
+                dataset::load_cameras(path, "test", self.size, self.downscale)?
+            } else {
+                dataset::load_blender_cameras(path, self.size, self.downscale)?
+            });
         }
         let size = self.size.unwrap_or([800, 800]);
         let focal = Camera::focal_of_angle(size[0], self.fov.to_radians());

@@ -1,21 +1,18 @@
-//! The Blender layout of NeRF-synthetic: `transforms_{train,val,test}.json` beside folders of RGBA PNG pictures.
+//! The Blender layout of NeRF-synthetic: `transforms_{train,val,test}.json` beside folders of PNG (or JPEG) pictures.
 //!
 //! Poses are row-major `world_from_camera` matrices in [`Camera`]'s axes. The focal length comes from `fl_x` and `fl_y`
 //! (pixels) or from `camera_angle_x` (radians across the picture); the principal point from `cx` and `cy`, or it is the
 //! picture's middle. Lens distortion is not part of this layout and is refused.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde::Deserialize;
 
+use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
-use super::{Dataset, Error, LoadOptions, NamedCamera, Pixels, View, pose};
+use super::{Dataset, Error, LoadOptions, NamedCamera, pose};
 use crate::geometry::Camera;
 
-/// The most pixels of what is loaded, after downscaling; they take 4 bytes each, 16 where they were averaged or are deep.
-const MAX_PIXELS: u64 = 1 << 30;
 /// A `file_path` that ends in one of these is complete; any other lacks `.png`.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
@@ -55,7 +52,7 @@ pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result
     let json = folder.join(format!("transforms_{split}.json"));
     let transforms = Transforms::read(&json)?;
     let pictures = transforms.pictures(&json)?;
-    let frames = chosen(&json, pictures.len(), options)?;
+    let frames = photographs::chosen(&json, pictures.len(), options)?;
     if let Some(&frame) = frames.iter().find(|&&frame| !pictures[frame].1.is_file()) {
         return Err(Error::MissingPicture { path: json, frame, picture: pictures[frame].1.clone() });
     }
@@ -67,29 +64,11 @@ pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result
         }
     };
     let cameras = transforms.cameras(&json, size, options.downscale)?;
-
-    let (width, height) = (u64::from(cameras[0].width), u64::from(cameras[0].height));
-    let found = (width * height).saturating_mul(frames.len() as u64);
-    if found > MAX_PIXELS {
-        return Err(Error::TooLarge { path: json, what: "pixels of all pictures", limit: MAX_PIXELS, found });
-    }
-    // Collected before the first error is picked, so that it does not depend on which thread was faster.
-    let load = |&frame: &usize| picture::load(&pictures[frame].1, size, like, options.downscale);
-    let pixels: Vec<_> = frames.par_iter().map(load).collect();
-    let view = |(&frame, pixels): (&usize, Result<Pixels, Error>)| {
-        Ok(View { name: pictures[frame].0.clone(), camera: cameras[frame], pixels: pixels? })
-    };
-    let views = frames.iter().zip(pixels).map(view).collect::<Result<_, Error>>()?;
-    Ok(Dataset { name: name_of(folder), views })
-}
-
-/// Numbers of the views that `options` select of `count`, at least one.
-fn chosen(json: &Path, count: usize, options: &LoadOptions) -> Result<Vec<usize>, Error> {
-    let (range, every) = (options.views.clone().unwrap_or(0..count), options.every);
-    if range.is_empty() || range.end > count || every == 0 {
-        return Err(Error::Views { path: json.to_path_buf(), count, range, every });
-    }
-    Ok(range.step_by(every).collect())
+    let taken =
+        |&frame: &usize| Taken { name: &pictures[frame].0, picture: &pictures[frame].1, camera: cameras[frame] };
+    let taken: Vec<_> = frames.iter().map(taken).collect();
+    let views = photographs::load(&json, &taken, size, like, options.downscale)?;
+    Ok(Dataset { name: photographs::name_of(folder), views, lost: 0 })
 }
 
 /// The cameras of one JSON file in the order of `frames`, for rendering; no picture is decoded.
@@ -200,10 +179,4 @@ impl Transforms {
 
 fn intrinsics(json: &Path, key: &'static str, expected: &'static str, found: impl ToString) -> Error {
     Error::Intrinsics { path: json.to_path_buf(), key, expected, found: found.to_string() }
-}
-
-/// The last component of `folder`, also where it is written as `.` or ends in `..`.
-fn name_of(folder: &Path) -> String {
-    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
-    whole.file_name().map_or_else(|| "dataset".to_owned(), |name| name.to_string_lossy().into_owned())
 }

@@ -39,9 +39,9 @@ pub enum Error {
     /// A picture that a frame names is not there.
     #[error("{}: frame {frame}: expected the picture {}, found no such file", path.display(), picture.display())]
     MissingPicture {
-        /// The JSON file.
+        /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
-        /// Index in `frames`.
+        /// Index in `frames`, or the pose's number.
         frame: usize,
         /// Where the picture should be.
         picture: PathBuf,
@@ -54,11 +54,37 @@ pub enum Error {
         /// What and where.
         source: serde_json::Error,
     },
-    /// A dataset without frames.
+    /// A dataset, or a split of one, without frames.
     #[error("{}: frames: expected at least one, found none", path.display())]
     NoFrames {
-        /// The JSON file.
+        /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
+    },
+    /// A folder of no known layout.
+    #[error("{}: expected transforms_*.json (Blender's layout) or pose and color (ScanNet's), found neither", path.display())]
+    Layout {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A split that the layout does not have.
+    #[error("{}: split: expected train or test, found {found:?}", path.display())]
+    Split {
+        /// The dataset.
+        path: PathBuf,
+        /// What was asked for.
+        found: String,
+    },
+    /// A text file that holds something else than it should.
+    #[error("{}: {place}: expected {expected}, found {found}", path.display())]
+    Text {
+        /// The file, or the folder of them.
+        path: PathBuf,
+        /// The key, or what the whole file is.
+        place: String,
+        /// What should be there.
+        expected: String,
+        /// What is there.
+        found: String,
     },
     /// A `file_path` that names no file.
     #[error("{}: frame {frame}: file_path: expected a file's path, found {found:?}", path.display())]
@@ -101,7 +127,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A picture that cannot be decoded.
-    #[error("{}: expected a PNG picture, found: {found}", path.display())]
+    #[error("{}: expected a PNG or JPEG picture, found: {found}", path.display())]
     Picture {
         /// The picture.
         path: PathBuf,
@@ -140,7 +166,7 @@ pub enum Error {
         "{}: downscale: expected 1 to {}, found {factor}", path.display(), size[0].min(size[1])
     )]
     Downscale {
-        /// The JSON file.
+        /// The JSON file, or the scan's folder.
         path: PathBuf,
         /// The factor.
         factor: u32,
@@ -169,7 +195,7 @@ pub enum Error {
         path.display(), range.start, range.end
     )]
     Views {
-        /// The JSON file.
+        /// The JSON file, or the scan's folder.
         path: PathBuf,
         /// Views of the split.
         count: usize,
@@ -192,10 +218,14 @@ impl Error {
             | Self::Intrinsics { .. }
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
-            | Self::PictureSize { .. } => ErrorKind::Malformed,
-            Self::Downscale { .. } | Self::FolderNotEmpty { .. } | Self::SynthOption { .. } | Self::Views { .. } => {
-                ErrorKind::Argument
-            }
+            | Self::PictureSize { .. }
+            | Self::Layout { .. }
+            | Self::Text { .. } => ErrorKind::Malformed,
+            Self::Downscale { .. }
+            | Self::FolderNotEmpty { .. }
+            | Self::SynthOption { .. }
+            | Self::Split { .. }
+            | Self::Views { .. } => ErrorKind::Argument,
             Self::TooLarge { .. } => ErrorKind::Limit,
         }
     }
@@ -203,6 +233,16 @@ impl Error {
     /// Whether the system failed, not the data.
     pub fn is_io(&self) -> bool {
         self.kind() == ErrorKind::Io
+    }
+
+    /// [`Error::Text`].
+    pub(super) fn text(
+        path: &Path,
+        place: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Text { path: path.to_path_buf(), place: place.into(), expected: expected.into(), found: found.into() }
     }
 
     /// For `map_err` after reading `path`.

@@ -6,15 +6,22 @@
 
 mod blender;
 mod error;
+mod layout;
+mod photographs;
 mod picture;
 mod pixels;
 mod pose;
+mod scan;
+mod scannet;
 mod synthetic;
 
 pub use blender::{load_blender, load_blender_cameras};
 pub use error::{Error, ErrorKind};
+pub use layout::{load, load_cameras};
 pub use pixels::Pixels;
-pub use synthetic::{SynthOptions, Synthesised, synthesise};
+pub use scan::Scan;
+pub use scannet::{load_scannet, load_scannet_cameras};
+pub use synthetic::{SynthOptions, Synthesised, SynthesisedScan, synthesise, synthesise_scan};
 
 use std::ops::Range;
 
@@ -27,6 +34,8 @@ pub struct Dataset {
     pub name: String,
     /// At least one.
     pub views: Vec<View>,
+    /// Frames of the split that are no views because nobody knows where they were taken from.
+    pub lost: usize,
 }
 
 /// One photograph.

@@ -1,4 +1,4 @@
-//! PNG pictures to pixels: decoding within limits, averaging blocks.
+//! PNG and JPEG pictures to pixels: decoding within limits, averaging blocks.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
@@ -12,18 +12,25 @@ use super::{Error, Pixels};
 pub(super) const MAX_EDGE: u32 = 16_384;
 /// The most bytes that a picture may take in memory.
 const MAX_DECODED_BYTES: u64 = 512 << 20;
+/// What a JPEG file starts with: start of image, and the next marker's first byte.
+const JPEG_START: [u8; 3] = [0xff, 0xd8, 0xff];
 /// The most bytes that a file of a dataset may have.
 const MAX_FILE_BYTES: u64 = 512 << 20;
 
 /// The bytes of a regular file of at most [`MAX_FILE_BYTES`].
 pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
+    read_at_most(path, MAX_FILE_BYTES)
+}
+
+/// The bytes of a regular file of at most `limit`.
+pub(super) fn read_at_most(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
     let file = File::open(path).map_err(Error::read(path))?;
     let mut bytes = Vec::new();
     // A device or a pipe has no length to check beforehand, so the reading itself is bounded.
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     let found = bytes.len() as u64;
-    if found > MAX_FILE_BYTES {
-        return Err(Error::TooLarge { path: path.to_path_buf(), what: "bytes", limit: MAX_FILE_BYTES, found });
+    if found > limit {
+        return Err(Error::TooLarge { path: path.to_path_buf(), what: "bytes", limit, found });
     }
     Ok(bytes)
 }
@@ -56,13 +63,34 @@ pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> 
     })
 }
 
-/// A decoder of the PNG in `bytes` that has read the header and stays within the limits.
+/// The format that the first bytes of a file name, whatever the file is called.
+fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, Error> {
+    let undecodable = |found: String| Error::Picture { path: path.to_path_buf(), found };
+    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+        Ok(ImageFormat::Png)
+    } else if bytes.starts_with(&JPEG_START) {
+        // The decoder fills what a file cut short lacks with grey.
+        if is_cut_short(bytes) { Err(undecodable("a JPEG file cut short".into())) } else { Ok(ImageFormat::Jpeg) }
+    } else {
+        Err(undecodable(format!("the first bytes {:02x?}", &bytes[..bytes.len().min(8)])))
+    }
+}
+
+/// Whether no end of image follows the last start of a scan of a JPEG file. Neither marker can be part of a scan's data,
+/// where a zero byte follows each 0xff.
+fn is_cut_short(jpeg: &[u8]) -> bool {
+    let last = |marker: [u8; 2]| jpeg.windows(2).rposition(|bytes| bytes == marker);
+    let Some(end) = last([0xff, 0xd9]) else { return true };
+    jpeg[end..].windows(2).any(|bytes| bytes == [0xff, 0xda])
+}
+
+/// A decoder of the picture in `bytes` that has read the header and stays within the limits.
 fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'a>, Error> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_EDGE);
     limits.max_image_height = Some(MAX_EDGE);
     limits.max_alloc = Some(MAX_DECODED_BYTES);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format(path, bytes)?);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(undecodable(path))?;
     let found = decoder.total_bytes();

@@ -232,7 +232,7 @@ impl Run<'_> {
 trait Shapes {
     fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault>;
     fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault>;
-    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault>;
+    fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault>;
 }
 
 /// Maps what a file holds to the dataset's space.
@@ -254,8 +254,8 @@ impl Visitor for Placed<'_> {
         self.shapes.triangle(Triangle { corners }, color)
     }
 
-    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
-        self.shapes.cell(cell, &self.transform)
+    fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>) -> Result<(), Fault> {
+        self.shapes.cell(cell, color, &self.transform)
     }
 
     fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault> {
@@ -303,7 +303,7 @@ impl Shapes for Survey {
         Ok(())
     }
 
-    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault> {
+    fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault> {
         let image = Aabb::of_points(super::overlap::Convex::corners(&Parallelepiped::image(cell, map)).iter().copied());
         self.bounds = self.bounds.union(&image);
         self.all_grid &= keeps_upright(map);
@@ -434,13 +434,14 @@ impl Shapes for Filling<'_> {
         self.held(added)
     }
 
-    fn cell(&mut self, cell: &Aabb, map: &DAffine3) -> Result<(), Fault> {
+    fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault> {
         self.counts.cells += 1;
+        self.colored |= color.is_some();
         let image = Parallelepiped::image(cell, map);
         let added = if keeps_upright(map) {
-            self.voxels.add_box(&Aabb::of_points(super::overlap::Convex::corners(&image).iter().copied()))
+            self.voxels.add_box(&Aabb::of_points(super::overlap::Convex::corners(&image).iter().copied()), color)
         } else {
-            self.voxels.add_convex(&image, None, 0.0)
+            self.voxels.add_convex(&image, color, 0.0)
         };
         self.held(added)
     }

@@ -5,31 +5,34 @@ use glam::DQuat;
 use super::Error;
 use crate::geometry::{Aabb, Similarity};
 
-/// Half the largest extent of a mapped scene, in model units: that of the scenes the presets were made for.
+/// Half the largest extent of a mapped scene, in model units: that of the scenes that most presets were made for.
 pub const CANONICAL_HALF_EXTENT: f64 = 1.2;
 /// A scene is left where it is if it already fits the canonical box within this factor.
 pub const CANONICAL_TOLERANCE: f64 = 1.5;
 
 /// The map that brings `bounds`, those of a prior in the dataset's space, to the canonical box: centre 0, largest half
-/// extent 1.2. It scales all axes alike and never rotates, so lattices stay upright.
+/// extent `half_extent`. It scales all axes alike and never rotates, so lattices stay upright.
 ///
-/// It is the identity exactly where `bounds` lies within ±1.8 (1.2·1.5) on every axis and its largest half extent is at
-/// least 0.8 (1.2/1.5): pitches are per model unit, so a scene that was made for them keeps its own units. Outside
+/// It is the identity exactly where `bounds` lies within ±1.5 `half_extent` on every axis and its largest half extent is at
+/// least `half_extent`/1.5 (for 1.2: ±1.8 and 0.8): pitches are per model unit, so a scene that was made for them keeps its own units. Outside
 /// that band the model does not depend on the dataset's unit or origin.
 ///
 /// # Errors
 ///
-/// If `bounds` is empty, flat or not finite.
-pub fn canonical_map(bounds: &Aabb) -> Result<Similarity, Error> {
+/// If `bounds` is empty, flat or not finite, or `half_extent` is not positive.
+pub fn canonical_map(bounds: &Aabb, half_extent: f64) -> Result<Similarity, Error> {
+    if !(half_extent > 0.0 && half_extent.is_finite()) {
+        return Err(Error::option("half_extent", "a positive number", half_extent));
+    }
     let half = 0.5 * bounds.size().max_element();
     if !bounds.is_solid() || !half.is_finite() {
         return Err(Error::option("bounds of the prior", "a finite box of positive size", bounds));
     }
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if reach <= CANONICAL_HALF_EXTENT * CANONICAL_TOLERANCE && half >= CANONICAL_HALF_EXTENT / CANONICAL_TOLERANCE {
+    if reach <= half_extent * CANONICAL_TOLERANCE && half >= half_extent / CANONICAL_TOLERANCE {
         return Ok(Similarity::IDENTITY);
     }
-    let scale = CANONICAL_HALF_EXTENT / half;
+    let scale = half_extent / half;
     Ok(Similarity { scale, rotation: DQuat::IDENTITY, translation: -scale * bounds.center() })
 }
 
@@ -42,6 +45,7 @@ mod tests {
     #[test]
     fn scenes_of_the_canonical_size_stay_and_others_are_centred_and_scaled() {
         let near = Aabb { min: DVec3::new(-0.7, -1.2, -0.5), max: DVec3::new(0.7, 1.2, 1.1) };
+        let canonical_map = |bounds: &Aabb| canonical_map(bounds, CANONICAL_HALF_EXTENT);
         assert_eq!(canonical_map(&near).unwrap(), Similarity::IDENTITY);
         for factor in [1e-6, 0.6, 1.6, 1e6] {
             let far = Aabb { min: factor * near.min, max: factor * near.max };
@@ -55,10 +59,20 @@ mod tests {
     }
 
     #[test]
+    fn the_canonical_size_is_the_caller_s() {
+        let room = Aabb::around(DVec3::ONE, DVec3::new(2.4, 2.0, 1.0));
+        let map = canonical_map(&room, 4.8).unwrap();
+        assert_eq!((map.scale, map.point(DVec3::ONE)), (2.0, DVec3::ZERO));
+        let large = Aabb::around(DVec3::ONE, DVec3::new(4.0, 2.0, 1.0));
+        assert_eq!(canonical_map(&large, 4.8).unwrap(), Similarity::IDENTITY);
+    }
+
+    #[test]
     fn bounds_without_extent_are_refused() {
         let flat = Aabb { min: DVec3::ZERO, max: DVec3::new(1.0, 1.0, 0.0) };
         for bounds in [Aabb::EMPTY, flat, Aabb { min: DVec3::NAN, max: DVec3::ONE }] {
-            assert!(canonical_map(&bounds).is_err(), "{bounds:?}");
+            assert!(canonical_map(&bounds, 1.2).is_err(), "{bounds:?}");
         }
+        assert!(canonical_map(&Aabb::around(DVec3::ZERO, DVec3::ONE), 0.0).is_err());
     }
 }

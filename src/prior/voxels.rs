@@ -96,7 +96,7 @@ impl Voxels {
     }
 
     /// Adds every cell that shares volume with the upright box `body`, or contains it where it is thinner than rounding.
-    pub(super) fn add_box(&mut self, body: &Aabb) -> Result<(), BuildError> {
+    pub(super) fn add_box(&mut self, body: &Aabb, color: Option<[u8; 3]>) -> Result<(), BuildError> {
         let body = self.within.map_or(*body, |within| within.intersection(body));
         if body.min.cmpgt(body.max).any() {
             return Ok(());
@@ -106,7 +106,9 @@ impl Voxels {
         let inner = if inner.min.cmple(inner.max).all() { inner } else { Aabb::around(body.center(), DVec3::ZERO) };
         let (first, last) = self.range(&inner)?;
         self.for_cells(first, last, &mut |voxels, cell| {
-            voxels.touch(cell)?.solid = true;
+            let tally = voxels.touch(cell)?;
+            tally.solid = true;
+            tally.add_color(color);
             Ok(())
         })
     }
@@ -291,7 +293,7 @@ mod tests {
     #[test]
     fn upright_boxes_that_end_on_faces_fill_no_more() {
         let mut voxels = Voxels::new(LATTICE, None);
-        voxels.add_box(&Aabb { min: DVec3::splat(1.0 - 1e-9), max: DVec3::new(2.0, 3.0 + 1e-9, 2.0) }).unwrap();
+        voxels.add_box(&Aabb { min: DVec3::splat(1.0 - 1e-9), max: DVec3::new(2.0, 3.0 + 1e-9, 2.0) }, None).unwrap();
         assert_eq!(found(voxels, 0), [[1, 1, 1], [1, 2, 1]]);
     }
 
@@ -302,7 +304,7 @@ mod tests {
         let corners = [[0.5, 0.5, 0.5], [9.5, 0.5, 0.5], [0.5, 0.6, 0.5]].map(DVec3::from);
         voxels.add_triangle(&Triangle { corners }, None, 0.0).unwrap();
         voxels.add_point(DVec3::new(1.6, 0.5, 5.5), None, 0.0).unwrap();
-        voxels.add_box(&Aabb { min: DVec3::splat(3.0), max: DVec3::splat(4.0) }).unwrap();
+        voxels.add_box(&Aabb { min: DVec3::splat(3.0), max: DVec3::splat(4.0) }, None).unwrap();
         assert_eq!(found(voxels, 0), [[0, 0, 0], [1, 0, 0]]);
     }
 
@@ -310,7 +312,7 @@ mod tests {
     fn too_much_is_refused() {
         let mut voxels = Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(1e-3) }, None);
         let huge = Aabb { min: DVec3::splat(-1e3), max: DVec3::splat(1e3) };
-        assert!(matches!(voxels.add_box(&huge), Err(BuildError::TooManyCells { .. })));
+        assert!(matches!(voxels.add_box(&huge, None), Err(BuildError::TooManyCells { .. })));
         assert!(matches!(voxels.add_point(DVec3::splat(1e9), None, 0.0), Err(BuildError::TooManyCells { .. })));
     }
 }

@@ -3,10 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
-use crate::prior::CoarseOptions;
+use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
 
 /// Steps that the presets' schedules are written for (paper, section "Implementation").
 const PRESET_STEPS: u64 = 30_000;
+/// Steps of the preset for scans (paper, section "The ScanNet dataset").
+const SCAN_STEPS: u64 = 100_000;
+/// Half the largest extent of a scan in model units: about a room's whole extent in metres.
+const SCAN_HALF_EXTENT: f64 = 4.8;
 
 /// A training run's settings. TOML in and out; every field may be left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +55,8 @@ pub struct TrainConfig {
     pub upsample_at: Vec<u64>,
     /// After these steps the occupancy is computed anew; at the first the bounds shrink to it.
     pub occupancy_at: Vec<u64>,
+    /// Half the largest extent of the scene in model units: what the scales' pitches are made for.
+    pub half_extent: f64,
     /// The field's and the march's rules.
     pub field: FieldConfig,
     /// The MLP.
@@ -139,6 +145,7 @@ impl Default for TrainConfig {
             factor_deviation: 0.2,
             upsample_at: vec![2000, 3000, 4000, 5500, 7000],
             occupancy_at: vec![2000, 4000, 8000, 16_000],
+            half_extent: CANONICAL_HALF_EXTENT,
             field: FieldConfig::default(),
             decoder: DecoderConfig::default(),
             prior: CoarseOptions::default(),
@@ -195,19 +202,39 @@ impl Default for DecoderConfig {
 
 /// The paper's three scales (DESIGN, section 2: Presets).
 fn preset_scales(appearance_rank: u32) -> Vec<ScaleConfig> {
-    let scale = |pitch: f64, edge: f64, resolutions: [u32; 6], density_rank| ScaleConfig {
+    vec![
+        scale([0.4, 0.6], [29, 43, 65, 85, 103, 121], [32, appearance_rank], 4),
+        scale([0.2, 0.3], [15, 23, 35, 43, 53, 61], [24, appearance_rank], 4),
+        scale([0.1, 0.15], [7, 11, 17, 21, 27, 31], [16, appearance_rank], 4),
+    ]
+}
+
+/// Four scales for rooms (DESIGN, section 2: Presets). In the end cells are of about one size on all scales, as those of
+/// [`preset_scales`], and as large relative to the finest pitch.
+fn scan_scales() -> Vec<ScaleConfig> {
+    vec![
+        scale([3.0, 5.0], [83, 123, 185, 243, 293, 345], [24, 48], 4),
+        scale([1.7, 3.2], [53, 79, 119, 155, 189, 221], [24, 48], 4),
+        scale([0.6, 1.6], [27, 39, 59, 77, 95, 111], [16, 48], 2),
+        scale([0.3, 0.8], [13, 19, 29, 39, 47, 55], [12, 48], 2),
+    ]
+}
+
+/// A scale that is the same along all axes.
+fn scale(
+    [pitch, edge]: [f64; 2],
+    resolutions: [u32; 6],
+    [density_rank, appearance_rank]: [u32; 2],
+    top_k: u32,
+) -> ScaleConfig {
+    ScaleConfig {
         pitch: [pitch; 3],
         edge: [edge; 3],
         resolutions: resolutions.map(|d| [d; 3]).to_vec(),
         density_rank,
         appearance_rank,
-        top_k: 4,
-    };
-    vec![
-        scale(0.4, 0.6, [29, 43, 65, 85, 103, 121], 32),
-        scale(0.2, 0.3, [15, 23, 35, 43, 53, 61], 24),
-        scale(0.1, 0.15, [7, 11, 17, 21, 27, 31], 16),
-    ]
+        top_k,
+    }
 }
 
 /// What is wrong with a configuration.
@@ -236,7 +263,7 @@ pub enum ConfigError {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 7] = ["12", "24", "48", "96", "fast", "per-ray", "best"];
+    pub const PRESETS: [&str; 8] = ["12", "24", "48", "96", "fast", "per-ray", "best", "scannet"];
 
     /// The preset `name`.
     ///
@@ -262,6 +289,12 @@ impl TrainConfig {
             "fast" => {
                 preset.redraw_rays = false;
                 preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect()
+            }
+            "scannet" => {
+                preset = preset.with_steps(SCAN_STEPS);
+                preset.half_extent = SCAN_HALF_EXTENT;
+                preset.field.density_mean = true;
+                scan_scales()
             }
             "12" | "24" | "48" | "96" => preset_scales(name.parse().expect("a number")),
             _ => return Err(ConfigError::UnknownPreset { name: name.into() }),
@@ -330,6 +363,7 @@ impl TrainConfig {
         positive("network_learning_rate", self.network_learning_rate)?;
         positive("learning_rate_decay", self.learning_rate_decay)?;
         positive("factor_deviation", self.factor_deviation)?;
+        positive("half_extent", self.half_extent)?;
         positive("field.distance_scale", self.field.distance_scale)?;
         positive("field.step_cells", self.field.step_cells)?;
         let least = self.decoder.mode.min_features();
@@ -422,11 +456,29 @@ mod tests {
         let message = |text| TrainConfig::from_toml(text, None).unwrap_err().to_string();
         assert!(message("stepz = 3").contains("stepz"));
         assert!(message("steps = 0").contains("steps"));
+        assert!(message("half_extent = 0.0").contains("half_extent"));
         assert!(message("preset = \"7\"").contains("12, 24"));
         assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
         assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
         for mode in DecoderMode::ALL.map(DecoderMode::name) {
             assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");
+        }
+    }
+
+    #[test]
+    fn cells_of_the_scan_preset_are_as_fine_as_those_of_48() {
+        let (scan, usual) = (TrainConfig::preset("scannet").unwrap(), TrainConfig::preset("48").unwrap());
+        assert_eq!((scan.steps, scan.upsample_at.len(), scan.scales.len()), (100_000, 5, 4));
+        let finest = |config: &TrainConfig, upsampled: usize| {
+            let scale = config.scales.last().unwrap();
+            scale.edge[0] / f64::from(scale.resolutions[upsampled][0]) / scale.pitch[0]
+        };
+        for upsampled in 0..6 {
+            let ratio = finest(&scan, upsampled) / finest(&usual, upsampled);
+            assert!((0.9..1.1).contains(&ratio), "{upsampled}: {ratio}");
+            let cell = |scale: &ScaleConfig| scale.edge[0] / f64::from(scale.resolutions[upsampled][0]);
+            let ratio = cell(&scan.scales[0]) / cell(&scan.scales[3]);
+            assert!((0.9..1.1).contains(&ratio), "{upsampled}: {ratio}");
         }
     }
 

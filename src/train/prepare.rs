@@ -2,8 +2,11 @@
 
 use std::ops::ControlFlow;
 
+use glam::DVec3;
+
 use super::{ConfigError, TrainConfig, initial_scene};
 use crate::dataset::Dataset;
+use crate::geometry::Aabb;
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CameraBounds, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
@@ -46,15 +49,15 @@ pub fn reconstruct_prior(
 ///
 /// Where the prior or the settings leave nothing to place tensors on.
 pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<Scene, PrepareError> {
-    let map = prior::canonical_map(&occupied.bounds())?;
+    let bounds = occupied.bounds();
+    let map = prior::canonical_map(&bounds, config.half_extent)?;
     let boxes = occupied.mapped(&map);
     let clouds = (config.scales.iter())
         .map(|s| {
             prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let derived = CameraBounds::of_cameras(dataset.views.iter().map(|v| &v.camera));
-    let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]).map(|t| t * map.scale);
+    let [near, far] = config.near_far.unwrap_or_else(|| near_far(dataset, &bounds)).map(|t| t * map.scale);
     let frame = Frame {
         model_from_dataset: map,
         up: UpAxis::Z,
@@ -67,4 +70,39 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     let scene = initial_scene(config, clouds, frame, &dataset.name)?;
     scene.check()?;
     Ok(scene)
+}
+
+/// Where rays begin and end: as the cameras say, unless one of them is among what it looks at, as in a room. Then what they
+/// have in common is no distance, and everything in `bounds` counts.
+fn near_far(dataset: &Dataset, bounds: &Aabb) -> [f64; 2] {
+    let cameras = dataset.views.iter().map(|view| &view.camera);
+    let inside = |p: DVec3| p.clamp(bounds.min, bounds.max) == p;
+    if !cameras.clone().any(|camera| inside(camera.position)) {
+        let CameraBounds { near, far, .. } = CameraBounds::of_cameras(cameras);
+        return [near, far];
+    }
+    let farthest = |p: DVec3| (p - bounds.min).abs().max((p - bounds.max).abs()).length();
+    [0.0, cameras.map(|camera| farthest(camera.position)).fold(0.0, f64::max)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{Pixels, View};
+    use crate::geometry::Camera;
+
+    #[test]
+    fn rays_of_cameras_in_a_room_begin_at_once_and_reach_its_corners() {
+        let view = |x: f64, y: f64, z: f64| View {
+            name: String::new(),
+            camera: Camera::looking_at([8, 8], 9.0, DVec3::new(x, y, z), DVec3::ZERO, DVec3::Z),
+            pixels: Pixels::opaque([[0.0; 3]; 64]),
+        };
+        let room = Aabb::around(DVec3::ZERO, DVec3::new(3.0, 4.0, 0.5));
+        let dataset = |views| Dataset { name: String::new(), views, lost: 0 };
+        let inside = near_far(&dataset(vec![view(1.0, 0.0, 0.0), view(-9.0, 0.0, 0.0)]), &room);
+        assert_eq!(inside, [0.0, DVec3::new(12.0, 4.0, 0.5).length()]);
+        let [near, far] = near_far(&dataset(vec![view(4.0, 0.0, 3.0), view(0.0, 4.0, 3.0)]), &room);
+        assert!((near - 2.5).abs() < 1e-9 && (far - 7.5).abs() < 1e-9, "{near} {far}");
+    }
 }

@@ -125,7 +125,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     }
     let load = |folder: &Path| {
         let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
-        dataset::load_blender(folder, "train", &options)
+        dataset::load(folder, "train", &options)
     };
     let dataset = args.dataset.as_deref().map(load).transpose()?;
     let subject = Subject { args, config, session };

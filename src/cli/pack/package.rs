@@ -80,7 +80,7 @@ struct DataArgs {
     /// Folder of the dataset: --max-loss is then of PSNR against its photographs, and the file says what that is
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Which photographs: the S of transforms_S.json
+    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
     #[arg(long, value_name = "S", default_value = "test", requires = "data")]
     split: String,
     /// Photographs made N times smaller
@@ -96,7 +96,7 @@ impl DataArgs {
     fn load(&self) -> Result<Option<(Vec<View>, String)>, Error> {
         let Some(folder) = &self.data else { return Ok(None) };
         let options = LoadOptions { downscale: self.downscale, views: None, every: self.every as usize };
-        let Dataset { name, views } = dataset::load_blender(folder, &self.split, &options)?;
+        let Dataset { name, views, .. } = dataset::load(folder, &self.split, &options)?;
         let mut what = format!("{name}, {} views of {}", views.len(), self.split);
         if self.downscale > 1 {
             what += &format!(", {} times smaller", self.downscale);
@@ -106,7 +106,7 @@ impl DataArgs {
 
     fn training_cameras(&self, scene: &Scene) -> Result<Vec<TrainingCamera>, Error> {
         let Some(folder) = &self.data else { return Ok(Vec::new()) };
-        let cameras = dataset::load_blender_cameras(&folder.join("transforms_train.json"), None, self.downscale)?;
+        let cameras = dataset::load_cameras(folder, "train", None, self.downscale)?;
         Ok(cameras.iter().map(|named| training_camera(scene, &named.camera)).collect())
     }
 }

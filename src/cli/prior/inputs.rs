@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use super::shaping::Shaping;
 use crate::cli::progress::Progress;
 use crate::cli::{Error, Session, table};
-use crate::prior::{self, Built, VoxelBoxes};
+use crate::geometry::Camera;
+use crate::prior::{self, Built, Sight, VoxelBoxes};
 
 /// Where the scene is, from files: of commands that train.
 #[derive(Clone, Debug, clap::Args)]
@@ -19,12 +20,14 @@ pub(in crate::cli) struct Inputs {
 }
 
 impl Inputs {
-    /// The occupied cells in the dataset's space; `None` where no file is named.
-    pub(in crate::cli) fn voxels(&self, session: &Session) -> Result<Option<VoxelBoxes>, Error> {
+    /// The occupied cells in the dataset's space, of which `cameras` should see some; `None` where no file is named.
+    pub(in crate::cli) fn voxels(&self, cameras: &[Camera], session: &Session) -> Result<Option<VoxelBoxes>, Error> {
         if self.files.is_empty() {
             return Ok(None);
         }
-        build(&self.files, &self.shaping, session).map(|built| Some(built.boxes))
+        let boxes = build(&self.files, &self.shaping, session)?.boxes;
+        check_sight(&boxes, cameras.iter().copied(), session);
+        Ok(Some(boxes))
     }
 }
 
@@ -53,4 +56,14 @@ pub(super) fn build(files: &[PathBuf], shaping: &Shaping, session: &Session) -> 
     let cells = table::grouped(built.boxes.cells.len() as u64);
     progress.finish(&format!("prior: {cells} occupied voxels of {}", read.join(", ")));
     Ok(built)
+}
+
+/// Says how many of the cameras' rays meet the prior, and warns where few do.
+pub(super) fn check_sight(boxes: &VoxelBoxes, cameras: impl Iterator<Item = Camera>, session: &Session) -> Sight {
+    let sight = prior::sight(boxes, &cameras.collect::<Vec<_>>());
+    session.console.say(&format!("{:.1} % of the cameras' rays meet the prior", 100.0 * sight.share));
+    if let Some(advice) = &sight.advice {
+        session.console.say(&format!("warning: {advice}"));
+    }
+    sight
 }

@@ -2,6 +2,7 @@
 
 mod inputs;
 mod shaping;
+mod show;
 
 use std::path::{Path, PathBuf};
 
@@ -11,6 +12,7 @@ pub(super) use inputs::Inputs;
 use shaping::Shaping;
 
 use super::{Error, Session, check_output, table, write_atomically};
+use crate::dataset;
 use crate::prior::{self, Counts};
 
 const EXAMPLES: &str = "\
@@ -19,7 +21,8 @@ Examples:
   strivec prior scan.laz more.e57 -o prior.npz --voxel 0.05 --outliers 16,2 --min-points 3
   strivec prior scene0101_04 -o prior.npz --close 0.2
   strivec prior coarse_last.tar -o prior.npz
-  strivec prior model.glb -o prior.npz --up y --scale 0.001
+  strivec prior model.glb -o prior.npz --up y --scale 0.001 --data lego
+  strivec prior show prior.npz --data lego --out sheet.png
 
 Reads PLY, OBJ, glTF and GLB meshes; PLY, XYZ, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 clouds; COLMAP's \
 points3D.bin and .txt; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
@@ -27,16 +30,27 @@ Several inputs are joined. What is written opens in NumPy: cells, origin, pitch 
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Files and folders to read
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// The file to write
-    #[arg(long, short, value_name = "NPZ")]
-    output: PathBuf,
+    #[arg(long, short, value_name = "NPZ", required = true)]
+    output: Option<PathBuf>,
+    /// Folder of the dataset: say how many of its cameras' rays meet the prior, and what may be wrong where few do
+    #[arg(long, value_name = "DATASET")]
+    data: Option<PathBuf>,
     #[command(flatten)]
     shaping: Shaping,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    /// Show a prior over photographs
+    Show(show::Args),
 }
 
 /// The result, as `--json` prints it.
@@ -54,18 +68,33 @@ struct Report<'a> {
     triangles: u64,
     degenerate_triangles: u64,
     grid_cells: u64,
+    /// The share of the cameras' rays that meet the prior.
+    share_of_rays: Option<f64>,
+    /// What may be wrong where that is little.
+    advice: Option<String>,
 }
 
 /// Reads geometry and writes where it is.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    check_output(&args.output, session.force)?;
+    if let Some(Command::Show(args)) = &args.command {
+        return show::run(args, session);
+    }
+    let Some(output) = &args.output else { return Err(Error::Usage("expected --output".into())) };
+    check_output(output, session.force)?;
     let built = inputs::build(&args.inputs, &args.shaping, session)?;
-    let bytes = prior::to_npz(&built).map_err(Error::io("write", &args.output))?;
-    write_atomically(&args.output, &bytes, session.force)?;
+    let sight = match &args.data {
+        Some(folder) => {
+            let cameras = dataset::load_cameras(folder, "train", None, 1)?;
+            Some(inputs::check_sight(&built.boxes, cameras.into_iter().map(|named| named.camera), session))
+        }
+        None => None,
+    };
+    let bytes = prior::to_npz(&built).map_err(Error::io("write", output))?;
+    write_atomically(output, &bytes, session.force)?;
     let bounds = built.boxes.bounds();
     let Counts { points, outliers, triangles, degenerate, cells } = built.counts;
     let report = Report {
-        file: &args.output,
+        file: output,
         cells: built.boxes.cells.len(),
         pitch: built.boxes.lattice.pitch.into(),
         bounds: [bounds.min, bounds.max].map(Into::into),
@@ -75,6 +104,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         triangles,
         degenerate_triangles: degenerate,
         grid_cells: cells,
+        share_of_rays: sight.as_ref().map(|sight| sight.share),
+        advice: sight.and_then(|sight| sight.advice).map(|advice| advice.to_string()),
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch;

@@ -1,7 +1,7 @@
 //! A scene whose geometry is known exactly, photographed: the project's demo and the ground truth of its tests.
 //!
 //! In: how many views, how large, a seed. Out: a folder in the Blender layout and, beside it, the scene's exact mesh,
-//! points on its surface and an occupancy grid. The same seed gives the same bytes on any number of threads.
+//! points on its surface and an occupancy grid; or a folder in ScanNet's layout with a mesh that has holes. The same seed gives the same bytes on any number of threads.
 
 mod mesh;
 mod occupancy;
@@ -9,10 +9,12 @@ mod pictures;
 mod points;
 mod polytope;
 mod portable;
+mod scan;
 mod scene;
 mod shading;
 mod solid;
 mod texture;
+mod torn;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -25,6 +27,7 @@ use serde_json::json;
 use self::mesh::Mesh;
 use self::pictures::CAMERA_ANGLE;
 use self::portable::hash;
+pub use self::scan::{SynthesisedScan, synthesise_scan};
 use self::scene::Scene;
 use self::shading::Lights;
 use super::Error;

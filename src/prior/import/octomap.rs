@@ -152,7 +152,7 @@ impl Header {
             }
             self.check_depth(node.depth, children > 0, &place)?;
             for child in (0..8).filter(|child| occupied >> child & 1 == 1) {
-                visitor.cell(&self.cell(node.child(child)))?;
+                visitor.cell(&self.cell(node.child(child)), None)?;
             }
             (inner, children)
         } else {
@@ -160,13 +160,11 @@ impl Header {
             if value.is_nan() {
                 return Err(Fault::malformed(place, "log odds", value));
             }
-            if self.colors {
-                let _: [u8; 3] = input.array("a node's colour")?;
-            }
+            let color = if self.colors { Some(input.array("a node's colour")?) } else { None };
             let [children] = input.array("a node's children")?;
             self.check_depth(node.depth, children != 0, &place)?;
             if children == 0 && f64::from(value) > threshold {
-                visitor.cell(&self.cell(node))?;
+                visitor.cell(&self.cell(node), color)?;
             }
             (children, children.count_ones())
         };

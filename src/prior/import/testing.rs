@@ -28,7 +28,7 @@ impl Visitor for Seen {
         Ok(())
     }
 
-    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
+    fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
         self.cells.push(*cell);
         Ok(())
     }

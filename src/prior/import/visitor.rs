@@ -44,12 +44,12 @@ pub trait Visitor {
     /// To end the reading.
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault>;
 
-    /// A cell of a grid or an octree that is occupied; its corners are finite.
+    /// A cell of a grid or an octree that is occupied; its corners are finite. sRGB where it has a colour.
     ///
     /// # Errors
     ///
     /// To end the reading.
-    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault>;
+    fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>) -> Result<(), Fault>;
 
     /// Now and then: so many bytes of so many are read.
     ///

@@ -118,7 +118,7 @@ fn scale_plans(config: &TrainConfig, tensors: &[u64]) -> Vec<ScalePlan> {
 
 /// \[scale\] tensors on `occupied`, in the dataset's space.
 fn tensor_counts(config: &TrainConfig, occupied: &VoxelBoxes) -> Result<Vec<u64>, PrepareError> {
-    let boxes = occupied.mapped(&canonical_map(&occupied.bounds())?);
+    let boxes = occupied.mapped(&canonical_map(&occupied.bounds(), config.half_extent)?);
     let count = |s: &ScaleConfig| {
         let shape = ScaleShape { pitch: s.pitch, edge: s.edge, resolution: [1; 3] };
         prior::place_on_boxes(&boxes, &shape).map(|cloud| cloud.len() as u64)
@@ -144,7 +144,7 @@ fn finest_cell(config: &TrainConfig) -> f64 {
 
 /// What the cameras say about `config`'s cells and about `occupied`.
 fn observations(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Result<Vec<String>, PrepareError> {
-    let map = canonical_map(&occupied.bounds())?;
+    let map = canonical_map(&occupied.bounds(), config.half_extent)?;
     let footprints = Footprints::of(config, cameras, occupied);
     let unseen = occupied.cells.len() - footprints.seen();
     let mut lines = Vec::new();

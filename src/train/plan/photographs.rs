@@ -3,7 +3,7 @@
 use super::footprint::Footprints;
 use super::{cells_of, ending_in, finest_cell, last, listed, rounded, without_idle_upsamplings};
 use crate::geometry::Camera;
-use crate::prior::{self, CANONICAL_HALF_EXTENT, VoxelBoxes, canonical_map};
+use crate::prior::{self, VoxelBoxes, canonical_map};
 use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 
 /// Edge of a tensor's cell in pixels at the nearest cells: what `docs/configs/quarter.toml` has, which was found by hand.
@@ -45,9 +45,9 @@ pub fn fit_to_photographs(
     }
 
     let bounds = seen.bounds();
-    let map = canonical_map(&bounds)?;
+    let map = canonical_map(&bounds, config.half_extent)?;
     let half = 0.5 * bounds.size().max_element() * map.scale;
-    let stretch = (half / CANONICAL_HALF_EXTENT * EXTENT_DIGITS).round() / EXTENT_DIGITS;
+    let stretch = (half / config.half_extent * EXTENT_DIGITS).round() / EXTENT_DIGITS;
     let mut config = config.clone();
     for scale in &mut config.scales {
         scale.pitch = scale.pitch.map(|v| v * stretch);

@@ -32,7 +32,7 @@ impl Visitor for Doubting {
         self.see(corners.iter().all(|c| c.position.is_finite()))
     }
 
-    fn cell(&mut self, cell: &Aabb) -> Result<(), Fault> {
+    fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
         self.see(cell.min.is_finite() && cell.max.is_finite())
     }
 

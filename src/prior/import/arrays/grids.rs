@@ -36,6 +36,6 @@ pub(super) fn occupied(
         if value.is_nan() {
             return Err(Fault::malformed(format!("number {n} of the grid"), "a number", value));
         }
-        if occupied(value) { visitor.cell(&grid.cell(n)) } else { Ok(()) }
+        if occupied(value) { visitor.cell(&grid.cell(n), None) } else { Ok(()) }
     })
 }

@@ -48,7 +48,7 @@ pub(super) fn read(
     };
     let in_name = |fault| within(name, fault);
     match name {
-        "cells" => cells(archive, visitor),
+        "cells" => cells(archive, one_of(&["colors"]), visitor),
         "occupancy" => {
             let bounds = bounds(archive, &one_of)?;
             grids::occupancy(&mut Member::new(archive, name)?, Order::Zyx, bounds, options, visitor).map_err(in_name)
@@ -169,18 +169,25 @@ fn bounds<'n>(
 }
 
 /// A prior of this project.
-fn cells(archive: &mut Archive<'_, '_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let origin = DVec3::from_array(numbers(archive, "origin")?);
     let pitch = DVec3::from_array(numbers(archive, "pitch")?);
     if pitch.min_element() <= 0.0 {
         return Err(Fault::malformed("pitch", "numbers above 0", pitch));
     }
+    let colors = match colors {
+        Some(name) => Some(points::colors(&mut Member::new(archive, name)?).map_err(|fault| within(name, fault))?),
+        None => None,
+    };
     let array = &mut Member::new(archive, "cells")?;
     let mut hand_on = |array: &mut Member<'_, '_, '_>| {
         let [count, columns] = points::rows_and_columns(array, "cells")?;
         if columns != 3 || matches!(array.header.number, Number::Bool | Number::Float(_)) {
             let found = format!("{:?} of {:?}", array.header.shape, array.header.number);
             return Err(Fault::malformed("the array", "integers of shape (n, 3)", found));
+        }
+        if let Some(colors) = colors.as_ref().filter(|colors| colors.len() as u64 != count) {
+            return Err(Fault::malformed("the array", format!("{} rows, as colors has", colors.len()), count));
         }
         points::rows(array, 3, &mut |n, row| {
             if n % super::REPORT_EVERY == super::REPORT_EVERY - 1 {
@@ -191,7 +198,7 @@ fn cells(archive: &mut Archive<'_, '_>, visitor: &mut dyn Visitor) -> Result<(),
             if cell.abs().max_element() >= MAX_INDEX || !at.is_solid() {
                 return Err(Fault::malformed(format!("cell {n}"), "one with finite corners", cell));
             }
-            visitor.cell(&at)
+            visitor.cell(&at, colors.as_ref().map(|colors| colors[n as usize]))
         })
     };
     hand_on(array).map_err(|fault| within("cells", fault))

@@ -50,7 +50,7 @@ pub(super) fn read(
         if activation.alpha(value) >= options.min_alpha
             && mask.as_ref().is_none_or(|mask| mask.contains(grid.center(n)))
         {
-            visitor.cell(&grid.cell(n))?;
+            visitor.cell(&grid.cell(n), None)?;
         }
         Ok(())
     })

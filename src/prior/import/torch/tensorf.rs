@@ -37,7 +37,7 @@ pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visito
             visitor.progress(byte, bytes.len() as u64)?;
         }
         if bytes[byte as usize] >> (7 - n % 8) & 1 == 1 {
-            visitor.cell(&grid.cell(n))?;
+            visitor.cell(&grid.cell(n), None)?;
         }
     }
     Ok(())

@@ -1,0 +1,102 @@
+//! `strivec prior show`: a prior over the photographs that it should fit.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::inputs::build;
+use super::shaping::Shaping;
+use crate::cli::view_selection::ViewSelection;
+use crate::cli::{Error, Session, check_output, write_atomically};
+use crate::dataset::{self, Dataset};
+use crate::geometry::Camera;
+use crate::measure::{Canvas, color_png, side_by_side, stacked};
+use crate::prior::{self, Built, CellTree, Sight};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec prior show room.npz --data scene0101_04 --out room.png --downscale 4 --every 50
+  strivec prior show mesh.ply --data lego --out sheet.png --views 0..4
+
+Each row is a photograph and, over it, the first cells that its rays meet, in their \
+colours or from orange (near) to blue (far). \
+A prior that fits covers what it should and nothing else.";
+/// Views on a sheet where none are chosen.
+const ROWS: usize = 4;
+/// Behind transparent photographs.
+const BACKGROUND: [f32; 3] = [1.0; 3];
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(in crate::cli) struct Args {
+    /// Where the scene is: what `strivec prior` wrote, or what it takes; several are joined
+    #[arg(value_name = "PRIOR", required = true)]
+    inputs: Vec<PathBuf>,
+    /// Folder of the dataset
+    #[arg(long, value_name = "DATASET")]
+    data: PathBuf,
+    /// The picture to write
+    #[arg(long, value_name = "PNG")]
+    out: PathBuf,
+    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    #[arg(long, value_name = "S", default_value = "train")]
+    split: String,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    #[command(flatten)]
+    selection: ViewSelection,
+    #[command(flatten)]
+    shaping: Shaping,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Shown<'a> {
+    file: &'a Path,
+    views: usize,
+    cells: usize,
+    /// The share of the shown cameras' rays that meet the prior.
+    share_of_rays: f64,
+    /// What may be wrong where that is little.
+    advice: Option<String>,
+}
+
+/// Writes the sheet.
+pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    check_output(&args.out, session.force)?;
+    let Built { boxes, colors, .. } = build(&args.inputs, &args.shaping, session)?;
+    let mut options = args.selection.options(args.downscale);
+    if options.views.is_none() && options.every == 1 {
+        let count = dataset::load_cameras(&args.data, &args.split, None, 1)?.len();
+        options.every = count.div_ceil(ROWS).max(1);
+    }
+    let Dataset { views, .. } = dataset::load(&args.data, &args.split, &options)?;
+    let tree = CellTree::new(&boxes);
+    let mut rows = Vec::new();
+    for view in &views {
+        let photograph = view.pixels.colors(BACKGROUND);
+        let covered = prior::overlay(&tree, &boxes, colors.as_deref(), &view.camera, &photograph)
+            .map_err(|error| Error::Runtime(error.to_string()))?;
+        let size = [view.camera.width, view.camera.height];
+        rows.push(side_by_side(&[photograph, covered].map(|colors| Canvas { size, colors })));
+    }
+    let sheet = stacked(&rows);
+    write_atomically(&args.out, &color_png(sheet.size, &sheet.colors)?, session.force)?;
+
+    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+    let Sight { share, advice } = prior::sight(&boxes, &cameras);
+    let shown = Shown {
+        file: &args.out,
+        views: views.len(),
+        cells: boxes.cells.len(),
+        share_of_rays: share,
+        advice: advice.map(|advice| advice.to_string()),
+    };
+    session.console.result(&shown, |shown| {
+        let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));
+        let (file, views, cells) = (shown.file.display(), shown.views, shown.cells);
+        format!("{file}: {views} views, {cells} cells; {:.1} % of their rays meet one{advice}", 100.0 * share)
+    })
+}

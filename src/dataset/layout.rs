@@ -1,0 +1,62 @@
+//! Which layout a folder has.
+
+use std::fs;
+use std::path::Path;
+
+use super::{Dataset, Error, LoadOptions, NamedCamera};
+use super::{load_blender, load_blender_cameras, load_scannet, load_scannet_cameras};
+
+/// How photographs lie in a folder.
+enum Layout {
+    /// `transforms_*.json`.
+    Blender,
+    /// `pose` and `color`.
+    ScanNet,
+}
+
+/// The split `split` of the dataset in `folder`, of any layout: Blender's where there is a `transforms_*.json`, ScanNet's
+/// where there are `pose` and `color`.
+///
+/// # Errors
+///
+/// On everything [`Error`] lists but writing.
+pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    match Layout::of(folder)? {
+        Layout::Blender => load_blender(folder, split, options),
+        Layout::ScanNet => load_scannet(folder, split, options),
+    }
+}
+
+/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
+/// is for datasets that do not say how large their pictures are.
+///
+/// # Errors
+///
+/// As [`load`]'s, but for pictures; and where no size is known.
+pub fn load_cameras(
+    folder: &Path,
+    split: &str,
+    size: Option<[u32; 2]>,
+    downscale: u32,
+) -> Result<Vec<NamedCamera>, Error> {
+    match Layout::of(folder)? {
+        Layout::Blender => load_blender_cameras(&folder.join(format!("transforms_{split}.json")), size, downscale),
+        Layout::ScanNet => load_scannet_cameras(folder, split, size, downscale),
+    }
+}
+
+impl Layout {
+    fn of(folder: &Path) -> Result<Self, Error> {
+        for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
+            let name = entry.map_err(Error::read(folder))?.file_name();
+            if name.to_str().is_some_and(|name| name.starts_with("transforms_") && name.ends_with(".json")) {
+                return Ok(Self::Blender);
+            }
+        }
+        // Cameras alone need no pictures.
+        if folder.join("pose").is_dir() {
+            return Ok(Self::ScanNet);
+        }
+        Err(Error::Layout { path: folder.to_path_buf() })
+    }
+}

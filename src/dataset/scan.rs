@@ -1,0 +1,227 @@
+//! What a folder of ScanNet's holds besides photographs: its name, its mesh and the map that aligns both.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat4, DVec3};
+
+use super::{Error, photographs, picture, pose};
+
+/// Endings of a scan's mesh after its name, the one that is preferred first.
+const MESHES: [&str; 2] = ["_vh_clean_2.ply", "_vh_clean.ply"];
+/// The most bytes of a text file of a scan. The largest, that of its constants, has some two thousand.
+const MAX_TEXT_BYTES: u64 = 1 << 20;
+
+/// A folder as ScanNet's exporter leaves it: `NAME/` with `NAME.txt`, `NAME_vh_clean_2.ply`, `pose/` and `color/`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scan {
+    /// Where it is.
+    pub folder: PathBuf,
+    /// What its files' names begin with, as in `scene0101_04`.
+    pub name: String,
+    /// Its mesh, if it has one, in the space that poses are stored in.
+    pub mesh: Option<PathBuf>,
+    /// From that space to the one with z up; rigid. The identity where the scan has none.
+    pub alignment: DMat4,
+}
+
+impl Scan {
+    /// The scan that `path` is: a folder with a mesh, or with `pose` and `color` or `intrinsic`; or such a mesh itself, of
+    /// which the other files need not be there. `None` where it is something else, or nothing.
+    ///
+    /// # Errors
+    ///
+    /// Where it is a scan whose files cannot be read, whose alignment is not rigid, or whose name is not clear.
+    pub fn of(path: &Path) -> Result<Option<Self>, Error> {
+        let scan = if path.is_dir() {
+            let Some(name) = name_in(path)? else { return Ok(None) };
+            let mesh = MESHES.iter().map(|ending| path.join(format!("{name}{ending}"))).find(|mesh| mesh.is_file());
+            Self { folder: path.to_path_buf(), name, mesh, alignment: DMat4::IDENTITY }
+        } else {
+            let file = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            let Some(name) = MESHES.iter().find_map(|ending| file.strip_suffix(ending)) else { return Ok(None) };
+            let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+            Self { folder, name: name.into(), mesh: Some(path.to_path_buf()), alignment: DMat4::IDENTITY }
+        };
+        let alignment = match Constants::of(&scan.folder, &scan.name)? {
+            Some(constants) => constants.alignment()?,
+            None => None,
+        };
+        Ok(Some(Self { alignment: alignment.unwrap_or(DMat4::IDENTITY), ..scan }))
+    }
+
+    /// Where `point`, of the mesh or of a stored pose, is once aligned.
+    pub fn aligned(&self, point: DVec3) -> DVec3 {
+        self.alignment.transform_point3(point)
+    }
+}
+
+/// What the names of the scan's files in `folder` begin with; `None` where there is no scan.
+fn name_in(folder: &Path) -> Result<Option<String>, Error> {
+    let own = photographs::name_of(folder);
+    if MESHES.iter().any(|ending| folder.join(format!("{own}{ending}")).is_file()) {
+        return Ok(Some(own));
+    }
+    // A folder may have been renamed.
+    let mut names = BTreeSet::new();
+    for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
+        let file = entry.map_err(Error::read(folder))?.file_name();
+        let name = file.to_str().and_then(|file| MESHES.iter().find_map(|ending| file.strip_suffix(ending)));
+        names.extend(name.map(str::to_owned));
+    }
+    if names.len() > 1 {
+        let names: Vec<_> = names.into_iter().collect();
+        return Err(Error::text(folder, "the meshes", "those of one scan", format!("{} of several", names.join(", "))));
+    }
+    let has = |part: &str| folder.join(part).is_dir();
+    let photographed = has("pose") && (has("color") || has("intrinsic"));
+    Ok(names.pop_first().or(photographed.then_some(own)))
+}
+
+/// `NAME.txt`: lines `key = value`.
+pub(super) struct Constants {
+    pub(super) path: PathBuf,
+    text: String,
+}
+
+impl Constants {
+    /// Those of the scan `name` in `folder`; `None` where there is no such file.
+    pub(super) fn of(folder: &Path, name: &str) -> Result<Option<Self>, Error> {
+        let path = folder.join(format!("{name}.txt"));
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = read_text(&path)?;
+        Ok(Some(Self { path, text }))
+    }
+
+    /// What follows the first `key = `.
+    fn value(&self, key: &str) -> Option<&str> {
+        let pairs = self.text.lines().filter_map(|line| line.split_once('='));
+        pairs.into_iter().find(|(found, _)| found.trim() == key).map(|(_, value)| value.trim())
+    }
+
+    /// The number of `key`, if it is there.
+    pub(super) fn number(&self, key: &str) -> Result<Option<f64>, Error> {
+        let Some(value) = self.value(key) else { return Ok(None) };
+        match number(value) {
+            Some(found) => Ok(Some(found)),
+            None => Err(Error::text(&self.path, key, "a number", format!("{:?}", shortened(value)))),
+        }
+    }
+
+    /// `axisAlignment`, made exactly rigid.
+    fn alignment(&self) -> Result<Option<DMat4>, Error> {
+        const KEY: &str = "axisAlignment";
+        let Some(value) = self.value(KEY) else { return Ok(None) };
+        let rows = matrix(&self.path, KEY, value)?;
+        let (rotation, translation) =
+            pose::rigid(&rows).map_err(|(expected, found)| Error::text(&self.path, KEY, expected, found))?;
+        Ok(Some(DMat4::from_mat3_translation(rotation, translation)))
+    }
+}
+
+/// The rows of the 4x4 matrix in the file `path`, whose numbers need not be finite.
+pub(super) fn read_matrix(path: &Path) -> Result<[[f64; 4]; 4], Error> {
+    matrix(path, "the matrix", &read_text(path)?)
+}
+
+fn matrix(path: &Path, place: &str, text: &str) -> Result<[[f64; 4]; 4], Error> {
+    let mut rows = [[0.0; 4]; 4];
+    let words = text.split_whitespace();
+    let found = words.clone().count();
+    if found != 16 {
+        return Err(Error::text(path, place, "16 numbers", found.to_string()));
+    }
+    for (value, word) in rows.as_flattened_mut().iter_mut().zip(words) {
+        *value = number(word)
+            .ok_or_else(|| Error::text(path, place, "16 numbers", format!("{:?} among them", shortened(word))))?;
+    }
+    Ok(rows)
+}
+
+/// As Rust reads it, and what Microsoft's library makes of infinities and of no number, as in `-1.#INF`.
+fn number(word: &str) -> Option<f64> {
+    word.parse().ok().or_else(|| word.contains(".#").then_some(f64::NAN))
+}
+
+/// At most the first 40 characters, for messages.
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+/// A text file's whole content.
+fn read_text(path: &Path) -> Result<String, Error> {
+    let bytes = picture::read_at_most(path, MAX_TEXT_BYTES)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let place = format!("byte {}", error.utf8_error().valid_up_to());
+        Error::text(path, place, "text in UTF-8", "other bytes")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALIGNMENT: &str = "axisAlignment = 0 -1 0 3 1 0 0 4 0 0 1 5 0 0 0 1";
+
+    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn a_scan_is_found_by_its_folder_and_by_its_mesh() {
+        let text = format!("sceneType = Bathroom\r\nno pair\n{ALIGNMENT} \ncolorWidth = 1296\n");
+        let folder = folder(&[("scene0101_04.txt", &text), ("scene0101_04_vh_clean.ply", ""), ("a.ply", "")]);
+        let mesh = folder.path().join("scene0101_04_vh_clean.ply");
+        for path in [folder.path(), &mesh] {
+            let scan = Scan::of(path).unwrap().unwrap();
+            assert_eq!((scan.name.as_str(), scan.mesh.as_ref()), ("scene0101_04", Some(&mesh)));
+            assert_eq!(scan.folder, folder.path());
+            assert_eq!(scan.aligned(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 5.0, 8.0));
+        }
+        let better = folder.path().join("scene0101_04_vh_clean_2.ply");
+        fs::write(&better, "").unwrap();
+        assert_eq!(Scan::of(folder.path()).unwrap().unwrap().mesh, Some(better));
+        assert_eq!(Scan::of(&folder.path().join("a.ply")).unwrap(), None);
+        assert_eq!(Scan::of(&folder.path().join("absent")).unwrap(), None);
+    }
+
+    #[test]
+    fn photographs_alone_are_a_scan_without_a_mesh_and_other_folders_are_none() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Scan::of(folder.path()).unwrap(), None);
+        for part in ["pose", "color"] {
+            fs::create_dir(folder.path().join(part)).unwrap();
+        }
+        let scan = Scan::of(folder.path()).unwrap().unwrap();
+        assert_eq!((scan.mesh, scan.alignment), (None, DMat4::IDENTITY));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_scan_is_named() {
+        for (text, expected) in [
+            (&b"axisAlignment = 1 2 3"[..], "scene1.txt: axisAlignment: expected 16 numbers, found 3"),
+            (b"axisAlignment = 0 -1 0 x 1 0 0 4 0 0 1 5 0 0 0 1", "expected 16 numbers, found \"x\" among them"),
+            (b"axisAlignment = 0 -1 0 inf 1 0 0 4 0 0 1 5 0 0 0 1", "axisAlignment: expected finite numbers"),
+            (b"axisAlignment = 0 -1 0 3 1 0 0 4 0 0 -1 5 0 0 0 1", "expected a right-handed rotation"),
+            (b"axisAlignment = 2 0 0 3 0 2 0 4 0 0 2 5 0 0 0 1", "expected an orthonormal rotation"),
+            (b"axis\xffAlignment = 1", "scene1.txt: byte 4: expected text in UTF-8"),
+        ] {
+            let folder = folder(&[("scene1_vh_clean_2.ply", "")]);
+            fs::write(folder.path().join("scene1.txt"), text).unwrap();
+            let message = Scan::of(folder.path()).unwrap_err().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+        let two = folder(&[("a_vh_clean_2.ply", ""), ("b_vh_clean_2.ply", "")]);
+        let message = Scan::of(two.path()).unwrap_err().to_string();
+        assert!(message.contains("expected those of one scan, found a, b of several"), "{message}");
+        let long = folder(&[("a_vh_clean_2.ply", ""), ("a.txt", &" ".repeat((1 << 20) + 1))]);
+        assert_eq!(Scan::of(long.path()).unwrap_err().kind(), super::super::ErrorKind::Limit);
+    }
+}
