@@ -17,13 +17,15 @@ use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure;
 use crate::model::Scene;
+use crate::prior::CoarseProgress;
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{self, StepReport, TrainConfig, Trainer};
+use crate::train::{self, StepReport, TrainConfig, Trainer, Unused};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec train lego -o lego.strivec --preset 24
   strivec train lego -o small.strivec --preset fast --steps 3000 --downscale 4 --log curve.csv
+  strivec train lego -o lego.strivec --bootstrap --prune
   strivec train --preset 48 --print-config > mine.toml
   strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
   strivec train lego -o lego.strivec --checkpoint lego.state --resume
@@ -70,6 +72,15 @@ pub(super) struct Args {
     /// Where rays end, in the dataset's units
     #[arg(long, value_name = "LENGTH", requires = "near")]
     pub(super) far: Option<f64>,
+    /// Find the scene with eight coarse tensors of our own instead of the coarse reconstruction: slower, and less precise
+    #[arg(long)]
+    pub(super) bootstrap: bool,
+    /// Remove tensors during training in whose boxes nothing has turned out to be: smaller files, the same pictures
+    #[arg(long)]
+    pub(super) prune: bool,
+    /// Keep, at the end, what no training ray makes use of
+    #[arg(long)]
+    pub(super) keep_unused: bool,
     /// Where the state of an unfinished run is kept [default: FILE.state]
     #[arg(long, value_name = "PATH")]
     pub(super) checkpoint: Option<PathBuf>,
@@ -77,7 +88,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Go on from the state that an earlier run left, with its settings
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "bootstrap", "prune"])]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -190,13 +201,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let start = Instant::now();
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
-        None => begin(config, &dataset, &interrupted, session)?,
+        None => {
+            let prior = if args.bootstrap { Prior::Bootstrap } else { Prior::Coarse };
+            begin(config, &dataset, prior, &interrupted, session)?
+        }
     };
     trainer.add_seconds(start.elapsed().as_secs_f64());
     let mut run = Run { args, session, files: &files, held_out: &held_out, curve: Vec::new() };
     run.train(&mut trainer, &interrupted)?;
 
-    let scene = trainer.scene();
+    let mut scene = trainer.scene();
+    let unused = (!args.keep_unused).then(|| trainer.drop_unused(&mut scene));
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     files.remove_state()?;
@@ -207,12 +222,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         steps: trainer.steps_done(),
         seconds: trainer.progress().seconds,
         scales: scale_table::rows(&scene),
+        unused,
         curve: run.curve,
     };
     session.console.result(&result, |r| {
         let table = scale_table::text(&r.scales);
+        let unused = r.unused.as_ref().map_or_else(String::new, |u| unused_text(u, r.parameters));
         let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
-        format!("{table}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
+        format!("{table}{unused}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
     })
 }
 
@@ -226,7 +243,24 @@ struct Trained<'a> {
     /// Prior and training, without loading, evaluating and writing.
     seconds: f64,
     scales: Vec<ScaleRow>,
+    /// What was cleared at the end; absent where that was not to be.
+    unused: Option<Unused>,
     curve: Vec<CurvePoint>,
+}
+
+/// A line on what was cleared, of `parameters` in all.
+fn unused_text(unused: &Unused, parameters: u64) -> String {
+    let Unused { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
+    if components_dropped == 0 {
+        return "unused: nothing\n".into();
+    }
+    format!(
+        "unused: {} tensors and {} components cleared, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
+        table::grouped(tensors_dropped),
+        table::grouped(components_dropped),
+        table::grouped(parameters_saved),
+        table::grouped(parameters),
+    )
 }
 
 /// A row of the log.
@@ -251,6 +285,7 @@ fn configuration(args: &Args) -> Result<TrainConfig, Error> {
     };
     config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
     config.seed = args.seed.unwrap_or(config.seed);
+    config.prune |= args.prune;
     config.background = args.background.map_or(config.background, Background::color);
     if let (Some(near), Some(far)) = (args.near, args.far) {
         config.near_far = Some([near, far]);
@@ -275,21 +310,37 @@ fn interrupts() -> Result<Arc<AtomicBool>, Error> {
     Ok(interrupted)
 }
 
+/// What finds the scene in the photographs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Prior {
+    /// The coarse reconstruction.
+    Coarse,
+    /// Eight tensors.
+    Bootstrap,
+}
+
 /// Prior and placement.
 pub(super) fn begin<'a>(
     config: TrainConfig,
     dataset: &'a Dataset,
+    prior: Prior,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
-    let total = u64::from(config.prior.total_steps());
+    let total = match prior {
+        Prior::Coarse => u64::from(config.prior.total_steps()),
+        Prior::Bootstrap => config.bootstrap.total_steps(),
+    };
     let progress = Progress::start(&session.console, "prior", total);
     let start = Instant::now();
-    let occupied = train::reconstruct_prior(&config, dataset, &mut |at| {
+    let mut report = |at: CoarseProgress| {
         progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
         if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
-    .map_err(|e| Error::from(train::PrepareError::from(e)))?;
+    };
+    let occupied = match prior {
+        Prior::Coarse => train::reconstruct_prior(&config, dataset, &mut report).map_err(train::PrepareError::from)?,
+        Prior::Bootstrap => train::bootstrap_prior(&config, dataset, &mut report)?,
+    };
     progress.finish(&format!(
         "prior: {} occupied voxels in {:.1} s",
         table::grouped(occupied.cells.len() as u64),
@@ -311,7 +362,7 @@ pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Ve
 /// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints.
 pub(super) fn train_through(config: TrainConfig, dataset: &Dataset, session: &Session) -> Result<Scene, Error> {
     let interrupted = interrupts()?;
-    let mut trainer = begin(config, dataset, &interrupted, session)?;
+    let mut trainer = begin(config, dataset, Prior::Coarse, &interrupted, session)?;
     let mut meter = Meter::start(&session.console, &trainer);
     while trainer.steps_done() < trainer.config().steps {
         if interrupted.load(Ordering::SeqCst) {

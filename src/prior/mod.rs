@@ -16,6 +16,7 @@ mod voxel_boxes;
 pub use bounds::{CameraBounds, frusta_box};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
+pub(crate) use coarse::{Fit, check_views, near_and_far};
 pub use error::Error;
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
 pub use voxel_boxes::VoxelBoxes;

@@ -5,6 +5,7 @@
 
 mod adam;
 mod backward;
+mod bootstrap;
 mod chunk;
 mod config;
 mod factors;
@@ -15,12 +16,15 @@ mod pairs;
 mod photographs;
 mod prepare;
 mod progress;
+mod prune;
 mod trainer;
+mod unused;
 mod upsample;
 
 pub(crate) use adam::Adam;
 pub use adam::Moments;
 pub use backward::{Backward, Gradients};
+pub use bootstrap::{BootstrapOptions, bootstrap_prior};
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchThinning, Target};
 pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
@@ -30,5 +34,7 @@ pub use occupancy::estimate_occupancy;
 pub use photographs::Photographs;
 pub use prepare::{PrepareError, place_scene, reconstruct_prior};
 pub use progress::{Progress, ProgressError};
+pub use prune::prune_unoccupied;
 pub use trainer::{StepReport, TrainError, Trainer};
+pub use unused::{MAX_LOSS, Unused, drop_unused};
 pub use upsample::upsample;

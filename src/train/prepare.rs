@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::{ConfigError, TrainConfig, initial_scene};
+use super::{ConfigError, TrainConfig, TrainError, initial_scene};
 use crate::dataset::Dataset;
+use crate::geometry::Similarity;
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CameraBounds, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
@@ -19,6 +20,9 @@ pub enum PrepareError {
     /// A scene that no reader would accept.
     #[error(transparent)]
     Scene(#[from] BrokenInvariant),
+    /// The tensors that were to find the scene could not be trained.
+    #[error(transparent)]
+    Train(#[from] TrainError),
 }
 
 /// The coarse reconstruction of `dataset` with `config`'s options, background, range and seed.
@@ -53,18 +57,22 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
             prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
+    let scene = initial_scene(config, clouds, frame(config, dataset, map), &dataset.name)?;
+    scene.check()?;
+    Ok(scene)
+}
+
+/// How a model of `dataset` sits in its space.
+pub(super) fn frame(config: &TrainConfig, dataset: &Dataset, model_from_dataset: Similarity) -> Frame {
     let derived = CameraBounds::of_cameras(dataset.views.iter().map(|v| &v.camera));
-    let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]).map(|t| t * map.scale);
-    let frame = Frame {
-        model_from_dataset: map,
+    let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]).map(|t| t * model_from_dataset.scale);
+    Frame {
+        model_from_dataset,
         up: UpAxis::Z,
         metres_per_unit: None,
         near,
         far,
         background: config.background,
         color_space: ColorSpace::Srgb,
-    };
-    let scene = initial_scene(config, clouds, frame, &dataset.name)?;
-    scene.check()?;
-    Ok(scene)
+    }
 }

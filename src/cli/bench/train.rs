@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use super::{Repeats, report};
-use crate::cli::train::{Preset, begin, read_state};
+use crate::cli::train::{Preset, Prior, begin, read_state};
 use crate::cli::{Error, Session, scene_file};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::bench::{Measured, MemoryMark, Peak, at_rest, ball, ball_views, training_steps};
@@ -185,7 +185,7 @@ impl Subject<'_> {
     /// Trains on `dataset` and measures after the steps of `--at`.
     fn on_the_way(&self, dataset: &Dataset, peak: &Peak) -> Result<Vec<Point>, Error> {
         let memory = MemoryMark::set();
-        let mut trainer = begin(self.config.clone(), dataset, &AtomicBool::new(false), self.session)?;
+        let mut trainer = begin(self.config.clone(), dataset, Prior::Coarse, &AtomicBool::new(false), self.session)?;
         let mut stops = self.args.start.at.clone().unwrap_or_default();
         stops.sort_unstable();
         let mut points = Vec::new();

@@ -1,0 +1,320 @@
+//! A prior from photographs with nothing but our own tensors (paper, appendix "Ablation Studies on Initial Geometry": "8
+//! coarse tri-vectors").
+//!
+//! In: posed photographs. Out: the voxels in which something is seen. Eight tensors, 2×2×2, of eight components each
+//! cover the box of all frusta and are trained as any scene is. They start empty (a feature of about 0 is none, with the
+//! shift of −10), and density grows where rays need it. What is found bounds the next round, in which eight tensors cover
+//! that alone. It takes longer than [`crate::prior::coarse`] and finds less detail: it is for those who want no other
+//! method's reconstruction.
+
+use std::ops::ControlFlow;
+
+use glam::{DVec3, UVec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::prepare::frame;
+use super::{ConfigError, DecoderConfig, FieldConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
+use crate::dataset::{Dataset, View};
+use crate::field::{Field, Samples, vectorised};
+use crate::geometry::{Aabb, Lattice, Ray, Similarity};
+use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
+use crate::prior::{self, CoarseProgress, Fit, VoxelBoxes};
+
+/// Settings of [`bootstrap_prior`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BootstrapOptions {
+    /// Steps of each round. The first round looks at the box of all frusta, each later one at what the one before found.
+    pub steps: Vec<u64>,
+    /// Rays a step.
+    pub batch_rays: usize,
+    /// Density and appearance components of each of the eight tensors.
+    pub components: u32,
+    /// Cells along the longest axis of a tensor in the last round; half as many in the one before it, and so on. Voxels
+    /// are such cells.
+    pub resolution: u32,
+    /// Voxels are occupied where their α over one voxel edge exceeds this.
+    pub occupied_alpha: f64,
+    /// Voxels are occupied only next to a sample that adds more than this to some pixel.
+    pub seen_weight: f64,
+    /// Every how many-th pixel of every how many-th row is looked at for that.
+    pub seen_stride: u32,
+    // EXPERIMENT
+    pub overlap: u32,
+    pub l1: f64,
+    pub rate: f64,
+    pub features: u32,
+    pub hidden: Vec<u32>,
+    pub mode: DecoderMode,
+    pub random_background: bool,
+    pub dilate: u32,
+    pub deviation: f64,
+}
+
+impl Default for BootstrapOptions {
+    fn default() -> Self {
+        Self {
+            steps: vec![300, 1000],
+            batch_rays: 1024,
+            components: 8,
+            resolution: 48,
+            occupied_alpha: 1e-2,
+            seen_weight: 1e-3,
+            seen_stride: 3,
+            overlap: 0,
+            l1: 1e-5,
+            rate: 0.02,
+            features: 8,
+            hidden: vec![32],
+            mode: DecoderMode::PerSample,
+            random_background: false,
+            dilate: 1,
+            deviation: 0.2,
+        }
+    }
+}
+
+impl BootstrapOptions {
+    /// Number of steps over all rounds.
+    pub fn total_steps(&self) -> u64 {
+        self.steps.iter().fold(0, |sum, &n| sum.saturating_add(n))
+    }
+
+    /// Checks what the types do not.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let fraction = |v: f64| (0.0..1.0).contains(&v);
+        for (place, valid, expected, found) in [
+            (
+                "steps",
+                (1..=4).contains(&self.steps.len()) && !self.steps.contains(&0) && self.total_steps() <= 1 << 30,
+                "1 to 4 positive numbers of at most 2^30 together",
+                format!("{:?}", self.steps),
+            ),
+            ("batch_rays", (1..=1 << 20).contains(&self.batch_rays), "1 to 1048576", self.batch_rays.to_string()),
+            ("components", (1..=256).contains(&self.components), "1 to 256", self.components.to_string()),
+            ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
+            ("occupied_alpha", fraction(self.occupied_alpha), "a number in [0, 1)", self.occupied_alpha.to_string()),
+            ("seen_weight", fraction(self.seen_weight), "a number in [0, 1)", self.seen_weight.to_string()),
+            ("seen_stride", self.seen_stride > 0, "at least 1", self.seen_stride.to_string()),
+        ] {
+            if !valid {
+                return Err(ConfigError::Value {
+                    place: format!("bootstrap.{place}"),
+                    expected: expected.into(),
+                    found,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The occupied voxels of `dataset`, in its own space, found by eight tensors with `config`'s bootstrap options,
+/// background, range and seed. Always the same ones for the same settings. `progress` is called after every step and
+/// stops the work by returning [`ControlFlow::Break`].
+///
+/// # Errors
+///
+/// As [`prior::coarse::reconstruct`], and where training fails.
+pub fn bootstrap_prior(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
+) -> Result<VoxelBoxes, PrepareError> {
+    let options = &config.bootstrap;
+    options.check()?;
+    prior::check_views(dataset)?;
+    let [near, far] = prior::near_and_far(dataset, config.near_far.map(|n| n[0]), config.near_far.map(|n| n[1]))?;
+    let frusta = prior::frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    if !frusta.is_solid() {
+        return Err(prior::Error::View {
+            view: dataset.views[0].name.clone(),
+            expected: "cameras whose frusta span a box".into(),
+            found: format!("{frusta:?}"),
+        }
+        .into());
+    }
+    let (mut done, total) = (0, options.total_steps() as u32);
+    let mut within = frusta;
+    let mut found = None;
+    for (round, &steps) in options.steps.iter().enumerate() {
+        let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
+        let eight = Eight::over(&within, resolution)?;
+        let config = eight.config(config, steps, options.overlap);
+        let scene = eight.scene(&config, dataset, options.overlap)?;
+        let mut trainer = Trainer::new(config, scene, &dataset.views)?;
+        let mut fit = Fit::default();
+        for _ in 0..steps {
+            fit.add(trainer.step()?.mean_squared_error);
+            done += 1;
+            if progress(CoarseProgress { step: done, total, psnr: fit.psnr() }).is_break() {
+                return Err(prior::Error::Cancelled { step: done }.into());
+            }
+        }
+        let boxes = eight.occupied(&trainer.scene(), &dataset.views, options);
+        let bounds = boxes.bounds();
+        if !bounds.is_solid() {
+            return Err(prior::Error::empty(dataset, done, fit.psnr(), config_background(&trainer)).into());
+        }
+        within = bounds.grown(DVec3::splat(2.0 * boxes.lattice.pitch.x)).intersection(&frusta);
+        found = Some(boxes);
+    }
+    Ok(found.expect("at least one round"))
+}
+
+fn config_background(trainer: &Trainer<'_>) -> [f32; 3] {
+    trainer.config().background
+}
+
+/// Eight boxes of cubic cells, and the space in which they are tensors.
+struct Eight {
+    model_from_dataset: Similarity,
+    /// The smallest corner, in model units.
+    corner: DVec3,
+    /// Edge length of a cell, in model units.
+    cell: f64,
+    /// Cells of a tensor along each axis.
+    resolution: UVec3,
+}
+
+impl Eight {
+    /// Over `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each.
+    fn over(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
+        let model_from_dataset = prior::canonical_map(within)?;
+        let [min, max] = [within.min, within.max].map(|p| model_from_dataset.point(p));
+        let cell = (max - min).max_element() / f64::from(2 * resolution);
+        // To spare, rounding apart: the longest axis has exactly as many as were asked for.
+        let cells = ((max - min) / (2.0 * cell) - 1e-6).ceil().max(DVec3::ONE);
+        let corner = 0.5 * (min + max) - cells * cell;
+        Ok(Self { model_from_dataset, corner, cell, resolution: cells.as_uvec3() })
+    }
+
+    /// `base` for a short training of the eight.
+    fn config(&self, base: &TrainConfig, steps: u64, overlap: u32) -> TrainConfig {
+        let options = &base.bootstrap;
+        let edge = (self.resolution.as_dvec3() * self.cell).to_array();
+        TrainConfig {
+            preset: "bootstrap".into(),
+            steps,
+            batch_rays: options.batch_rays,
+            upsample_at: Vec::new(),
+            occupancy_at: Vec::new(),
+            density_l1: options.l1,
+            factor_learning_rate: options.rate,
+            factor_deviation: options.deviation,
+            random_background: options.random_background,
+            field: FieldConfig::default(),
+            decoder: DecoderConfig {
+                mode: options.mode,
+                features: options.features,
+                feature_frequencies: 1,
+                direction_frequencies: 1,
+                hidden: options.hidden.clone(),
+            },
+            scales: vec![ScaleConfig {
+                pitch: edge,
+                edge: edge.map(|e| e + 2.0 * f64::from(overlap) * self.cell),
+                resolutions: vec![(self.resolution + 2 * overlap).to_array()],
+                density_rank: options.components,
+                appearance_rank: options.components,
+                top_k: 8,
+            }],
+            ..base.clone()
+        }
+    }
+
+    /// The scene that `config` starts from.
+    fn scene(&self, config: &TrainConfig, dataset: &Dataset, overlap: u32) -> Result<Scene, PrepareError> {
+        let cells = (0..8).map(|n| UVec3::new(n & 1, n >> 1 & 1, n >> 2)).collect();
+        let pitch = self.resolution.as_dvec3() * self.cell;
+        let cloud = TensorCloud {
+            placement: Placement::Lattice { lattice: Lattice { origin: self.corner, pitch }, cells },
+            half: 0.5 * pitch + f64::from(overlap) * self.cell,
+            resolution: (self.resolution + 2 * overlap).to_array(),
+        };
+        let frame = frame(config, dataset, self.model_from_dataset);
+        let scene = initial_scene(config, vec![cloud], frame, &dataset.name)?;
+        scene.check()?;
+        Ok(scene)
+    }
+
+    /// The cells of `scene` that are dense and within one cell of what `views` see of it, in the dataset's space.
+    fn occupied(&self, scene: &Scene, views: &[View], options: &BootstrapOptions) -> VoxelBoxes {
+        let field = Field::<f32>::new(scene);
+        let size = 2 * self.resolution;
+        let index = |cell: UVec3| ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
+        let count = size.as_usizevec3().element_product();
+        let seen = self.seen(&field, views, options, count, size);
+        let cells: Vec<UVec3> = (0..size.z)
+            .flat_map(|z| (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec3::new(x, y, z))))
+            .collect();
+        let is_near_seen = |cell: UVec3| {
+            let (first, last) =
+                (cell.saturating_sub(UVec3::splat(options.dilate)), (cell + options.dilate).min(size - 1));
+            (first.z..=last.z)
+                .any(|z| (first.y..=last.y).any(|y| (first.x..=last.x).any(|x| seen[index(UVec3::new(x, y, z))])))
+        };
+        let edges_in_a_step = self.cell / field.rules.step;
+        let is_dense = |samples: &mut Samples<f32>, cell: UVec3| {
+            let position = field.relative(self.corner + (cell.as_dvec3() + 0.5) * self.cell);
+            let feature = vectorised(
+                #[inline(always)]
+                || field.density_feature(position, samples),
+            );
+            let depth = feature.map_or(0.0, |f| f64::from(field.optical_depth(f)) * edges_in_a_step);
+            -(-depth).exp_m1() > options.occupied_alpha
+        };
+        let cells = (cells.into_par_iter())
+            .map_init(Samples::default, |samples, cell| (is_near_seen(cell) && is_dense(samples, cell)).then_some(cell))
+            .flatten_iter()
+            .collect();
+        let back = self.model_from_dataset.inverse();
+        let lattice =
+            Lattice { origin: back.point(self.corner), pitch: DVec3::splat(self.cell / self.model_from_dataset.scale) };
+        VoxelBoxes { lattice, cells }
+    }
+
+    /// \[z\]\[y\]\[x\] the cells, of `size` on each axis, that hold a sample which adds enough to some pixel.
+    fn seen(
+        &self,
+        field: &Field<f32>,
+        views: &[View],
+        options: &BootstrapOptions,
+        count: usize,
+        size: UVec3,
+    ) -> Vec<bool> {
+        let stride = options.seen_stride as usize;
+        let corner = field.relative(self.corner);
+        let look = |mut seen: Vec<bool>, view: &View| {
+            let camera = view.camera.mapped(&self.model_from_dataset);
+            let mut samples = Samples::default();
+            for row in (0..camera.height).step_by(stride) {
+                let rays: Vec<Ray> = (0..camera.width).step_by(stride).map(|column| camera.ray(column, row)).collect();
+                vectorised(
+                    #[inline(always)]
+                    || field.march(&rays, &mut samples),
+                );
+                for &place in &samples.order {
+                    if f64::from(samples.weight(place as usize)) <= options.seen_weight {
+                        continue;
+                    }
+                    let position = samples.positions[place as usize];
+                    let cell = [0, 1, 2].map(|a| {
+                        let at = (position[a] - corner[a]) / self.cell as f32;
+                        (at.max(0.0) as u32).min(size[a] - 1)
+                    });
+                    seen[((cell[2] * size.y + cell[1]) * size.x + cell[0]) as usize] = true;
+                }
+            }
+            seen
+        };
+        // A union does not depend on the order.
+        let union = |mut a: Vec<bool>, b: Vec<bool>| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
+            a
+        };
+        let none = || vec![false; count];
+        views.par_iter().with_min_len(views.len().div_ceil(16)).fold(none, look).reduce(none, union)
+    }
+}
