@@ -20,7 +20,7 @@ fn one_sided(coverage: Coverage, listed: bool) -> Scene {
     let mut occupancy = Occupancy::empty(scene.bounds, UVec3::new(21, 19, 17));
     for z in 3..12 {
         for y in 0..19 {
-            (2..9).for_each(|x| occupancy.set(UVec3::new(x, y, z)));
+            (2..5).for_each(|x| occupancy.set(UVec3::new(x, y, z)));
         }
     }
     scene.occupancy = Some(occupancy);
@@ -59,7 +59,7 @@ fn pruned_tensors_were_in_no_picture() {
         pruned.check().unwrap();
         for ((before, after), kept) in scene.scales.iter().zip(&pruned.scales).zip(&kept) {
             println!("{} of {} tensors stay", after.cloud.len(), before.cloud.len());
-            assert!(after.cloud.len() * 10 < before.cloud.len() * 9 && after.cloud.len() == kept.len());
+            assert_eq!(after.cloud.len(), kept.len());
             let rows = Factors::rows(before.cloud.resolution) * before.factors.appearance_rank as usize;
             for (n, &was) in kept.iter().enumerate() {
                 assert_eq!(after.cloud.center(n), before.cloud.center(was));
@@ -67,6 +67,8 @@ fn pruned_tensors_were_in_no_picture() {
                 assert_eq!(of(after, n), of(before, was));
             }
         }
+        let fine = |scene: &Scene| scene.scales[1..].iter().map(|s| s.cloud.len()).sum::<usize>();
+        assert!(2 * fine(&pruned) < fine(&scene), "most of the fine tensors are elsewhere");
         assert_eq!(reference(&scene, &rays), reference(&pruned, &rays), "{coverage:?}");
         let [fast, fast_pruned] = [&scene, &pruned].map(|s| CpuRenderer::new(s).trace(&rays));
         for (a, b) in fast.iter().zip(&fast_pruned) {
@@ -156,13 +158,13 @@ fn is_clear(scale: &Scale, n: usize) -> [bool; 2] {
 fn tensors_of_empty_space_are_cleared_and_others_are_not() {
     let mut scene = scenes::scene(&config());
     for scale in &mut scene.scales {
-        set_features(scale, |center| if center.x < -0.1 { 15.0 } else { 0.5 });
+        set_features(scale, |center| if center.x < -0.1 { 15.0 } else { 0.05 });
     }
     let before = scene.clone();
     let unused = unused_of(&mut scene);
     println!("{unused:?}");
     scene.check().unwrap();
-    assert!(unused.tensors_dropped > 20 && unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
+    assert!(unused.tensors_dropped > 10 && unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
     let (mut tensors, mut components, mut numbers) = (0, 0, 0);
     for (scale, was) in scene.scales.iter().zip(&before.scales) {
         let rows = Factors::rows(scale.cloud.resolution) as u64;
@@ -234,8 +236,15 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
     assert!(cleared == used && used > 10, "{cleared} of {used}");
 
     // A network for which they are everything.
-    for layer in &mut amplified.decoder.layers[..1] {
-        layer.weights.iter_mut().for_each(|w| *w *= 1e5);
+    for scale in &mut amplified.scales {
+        let rank = scale.factors.appearance_rank as usize;
+        scale.factors.appearance.iter_mut().enumerate().filter(|(i, _)| i % rank > 0).for_each(|(_, v)| *v = 0.0);
+    }
+    let features = amplified.features() as usize;
+    let first = &mut amplified.decoder.layers[0];
+    for row in first.weights.chunks_exact_mut(first.inputs as usize) {
+        row[..features].iter_mut().for_each(|w| *w *= 1e7);
+        row[features..].fill(0.0);
     }
     let unused = unused_of(&mut amplified);
     println!("{unused:?}");

@@ -173,15 +173,14 @@ fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f3
         cleared.set_tensors(scene, 0, &idle);
         cleared.write_to(scene, field);
         let now = looked.uses(field);
-        let mut woken = false;
-        for ((used, now), idle) in used.iter_mut().zip(&now).zip(&mut idle) {
-            used.appearance |= now.appearance;
-            woken |= *idle && now.density;
-            // Samples that are left alone by more are woken by fewer, so this ends; but one that woke stays awake.
-            *idle &= !now.density && look < MOST_LOOKS;
-        }
+        let woken = idle.iter().zip(&now).any(|(&idle, now)| idle && now.density);
         if !woken {
+            used.iter_mut().zip(&now).for_each(|(used, now)| used.appearance |= now.appearance);
             break;
+        }
+        for (now, idle) in now.iter().zip(&mut idle) {
+            // What woke something keeps its density, so this ends.
+            *idle &= !now.density && look < MOST_LOOKS;
         }
     }
     let idle: Vec<bool> = used.iter().map(|u| !u.appearance).collect();
