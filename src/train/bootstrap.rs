@@ -14,12 +14,16 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::prepare::frame;
-use super::{ConfigError, DecoderConfig, FieldConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
+use super::{ConfigError, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorised};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
 use crate::prior::{self, CoarseProgress, Fit, VoxelBoxes};
+
+/// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbours. Without it the
+/// planes in which they meet, the middle of the scene, show.
+const OVERLAP: f64 = 1.0 / 6.0;
 
 /// Settings of [`bootstrap_prior`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,37 +44,18 @@ pub struct BootstrapOptions {
     pub seen_weight: f64,
     /// Every how many-th pixel of every how many-th row is looked at for that.
     pub seen_stride: u32,
-    // EXPERIMENT
-    pub overlap: u32,
-    pub l1: f64,
-    pub rate: f64,
-    pub features: u32,
-    pub hidden: Vec<u32>,
-    pub mode: DecoderMode,
-    pub random_background: bool,
-    pub dilate: u32,
-    pub deviation: f64,
 }
 
 impl Default for BootstrapOptions {
     fn default() -> Self {
         Self {
-            steps: vec![300, 1000],
+            steps: vec![200, 800],
             batch_rays: 1024,
             components: 8,
             resolution: 48,
-            occupied_alpha: 1e-2,
-            seen_weight: 1e-3,
+            occupied_alpha: 1e-3,
+            seen_weight: 3e-4,
             seen_stride: 3,
-            overlap: 0,
-            l1: 1e-5,
-            rate: 0.02,
-            features: 8,
-            hidden: vec![32],
-            mode: DecoderMode::PerSample,
-            random_background: false,
-            dilate: 1,
-            deviation: 0.2,
         }
     }
 }
@@ -141,8 +126,8 @@ pub fn bootstrap_prior(
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
         let eight = Eight::over(&within, resolution)?;
-        let config = eight.config(config, steps, options.overlap);
-        let scene = eight.scene(&config, dataset, options.overlap)?;
+        let config = eight.config(config, steps);
+        let scene = eight.scene(&config, dataset)?;
         let mut trainer = Trainer::new(config, scene, &dataset.views)?;
         let mut fit = Fit::default();
         for _ in 0..steps {
@@ -155,16 +140,12 @@ pub fn bootstrap_prior(
         let boxes = eight.occupied(&trainer.scene(), &dataset.views, options);
         let bounds = boxes.bounds();
         if !bounds.is_solid() {
-            return Err(prior::Error::empty(dataset, done, fit.psnr(), config_background(&trainer)).into());
+            return Err(prior::Error::empty(dataset, done, fit.psnr(), trainer.config().background).into());
         }
         within = bounds.grown(DVec3::splat(2.0 * boxes.lattice.pitch.x)).intersection(&frusta);
         found = Some(boxes);
     }
     Ok(found.expect("at least one round"))
-}
-
-fn config_background(trainer: &Trainer<'_>) -> [f32; 3] {
-    trainer.config().background
 }
 
 /// Eight boxes of cubic cells, and the space in which they are tensors.
@@ -190,32 +171,34 @@ impl Eight {
         Ok(Self { model_from_dataset, corner, cell, resolution: cells.as_uvec3() })
     }
 
-    /// `base` for a short training of the eight.
-    fn config(&self, base: &TrainConfig, steps: u64, overlap: u32) -> TrainConfig {
+    /// Cells by which each tensor reaches into the next.
+    fn overlap(&self) -> UVec3 {
+        (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
+    }
+
+    /// `base` for a training of the eight. Geometry is all that is wanted: colours need no large network, and no occupancy
+    /// may take away what has yet to grow.
+    fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
-        let edge = (self.resolution.as_dvec3() * self.cell).to_array();
+        let cloud = self.cloud();
         TrainConfig {
             preset: "bootstrap".into(),
             steps,
             batch_rays: options.batch_rays,
+            random_background: false,
             upsample_at: Vec::new(),
             occupancy_at: Vec::new(),
-            density_l1: options.l1,
-            factor_learning_rate: options.rate,
-            factor_deviation: options.deviation,
-            random_background: options.random_background,
-            field: FieldConfig::default(),
             decoder: DecoderConfig {
-                mode: options.mode,
-                features: options.features,
+                mode: DecoderMode::PerSample,
+                features: 8,
                 feature_frequencies: 1,
                 direction_frequencies: 1,
-                hidden: options.hidden.clone(),
+                hidden: vec![32],
             },
             scales: vec![ScaleConfig {
-                pitch: edge,
-                edge: edge.map(|e| e + 2.0 * f64::from(overlap) * self.cell),
-                resolutions: vec![(self.resolution + 2 * overlap).to_array()],
+                pitch: (self.resolution.as_dvec3() * self.cell).to_array(),
+                edge: (2.0 * cloud.half).to_array(),
+                resolutions: vec![cloud.resolution],
                 density_rank: options.components,
                 appearance_rank: options.components,
                 top_k: 8,
@@ -224,17 +207,20 @@ impl Eight {
         }
     }
 
-    /// The scene that `config` starts from.
-    fn scene(&self, config: &TrainConfig, dataset: &Dataset, overlap: u32) -> Result<Scene, PrepareError> {
-        let cells = (0..8).map(|n| UVec3::new(n & 1, n >> 1 & 1, n >> 2)).collect();
+    fn cloud(&self) -> TensorCloud {
         let pitch = self.resolution.as_dvec3() * self.cell;
-        let cloud = TensorCloud {
+        let cells = (0..8).map(|n| UVec3::new(n & 1, n >> 1 & 1, n >> 2)).collect();
+        TensorCloud {
             placement: Placement::Lattice { lattice: Lattice { origin: self.corner, pitch }, cells },
-            half: 0.5 * pitch + f64::from(overlap) * self.cell,
-            resolution: (self.resolution + 2 * overlap).to_array(),
-        };
+            half: 0.5 * pitch + self.overlap().as_dvec3() * self.cell,
+            resolution: (self.resolution + 2 * self.overlap()).to_array(),
+        }
+    }
+
+    /// The scene that `config` starts from.
+    fn scene(&self, config: &TrainConfig, dataset: &Dataset) -> Result<Scene, PrepareError> {
         let frame = frame(config, dataset, self.model_from_dataset);
-        let scene = initial_scene(config, vec![cloud], frame, &dataset.name)?;
+        let scene = initial_scene(config, vec![self.cloud()], frame, &dataset.name)?;
         scene.check()?;
         Ok(scene)
     }
@@ -243,17 +229,11 @@ impl Eight {
     fn occupied(&self, scene: &Scene, views: &[View], options: &BootstrapOptions) -> VoxelBoxes {
         let field = Field::<f32>::new(scene);
         let size = 2 * self.resolution;
-        let index = |cell: UVec3| ((cell.z * size.y + cell.y) * size.x + cell.x) as usize;
-        let count = size.as_usizevec3().element_product();
-        let seen = self.seen(&field, views, options, count, size);
-        let cells: Vec<UVec3> = (0..size.z)
-            .flat_map(|z| (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec3::new(x, y, z))))
-            .collect();
+        let seen = self.seen(&field, views, options);
         let is_near_seen = |cell: UVec3| {
-            let (first, last) =
-                (cell.saturating_sub(UVec3::splat(options.dilate)), (cell + options.dilate).min(size - 1));
-            (first.z..=last.z)
-                .any(|z| (first.y..=last.y).any(|y| (first.x..=last.x).any(|x| seen[index(UVec3::new(x, y, z))])))
+            let (first, last) = (cell.saturating_sub(UVec3::ONE), (cell + 1).min(size - 1));
+            let mut rows = (first.z..=last.z).flat_map(|z| (first.y..=last.y).map(move |y| (y, z)));
+            rows.any(|(y, z)| (first.x..=last.x).any(|x| seen[self.number(UVec3::new(x, y, z))]))
         };
         let edges_in_a_step = self.cell / field.rules.step;
         let is_dense = |samples: &mut Samples<f32>, cell: UVec3| {
@@ -265,8 +245,13 @@ impl Eight {
             let depth = feature.map_or(0.0, |f| f64::from(field.optical_depth(f)) * edges_in_a_step);
             -(-depth).exp_m1() > options.occupied_alpha
         };
-        let cells = (cells.into_par_iter())
-            .map_init(Samples::default, |samples, cell| (is_near_seen(cell) && is_dense(samples, cell)).then_some(cell))
+        // (z, y, x), the canonical order.
+        let cells = (0..seen.len())
+            .into_par_iter()
+            .map_init(Samples::default, |samples, n| {
+                let cell = self.cell_number(n);
+                (is_near_seen(cell) && is_dense(samples, cell)).then_some(cell)
+            })
             .flatten_iter()
             .collect();
         let back = self.model_from_dataset.inverse();
@@ -275,17 +260,23 @@ impl Eight {
         VoxelBoxes { lattice, cells }
     }
 
-    /// \[z\]\[y\]\[x\] the cells, of `size` on each axis, that hold a sample which adds enough to some pixel.
-    fn seen(
-        &self,
-        field: &Field<f32>,
-        views: &[View],
-        options: &BootstrapOptions,
-        count: usize,
-        size: UVec3,
-    ) -> Vec<bool> {
+    /// The number of `cell`, of all eight boxes together.
+    fn number(&self, cell: UVec3) -> usize {
+        let size = 2 * self.resolution;
+        (cell.z as usize * size.y as usize + cell.y as usize) * size.x as usize + cell.x as usize
+    }
+
+    /// The cell of a number.
+    fn cell_number(&self, n: usize) -> UVec3 {
+        let [x, y, _] = (2 * self.resolution).to_array().map(|n| n as usize);
+        UVec3::new((n % x) as u32, (n / x % y) as u32, (n / (x * y)) as u32)
+    }
+
+    /// \[z\]\[y\]\[x\] the cells that hold a sample which adds enough to some pixel.
+    fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
         let stride = options.seen_stride as usize;
         let corner = field.relative(self.corner);
+        let last = 2 * self.resolution - 1;
         let look = |mut seen: Vec<bool>, view: &View| {
             let camera = view.camera.mapped(&self.model_from_dataset);
             let mut samples = Samples::default();
@@ -300,11 +291,12 @@ impl Eight {
                         continue;
                     }
                     let position = samples.positions[place as usize];
+                    // What the tensors cover beyond the boxes belongs to the cells at their faces.
                     let cell = [0, 1, 2].map(|a| {
                         let at = (position[a] - corner[a]) / self.cell as f32;
-                        (at.max(0.0) as u32).min(size[a] - 1)
+                        (at.max(0.0) as u32).min(last[a])
                     });
-                    seen[((cell[2] * size.y + cell[1]) * size.x + cell[0]) as usize] = true;
+                    seen[self.number(cell.into())] = true;
                 }
             }
             seen
@@ -314,7 +306,7 @@ impl Eight {
             a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
             a
         };
-        let none = || vec![false; count];
+        let none = || vec![false; (2 * self.resolution).as_u64vec3().element_product() as usize];
         views.par_iter().with_min_len(views.len().div_ceil(16)).fold(none, look).reduce(none, union)
     }
 }
