@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use glam::{DQuat, DVec3, UVec3};
+use glam::{DQuat, DVec3, IVec3, UVec3};
 use strivec::dataset::{Dataset, LoadOptions, Pixels, View, load_blender};
 use strivec::geometry::{Aabb, Camera, Lattice, Ray, Similarity};
 use strivec::model::{Placement, TensorCloud};
@@ -13,6 +13,7 @@ use strivec::prior::coarse::reconstruct;
 use strivec::prior::{
     CoarseOptions, Error, ScaleShape, VoxelBoxes, canonical_map, place_at, place_on_boxes, place_on_points,
 };
+use strivec::train::{BootstrapOptions, PrepareError, TrainConfig, bootstrap_prior};
 
 const SOLID: Aabb = Aabb { min: DVec3::new(-0.5, -0.3, -0.2), max: DVec3::new(0.4, 0.4, 0.5) };
 
@@ -325,4 +326,89 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     println!("{missed} of {object} object pixels missed, {fog} of {empty} empty ones hit");
     assert!(object > 10_000 && missed * 1000 < object, "{missed} of {object} object pixels see no voxel");
     assert!(f64::from(fog) < 0.25 * f64::from(empty), "{fog} of {empty} empty pixels see voxels");
+}
+
+/// As [`small_options`]: seconds.
+fn small_bootstrap() -> TrainConfig {
+    let bootstrap =
+        BootstrapOptions { steps: vec![100, 300], batch_rays: 512, resolution: 16, ..BootstrapOptions::default() };
+    TrainConfig { bootstrap, seed: 7, ..TrainConfig::default() }
+}
+
+#[test]
+fn eight_tensors_find_the_surface_of_a_known_box() {
+    let boxes = bootstrap_prior(&small_bootstrap(), &photographs(24, 40, 1.0), &mut |_| ControlFlow::Continue(()));
+    let boxes = boxes.unwrap();
+    let pitch = boxes.lattice.pitch.x;
+    let occupied: BTreeSet<_> = boxes.cells.iter().map(|c| c.as_ivec3().to_array()).collect();
+    let is_near = |point: DVec3| {
+        let cell = boxes.lattice.cell_of(point);
+        (0..27).any(|n| occupied.contains(&(cell + IVec3::new(n % 3, n / 3 % 3, n / 9) - 1).to_array()))
+    };
+    let (mut near, all) = (0, 20_000_u32);
+    for n in 0..all {
+        let (axis, high) = (n as usize % 3, n / 3 % 2 == 1);
+        let fraction = DVec3::new(f64::from(n) * 0.754_877_67, f64::from(n) * 0.569_840_29, f64::from(n) * 0.618_034);
+        let mut point = SOLID.min + fraction.fract() * SOLID.size();
+        point[axis] = if high { SOLID.max[axis] } else { SOLID.min[axis] };
+        near += u32::from(is_near(point));
+    }
+    let exact = SOLID.grown(DVec3::splat(pitch)).size().element_product() / pitch.powi(3);
+    println!("{near} of {all} within a voxel; {} voxels of {exact:.0}, {pitch:.3} wide", boxes.cells.len());
+    assert!(f64::from(near) > 0.98 * f64::from(all), "{near} of {all} surface points are within a voxel of one");
+    assert!((boxes.cells.len() as f64) < 3.0 * exact, "{} voxels, {exact:.0} would do", boxes.cells.len());
+    assert!(boxes.cells.is_sorted_by(|a, b| [a.z, a.y, a.x] < [b.z, b.y, b.x]), "strictly ascending by (z, y, x)");
+}
+
+#[test]
+fn eight_tensors_find_the_same_on_any_number_of_threads_and_stop_when_told() {
+    let dataset = photographs(12, 24, 1.0);
+    let mut config = small_bootstrap();
+    // The first round finds nothing yet; the second goes on in the same box.
+    config.bootstrap.steps = vec![20, 250];
+    let on = |threads: usize, config: &TrainConfig| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| bootstrap_prior(config, &dataset, &mut |_| ControlFlow::Continue(())).unwrap())
+    };
+    let one = on(1, &config);
+    assert_eq!(on(2, &config), one);
+    assert_eq!(on(3, &config), one);
+    let other = TrainConfig { seed: 8, ..config.clone() };
+    assert_ne!(on(2, &other), one, "another seed is another prior, or this test compares nothing");
+
+    let cancelled = bootstrap_prior(&config, &dataset, &mut |p| match p.step {
+        5 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    });
+    assert!(matches!(cancelled, Err(PrepareError::Prior(Error::Cancelled { step: 5 }))));
+}
+
+#[test]
+fn eight_tensors_name_what_is_wrong() {
+    let run = |config: &TrainConfig, dataset: &Dataset| {
+        bootstrap_prior(config, dataset, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string()
+    };
+    let dataset = photographs(6, 16, 1.0);
+    let mut config = small_bootstrap();
+    config.bootstrap.steps = vec![20];
+    let mut empty = dataset.clone();
+    empty.views.iter_mut().for_each(|v| v.pixels = Pixels::opaque(vec![[1.0; 3]; v.pixels.len()]));
+    let error = run(&config, &empty);
+    assert!(error.contains("empty after 20 steps") && error.contains("background"), "{error}");
+    let none = Dataset { name: "none".into(), views: vec![], lost: 0 };
+    assert!(run(&config, &none).contains("no views"));
+    let mut short = dataset.clone();
+    short.views[3].pixels = Pixels::opaque(vec![[1.0; 3]; 16 * 16 - 1]);
+    assert!(run(&config, &short).contains("r_3"));
+    config.near_far = Some([5.0, 4.0]);
+    assert!(run(&config, &dataset).contains("near"));
+    for (text, place) in [
+        ("steps = []", "bootstrap.steps"),
+        ("components = 0", "bootstrap.components"),
+        ("resolution = 4", "bootstrap.resolution"),
+        ("seen_weight = 1.0", "bootstrap.seen_weight"),
+    ] {
+        let error = TrainConfig::from_toml(&format!("[bootstrap]\n{text}"), None).unwrap_err().to_string();
+        assert!(error.contains(place), "{error}");
+    }
 }

@@ -3,11 +3,12 @@
 
 mod scenes;
 
+use glam::UVec3;
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
 use strivec::measure::psnr_of_mse;
-use strivec::model::Scene;
+use strivec::model::{Occupancy, Scene};
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{Photographs, Progress, TrainConfig, Trainer};
 
@@ -95,6 +96,78 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
         assert_eq!(second.steps_done(), stop);
         run_to(&mut second, config().steps);
         assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
+    }
+}
+
+/// A run whose scene counts on one side only from the start, so that pruning has something to remove.
+fn pruning_trainer(views: &[View], prune: bool) -> Trainer<'_> {
+    let config = TrainConfig { prune, ..config() };
+    let mut scene = scenes::scene(&config);
+    let mut occupancy = Occupancy::empty(scene.bounds, UVec3::splat(13));
+    for z in 0..13 {
+        for y in 0..13 {
+            (0..5).for_each(|x| occupancy.set(UVec3::new(x, y, z)));
+        }
+    }
+    scene.occupancy = Some(occupancy);
+    Trainer::new(config, scene, views).unwrap()
+}
+
+#[test]
+fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_file() {
+    let views = views();
+    let on = |threads, prune| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut trainer = pruning_trainer(&views, prune);
+            let tensors = |t: &Trainer| t.scene().scales.iter().map(|s| s.cloud.len()).collect::<Vec<_>>();
+            let before = tensors(&trainer);
+            run_to(&mut trainer, config().steps);
+            (before, tensors(&trainer), file(&trainer.scene()))
+        })
+    };
+    let (before, after, whole) = on(2, true);
+    println!("{before:?} tensors become {after:?}");
+    assert!(before[1..].iter().zip(&after[1..]).all(|(before, after)| after < before));
+    assert!(on(1, true).2 == whole);
+    let (_, all, unpruned) = on(2, false);
+    assert!(all == before && unpruned.len() > whole.len());
+    for stop in [7, 8, 11, 16] {
+        let mut first = pruning_trainer(&views, true);
+        run_to(&mut first, stop);
+        let state = first.progress().to_bytes(&file(&first.scene()));
+        drop(first);
+        let (progress, scene) = Progress::from_bytes(&state).unwrap();
+        let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+        run_to(&mut second, config().steps);
+        assert!(file(&second.scene()) == whole, "resumed after step {stop}");
+    }
+}
+
+#[test]
+fn clearing_what_is_unused_depends_on_no_thread_and_on_no_interruption() {
+    let views = views();
+    let on = |threads, resume| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut trainer = pruning_trainer(&views, false);
+            run_to(&mut trainer, config().steps);
+            if resume {
+                let state = trainer.progress().to_bytes(&file(&trainer.scene()));
+                let (progress, scene) = Progress::from_bytes(&state).unwrap();
+                trainer = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+            }
+            let mut scene = trainer.scene();
+            let unused = trainer.drop_unused(&mut scene);
+            (unused, file(&scene), file(&trainer.scene()))
+        })
+    };
+    let (unused, cleared, whole) = on(2, false);
+    println!("{unused:?}, {} bytes of {}", cleared.len(), whole.len());
+    assert!(unused.tensors_dropped > 0 && cleared.len() < whole.len());
+    for (threads, resume) in [(1, false), (3, false), (2, true)] {
+        let (same, file, _) = on(threads, resume);
+        assert!(same == unused && file == cleared, "{threads} threads, resumed: {resume}");
     }
 }
 

@@ -18,6 +18,10 @@ steps = 120
 voxels = 60000
 steps = [100, 150]
 rays = 1024
+[bootstrap]
+steps = [150, 250]
+batch_rays = 256
+resolution = 12
 [[scales]]
 pitch = [0.4, 0.4, 0.4]
 edge = [0.6, 0.6, 0.6]
@@ -141,6 +145,43 @@ fn an_interrupted_training_goes_on_to_the_same_file() {
     run(folder, &["train", "data", "-o", "cut.strivec", "--resume", "--quiet"]);
     assert!(fs::read(folder.join("whole.strivec")).unwrap() == fs::read(folder.join("cut.strivec")).unwrap());
     assert!(!state.exists());
+}
+
+#[test]
+fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
+    let temporary = TempDir::new().unwrap();
+    let folder = temporary.path();
+    fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
+    run(folder, &["synth", "data", "--views", "16", "--test-views", "4", "--size", "32x32", "--seed", "3"]);
+    let train = |output: &str, more: &[&str]| {
+        json(folder, &[&["train", "data", "-o", output, "--config", "tiny.toml", "--bootstrap"], more].concat())
+    };
+    let kept = train("kept.strivec", &["--prune", "--keep-unused"]);
+    assert!(kept["unused"].is_null(), "{kept}");
+    let cleared = train("cleared.strivec", &["--prune"]);
+    println!("{}", cleared["unused"]);
+    let number = |key: &str| cleared["unused"][key].as_f64().unwrap();
+    assert!(number("psnr_after") >= number("psnr_before") - 0.01);
+    assert_eq!(kept["parameters"], cleared["parameters"], "cleared numbers are still there, as zeros");
+    let bytes = |result: &serde_json::Value| result["bytes"].as_u64().unwrap();
+    assert!(if number("components_dropped") > 0.0 {
+        bytes(&cleared) < bytes(&kept)
+    } else {
+        bytes(&cleared) == bytes(&kept)
+    });
+    let psnr = |file: &str| json(folder, &["eval", file, "data", "--split", "test"])["psnr"].as_f64().unwrap();
+    let (all, without) = (psnr("kept.strivec"), psnr("cleared.strivec"));
+    println!("{all:.3} dB, without what is unused {without:.3} dB");
+    assert!(without > 15.0 && (all - without).abs() < 0.1, "{all} and {without} dB");
+
+    let message = |arguments: &[&str]| {
+        let output = strivec(folder, arguments);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(message(&["train", "data", "-o", "c.strivec", "--resume", "--prune"]).contains("--prune"));
+    let settings = run(folder, &["train", "--config", "tiny.toml", "--prune", "--print-config"]);
+    assert!(settings.contains("prune = true") && settings.contains("resolution = 12"), "{settings}");
 }
 
 #[test]

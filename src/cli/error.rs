@@ -116,6 +116,7 @@ impl From<train::PrepareError> for Error {
                 Self::Runtime(message)
             }
             train::PrepareError::Prior(_) => Self::Malformed(message),
+            train::PrepareError::Train(error) => error.into(),
         }
     }
 }

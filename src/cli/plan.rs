@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         None => {
             let options = LoadOptions { downscale, ..LoadOptions::default() };
             let dataset = dataset::load(&args.dataset, "train", &options)?;
-            let occupied = reconstruct(&config, &dataset, &*interrupts()?, session)?;
+            let occupied = reconstruct(&config, &dataset, args.prior.bootstrap, &*interrupts()?, session)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }
     };

@@ -39,6 +39,9 @@ pub(super) struct Settings {
     /// Where rays end, in the dataset's units
     #[arg(long, value_name = "LENGTH", requires = "near")]
     pub(super) far: Option<f64>,
+    /// Remove tensors during training in whose boxes nothing has turned out to be: smaller files, the same pictures
+    #[arg(long)]
+    prune: bool,
 }
 
 impl Settings {
@@ -54,6 +57,7 @@ impl Settings {
         };
         config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
         config.seed = self.seed.unwrap_or(config.seed);
+        config.prune |= self.prune;
         config.background = self.background.map_or(config.background, Background::color);
         if let (Some(near), Some(far)) = (self.near, self.far) {
             config.near_far = Some([near, far]);

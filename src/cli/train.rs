@@ -21,14 +21,15 @@ use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::geometry::Camera;
 use crate::measure;
 use crate::model::Scene;
-use crate::prior::VoxelBoxes;
+use crate::prior::{CoarseProgress, VoxelBoxes};
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{self, StepReport, TrainConfig, Trainer};
+use crate::train::{self, StepReport, TrainConfig, Trainer, Unused};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec train lego -o lego.strivec --preset 24
   strivec train lego -o small.strivec --preset fast --steps 3000 --downscale 4 --log curve.csv
+  strivec train lego -o lego.strivec --bootstrap --prune
   strivec train --preset 48 --print-config > mine.toml
   strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
   strivec train lego -o lego.strivec --checkpoint lego.state --resume
@@ -56,6 +57,9 @@ pub(super) struct Args {
     /// Print the settings that the other arguments lead to, and stop
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
+    /// Keep, at the end, what no training ray makes use of
+    #[arg(long)]
+    pub(super) keep_unused: bool,
     /// Where the state of an unfinished run is kept [default: FILE.state]
     #[arg(long, value_name = "PATH")]
     pub(super) checkpoint: Option<PathBuf>,
@@ -63,7 +67,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Go on from the state that an earlier run left, with its settings
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting", "files"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting", "files",
+        "bootstrap", "prune"])]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -125,7 +130,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             let cameras = cameras(&dataset);
             let occupied = match args.prior.voxels(&cameras, session)? {
                 Some(occupied) => occupied,
-                None => reconstruct(&config, &dataset, &interrupted, session)?,
+                None => reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?,
             };
             let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;
             place(config, &dataset, &occupied, session)?
@@ -135,7 +140,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut run = Run { args, session, files: &files, held_out: &held_out, curve: Vec::new() };
     run.train(&mut trainer, &interrupted)?;
 
-    let scene = trainer.scene();
+    let mut scene = trainer.scene();
+    let unused = (!args.keep_unused).then(|| trainer.drop_unused(&mut scene));
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     files.remove_state()?;
@@ -146,12 +152,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         steps: trainer.steps_done(),
         seconds: trainer.progress().seconds,
         scales: scale_table::rows(&scene),
+        unused,
         curve: run.curve,
     };
     session.console.result(&result, |r| {
         let table = scale_table::text(&r.scales);
+        let unused = r.unused.as_ref().map_or_else(String::new, |u| unused_text(u, r.parameters));
         let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
-        format!("{table}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
+        format!("{table}{unused}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
     })
 }
 
@@ -165,7 +173,24 @@ struct Trained<'a> {
     /// Prior and training, without loading, evaluating and writing.
     seconds: f64,
     scales: Vec<ScaleRow>,
+    /// What was cleared at the end; absent where that was not to be.
+    unused: Option<Unused>,
     curve: Vec<CurvePoint>,
+}
+
+/// A line on what was cleared, of `parameters` in all.
+fn unused_text(unused: &Unused, parameters: u64) -> String {
+    let Unused { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
+    if components_dropped == 0 {
+        return "unused: nothing\n".into();
+    }
+    format!(
+        "unused: {} tensors and {} components cleared, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
+        table::grouped(tensors_dropped),
+        table::grouped(components_dropped),
+        table::grouped(parameters_saved),
+        table::grouped(parameters),
+    )
 }
 
 /// A row of the log.
@@ -203,7 +228,7 @@ pub(super) fn begin<'a>(
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
-    let occupied = reconstruct(&config, dataset, interrupted, session)?;
+    let occupied = reconstruct(&config, dataset, false, interrupted, session)?;
     place(config, dataset, &occupied, session)
 }
 
@@ -211,17 +236,22 @@ pub(super) fn begin<'a>(
 pub(super) fn reconstruct(
     config: &TrainConfig,
     dataset: &Dataset,
+    bootstrap: bool,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
-    let total = u64::from(config.prior.total_steps());
+    let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
     let progress = Progress::start(&session.console, "prior", total);
     let start = Instant::now();
-    let occupied = train::reconstruct_prior(config, dataset, &mut |at| {
+    let mut report = |at: CoarseProgress| {
         progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
         if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
-    .map_err(|e| Error::from(train::PrepareError::from(e)))?;
+    };
+    let occupied = if bootstrap {
+        train::bootstrap_prior(config, dataset, &mut report)?
+    } else {
+        train::reconstruct_prior(config, dataset, &mut report).map_err(train::PrepareError::from)?
+    };
     progress.finish(&format!(
         "prior: {} occupied voxels in {:.1} s",
         table::grouped(occupied.cells.len() as u64),

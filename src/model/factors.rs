@@ -53,6 +53,14 @@ impl Factors {
         (self.density.len() + self.appearance.len()) as u64
     }
 
+    /// Keeps what the tensors of the numbers `kept` have, of `tensors`.
+    pub(super) fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
+        for values in [&mut self.density, &mut self.appearance] {
+            let len = values.len() / tensors.max(1);
+            *values = kept.iter().flat_map(|&n| &values[n * len..(n + 1) * len]).copied().collect();
+        }
+    }
+
     pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), BrokenInvariant> {
         if self.kind != FactorKind::Cp {
             return Err(BrokenInvariant::new(format!("{place} factor kind"), "cp", "vm, which no renderer here knows"));

@@ -89,6 +89,17 @@ impl Occupancy {
         })
     }
 
+    /// Whether any point of the closed box `within` counts.
+    pub fn meets(&self, within: &Aabb) -> bool {
+        let last = self.vertices.as_dvec3() - 1.0;
+        let (low, high) = (self.cell_coordinates(within.min), self.cell_coordinates(within.max));
+        let is_inside = low.cmple(last).all() && high.cmpge(DVec3::ZERO).all() && low.cmple(high).all();
+        // A vertex counts in the open cells around it: from less than 1 before to less than 1 behind it.
+        let (first, end) = (low.max(DVec3::ZERO).floor().as_uvec3(), high.min(last).ceil().as_uvec3());
+        let mut rows = (first.z..=end.z).flat_map(|z| (first.y..=end.y).map(move |y| (y, z)));
+        is_inside && rows.any(|(y, z)| (first.x..=end.x).any(|x| self.get(UVec3::new(x, y, z))))
+    }
+
     /// Whether any of the eight vertices of the cell with the smallest vertex `cell` is set: the decision for the
     /// cell's interior. Cells outside the grid are not occupied.
     pub fn cell_is_occupied(&self, cell: glam::IVec3) -> bool {
@@ -136,6 +147,34 @@ mod tests {
         assert!(!grid.contains(DVec3::new(1.0, 2.0, 2.0)), "weight 0 on the far face");
         assert!(!grid.contains(DVec3::new(3.0, 2.0, 2.0)));
         assert!(!grid.contains(DVec3::splat(-1.0)));
+    }
+
+    #[test]
+    fn a_box_is_met_where_it_has_a_point_that_counts() {
+        let mut grid = one_vertex();
+        let meets = |grid: &Occupancy, min: [f64; 3], max: [f64; 3]| {
+            grid.meets(&Aabb { min: DVec3::from(min), max: DVec3::from(max) })
+        };
+        assert!(meets(&grid, [0.0; 3], [4.0; 3]));
+        assert!(meets(&grid, [2.9; 3], [9.0; 3]) && meets(&grid, [-9.0; 3], [1.1; 3]));
+        assert!(meets(&grid, [1.5; 3], [1.5; 3]), "a point");
+        assert!(!meets(&grid, [3.0, 0.0, 0.0], [4.0; 3]), "weight 0 on the face that both share");
+        assert!(!meets(&grid, [0.0; 3], [4.0, 1.0, 4.0]));
+        assert!(!meets(&grid, [1.0, 1.0, 4.5], [3.0, 3.0, 9.0]) && !grid.meets(&Aabb::EMPTY));
+        grid.set(UVec3::splat(4));
+        assert!(meets(&grid, [4.0; 3], [9.0; 3]), "a vertex on the border");
+        assert!(!meets(&grid, [4.0 + 1e-9, 0.0, 0.0], [9.0; 3]), "nothing counts outside");
+        // Both rules agree: a box is met exactly where a point of it counts.
+        for n in 0..4096_u32 {
+            let at = |shift: u32| f64::from(n >> shift & 7) * 0.5 + 0.25;
+            let corner = DVec3::new(at(0), at(3), at(6));
+            let cube = Aabb { min: corner, max: corner + f64::from(n >> 9) * 0.125 };
+            let points = (0..27).map(|k| {
+                let step = UVec3::new(k % 3, k / 3 % 3, k / 9).as_dvec3() / 2.0;
+                cube.min + step * cube.size()
+            });
+            assert_eq!(grid.meets(&cube), points.into_iter().any(|p| grid.contains(p)), "{cube:?}");
+        }
     }
 
     #[test]

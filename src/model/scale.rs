@@ -24,6 +24,12 @@ impl Scale {
         self.factors.parameter_count() + self.appearance_matrix.weights.len() as u64
     }
 
+    /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
+    pub fn keep_tensors(&mut self, kept: &[usize]) {
+        self.factors.keep_tensors(kept, self.cloud.len());
+        self.cloud.keep_tensors(kept);
+    }
+
     pub(super) fn check(&self, place: &str, features: u32) -> Result<(), BrokenInvariant> {
         self.cloud.check(place)?;
         if !(1..=MAX_TOP_K).contains(&self.top_k) {

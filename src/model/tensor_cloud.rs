@@ -72,6 +72,14 @@ impl TensorCloud {
         2.0 * self.half / UVec3::from_array(self.resolution).as_dvec3()
     }
 
+    /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
+    pub(super) fn keep_tensors(&mut self, kept: &[usize]) {
+        match &mut self.placement {
+            Placement::Lattice { cells, .. } => *cells = kept.iter().map(|&n| cells[n]).collect(),
+            Placement::Explicit { centers } => *centers = kept.iter().map(|&n| centers[n]).collect(),
+        }
+    }
+
     pub(super) fn check(&self, place: &str) -> Result<(), BrokenInvariant> {
         if !(self.half.is_finite() && self.half.min_element() > 0.0) {
             return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", self.half));

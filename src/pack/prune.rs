@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Sensitivity;
 use crate::geometry::Aabb;
-use crate::model::{BrokenInvariant, Factors, Placement, Scale, Scene};
+use crate::model::{BrokenInvariant, Factors, Scene};
 
 /// Clears the components whose absence adds at most `error` each to the mean squared error of pictures; the share that was.
 pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
@@ -49,23 +49,8 @@ pub fn crop(scene: &Scene, within: &Aabb) -> Result<Scene, BrokenInvariant> {
             covered.min.cmple(covered.max).all()
         };
         let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();
-        keep(scale, &kept);
+        scale.keep_tensors(&kept);
     }
     cropped.check()?;
     Ok(cropped)
-}
-
-fn keep(scale: &mut Scale, kept: &[usize]) {
-    let rows = Factors::rows(scale.cloud.resolution);
-    match &mut scale.cloud.placement {
-        Placement::Lattice { cells, .. } => *cells = kept.iter().map(|&n| cells[n]).collect(),
-        Placement::Explicit { centers } => *centers = kept.iter().map(|&n| centers[n]).collect(),
-    }
-    let factors = &mut scale.factors;
-    for (values, rank) in
-        [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)]
-    {
-        let tensor = rows * rank as usize;
-        *values = kept.iter().flat_map(|&n| values[n * tensor..(n + 1) * tensor].iter().copied()).collect();
-    }
 }

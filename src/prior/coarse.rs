@@ -25,6 +25,7 @@ pub use options::CoarseOptions;
 
 use self::grid::Grid;
 use self::ray_loss::density_of_alpha;
+pub(crate) use self::trainer::check_views;
 use self::trainer::{Level, Photographs};
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
@@ -56,7 +57,7 @@ pub fn reconstruct(
 ) -> Result<VoxelBoxes, Error> {
     options.check()?;
     let photographs = Photographs::new(dataset, options.background)?;
-    let (near, far) = near_and_far(dataset, options)?;
+    let [near, far] = near_and_far(dataset, options.near, options.far)?;
     let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
     if !frusta.is_solid() {
         let view = dataset.views[0].name.clone();
@@ -96,20 +97,17 @@ pub fn reconstruct(
     let mut boxes = occupied(&grid, options);
     boxes.cells.retain(|&cell| seen[grid.index(cell)]);
     if boxes.cells.is_empty() {
-        let cause = match options.background {
-            [1.0, 1.0, 1.0] => "the background is not white (set it), or the cameras' axes or near and far are wrong",
-            _ => "the background's colour, the cameras' axes, or near and far are wrong",
-        };
-        return Err(Error::EmptyReconstruction { dataset: dataset.name.clone(), steps: done, psnr: fit.psnr(), cause });
+        return Err(Error::empty(dataset, done, fit.psnr(), options.background));
     }
     Ok(boxes)
 }
 
-fn near_and_far(dataset: &Dataset, options: &CoarseOptions) -> Result<(f64, f64), Error> {
+/// Where rays begin and end, in dataset units: as given, or as the cameras tell.
+pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64>) -> Result<[f64; 2], Error> {
     let derived = CameraBounds::of_cameras(dataset.views.iter().map(|v| &v.camera));
-    let (near, far) = (options.near.unwrap_or(derived.near), options.far.unwrap_or(derived.far));
+    let (near, far) = (near.unwrap_or(derived.near), far.unwrap_or(derived.far));
     if near >= 0.0 && near < far && far.is_finite() {
-        Ok((near, far))
+        Ok([near, far])
     } else {
         Err(Error::option("near and far", "0 <= near < far", (near, far)))
     }
@@ -137,19 +135,19 @@ fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
 
 /// A running mean of the squared error.
 #[derive(Default)]
-struct Fit {
+pub(crate) struct Fit {
     squared: f64,
     weight: f64,
 }
 
 impl Fit {
-    fn add(&mut self, squared: f64) {
+    pub(crate) fn add(&mut self, squared: f64) {
         const KEPT: f64 = 0.95;
         self.squared = KEPT * self.squared + squared;
         self.weight = KEPT * self.weight + 1.0;
     }
 
-    fn psnr(&self) -> f64 {
+    pub(crate) fn psnr(&self) -> f64 {
         -10.0 * (self.squared / self.weight).max(1e-12).log10()
     }
 }

@@ -1,5 +1,7 @@
 //! What can go wrong before there is a model.
 
+use crate::dataset::Dataset;
+
 /// Why there is no prior or no placement. Expected and found values are inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -79,7 +81,16 @@ pub enum Error {
 }
 
 impl Error {
-    pub(super) fn option(name: &'static str, expected: &'static str, found: impl std::fmt::Debug) -> Self {
+    /// Nothing was found in `dataset`'s photographs.
+    pub(crate) fn empty(dataset: &Dataset, steps: u32, psnr: f64, background: [f32; 3]) -> Self {
+        let cause = match background {
+            [1.0, 1.0, 1.0] => "the background is not white (set it), or the cameras' axes or near and far are wrong",
+            _ => "the background's colour, the cameras' axes, or near and far are wrong",
+        };
+        Self::EmptyReconstruction { dataset: dataset.name.clone(), steps, psnr, cause }
+    }
+
+    pub(crate) fn option(name: &'static str, expected: &'static str, found: impl std::fmt::Debug) -> Self {
         Self::Option { name, expected, found: format!("{found:?}") }
     }
 }

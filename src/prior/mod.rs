@@ -27,6 +27,7 @@ pub use bounds::{CameraBounds, frusta_box};
 pub use build::{BuildError, BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
+pub(crate) use coarse::{Fit, check_views, near_and_far};
 pub use error::Error;
 pub use file::to_npz;
 pub use first_hit::{CellTree, FirstHit};

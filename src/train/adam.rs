@@ -20,6 +20,14 @@ impl<T: Real> Moments<T> {
     pub fn zeros(len: usize) -> Self {
         Self { first: vec![T::zero(); len], second: vec![T::zero(); len] }
     }
+
+    /// Keeps the moments of the tensors of the numbers `kept`, of `tensors`.
+    pub(super) fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
+        for moments in [&mut self.first, &mut self.second] {
+            let len = moments.len() / tensors.max(1);
+            *moments = kept.iter().flat_map(|&n| &moments[n * len..(n + 1) * len]).copied().collect();
+        }
+    }
 }
 
 /// One step's constants.

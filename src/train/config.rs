@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::BootstrapOptions;
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
 use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
 
@@ -32,6 +33,9 @@ pub struct TrainConfig {
     /// Whether every new occupancy decides anew which rays are drawn, so that none is wasted on what has turned out to be
     /// empty.
     pub redraw_rays: bool,
+    /// Whether every new occupancy removes the tensors in whose boxes nothing counts any more. Pictures stay the same, and
+    /// files get smaller.
+    pub prune: bool,
     /// Where rays begin and end, in the dataset's units; found from the cameras where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_far: Option<[f64; 2]>,
@@ -63,6 +67,8 @@ pub struct TrainConfig {
     pub decoder: DecoderConfig,
     /// The coarse reconstruction.
     pub prior: CoarseOptions,
+    /// What takes its place where tensors of our own find the scene.
+    pub bootstrap: BootstrapOptions,
     /// Coarsest first.
     pub scales: Vec<ScaleConfig>,
 }
@@ -135,6 +141,7 @@ impl Default for TrainConfig {
             background: [1.0; 3],
             random_background: false,
             redraw_rays: true,
+            prune: false,
             near_far: None,
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
@@ -149,6 +156,7 @@ impl Default for TrainConfig {
             field: FieldConfig::default(),
             decoder: DecoderConfig::default(),
             prior: CoarseOptions::default(),
+            bootstrap: BootstrapOptions::default(),
             scales: preset_scales(48),
         }
     }
@@ -388,6 +396,7 @@ impl TrainConfig {
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err(error("background".into(), "numbers in [0, 1]", format!("{:?}", self.background)));
         }
+        self.bootstrap.check()?;
         if self.scales.is_empty() {
             return Err(error("scales".into(), "at least one", "none".into()));
         }

@@ -5,6 +5,7 @@
 
 mod adam;
 mod backward;
+mod bootstrap;
 mod chunk;
 mod config;
 mod factors;
@@ -16,12 +17,15 @@ mod photographs;
 mod plan;
 mod prepare;
 mod progress;
+mod prune;
 mod trainer;
+mod unused;
 mod upsample;
 
 pub(crate) use adam::Adam;
 pub use adam::Moments;
 pub use backward::{Backward, Gradients};
+pub use bootstrap::{BootstrapOptions, bootstrap_prior};
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchThinning, Target};
 pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
@@ -34,5 +38,7 @@ pub use plan::{
 };
 pub use prepare::{PrepareError, place_scene, reconstruct_prior};
 pub use progress::{Progress, ProgressError};
+pub use prune::prune_unoccupied;
 pub use trainer::{StepReport, TrainError, Trainer};
+pub use unused::{MAX_LOSS, Unused, drop_unused};
 pub use upsample::upsample;

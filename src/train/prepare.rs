@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use glam::DVec3;
 
-use super::{ConfigError, TrainConfig, initial_scene};
+use super::{ConfigError, TrainConfig, TrainError, initial_scene};
 use crate::dataset::Dataset;
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Similarity};
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CameraBounds, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
@@ -22,6 +22,9 @@ pub enum PrepareError {
     /// A scene that no reader would accept.
     #[error(transparent)]
     Scene(#[from] BrokenInvariant),
+    /// The tensors that were to find the scene could not be trained.
+    #[error(transparent)]
+    Train(#[from] TrainError),
 }
 
 /// The coarse reconstruction of `dataset` with `config`'s options, background, range and seed.
@@ -57,19 +60,24 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
             prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let [near, far] = config.near_far.unwrap_or_else(|| near_far(dataset, &bounds)).map(|t| t * map.scale);
-    let frame = Frame {
-        model_from_dataset: map,
+    let near_far = config.near_far.unwrap_or_else(|| near_far(dataset, &bounds));
+    let scene = initial_scene(config, clouds, frame(config, map, near_far), &dataset.name)?;
+    scene.check()?;
+    Ok(scene)
+}
+
+/// How a model sits in its dataset's space, where rays have the range `near_far`.
+pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_far: [f64; 2]) -> Frame {
+    let [near, far] = near_far.map(|t| t * model_from_dataset.scale);
+    Frame {
+        model_from_dataset,
         up: UpAxis::Z,
         metres_per_unit: None,
         near,
         far,
         background: config.background,
         color_space: ColorSpace::Srgb,
-    };
-    let scene = initial_scene(config, clouds, frame, &dataset.name)?;
-    scene.check()?;
-    Ok(scene)
+    }
 }
 
 /// Where rays begin and end: as the cameras say, unless one of them is among what it looks at, as in a room. Then what they

@@ -76,6 +76,14 @@ impl Progress {
         self.networks = Moments::zeros(NetworkLayout::of(&field.decoder).len());
     }
 
+    /// Forgets the optimiser's state of all tensors but those of the numbers `kept`, by scale of `field`.
+    pub(super) fn keep_tensors(&mut self, kept: &[Vec<usize>], field: &Field<f32>) {
+        for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
+            self.density[s].keep_tensors(kept, scale.len());
+            self.appearance[s].keep_tensors(kept, scale.len());
+        }
+    }
+
     /// Checks that this belongs to `field` and `photographs`, and tells the latter which rays are kept.
     pub(super) fn check<T: Real>(
         &self,

@@ -6,8 +6,8 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    BatchThinning, Photographs, Progress, ProgressError, TrainConfig, estimate_occupancy, march_step, network_parts,
-    upsample,
+    BatchThinning, Photographs, Progress, ProgressError, TrainConfig, Unused, drop_unused, estimate_occupancy,
+    march_step, network_parts, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorised};
@@ -149,6 +149,12 @@ impl<'a> Trainer<'a> {
         scene
     }
 
+    /// Clears what this run's rays make no use of in `scene`, which is [`Trainer::scene`]'s at the end of the run: see
+    /// [`drop_unused`].
+    pub fn drop_unused(&self, scene: &mut Scene) -> Unused {
+        drop_unused(scene, &self.photographs, self.config.seed)
+    }
+
     /// One optimiser step, and what the schedule asks for after it.
     ///
     /// # Errors
@@ -265,7 +271,13 @@ impl<'a> Trainer<'a> {
                     self.scene.bounds = dense;
                 }
                 self.scene.occupancy = Some(occupancy);
-                self.field = Field::new(&self.scene());
+                let mut scene = self.scene();
+                if self.config.prune {
+                    let kept = prune_unoccupied(&mut scene);
+                    self.progress.keep_tensors(&kept, &self.field);
+                }
+                self.field = Field::new(&scene);
+                self.scene = scene;
             }
         }
         let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
@@ -301,7 +313,7 @@ fn expect_rays(photographs: &Photographs<'_>) -> Result<(), TrainError> {
 
 /// A number (Morton's) that is close for rays that meet the scene close to each other. A batch in this order lets a
 /// chunk's rays share tensors, so that most of what they read is in the cache already.
-fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
+pub(super) fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
     const BITS: u32 = 10;
     let size = field.bounds.size();
     let first = vectorised(

@@ -8,15 +8,18 @@ use crate::cli::{Error, Session, table};
 use crate::geometry::Camera;
 use crate::prior::{self, Built, Sight, VoxelBoxes};
 
-/// Where the scene is, from files: of commands that train.
+/// Where the scene is: of commands that train.
 #[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Prior from files")]
+#[command(next_help_heading = "Where the scene is")]
 pub(in crate::cli) struct Inputs {
     /// Where the scene is: meshes, point clouds, grids, octrees, or what `strivec prior` wrote; several are joined
     #[arg(long = "prior", value_name = "INPUT")]
-    pub(in crate::cli) files: Vec<PathBuf>,
+    files: Vec<PathBuf>,
+    /// Find the scene with eight coarse tensors of our own instead of the coarse reconstruction: slower, and less precise
+    #[arg(long, conflicts_with = "files")]
+    pub(in crate::cli) bootstrap: bool,
     #[command(flatten)]
-    pub(in crate::cli) shaping: Shaping,
+    shaping: Shaping,
 }
 
 impl Inputs {

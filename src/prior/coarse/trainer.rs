@@ -29,24 +29,10 @@ pub(super) struct Photographs<'a> {
 
 impl<'a> Photographs<'a> {
     pub(super) fn new(dataset: &'a Dataset, background: [f32; 3]) -> Result<Self, Error> {
+        check_views(dataset)?;
         let mut begins = vec![0];
         for view in &dataset.views {
-            let camera = &view.camera;
-            let wrong = |expected: &str, found: String| {
-                Err(Error::View { view: view.name.clone(), expected: expected.into(), found })
-            };
-            let pixels = u64::from(camera.width) * u64::from(camera.height);
-            if pixels == 0 || pixels != view.pixels.len() as u64 {
-                let found = format!("{} for {} x {}", view.pixels.len(), camera.width, camera.height);
-                return wrong("one pixel for each of the camera's, at least one", found);
-            }
-            if !camera.position.is_finite() || !camera.ray(0, 0).direction.is_finite() {
-                return wrong("a finite camera", format!("{camera:?}"));
-            }
-            begins.push(begins[begins.len() - 1] + pixels);
-        }
-        if dataset.views.is_empty() {
-            return Err(Error::NoViews { dataset: dataset.name.clone() });
+            begins.push(begins[begins.len() - 1] + view.pixels.len() as u64);
         }
         Ok(Self { dataset, begins, background })
     }
@@ -64,6 +50,28 @@ impl<'a> Photographs<'a> {
     fn cameras(&self) -> Vec<Camera> {
         self.dataset.views.iter().map(|v| v.camera).collect()
     }
+}
+
+/// Checks that there are views, each with a finite camera and as many pixels as that has.
+pub(crate) fn check_views(dataset: &Dataset) -> Result<(), Error> {
+    for view in &dataset.views {
+        let camera = &view.camera;
+        let wrong = |expected: &str, found: String| {
+            Err(Error::View { view: view.name.clone(), expected: expected.into(), found })
+        };
+        let pixels = u64::from(camera.width) * u64::from(camera.height);
+        if pixels == 0 || pixels != view.pixels.len() as u64 {
+            let found = format!("{} for {} x {}", view.pixels.len(), camera.width, camera.height);
+            return wrong("one pixel for each of the camera's, at least one", found);
+        }
+        if !camera.position.is_finite() || !camera.ray(0, 0).direction.is_finite() {
+            return wrong("a finite camera", format!("{camera:?}"));
+        }
+    }
+    if dataset.views.is_empty() {
+        return Err(Error::NoViews { dataset: dataset.name.clone() });
+    }
+    Ok(())
 }
 
 /// One grid in training.
