@@ -88,7 +88,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Go on from the state that an earlier run left, with its settings
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "bootstrap", "prune"])]
+    #[arg(
+        long,
+        conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "bootstrap", "prune"]
+    )]
     pub(super) resume: bool,
     /// A table of steps, seconds and PSNR
     #[arg(long, value_name = "CSV")]
@@ -255,7 +258,8 @@ fn unused_text(unused: &Unused, parameters: u64) -> String {
         return "unused: nothing\n".into();
     }
     format!(
-        "unused: {} tensors and {} components cleared, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
+        "unused: {} tensors and {} components cleared, {} of {} parameters; {psnr_after:.3} dB on training rays, \
+         {psnr_before:.3} dB before\n",
         table::grouped(tensors_dropped),
         table::grouped(components_dropped),
         table::grouped(parameters_saved),
