@@ -194,7 +194,7 @@ impl BuildOptions {
         }
         match (&self.crop, &self.outliers) {
             (Some(crop), _) if !crop.is_solid() => error("--crop", "the smallest corner, then a larger one", crop),
-            (_, Some(rule)) if rule.neighbours == 0 || !(rule.deviations >= 0.0) => {
+            (_, Some(rule)) if rule.neighbours == 0 || rule.deviations.is_nan() || rule.deviations < 0.0 => {
                 error("--outliers", "at least one neighbour, and deviations of at least 0", rule)
             }
             _ => Ok(()),
@@ -465,7 +465,7 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
     if radius.max_element() >= 1.0 {
         // Runs are joined only after all have been collected.
         let ball = 4.19 * (radius + 1.0).element_product();
-        if !(ball * runs.len() as f64 <= 16.0 * MAX_CELLS as f64) {
+        if ball * runs.len() as f64 > 16.0 * MAX_CELLS as f64 {
             return Err(too_large("--dilate", options.dilate));
         }
         runs = runs.grown(radius);
