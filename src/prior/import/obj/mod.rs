@@ -5,7 +5,7 @@
 //! file. Faces may count vertices from either end, but only those above them; free-form surfaces are refused.
 //!
 //! `tobj` overflows on some indices, shifts colours that are not at every vertex, wants UTF-8 and reports no lines. So a
-//! A guard stands before it, which checks every statement and lets it see only vertices and polygons that are right.
+//! guard stands before it, which checks every statement and lets it see only vertices and polygons that are right.
 //! `tobj` holds the whole mesh in memory, up to about seven bytes for one of the file: hence [`MAX_BYTES`].
 
 mod guard;
