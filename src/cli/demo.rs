@@ -20,35 +20,8 @@ Examples:
   strivec demo
   strivec demo --out /tmp/demo --seed 7";
 
-/// A run that two cores finish in about two minutes; tensor cells are about as large as a pixel.
-const SETTINGS: &str = "
-preset = \"24\"
-steps = 1500
-batch_rays = 1024
-upsample_at = [150]
-occupancy_at = [150, 300]
-
-[prior]
-voxels = 500000
-steps = [150, 350]
-seen_weight = 0.01
-
-[[scales]]
-pitch = [0.4, 0.4, 0.4]
-edge = [0.6, 0.6, 0.6]
-resolutions = [[19, 19, 19], [29, 29, 29]]
-density_rank = 24
-appearance_rank = 24
-top_k = 2
-
-[[scales]]
-pitch = [0.2, 0.2, 0.2]
-edge = [0.3, 0.3, 0.3]
-resolutions = [[10, 10, 10], [15, 15, 15]]
-density_rank = 16
-appearance_rank = 24
-top_k = 2
-";
+/// The run's settings.
+const SETTINGS: &str = include_str!("../../docs/configs/demo.toml");
 const TRAINING_VIEWS: u32 = 60;
 const HELD_OUT_VIEWS: u32 = 8;
 const SIZE: u32 = 128;

@@ -7,11 +7,19 @@
 writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean
 colour of its points or of the mesh's vertices before a format rounds them; "tolerance" is how far a coordinate may then be off.
 A package that does not install is skipped, with a word; open3d needs libusb-1.0.
+
+    V/bin/python tools/measure/foreign_geometry.py FOLDER --check target/release/strivec
+
+also reads each file by that command, into cells of a thousandth of the extent, and compares the number of points or triangles, and
+bounds, sum and mean colour of the cells. Exit code 1 where any differs.
 """
 
 import argparse
 import importlib.metadata
 import json
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -246,10 +254,47 @@ def write_pycolmap(folder):
         folder.points(file, "pycolmap")
 
 
+def check(command, folder, entry):
+    """What is wrong with what `command` reads of the file: words, or none."""
+    bounds = np.array(entry["bounds"])
+    voxel = float((bounds[1] - bounds[0]).max()) / 1000
+    points = entry["kind"] == "points"
+    with tempfile.TemporaryDirectory() as out:
+        words = [command, "--quiet", "--json", "prior", folder / entry["file"], "-o", f"{out}/prior.npz", "--voxel", str(voxel)]
+        done = subprocess.run([*words, *([] if points else ["--vertices"])], capture_output=True, text=True)
+        if done.returncode != 0:
+            return done.stderr.strip()
+        said = json.loads(done.stdout)
+        prior = dict(np.load(f"{out}/prior.npz"))
+        if not points:
+            done = subprocess.run(words + ["--force"], capture_output=True, text=True)
+            said = json.loads(done.stdout)
+    wrong = []
+    if said[entry["kind"]] != entry["count"]:
+        wrong.append(f"{said[entry['kind']]} {entry['kind']}, not {entry['count']}")
+    centers = prior["origin"] + (prior["cells"] + 0.5) * prior["pitch"]
+    off = np.abs([centers.min(0) - bounds[0], centers.max(0) - bounds[1]]).max()
+    if off > 0.5001 * voxel + entry["tolerance"]:
+        wrong.append(f"bounds off by {off}")
+    if points and len(centers) > 0.99 * entry["count"]:
+        # Cells with several points count once.
+        off = np.abs(centers.mean(0) - np.array(entry["sum"]) / entry["count"]).max()
+        if off > 0.02 * (bounds[1] - bounds[0]).max():
+            wrong.append(f"mean off by {off}")
+    if entry["mean_color"] is not None:
+        if "colors" not in prior:
+            wrong.append("no colours")
+        elif np.abs(prior["colors"].mean(0) - entry["mean_color"]).max() > 2:
+            wrong.append(f"mean colour {prior['colors'].mean(0)}, not {entry['mean_color']}")
+    return "; ".join(wrong)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="where the files go; it is made")
-    folder = Folder(parser.parse_args().folder)
+    parser.add_argument("--check", metavar="STRIVEC", help="the command that shall read them")
+    arguments = parser.parse_args()
+    folder = Folder(arguments.folder)
     folder.path.mkdir(parents=True, exist_ok=True)
     for write in (
         *(write_numpy, write_plyfile, write_trimesh, write_laspy, write_pye57),
@@ -264,6 +309,11 @@ def main():
     manifest = {"files": folder.files, "skipped": folder.skipped}
     (folder.path / "manifest.json").write_text(json.dumps(manifest, indent=1) + "\n")
     print(f"{len(folder.files)} files in {folder.path}")
+    if arguments.check:
+        wrong = {entry["file"]: check(arguments.check, folder.path, entry) for entry in folder.files}
+        for file, words in wrong.items():
+            print(f"{file}: {words or 'right'}")
+        sys.exit(any(wrong.values()))
 
 
 if __name__ == "__main__":
