@@ -263,7 +263,10 @@ fn a_crop_keeps_what_is_in_the_box_as_it_was() {
         field.density_feature(&field.locate(inside)).feature
     };
     assert_eq!(feature(&scene), feature(&part));
-    fail(folder.path(), &["crop", "scene.strivec", "-o", "x.strivec", "--box=1,1,1,0,0,0"], 1, "--box");
+    let refused = run(folder.path(), &["crop", "scene.strivec", "-o", "x.strivec", "--box=1,1,1,0,0,0"]);
+    let message = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(code(&refused), 1);
+    assert!(message.contains("'--box") && message.contains("the smallest corner, then a larger one"), "{message}");
 }
 
 #[test]

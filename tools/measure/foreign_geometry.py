@@ -152,7 +152,8 @@ def write_trimesh(folder):
                 (folder.path / (file if name == "model.gltf" else name)).write_bytes(data)
         else:
             made.export(folder.path / file)
-        folder.triangles(file, "trimesh")
+        # trimesh puts sRGB where glTF's colours are linear.
+        folder.triangles(file, "trimesh", color=ending not in ("glb", "gltf"))
     position, color = cloud()
     for ending in ("ply", "xyz"):
         trimesh.PointCloud(position, color).export(folder.path / f"trimesh.{ending}")
