@@ -263,6 +263,8 @@ fn a_crop_keeps_what_is_in_the_box_as_it_was() {
         field.density_feature(&field.locate(inside)).feature
     };
     assert_eq!(feature(&scene), feature(&part));
+    succeed(folder.path(), &["crop", "scene.strivec", "-o", "coarse.strivec", "--scales", "1"]);
+    assert_eq!(read(folder.path(), "coarse.strivec").scales, scene.scales[..1]);
     let refused = run(folder.path(), &["crop", "scene.strivec", "-o", "x.strivec", "--box=1,1,1,0,0,0"]);
     let message = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(code(&refused), 1);

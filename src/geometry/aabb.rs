@@ -53,6 +53,12 @@ impl Aabb {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// The eight corners: bit a of a corner's number is set where it is the largest along axis a.
+    pub fn corners(&self) -> [DVec3; 8] {
+        let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| DVec3::new(pick(corner, 0), pick(corner, 1), pick(corner, 2)))
+    }
+
     /// Edge lengths.
     pub fn size(&self) -> DVec3 {
         self.max - self.min

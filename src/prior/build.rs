@@ -17,7 +17,7 @@ use super::voxels::{MAX_CELLS, Voxels, boxes_of};
 use super::{VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
 
-/// The most points among which outliers are looked for; each takes 45 bytes.
+/// The most points among which outliers are looked for; each takes some 50 bytes.
 const MAX_SEARCHED: usize = 1 << 27;
 /// No default makes cells smaller than this share of the longest extent, however flat the geometry is.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
@@ -349,7 +349,8 @@ struct Filling<'a> {
     lattice: Lattice,
     voxels: Voxels,
     /// Points, where outliers are to be found first.
-    searched: Vec<(DVec3, Option<[u8; 3]>)>,
+    searched: Vec<DVec3>,
+    searched_colors: Vec<Option<[u8; 3]>>,
     colored: bool,
     counts: Counts,
     failure: Option<BuildError>,
@@ -362,6 +363,7 @@ impl<'a> Filling<'a> {
             lattice,
             voxels: Voxels::new(lattice, options.crop),
             searched: Vec::new(),
+            searched_colors: Vec::new(),
             colored: false,
             counts: Counts::default(),
             failure: None,
@@ -378,11 +380,10 @@ impl<'a> Filling<'a> {
 
     fn finish(mut self) -> Result<Built, BuildError> {
         if let Some(rule) = &self.options.outliers {
-            let positions: Vec<_> = self.searched.iter().map(|(at, _)| *at).collect();
-            let kept = inliers(&positions, rule);
-            for ((at, color), kept) in std::mem::take(&mut self.searched).into_iter().zip(kept) {
+            let kept = inliers(&self.searched, rule);
+            for ((at, color), kept) in self.searched.iter().zip(&self.searched_colors).zip(kept) {
                 if kept {
-                    self.voxels.add_point(at, color, self.options.thickness)?;
+                    self.voxels.add_point(*at, *color, self.options.thickness)?;
                 } else {
                     self.counts.outliers += 1;
                 }
@@ -421,7 +422,8 @@ impl Shapes for Filling<'_> {
         if self.searched.len() == MAX_SEARCHED {
             return self.held(Err(BuildError::TooManyPoints { limit: MAX_SEARCHED }));
         }
-        self.searched.push((at, color));
+        self.searched.push(at);
+        self.searched_colors.push(color);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 
 use super::convert::rewrite;
 use super::encoding::{LayoutArgs, lossless};
@@ -74,27 +74,38 @@ pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
 
 /// Arguments of `strivec-pack crop`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  strivec-pack crop lego.strivec -o part.strivec --box=-1,-1,0,1,1,1")]
+#[command(
+    after_help = "Examples:\n  strivec-pack crop lego.strivec -o part.strivec --box=-1,-1,0,1,1,1\n  strivec-pack crop lego.strivec -o coarse.strivec --scales 2"
+)]
 pub(super) struct CropArgs {
     #[command(flatten)]
     target: Target,
-    /// The smallest and the largest corner, in the dataset's space
-    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
-    corners: Aabb,
+    /// Keep what is in this box: its smallest and its largest corner, in the dataset's space
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true,
+        required_unless_present = "scales")]
+    corners: Option<Aabb>,
+    /// Keep the N coarsest scales, with what the file says makes up for the others
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    scales: Option<u16>,
 }
 
-/// Keeps what is in a box.
+/// Keeps what is in a box, or coarse enough.
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
-    let corners = args.corners;
-    args.target.rewrite(session, |document| {
-        let map = document.scene.frame.model_from_dataset;
-        // The box around the box, where the map turns it.
-        let corner = |n: usize| {
-            let pick = |bit: usize, axis: usize| if n >> bit & 1 == 0 { corners.min[axis] } else { corners.max[axis] };
-            map.point(DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2)))
-        };
-        let within = Aabb::of_points((0..8).map(corner));
-        Ok(Document { scene: pack::crop(&document.scene, &within)?, ..document })
+    args.target.rewrite(session, |mut document| {
+        if let Some(scales) = args.scales.map(usize::from).filter(|n| *n < document.scene.scales.len()) {
+            document.scene = pack::beginning(&document.scene, scales);
+            match document.extras.prefixes.get(scales - 1) {
+                Some(Some(correction)) => correction.apply(&mut document.scene),
+                _ => session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them")),
+            }
+        }
+        if let Some(corners) = args.corners {
+            let map = document.scene.frame.model_from_dataset;
+            // The box around the box, where the map turns it.
+            let within = Aabb::of_points(corners.corners().map(|corner| map.point(corner)));
+            document.scene = pack::crop(&document.scene, &within)?;
+        }
+        Ok(document)
     })
 }
 

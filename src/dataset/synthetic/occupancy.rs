@@ -66,11 +66,7 @@ pub(super) fn write_npz(cells: &[bool], out: impl Write + Seek) -> io::Result<()
 
 /// The solid's bounds in the world.
 fn around(solid: &Solid) -> Aabb {
-    let corners = (0..8).map(|index| {
-        let pick = |axis: usize| if index >> axis & 1 == 0 { solid.bounds.min[axis] } else { solid.bounds.max[axis] };
-        solid.world(DVec3::new(pick(0), pick(1), pick(2)))
-    });
-    Aabb::of_points(corners)
+    Aabb::of_points(solid.bounds.corners().map(|corner| solid.world(corner)))
 }
 
 /// Whether a closed cell and a closed solid have a point in common.
