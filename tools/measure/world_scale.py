@@ -11,6 +11,7 @@ Needs numpy and pillow, and target/release/strivec (or --command FILE).
 import argparse
 import json
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -52,8 +53,8 @@ def main():
     parser.add_argument("--steps", type=int, default=30_000)
     parser.add_argument("--downscale", type=int, default=1)
     parser.add_argument("--command", default="target/release/strivec")
-    parser.add_argument("train", nargs="*", help="more arguments of strivec train, after --")
-    arguments = parser.parse_args()
+    end = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+    arguments, more = parser.parse_args(sys.argv[1:end]), sys.argv[end + 1 :]
     command = [arguments.command, "--quiet", "--json", "--force"]
     common = ["--downscale", str(arguments.downscale)]
     print("| world scale | tensors | parameters | PSNR, dB | pictures to those at 1, dB |\n|---|---|---|---|---|")
@@ -61,7 +62,7 @@ def main():
     for scale in SCALES:
         dataset = scaled(arguments.dataset, arguments.out / scale, scale)
         scene = arguments.out / f"{scale}.strivec"
-        train = ["train", dataset, "-o", scene, "--auto", "--steps", str(arguments.steps), *common, *arguments.train]
+        train = ["train", dataset, "-o", scene, "--auto", "--steps", str(arguments.steps), *common, *more]
         trained = said(command + train)
         seen = said(command + ["eval", scene, dataset, "--split", "test", *common])
         shown = pictures(command, scene, dataset, arguments.out / f"{scale}-pictures", arguments.downscale)
