@@ -97,8 +97,10 @@ impl Voxels {
 
     /// Adds every cell that shares volume with the upright box `body`, or contains it where it is thinner than rounding.
     pub(super) fn add_box(&mut self, body: &Aabb, color: Option<[u8; 3]>) -> Result<(), BuildError> {
+        let whole = body;
         let body = self.within.map_or(*body, |within| within.intersection(body));
-        if body.min.cmpgt(body.max).any() {
+        // A face that only touches the crop is no part of it.
+        if body.min.cmpgt(body.max).any() || (body != *whole && !body.is_solid()) {
             return Ok(());
         }
         let shrunk = DVec3::splat(FUZZ) * self.lattice.pitch;
