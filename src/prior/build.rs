@@ -12,7 +12,7 @@ use super::holes::filled;
 use super::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
 use super::morphology::Runs;
 use super::outliers::{Outliers, inliers};
-use super::overlap::{Parallelepiped, Triangle};
+use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::voxels::{MAX_CELLS, Voxels, boxes_of};
 use super::{VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
@@ -299,12 +299,12 @@ impl Shapes for Survey {
 
     fn triangle(&mut self, triangle: Triangle, _: Option<[u8; 3]>) -> Result<(), Fault> {
         self.all_grid = false;
-        self.bounds = self.bounds.union(&Aabb::of_points(triangle.corners));
+        self.bounds = self.bounds.union(&triangle.bounds());
         Ok(())
     }
 
     fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault> {
-        let image = Aabb::of_points(super::overlap::Convex::corners(&Parallelepiped::image(cell, map)).iter().copied());
+        let image = Parallelepiped::image(cell, map).bounds();
         self.bounds = self.bounds.union(&image);
         self.all_grid &= keeps_upright(map);
         let (corner, least) = self.grid.unwrap_or((image.min, image.size()));
@@ -441,7 +441,7 @@ impl Shapes for Filling<'_> {
         self.colored |= color.is_some();
         let image = Parallelepiped::image(cell, map);
         let added = if keeps_upright(map) {
-            self.voxels.add_box(&Aabb::of_points(super::overlap::Convex::corners(&image).iter().copied()), color)
+            self.voxels.add_box(&image.bounds(), color)
         } else {
             self.voxels.add_convex(&image, color, 0.0)
         };

@@ -24,6 +24,11 @@ pub(super) trait Convex {
     /// Its corners.
     fn corners(&self) -> &[DVec3];
 
+    /// The smallest upright box that contains it.
+    fn bounds(&self) -> Aabb {
+        Aabb::of_points(self.corners().iter().copied())
+    }
+
     /// Calls `test` with directions, of which one separates it from any upright box that it has no point in common with, the
     /// box's own axes left out; ends at the first for which `test` holds, and tells whether there was one.
     fn any_axis(&self, test: impl FnMut(DVec3) -> bool) -> bool;
@@ -72,7 +77,7 @@ fn across(edge: DVec3) -> [DVec3; 3] {
 
 /// Whether `body` and the closed box `cell` have a point in common. A touch counts, within rounding.
 pub(super) fn meets(body: &impl Convex, cell: &Aabb) -> bool {
-    let bounds = Aabb::of_points(body.corners().iter().copied());
+    let bounds = body.bounds();
     if !(bounds.min.cmple(cell.max).all() && cell.min.cmple(bounds.max).all()) {
         return false;
     }

@@ -123,7 +123,7 @@ impl Voxels {
         margin: f64,
     ) -> Result<(), BuildError> {
         let margin = DVec3::splat(margin);
-        let mut bounds = Aabb::of_points(body.corners().iter().copied()).grown(margin);
+        let mut bounds = body.bounds().grown(margin);
         if let Some(within) = &self.within {
             bounds = bounds.intersection(within);
         }
