@@ -3,47 +3,14 @@
 
 mod scenes;
 
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 use strivec::field::Field;
-use strivec::geometry::{Aabb, Camera};
+use strivec::geometry::Camera;
 use strivec::measure::{F32_POSITION_ERROR, parity};
-use strivec::model::{DecoderMode, MARGIN_HORIZON, Occupancy, ReferenceField, Scene};
+use strivec::model::{MARGIN_HORIZON, ReferenceField};
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
 use strivec::train::TrainConfig;
-
-/// Every combination of rules, with an occupancy that cuts through the model.
-fn cases() -> Vec<(String, Scene)> {
-    let mut cases = Vec::new();
-    for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
-        let mut config = scenes::config();
-        config.field.coverage_all = bits & 1 == 0;
-        config.field.normalised = bits & 2 == 0;
-        config.field.density_mean = bits & 4 != 0;
-        config.field.appearance_mean = bits & 8 != 0;
-        config.decoder.mode = mode;
-        config.factor_deviation = 0.8;
-        let mut scene = scenes::scene(&config);
-        // Away from the tensors' faces, on which every ray's first sample would lie.
-        scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
-        scene.occupancy = Some(sliced(scene.bounds.grown(DVec3::splat(0.0345))));
-        scene.check().unwrap();
-        cases.push((format!("{:?}, {:?}", config.field, scene.decoder.mode), scene));
-    }
-    cases
-}
-
-fn sliced(bounds: Aabb) -> Occupancy {
-    let mut occupancy = Occupancy::empty(bounds, UVec3::new(20, 21, 19));
-    for z in 0..19 {
-        for y in 0..21 {
-            for x in (0..20).filter(|x| (x + y + z) % 7 < 5) {
-                occupancy.set(UVec3::new(x, y, z));
-            }
-        }
-    }
-    occupancy
-}
 
 fn cameras() -> [Camera; 2] {
     [scenes::camera(32, 0.4), scenes::camera(32, 2.9)]
@@ -51,7 +18,7 @@ fn cameras() -> [Camera; 2] {
 
 #[test]
 fn single_precision_follows_the_reference_under_every_rule_and_a_planted_difference_shows() {
-    for (name, scene) in cases() {
+    for (name, scene) in scenes::rule_cases() {
         let found = parity(&scene, &CpuRenderer::new(&scene), &cameras(), F32_POSITION_ERROR);
         println!("{name}: {found:?}, near {:.2} %", 100.0 * found.near_share());
         assert!(found.clear_rays > 1500 && found.near_share() < 0.1, "{name}: {found:?}");
@@ -68,7 +35,7 @@ fn single_precision_follows_the_reference_under_every_rule_and_a_planted_differe
 
 #[test]
 fn the_fast_field_in_double_precision_is_the_reference_to_rounding() {
-    for (name, scene) in cases() {
+    for (name, scene) in scenes::rule_cases() {
         let found = parity(&scene, &CpuRenderer::of_field(Field::<f64>::new(&scene)), &cameras(), 1e-12);
         // Pixels are f32.
         assert!(found.clear_maximum < 1e-7, "{name}: {found:?}");

@@ -11,7 +11,7 @@ use super::settings::{Fitting, Settings};
 use super::table::grouped;
 use super::train::{interrupts, reconstruct};
 use super::{Error, Session};
-use crate::dataset::{self, LoadOptions};
+use crate::dataset;
 use crate::measure::bench;
 use crate::train::{self, PhotographMemory, Plan};
 
@@ -76,16 +76,16 @@ struct Machine {
 /// Plans.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
-    let downscale = args.settings.downscale;
-    let named = dataset::load_cameras(&args.dataset, "train", None, downscale)?;
-    let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
+    let options = args.settings.photographs();
+    let named = dataset::load_cameras(&args.dataset, "train", None, options.downscale)?;
+    let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
+    let interrupted = interrupts()?;
     let start = Instant::now();
-    let (occupied, prior_seconds) = match args.prior.voxels(&cameras, session)? {
+    let (occupied, prior_seconds) = match args.prior.voxels(&cameras, &interrupted, session)? {
         Some(occupied) => (occupied, None),
         None => {
-            let options = LoadOptions { downscale, ..LoadOptions::default() };
             let dataset = dataset::load(&args.dataset, "train", &options)?;
-            let occupied = reconstruct(&config, &dataset, args.prior.bootstrap, &*interrupts()?, session)?;
+            let occupied = reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }
     };
@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         reasons.iter().for_each(|reason| session.console.say(reason));
         return session.console.print(&config.to_toml());
     }
-    let photographs = if downscale == 1 { PhotographMemory::Bytes } else { PhotographMemory::Floats };
+    let photographs = if options.downscale == 1 { PhotographMemory::Bytes } else { PhotographMemory::Floats };
     let speed = bench::machine_speed();
     let plan = train::plan(&config, &cameras, photographs, &occupied, &speed)?;
     let scales = scale_table::planned(&plan);

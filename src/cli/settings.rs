@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 
 use super::{Error, Session, quantity};
+use crate::dataset::LoadOptions;
 use crate::geometry::Camera;
 use crate::prior::VoxelBoxes;
 use crate::train::{self, Budget, TrainConfig};
@@ -27,6 +28,9 @@ pub(super) struct Settings {
     /// Photographs made N times smaller
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) downscale: u32,
+    /// Only every N-th photograph
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
+    every: usize,
     /// Of every random choice
     #[arg(long, value_name = "S")]
     pub(super) seed: Option<u64>,
@@ -44,7 +48,16 @@ pub(super) struct Settings {
     prune: bool,
 }
 
+fn every(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "expected a number of at least 1".into())
+}
+
 impl Settings {
+    /// Which photographs, and how large.
+    pub(super) fn photographs(&self) -> LoadOptions {
+        LoadOptions { downscale: self.downscale, every: self.every, ..LoadOptions::default() }
+    }
+
     /// The settings that the arguments lead to: preset, then file, then single arguments.
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let preset = self.preset.map(Preset::name);

@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
-    let options = LoadOptions { downscale: args.settings.downscale, ..LoadOptions::default() };
+    let options = args.settings.photographs();
     let dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
@@ -128,7 +128,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
         None => {
             let cameras = cameras(&dataset);
-            let occupied = match args.prior.voxels(&cameras, session)? {
+            let occupied = match args.prior.voxels(&cameras, &interrupted, session)? {
                 Some(occupied) => occupied,
                 None => reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?,
             };

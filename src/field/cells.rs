@@ -9,18 +9,18 @@ use crate::model::Occupancy;
 /// beyond it.
 #[derive(Clone, Debug)]
 pub struct OccupancyCells<T> {
-    min: [T; 3],
-    cells_per_unit: [T; 3],
+    pub(crate) min: [T; 3],
+    pub(crate) cells_per_unit: [T; 3],
     cell_size: [T; 3],
-    cells: [i32; 3],
-    words: Vec<u64>,
+    pub(crate) cells: [i32; 3],
+    pub(crate) words: Vec<u64>,
     /// One bit a block of cells, 8 wide: small enough for the fastest cache, where most answers come from.
-    blocks: [i32; 3],
-    block_words: Vec<u64>,
+    pub(crate) blocks: [i32; 3],
+    pub(crate) block_words: Vec<u64>,
 }
 
 /// Cells along a block's edge, as a shift.
-const BLOCK_SHIFT: i32 = 3;
+pub(crate) const BLOCK_SHIFT: i32 = 3;
 
 /// What a position's surroundings are.
 #[derive(Clone, Copy, Debug)]

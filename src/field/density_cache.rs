@@ -34,7 +34,7 @@ impl<T: Real> DensityCache<T> {
         let width = field.bounds.size().max_element() / f64::from(cells);
         let brick_width = width * BRICK as f64;
         let bricks = (field.bounds.size() / brick_width).ceil().max(DVec3::ONE).as_uvec3();
-        let occupied = field.occupancy.as_ref().or(field.covered.as_ref());
+        let occupied = field.cells();
         let mut numbers = Vec::new();
         let mut baked = Vec::new();
         for z in 0..bricks.z {

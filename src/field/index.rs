@@ -125,8 +125,22 @@ impl<T: Real> CellIndex<T> {
     }
 
     /// The grid: its lower corner relative to the field's origin, cells per unit, and cells, per axis.
-    pub(super) fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
+    pub(crate) fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
         (self.min, self.cells_per_unit, self.cells)
+    }
+
+    /// \[cell\] its list, x fastest.
+    pub(crate) fn lists(&self) -> &[u32] {
+        &self.lists
+    }
+
+    /// Each list's tensors, ascending, with their centres relative to the field's origin. The first list is empty.
+    pub(crate) fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
+        (0..self.starts.len() as u32 - 1).map(|list| {
+            self.blocks(list).iter().flat_map(|block| {
+                (0..block.count as usize).map(|n| ([0, 1, 2].map(|a| block.centers[a][n]), block.tensors[n]))
+            })
+        })
     }
 
     /// Which cells tensors reach into, x fastest.

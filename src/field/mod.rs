@@ -19,6 +19,8 @@ mod vector;
 mod walk;
 
 pub use cells::OccupancyCells;
+#[cfg(feature = "gpu")]
+pub(crate) use cells::BLOCK_SHIFT;
 pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use density_cache::DensityCache;
@@ -122,6 +124,16 @@ impl<T: Real> Field<T> {
             decoder: FieldDecoder::new(scene),
             occupancy: scene.occupancy.as_ref().map(|o| OccupancyCells::new(o, origin)),
         }
+    }
+
+    /// Outside of which no sample counts, if anything says so.
+    pub(crate) fn cells(&self) -> Option<&OccupancyCells<T>> {
+        self.occupancy.as_ref().or(self.covered.as_ref())
+    }
+
+    /// How far rounding may move a position, in model units.
+    pub(crate) fn position_error(&self) -> T {
+        self.position_error
     }
 
     /// Number of tensors over all scales.

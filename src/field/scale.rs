@@ -37,9 +37,9 @@ pub struct FieldScale<T> {
 #[derive(Clone, Copy, Debug)]
 pub struct TensorRows<T> {
     half: [T; 3],
-    cells_per_unit: [T; 3],
-    last_cell: [i32; 3],
-    first_row: [usize; 3],
+    pub(crate) cells_per_unit: [T; 3],
+    pub(crate) last_cell: [i32; 3],
+    pub(crate) first_row: [usize; 3],
     /// Rows of a tensor.
     pub count: usize,
 }
@@ -163,12 +163,12 @@ impl<T: Real> FieldScale<T> {
     }
 
     /// Neighbours that a point aggregates, at most.
-    pub(super) fn top_k(&self) -> usize {
+    pub(crate) fn top_k(&self) -> usize {
         self.top_k
     }
 
     /// The cells that index the tensors.
-    pub(super) fn index(&self) -> &CellIndex<T> {
+    pub(crate) fn index(&self) -> &CellIndex<T> {
         &self.index
     }
 }

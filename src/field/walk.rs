@@ -43,7 +43,7 @@ impl<T: Real> Walk<T> {
             }
             let position = field.relative(self.ray.at(t));
             if self.known == 0 {
-                let Some(cells) = field.occupancy.as_ref().or(field.covered.as_ref()) else {
+                let Some(cells) = field.cells() else {
                     self.next += 1;
                     return Some((t, position));
                 };

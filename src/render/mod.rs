@@ -2,6 +2,8 @@
 
 mod approximation;
 mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod reference;
 
 pub use approximation::{Approximation, ApproximationError};

@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use glam::{DVec3, UVec3};
-use strivec::geometry::{Camera, Lattice, Similarity};
-use strivec::model::{ColorSpace, Frame, Placement, Scene, TensorCloud, UpAxis};
+use strivec::geometry::{Aabb, Camera, Lattice, Similarity};
+use strivec::model::{ColorSpace, DecoderMode, Frame, Occupancy, Placement, Scene, TensorCloud, UpAxis};
 use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig, initial_scene};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
@@ -78,4 +78,37 @@ pub(crate) fn scene(config: &TrainConfig) -> Scene {
 pub(crate) fn camera(size: u32, angle: f64) -> Camera {
     let position = 3.0 * DVec3::new(angle.cos(), angle.sin(), 0.4);
     Camera::looking_at([size, size], 1.6 * f64::from(size), position, DVec3::ZERO, DVec3::Z)
+}
+
+/// Every combination of rules, with an occupancy that cuts through the model.
+pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
+    let mut cases = Vec::new();
+    for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
+        let mut config = self::config();
+        config.field.coverage_all = bits & 1 == 0;
+        config.field.normalised = bits & 2 == 0;
+        config.field.density_mean = bits & 4 != 0;
+        config.field.appearance_mean = bits & 8 != 0;
+        config.decoder.mode = mode;
+        config.factor_deviation = 0.8;
+        let mut scene = self::scene(&config);
+        // Away from the tensors' faces, on which every ray's first sample would lie.
+        scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
+        scene.occupancy = Some(sliced(scene.bounds.grown(DVec3::splat(0.0345))));
+        scene.check().unwrap();
+        cases.push((format!("{:?}, {:?}", config.field, scene.decoder.mode), scene));
+    }
+    cases
+}
+
+fn sliced(bounds: Aabb) -> Occupancy {
+    let mut occupancy = Occupancy::empty(bounds, UVec3::new(20, 21, 19));
+    for z in 0..19 {
+        for y in 0..21 {
+            for x in (0..20).filter(|x| (x + y + z) % 7 < 5) {
+                occupancy.set(UVec3::new(x, y, z));
+            }
+        }
+    }
+    occupancy
 }

@@ -7,6 +7,7 @@ mod against;
 mod files;
 mod growth;
 mod peak;
+mod placement;
 mod process;
 mod render;
 mod report;
@@ -48,6 +49,8 @@ enum What {
     Files(files::Args),
     /// How time and memory grow with pictures, tensors, ranks, batch and step
     Growth(growth::Args),
+    /// Putting many tensors where a prior is, and finding them again
+    Placement(placement::Args),
     /// This build against another, by turns
     Against(against::Args),
 }
@@ -127,6 +130,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some(What::Render(args)) => session.console.result(&render::measure(args, session)?, render::Report::text),
         Some(What::Files(args)) => session.console.result(&files::measure(args, session)?, files::Report::text),
         Some(What::Growth(args)) => session.console.result(&growth::measure(args, session)?, growth::Report::text),
+        Some(What::Placement(args)) => session.console.result(&placement::measure(args)?, placement::Report::text),
         Some(What::Against(args)) => against::run(args, session),
         None => {
             let everything = Everything {

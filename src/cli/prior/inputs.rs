@@ -1,6 +1,8 @@
 //! Priors from files, as arguments.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::shaping::Shaping;
 use crate::cli::progress::Progress;
@@ -24,18 +26,31 @@ pub(in crate::cli) struct Inputs {
 
 impl Inputs {
     /// The occupied cells in the dataset's space, of which `cameras` should see some; `None` where no file is named.
-    pub(in crate::cli) fn voxels(&self, cameras: &[Camera], session: &Session) -> Result<Option<VoxelBoxes>, Error> {
+    pub(in crate::cli) fn voxels(
+        &self,
+        cameras: &[Camera],
+        interrupted: &AtomicBool,
+        session: &Session,
+    ) -> Result<Option<VoxelBoxes>, Error> {
         if self.files.is_empty() {
             return Ok(None);
         }
-        let boxes = build(&self.files, &self.shaping, session)?.boxes;
+        let boxes = build(&self.files, &self.shaping, interrupted, session)?.boxes;
         check_sight(&boxes, cameras.iter().copied(), session);
         Ok(Some(boxes))
     }
 }
 
-/// Reads `files`, with progress and what was found on the console.
-pub(super) fn build(files: &[PathBuf], shaping: &Shaping, session: &Session) -> Result<Built, Error> {
+/// Of commands that Ctrl-C ends at once, as they have nothing to keep.
+pub(super) static NEVER: AtomicBool = AtomicBool::new(false);
+
+/// Reads `files`, until `interrupted`, with progress and what was found on the console.
+pub(super) fn build(
+    files: &[PathBuf],
+    shaping: &Shaping,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Built, Error> {
     /// Of each file, as their lengths differ.
     const PARTS: u64 = 1000;
     let options = shaping.options()?;
@@ -44,7 +59,7 @@ pub(super) fn build(files: &[PathBuf], shaping: &Shaping, session: &Session) -> 
         let of_file = at.done as f64 / at.total.max(1) as f64;
         let done = PARTS as f64 * (at.file as f64 + of_file) / at.files as f64;
         progress.set(done as u64, || format!("{:.0} of {:.0} MB", at.done as f64 / 1e6, at.total as f64 / 1e6));
-        std::ops::ControlFlow::Continue(())
+        if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     let counts = built.counts;
     let parts = [

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub(super) use inputs::Inputs;
+use inputs::NEVER;
 use shaping::Shaping;
 
 use super::{Error, Session, check_output, table, write_atomically};
@@ -81,7 +82,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let Some(output) = &args.output else { return Err(Error::Usage("expected --output".into())) };
     check_output(output, session.force)?;
-    let built = inputs::build(&args.inputs, &args.shaping, session)?;
+    let built = inputs::build(&args.inputs, &args.shaping, &NEVER, session)?;
     let sight = match &args.data {
         Some(folder) => {
             let cameras = dataset::load_cameras(folder, "train", None, 1)?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::build;
+use super::inputs::{NEVER, build};
 use super::shaping::Shaping;
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
@@ -66,7 +66,7 @@ struct Shown<'a> {
 /// Writes the sheet.
 pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     check_output(&args.out, session.force)?;
-    let Built { boxes, colors, .. } = build(&args.inputs, &args.shaping, session)?;
+    let Built { boxes, colors, .. } = build(&args.inputs, &args.shaping, &NEVER, session)?;
     let mut options = args.selection.options(args.downscale);
     if options.views.is_none() && options.every == 1 {
         let count = dataset::load_cameras(&args.data, &args.split, None, 1)?.len();

@@ -26,5 +26,5 @@ pub use peak::{Peak, ProductRate, Rate};
 pub use runs::{Measured, at_rest, frames, training_steps};
 pub use speed::machine_speed;
 pub use stages::{Bound, StageRow, StageTable, Total};
-pub use subject::{ball, ball_views};
+pub use subject::{ball, ball_on, ball_views, shell, voxel_for};
 pub use timing::{Runs, Spread};

@@ -34,16 +34,24 @@ const FOCAL: f64 = 1.39;
 ///
 /// Where `config` has no tensors, or the ball cannot be covered by them.
 pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
+    ball_on(&shell(VOXEL), config, upsampled)
+}
+
+/// [`ball`], with tensors on `boxes`.
+///
+/// # Errors
+///
+/// As [`ball`]'s.
+pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
     let mut config = config.clone();
     for scale in &mut config.scales {
         // After the last upsampling nothing gets finer.
         let resolution = scale.resolutions.get(upsampled).or(scale.resolutions.last()).copied();
         scale.resolutions = vec![resolution.unwrap_or([1; 3])];
     }
-    let boxes = shell();
     let clouds = (config.scales.iter())
         .map(|s| {
-            prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
+            prior::place_on_boxes(boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
     let frame = Frame {
@@ -78,16 +86,22 @@ pub fn ball_views(count: u32, size: u32) -> Vec<View> {
         .collect()
 }
 
-/// The voxels whose centres are in the shell.
-fn shell() -> VoxelBoxes {
-    let cells = (2.0 * SHELL[1] / VOXEL).ceil() as u32;
-    let lattice = Lattice { origin: DVec3::splat(-0.5 * f64::from(cells) * VOXEL), pitch: DVec3::splat(VOXEL) };
+/// The voxels of edge `voxel` whose centres are in the shell around the ball's surface.
+pub fn shell(voxel: f64) -> VoxelBoxes {
+    let cells = (2.0 * SHELL[1] / voxel).ceil() as u32;
+    let lattice = Lattice { origin: DVec3::splat(-0.5 * f64::from(cells) * voxel), pitch: DVec3::splat(voxel) };
     let inside = |cell: &UVec3| {
-        let radius = (lattice.origin + (cell.as_dvec3() + 0.5) * VOXEL).length();
+        let radius = (lattice.origin + (cell.as_dvec3() + 0.5) * voxel).length();
         (SHELL[0]..=SHELL[1]).contains(&radius)
     };
     let all = (0..cells).flat_map(|z| (0..cells).flat_map(move |y| (0..cells).map(move |x| UVec3::new(x, y, z))));
     VoxelBoxes { lattice, cells: all.filter(inside).collect() }
+}
+
+/// The edge of voxels of which the shell has about `count`.
+pub fn voxel_for(count: u64) -> f64 {
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * (SHELL[1].powi(3) - SHELL[0].powi(3));
+    (volume / count as f64).cbrt()
 }
 
 /// Makes the first density component of `scale` a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the

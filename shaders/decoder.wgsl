@@ -1,0 +1,335 @@
+// Appearance and decoder for a tile of ROWS samples, or of ROWS rays, as matrix products of a tile in workgroup memory with
+// matrices from the scene. Twin: src/field/decoder.rs.
+//
+// `tile` holds one quad for four rows: [column][row quad]. Each product reads all of its input before any of its output is
+// written in its place.
+
+const ROW_QUADS: u32 = ROWS / 4u;
+
+var<workgroup> tile: array<vec4<f32>, TILE_QUADS>;
+// [row][scale][neighbour], nearest first; the first of weight 0 ends a list.
+var<workgroup> pairs: array<Located, PAIRS>;
+// [row][scale] whether the scale covers the row's sample.
+var<workgroup> covering: array<f32, ROWS * SCALES>;
+// [row] the ray it is of, and the sample.
+var<workgroup> tile_rays: array<u32, ROWS>;
+var<workgroup> tile_rows: array<u32, ROWS>;
+// [row quad] Σ w of the samples so far.
+var<workgroup> tile_weights: array<vec4<f32>, ROW_QUADS>;
+// [channel][row quad] what samples add to their ray's colour.
+var<workgroup> own_colors: array<vec4<f32>, OWN_COLOR_QUADS>;
+// The most samples that a ray of the tile has.
+var<workgroup> longest: u32;
+
+const NONE: u32 = 0xffffffffu;
+
+// Finds the neighbours of the tile's samples, a lane a scale of a sample.
+fn find_pairs(lane: u32) {
+    for (var item = lane; item < ROWS * SCALES; item += LANES) {
+        let r = item / SCALES;
+        let s = item % SCALES;
+        var nearest: Nearest;
+        var position = vec3(0.0);
+        if tile_rows[r] != NONE {
+            let n = tile_rays[r];
+            position = rays[n].start + bitcast<f32>(rows[tile_rows[r]].y) * rays[n].direction;
+            nearest = find_nearest(s, position);
+        }
+        covering[item] = select(0.0, 1.0, nearest.count > 0u);
+        for (var k = 0u; k < TOP_K; k += 1u) {
+            if k < nearest.count {
+                pairs[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position);
+            } else {
+                pairs[item * TOP_K + k].weight = 0.0;
+                break;
+            }
+        }
+    }
+}
+
+// Four aggregated appearance components of the tile's row `r`.
+fn components_of(r: u32, component: u32) -> vec4<f32> {
+    var s = SCALES - 1u;
+    while component < scene.scales[s].first_quad {
+        s -= 1u;
+    }
+    let quads = scene.scales[s].appearance_quads;
+    let q = component - scene.scales[s].first_quad;
+    var sum = vec4(0.0);
+    for (var k = 0u; k < TOP_K; k += 1u) {
+        let at = pairs[(r * SCALES + s) * TOP_K + k];
+        if at.weight == 0.0 {
+            break;
+        }
+        sum += product(scene.scales[s].appearance, quads, q, at);
+    }
+    if APPEARANCE_IS_MEAN {
+        var scales = 0.0;
+        for (var n = 0u; n < SCALES; n += 1u) {
+            scales += covering[r * SCALES + n];
+        }
+        sum /= max(scales, 1.0);
+    }
+    return sum;
+}
+
+// The same of four rows, as four columns of the tile.
+fn columns_of(item: u32) -> mat4x4<f32> {
+    let first = item % ROW_QUADS * 4u;
+    let component = item / ROW_QUADS;
+    return transpose(mat4x4(
+        components_of(first, component),
+        components_of(first + 1u, component),
+        components_of(first + 2u, component),
+        components_of(first + 3u, component),
+    ));
+}
+
+// Items of four columns and four rows.
+const COMPONENT_ITEMS: u32 = COMPONENT_QUADS * ROW_QUADS;
+const COMPONENT_ITEMS_PER_LANE: u32 = (COMPONENT_ITEMS + LANES - 1u) / LANES;
+
+fn put_columns(item: u32, columns: mat4x4<f32>) {
+    let component = item / ROW_QUADS;
+    let q = item % ROW_QUADS;
+    for (var c = 0u; c < 4u; c += 1u) {
+        tile[(4u * component + c) * ROW_QUADS + q] = columns[c];
+    }
+}
+
+// One output for four rows: matrices are [input][output], `outputs` a row.
+fn dot_of(matrix: u32, inputs: u32, outputs: u32, o: u32, q: u32) -> vec4<f32> {
+    var sum = vec4(0.0);
+    for (var i = 0u; i < inputs; i += 1u) {
+        sum += number(matrix + i * outputs + o) * tile[i * ROW_QUADS + q];
+    }
+    return sum;
+}
+
+// Samples' components into the tile.
+fn gather_samples(lane: u32) {
+    for (var item = lane; item < COMPONENT_ITEMS; item += LANES) {
+        put_columns(item, columns_of(item));
+    }
+}
+
+// Rays' composited components, F = Σ w·f / Σ w, into the tile; and what samples add to their ray's colour, where they do.
+fn compose_rays(lane: u32) {
+    if lane == 0u {
+        longest = 0u;
+        for (var r = 0u; r < ROWS; r += 1u) {
+            if tile_rays[r] != NONE {
+                longest = max(longest, rays[tile_rays[r]].colored);
+            }
+        }
+    }
+    if lane < ROW_QUADS {
+        tile_weights[lane] = vec4(0.0);
+    }
+    var sums: array<mat4x4<f32>, COMPONENT_ITEMS_PER_LANE>;
+    let samples = workgroupUniformLoad(&longest);
+    for (var n = 0u; n < samples; n += 1u) {
+        if lane < ROWS {
+            tile_rows[lane] = NONE;
+            if tile_rays[lane] != NONE && n < rays[tile_rays[lane]].colored {
+                tile_rows[lane] = rays[tile_rays[lane]].first_row + n;
+            }
+        }
+        workgroupBarrier();
+        find_pairs(lane);
+        workgroupBarrier();
+        for (var i = 0u; i < COMPONENT_ITEMS_PER_LANE; i += 1u) {
+            let item = i * LANES + lane;
+            if item < COMPONENT_ITEMS {
+                let columns = columns_of(item);
+                let weights = weights_of(item % ROW_QUADS);
+                for (var c = 0u; c < 4u; c += 1u) {
+                    sums[i][c] += weights * columns[c];
+                }
+                if SAMPLES_HAVE_COLORS {
+                    put_columns(item, columns);
+                }
+            }
+        }
+        if lane < ROW_QUADS {
+            tile_weights[lane] += weights_of(lane);
+        }
+        workgroupBarrier();
+        if SAMPLES_HAVE_COLORS {
+            for (var item = lane; item < 3u * ROW_QUADS; item += LANES) {
+                own_colors[item] = dot_of(scene.appearance, COMPONENTS, FEATURES, item / ROW_QUADS, item % ROW_QUADS);
+            }
+            workgroupBarrier();
+            if lane < ROWS && tile_rows[lane] != NONE {
+                let q = lane / 4u;
+                let r = lane % 4u;
+                let color = vec3(own_colors[q][r], own_colors[ROW_QUADS + q][r], own_colors[2u * ROW_QUADS + q][r]);
+                rows[tile_rows[lane]] = vec4(bitcast<vec3<u32>>(color), rows[tile_rows[lane]].w);
+            }
+            workgroupBarrier();
+        }
+    }
+    for (var i = 0u; i < COMPONENT_ITEMS_PER_LANE; i += 1u) {
+        let item = i * LANES + lane;
+        if item < COMPONENT_ITEMS {
+            let all = max(tile_weights[item % ROW_QUADS], vec4(1e-30));
+            for (var c = 0u; c < 4u; c += 1u) {
+                sums[i][c] /= all;
+            }
+            put_columns(item, sums[i]);
+        }
+    }
+}
+
+// The weights of four rows' samples.
+fn weights_of(q: u32) -> vec4<f32> {
+    var weights = vec4(0.0);
+    for (var r = 0u; r < 4u; r += 1u) {
+        let row = tile_rows[4u * q + r];
+        if row != NONE {
+            weights[r] = bitcast<f32>(rows[row].w);
+        }
+    }
+    return weights;
+}
+
+const FEATURE_ITEMS: u32 = FEATURES * ROW_QUADS;
+const FEATURE_ITEMS_PER_LANE: u32 = (FEATURE_ITEMS + LANES - 1u) / LANES;
+
+// Features from components, in their place.
+fn multiply_appearance(lane: u32) {
+    var values: array<vec4<f32>, FEATURE_ITEMS_PER_LANE>;
+    for (var i = 0u; i < FEATURE_ITEMS_PER_LANE; i += 1u) {
+        let item = i * LANES + lane;
+        if item < FEATURE_ITEMS {
+            values[i] = dot_of(scene.appearance, COMPONENTS, FEATURES, item % FEATURES, item / FEATURES);
+        }
+    }
+    workgroupBarrier();
+    for (var i = 0u; i < FEATURE_ITEMS_PER_LANE; i += 1u) {
+        let item = i * LANES + lane;
+        if item < FEATURE_ITEMS {
+            tile[item % FEATURES * ROW_QUADS + item / FEATURES] = values[i];
+        }
+    }
+    workgroupBarrier();
+}
+
+// Behind the features: directions, PE(features), PE(directions).
+fn encode_inputs(lane: u32) {
+    for (var item = lane; item < 3u * ROW_QUADS; item += LANES) {
+        let axis = item / ROW_QUADS;
+        let q = item % ROW_QUADS;
+        var values = vec4(0.0);
+        for (var r = 0u; r < 4u; r += 1u) {
+            let n = tile_rays[4u * q + r];
+            if n != NONE {
+                values[r] = rays[n].direction[axis];
+            }
+        }
+        tile[(FEATURES + axis) * ROW_QUADS + q] = values;
+    }
+    workgroupBarrier();
+    const ENCODED: u32 = FEATURES + 3u;
+    encode(lane, 0u, FEATURES, ENCODED, FEATURE_FREQUENCIES);
+    encode(lane, FEATURES, 3u, ENCODED + 2u * FEATURES * FEATURE_FREQUENCIES, DIRECTION_FREQUENCIES);
+    workgroupBarrier();
+}
+
+// Writes PE of the `count` columns from `first` on to the columns from `to` on: all sines, then all cosines, frequencies
+// fastest; each frequency by doubling the angle before.
+fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
+    if frequencies == 0u {
+        return;
+    }
+    for (var item = lane; item < count * ROW_QUADS; item += LANES) {
+        let e = item / ROW_QUADS;
+        let q = item % ROW_QUADS;
+        let angle = sine_cosine(tile[(first + e) * ROW_QUADS + q]);
+        var s = angle.sine;
+        var c = angle.cosine;
+        for (var f = 0u; f < frequencies; f += 1u) {
+            tile[(to + e * frequencies + f) * ROW_QUADS + q] = s;
+            tile[(to + (count + e) * frequencies + f) * ROW_QUADS + q] = c;
+            let doubled = 2.0 * s * c;
+            c = 1.0 - 2.0 * s * s;
+            s = doubled;
+        }
+    }
+}
+
+// Outputs of a layer that one lane computes, for all rows of the tile.
+const OUTPUTS_PER_LANE: u32 = (WIDEST + LANES - 1u) / LANES;
+
+// One layer's outputs in place of its inputs: a lane computes its outputs for all rows.
+fn run_layer(lane: u32, layer: Layer, is_last: bool) {
+    var sums: array<vec4<f32>, OUTPUTS_PER_LANE * ROW_QUADS>;
+    for (var g = 0u; g < OUTPUTS_PER_LANE; g += 1u) {
+        let o = g * LANES + lane;
+        if o < layer.outputs {
+            let bias = number(layer.bias + o);
+            for (var q = 0u; q < ROW_QUADS; q += 1u) {
+                sums[g * ROW_QUADS + q] = vec4(bias);
+            }
+            for (var i = 0u; i < layer.inputs; i += 1u) {
+                let weight = number(layer.weights + i * layer.outputs + o);
+                for (var q = 0u; q < ROW_QUADS; q += 1u) {
+                    sums[g * ROW_QUADS + q] += weight * tile[i * ROW_QUADS + q];
+                }
+            }
+        }
+    }
+    workgroupBarrier();
+    for (var g = 0u; g < OUTPUTS_PER_LANE; g += 1u) {
+        let o = g * LANES + lane;
+        if o < layer.outputs {
+            for (var q = 0u; q < ROW_QUADS; q += 1u) {
+                let sum = sums[g * ROW_QUADS + q];
+                tile[o * ROW_QUADS + q] = select(max(sum, vec4(0.0)), sum, is_last);
+            }
+        }
+    }
+    workgroupBarrier();
+}
+
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let first = (group.y * MAX_ACROSS + group.x) * ROWS;
+    let count = select(atomicLoad(&counters.listed), atomicLoad(&counters.rows), DECODES_SAMPLES);
+    if lane < ROWS {
+        tile_rays[lane] = NONE;
+        tile_rows[lane] = NONE;
+        if first + lane < count {
+            if DECODES_SAMPLES {
+                tile_rows[lane] = first + lane;
+                tile_rays[lane] = rows[first + lane].x;
+            } else {
+                tile_rays[lane] = rays[first + lane].listed;
+            }
+        }
+    }
+    workgroupBarrier();
+    if DECODES_SAMPLES {
+        find_pairs(lane);
+        workgroupBarrier();
+        gather_samples(lane);
+    } else {
+        compose_rays(lane);
+    }
+    workgroupBarrier();
+    multiply_appearance(lane);
+    encode_inputs(lane);
+    for (var l = 0u; l < LAYERS; l += 1u) {
+        run_layer(lane, scene.layers[l], l + 1u == LAYERS);
+    }
+    if lane < ROWS && tile_rays[lane] != NONE {
+        let q = lane / 4u;
+        let r = lane % 4u;
+        let outputs = vec3(tile[q][r], tile[ROW_QUADS + q][r], tile[2u * ROW_QUADS + q][r]);
+        if DECODES_SAMPLES {
+            rows[tile_rows[lane]] = vec4(bitcast<vec3<u32>>(sigmoid(outputs)), rows[tile_rows[lane]].w);
+        } else {
+            rays[tile_rays[lane]].outputs = outputs;
+        }
+    }
+}

@@ -1,0 +1,94 @@
+// Marching rays front to back, density only: what samples weigh. Those that add colour go to blocks of slots. Twin:
+// src/field/march.rs.
+
+struct Density {
+    covered: bool,
+    feature: f32,
+}
+
+fn density_feature(position: vec3<f32>) -> Density {
+    var found = Density(false, 0.0);
+    var covering = 0.0;
+    // Fine scales first: they cover least.
+    for (var n = SCALES; n > 0u; n -= 1u) {
+        let s = n - 1u;
+        let nearest = find_nearest(s, position);
+        if nearest.count == 0u {
+            if COVERAGE_IS_ALL {
+                return Density(false, 0.0);
+            }
+            continue;
+        }
+        found.covered = true;
+        covering += 1.0;
+        let quads = scene.scales[s].density_quads;
+        var sum = vec4(0.0);
+        for (var k = 0u; k < TOP_K; k += 1u) {
+            if k >= nearest.count {
+                break;
+            }
+            let at = locate(s, nearest.candidates[k], nearest.weights[k], position);
+            for (var q = 0u; q < quads; q += 1u) {
+                sum += product(scene.scales[s].density, quads, q, at);
+            }
+        }
+        found.feature += sum.x + sum.y + sum.z + sum.w;
+    }
+    if DENSITY_IS_MEAN && found.covered {
+        found.feature /= covering;
+    }
+    return found;
+}
+
+@compute @workgroup_size(RAY_LANES)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.ray_count {
+        return;
+    }
+    var ray = rays[id.x];
+    var walk = walk_of(ray);
+    ray.transmittance = 1.0;
+    // Blocks count from 1, so that 0 is none.
+    var block = 0u;
+    var used = SLOTS;
+    loop {
+        let distance = advance(&walk);
+        if distance < 0.0 {
+            break;
+        }
+        let density = density_feature(ray.start + distance * ray.direction);
+        if !density.covered {
+            continue;
+        }
+        ray.evaluated += 1u;
+        let alpha = opacity_of(softplus(density.feature + scene.density_shift) * scene.depth_scale);
+        let weight = ray.transmittance * alpha;
+        ray.transmittance *= 1.0 - alpha;
+        ray.weights += weight;
+        ray.distances += weight * (ray.entry + distance);
+        if weight > scene.min_weight {
+            if used == SLOTS {
+                let taken = atomicAdd(&counters.blocks, 1u) + 1u;
+                if taken > frame.blocks {
+                    // The host sees from the counter that the batch has to be done again in parts.
+                    break;
+                }
+                if block == 0u {
+                    ray.first_block = taken;
+                } else {
+                    slots[(block - 1u) * SLOTS].x = taken;
+                }
+                block = taken;
+                used = 1u;
+            }
+            slots[(block - 1u) * SLOTS + used] = vec2(bitcast<u32>(distance), bitcast<u32>(weight));
+            used += 1u;
+            ray.colored += 1u;
+            ray.colored_weights += weight;
+        }
+        if ray.transmittance < scene.min_transmittance {
+            break;
+        }
+    }
+    rays[id.x] = ray;
+}

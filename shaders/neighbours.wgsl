@@ -1,0 +1,80 @@
+// Finding the tensors that a sample aggregates. Twin: src/field/neighbours.rs.
+
+const FAR: f32 = 3e38;
+
+// The nearest covering tensors of one scale, nearest first.
+struct Nearest {
+    count: u32,
+    // Quads of the candidates.
+    candidates: array<u32, TOP_K>,
+    weights: array<f32, TOP_K>,
+}
+
+fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
+    let last = vec3<i32>(scene.scales[s].cells) - 1;
+    let at = (position - scene.scales[s].min) * scene.scales[s].cells_per_unit;
+    // No box contains a point beyond all cells.
+    let cell = vec3<u32>(clamp(vec3<i32>(floor(at)), vec3(0), last));
+    let sizes = scene.scales[s].cells;
+    let list = word(scene.scales[s].lists + (cell.z * sizes.y + cell.y) * sizes.x + cell.x);
+    let first = word(scene.scales[s].starts + list);
+    let end = word(scene.scales[s].starts + list + 1u);
+    let half = scene.scales[s].half;
+
+    var found: Nearest;
+    for (var k = 0u; k < TOP_K; k += 1u) {
+        found.weights[k] = FAR;
+    }
+    for (var n = first; n < end; n += 1u) {
+        let candidate = scene.scales[s].candidates + n;
+        let offset = position - bitcast<vec3<f32>>(quad(candidate).xyz);
+        if any(abs(offset) > half) {
+            continue;
+        }
+        // Tensors ascend, so a tie leaves the smaller centre in front.
+        var square = dot(offset, offset);
+        var moved = candidate;
+        var inserted = false;
+        for (var k = 0u; k < TOP_K; k += 1u) {
+            if inserted || square < found.weights[k] {
+                let behind = found.weights[k];
+                let moved_behind = found.candidates[k];
+                found.weights[k] = square;
+                found.candidates[k] = moved;
+                square = behind;
+                moved = moved_behind;
+                inserted = true;
+            }
+        }
+        found.count += 1u;
+    }
+    found.count = min(found.count, scene.scales[s].top_k);
+    weigh(&found);
+    return found;
+}
+
+// Squared distances, nearest first, to weights.
+fn weigh(found: ptr<function, Nearest>) {
+    let nearest = (*found).weights[0];
+    var sum = 0.0;
+    for (var k = 0u; k < TOP_K; k += 1u) {
+        var weight = 0.0;
+        if k < (*found).count {
+            let square = (*found).weights[k];
+            if IS_CLAMPED {
+                weight = 1.0 / (sqrt(square) + 1e-6);
+            } else if nearest > 0.0 {
+                weight = sqrt(nearest / square);
+            } else {
+                // The limit at a centre: that tensor alone counts.
+                weight = select(0.0, 1.0, k == 0u);
+            }
+        }
+        (*found).weights[k] = weight;
+        sum += weight;
+    }
+    let divisor = select(sum, max(sum, 1.0), IS_CLAMPED);
+    for (var k = 0u; k < TOP_K; k += 1u) {
+        (*found).weights[k] /= divisor;
+    }
+}

@@ -1,0 +1,30 @@
+// The camera's rays: where their samples begin and end. Twin: src/geometry/camera.rs, src/geometry/aabb.rs.
+
+@compute @workgroup_size(RAY_LANES)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.ray_count {
+        return;
+    }
+    let pixel = pixel_of(frame.first_ray + id.x);
+    let point = (vec2<f32>(pixel) + 0.5 - frame.principal) / frame.focal;
+    let direction = normalize(point.x * frame.right - point.y * frame.up - frame.back);
+
+    // Parallel to a slab: inside it everywhere or nowhere.
+    let parallel = direction == vec3(0.0);
+    let outside = (frame.position < scene.bounds_min) | (frame.position > scene.bounds_max);
+    let divisor = select(direction, vec3(1.0), parallel);
+    let to_min = select((scene.bounds_min - frame.position) / divisor, vec3(-3e38), parallel);
+    let to_max = select((scene.bounds_max - frame.position) / divisor, vec3(3e38), parallel);
+    let entries = min(to_min, to_max);
+    let exits = max(to_min, to_max);
+    let entry = max(max(entries.x, max(entries.y, entries.z)), scene.near);
+    let exit = min(min(exits.x, min(exits.y, exits.z)), scene.far);
+    let hits = entry <= exit && !any(parallel & outside) && pixel.x < frame.width && pixel.y < frame.height;
+
+    var ray: Ray;
+    ray.start = frame.position + entry * direction;
+    ray.entry = entry;
+    ray.direction = direction;
+    ray.length = select(0.0, exit - entry, hits);
+    rays[id.x] = ray;
+}

@@ -1,0 +1,33 @@
+// From samples' colours to pixels. Twin: src/field/decoder.rs (`Activations::pixel`), src/render/cpu.rs.
+
+@compute @workgroup_size(RAY_LANES)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.ray_count {
+        return;
+    }
+    let ray = rays[id.x];
+    var n = frame.first_ray + id.x;
+    if frame.rays_are_given == 0u {
+        let pixel = pixel_of(n);
+        if pixel.x >= frame.width || pixel.y >= frame.height {
+            return;
+        }
+        n = pixel.y * frame.width + pixel.x;
+    }
+    var color = ray.transmittance * scene.background;
+    if DECODES_SAMPLES || SAMPLES_HAVE_COLORS {
+        for (var i = 0u; i < ray.colored; i += 1u) {
+            let row = bitcast<vec4<f32>>(rows[ray.first_row + i]);
+            if DECODES_SAMPLES {
+                color += row.w * row.xyz;
+            } else {
+                color += row.w * sigmoid(ray.outputs + row.xyz);
+            }
+        }
+    } else if ray.colored > 0u {
+        color += ray.colored_weights * sigmoid(ray.outputs);
+    }
+    let depth = select(0.0, ray.distances / ray.weights, ray.weights > 0.0);
+    pixels[2u * n] = vec4(color, 1.0 - ray.transmittance);
+    pixels[2u * n + 1u] = vec4(depth, f32(ray.evaluated), f32(ray.colored), 0.0);
+}

@@ -1,0 +1,353 @@
+//! Rendering on a graphics processor, through the shaders in `shaders/`.
+//!
+//! In: a scene, an open device. Out: pictures that agree with the reference's within [`POSITION_ERROR`]. A batch of rays goes
+//! through a few compute stages (`shader::Stage`); the host only says how many rays there are, and looks afterwards whether
+//! their samples had room.
+
+mod device;
+mod layout;
+mod packed;
+mod shader;
+mod workspace;
+
+pub use device::Gpu;
+pub use shader::Precision;
+
+use layout::{Frame, PixelPair, Ray as DeviceRay};
+use packed::Packed;
+use shader::{FIRST_CHUNK, RAY_LANES, Stage, TILE};
+use workspace::Workspace;
+
+use super::{Approximation, ApproximationError, Picture, Pixel};
+use crate::field::Field;
+use crate::geometry::{Aabb, Camera, Ray};
+use crate::model::Scene;
+
+/// How far the position of a sample may be from the reference's, relative to the distance that the ray comes from: rays are
+/// computed in 32 bits.
+pub const POSITION_ERROR: f64 = 1e-6;
+
+/// Why there is no picture.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// No device, not even a software one (the system).
+    #[error("no graphics adapter was found: {0}")]
+    NoAdapter(String),
+    /// The device failed, or was lost (the system).
+    #[error("the graphics device failed: {0}")]
+    Device(String),
+    /// More than this device takes.
+    #[error("{what}: this graphics device takes at most {limit}, found {found}")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// How much there is.
+        found: u64,
+        /// How much there may be.
+        limit: u64,
+    },
+    /// An option that makes no sense for the scene (the caller).
+    #[error(transparent)]
+    Approximation(#[from] ApproximationError),
+}
+
+/// What one stage took, where the device tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTime {
+    /// The stage.
+    pub name: &'static str,
+    /// Milliseconds, over all batches.
+    pub milliseconds: f64,
+}
+
+/// Renders a scene on a device.
+pub struct GpuRenderer {
+    gpu: Gpu,
+    pipelines: Vec<wgpu::ComputePipeline>,
+    scene: wgpu::Buffer,
+    chunks: Vec<wgpu::Buffer>,
+    workspace: Workspace,
+    origin: glam::DVec3,
+    bounds: Aabb,
+    near_far: [f64; 2],
+}
+
+impl GpuRenderer {
+    /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`.
+    ///
+    /// # Errors
+    ///
+    /// Where an option is out of range, a density cache is asked for, or the device is too small for the scene.
+    pub fn new(
+        gpu: &Gpu,
+        mut scene: Scene,
+        approximation: &Approximation,
+        precision: Precision,
+    ) -> Result<Self, GpuError> {
+        approximation.check(&scene)?;
+        if let Some(cells) = approximation.density_cache {
+            let (option, expected, found) = ("density_cache", "none on a graphics device".into(), cells.to_string());
+            return Err(ApproximationError { option, expected, found }.into());
+        }
+        approximation.reduce(&mut scene);
+        let field = Field::<f32>::consuming(scene);
+        let limits = gpu.device.limits();
+        // Rays, samples and counters take three bindings of a stage.
+        let chunks = limits.max_storage_buffers_per_shader_stage.saturating_sub(3);
+        let packed = Packed::new(&field, precision, chunks, limits.max_compute_workgroup_storage_size)?;
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
+        let chunks = (packed.words.chunks(4 << shader::CHUNK_SHIFT))
+            .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
+            .collect();
+        let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        Ok(Self {
+            gpu: gpu.clone(),
+            pipelines,
+            scene,
+            chunks,
+            workspace: Workspace::new(gpu, RAY_LANES, 1),
+            origin: field.origin,
+            bounds: field.bounds,
+            near_far: field.near_far,
+        })
+    }
+
+    /// The picture that `camera`, in the model's space, takes.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::Device`], and [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
+    pub fn render(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
+        self.draw(camera, None)?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
+        Ok(Picture { width: camera.width, height: camera.height, pixels })
+    }
+
+    /// As [`GpuRenderer::render`], and what each stage took; without stages where the device does not tell.
+    ///
+    /// # Errors
+    ///
+    /// As [`GpuRenderer::render`]'s.
+    pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
+        let mut times: Vec<_> = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
+        if !self.gpu.has_timestamps() {
+            times.clear();
+        }
+        self.draw(camera, Some(&mut times))?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
+        Ok((Picture { width: camera.width, height: camera.height, pixels }, times))
+    }
+
+    /// What each of `rays`, in the model's space, sees.
+    ///
+    /// # Errors
+    ///
+    /// As [`GpuRenderer::render`]'s.
+    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
+        let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
+        self.make_room(rays.len() as u64, rays.len() as u64)?;
+        self.batches(rays.len() as u32, Frame { rays_are_given: 1, ..Frame::default() }, &given, None)?;
+        self.read_pixels(rays.len())
+    }
+
+    /// Bytes of device memory that are held: the scene's, and those of the work.
+    pub fn memory_bytes(&self) -> [u64; 2] {
+        let scene = self.scene.size() + self.chunks.iter().map(wgpu::Buffer::size).sum::<u64>();
+        [scene, self.workspace.bytes()]
+    }
+
+    /// Leaves the picture that `camera` takes in [`GpuRenderer::pixels`].
+    fn draw(&mut self, camera: &Camera, times: Option<&mut Vec<StageTime>>) -> Result<(), GpuError> {
+        let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
+        let rays = tiles * u64::from(TILE * TILE);
+        self.make_room(rays, u64::from(camera.width) * u64::from(camera.height))?;
+        let axis = |n: usize| camera.world_from_camera.col(n).to_array().map(|v| v as f32);
+        let frame = Frame {
+            position: (camera.position - self.origin).to_array().map(|v| v as f32),
+            width: camera.width,
+            right: axis(0),
+            height: camera.height,
+            up: axis(1),
+            back: axis(2),
+            focal: camera.focal.map(|v| v as f32),
+            principal: camera.principal.map(|v| v as f32),
+            ..Frame::default()
+        };
+        self.batches(rays as u32, frame, &[], times)
+    }
+
+    /// A ray as the first stage would make it, in 64 bits.
+    fn device_ray(&self, ray: &Ray) -> DeviceRay {
+        let span = self.bounds.intersect(ray).map(|(t0, t1)| (t0.max(self.near_far[0]), t1.min(self.near_far[1])));
+        let (entry, exit) = span.filter(|(t0, t1)| t0 <= t1).unwrap_or((0.0, 0.0));
+        let narrow = |v: glam::DVec3| v.to_array().map(|v| v as f32);
+        DeviceRay {
+            start: narrow(ray.at(entry) - self.origin),
+            entry: entry as f32,
+            direction: narrow(ray.direction),
+            length: (exit - entry) as f32,
+            ..DeviceRay::default()
+        }
+    }
+
+    /// Sees to buffers for `rays` rays and `pixels` pixels.
+    fn make_room(&mut self, rays: u64, pixels: u64) -> Result<(), GpuError> {
+        let limit = self.gpu.binding_limit() / size_of::<PixelPair>() as u64;
+        if pixels > limit {
+            return Err(GpuError::TooLarge { what: "pixels of a picture", found: pixels, limit });
+        }
+        let at_once = rays.min(u64::from(self.gpu.most_rays_at_once())).max(u64::from(RAY_LANES));
+        let at_once = (at_once as u32).next_multiple_of(RAY_LANES);
+        if self.workspace.rays_at_once() < at_once || self.workspace.pixel_count() < pixels {
+            let at_once = at_once.max(self.workspace.rays_at_once());
+            let pixels = pixels.max(self.workspace.pixel_count());
+            self.workspace = Workspace::new(&self.gpu, at_once, pixels);
+        }
+        Ok(())
+    }
+
+    /// Takes `rays` rays through all stages, in batches; in smaller ones where their samples have no room.
+    fn batches(
+        &mut self,
+        rays: u32,
+        frame: Frame,
+        given: &[DeviceRay],
+        mut times: Option<&mut Vec<StageTime>>,
+    ) -> Result<(), GpuError> {
+        let mut first_ray = 0;
+        let mut at_once = self.workspace.rays_at_once();
+        while first_ray < rays {
+            let ray_count = at_once.min(rays - first_ray);
+            let frame = Frame { first_ray, ray_count, blocks: self.workspace.blocks(), ..frame };
+            let given = given.get(first_ray as usize..(first_ray + ray_count) as usize).unwrap_or_default();
+            let counters = self.batch(&frame, given, times.as_deref_mut())?;
+            if counters.blocks <= self.workspace.blocks() {
+                first_ray += ray_count;
+            } else if at_once > RAY_LANES {
+                at_once = (at_once / 2).next_multiple_of(RAY_LANES);
+            } else {
+                let (found, limit) = (u64::from(counters.blocks), u64::from(self.workspace.blocks()));
+                return Err(GpuError::TooLarge { what: "samples of a few rays", found, limit });
+            }
+        }
+        Ok(())
+    }
+
+    /// One batch; what its counters came to.
+    fn batch(
+        &self,
+        frame: &Frame,
+        given: &[DeviceRay],
+        times: Option<&mut Vec<StageTime>>,
+    ) -> Result<layout::Counters, GpuError> {
+        let Gpu { device, queue, .. } = &self.gpu;
+        let work = &self.workspace;
+        queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(frame));
+        queue.write_buffer(&work.rays, 0, bytemuck::cast_slice(given));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(&work.counters, 0, None);
+        let queries = times.as_ref().filter(|times| !times.is_empty()).map(|_| work.queries(&self.gpu));
+        for (n, (&stage, pipeline)) in Stage::ALL.iter().zip(&self.pipelines).enumerate() {
+            if stage == Stage::Rays && !given.is_empty() {
+                continue;
+            }
+            let timestamp_writes = queries.as_ref().map(|set| wgpu::ComputePassTimestampWrites {
+                query_set: set,
+                beginning_of_pass_write_index: Some(2 * n as u32),
+                end_of_pass_write_index: Some(2 * n as u32 + 1),
+            });
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
+            match stage {
+                Stage::Rays | Stage::March | Stage::Resolve => {
+                    pass.dispatch_workgroups(frame.ray_count.div_ceil(RAY_LANES), 1, 1);
+                }
+                Stage::Colored => {
+                    pass.dispatch_workgroups(frame.ray_count.div_ceil(shader::COMPACT_LANES), 1, 1);
+                }
+                Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
+                Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
+            }
+        }
+        encoder.copy_buffer_to_buffer(&work.counters, 0, &work.counters_back, 0, None);
+        if let Some(set) = &queries {
+            work.resolve_queries(&mut encoder, set);
+        }
+        queue.submit([encoder.finish()]);
+        let counters = *bytemuck::from_bytes(&self.gpu.read(&work.counters_back)?);
+        if let (Some(times), Some(_)) = (times, &queries) {
+            work.add_times(&self.gpu, times)?;
+        }
+        Ok(counters)
+    }
+
+    fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
+        let work = &self.workspace;
+        let (bindings, reads_scene) = stage.bindings();
+        let buffer = |binding: u32| match binding {
+            0 => &self.scene,
+            1 => &work.frame,
+            2 => &work.rays,
+            3 => &work.slots,
+            4 => &work.rows,
+            5 => &work.counters,
+            6 => &work.workgroups,
+            _ => &work.pixels,
+        };
+        let own = bindings.iter().map(|&b| (b, buffer(b)));
+        let chunks = (FIRST_CHUNK..).zip(self.chunks.iter().filter(|_| reads_scene));
+        let entries: Vec<_> = (own.chain(chunks))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(stage.name()),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        })
+    }
+
+    fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
+        let bytes = (count * size_of::<PixelPair>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let back = self.gpu.buffer("pixels back", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&self.workspace.pixels, 0, &back, 0, Some(bytes));
+        self.gpu.queue.submit([encoder.finish()]);
+        let bytes = self.gpu.read(&back)?;
+        let pixel = |p: &PixelPair| Pixel { color: p.color, opacity: p.opacity, depth: p.depth };
+        Ok(bytemuck::cast_slice(&bytes).iter().map(pixel).collect())
+    }
+}
+
+impl Gpu {
+    fn pipeline(&self, stage: Stage, shape: &shader::Shape) -> wgpu::ComputePipeline {
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(stage.name()),
+            source: wgpu::ShaderSource::Wgsl(stage.source(shape).into()),
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(stage.name()),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    }
+
+    fn buffer(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        self.device.create_buffer(&descriptor)
+    }
+
+    fn upload(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.buffer(label, bytes.len() as u64, usage);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+}

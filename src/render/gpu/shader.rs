@@ -1,0 +1,318 @@
+//! The WGSL of each stage: a prelude of constants made from the scene's shape, and files of `shaders/`.
+
+use std::fmt::Write as _;
+
+/// Pixels along the edge of a tile, whose rays share a workgroup: they meet mostly the same tensors.
+pub(super) const TILE: u32 = 8;
+/// Rays of a workgroup.
+pub(super) const RAY_LANES: u32 = TILE * TILE;
+/// Rays of a workgroup where samples are compacted.
+pub(super) const COMPACT_LANES: u32 = 256;
+/// Invocations of a workgroup of the decoder.
+const LANES: u32 = 128;
+/// Slots of a block, the first of which leads to the next block.
+pub(super) const SLOTS: u32 = 8;
+/// Workgroups along a dimension, at most: what every device has.
+const MAX_ACROSS: u32 = 65535;
+/// Quads of one binding of the scene's numbers, as a shift: 128 MiB.
+pub(super) const CHUNK_SHIFT: u32 = 23;
+/// The first binding of the scene's numbers.
+pub(super) const FIRST_CHUNK: u32 = 8;
+/// Bytes of a pair of the decoder's workgroup memory.
+const PAIR_BYTES: u32 = 32;
+
+/// How factors are stored on the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// As the file has them.
+    #[default]
+    F32,
+    /// Rounded to 16 bits: half the memory and bandwidth. Sums stay in 32 bits.
+    F16,
+}
+
+/// What the shaders are made for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Shape {
+    pub(super) precision: Precision,
+    /// Bindings that the scene's numbers are split over.
+    pub(super) chunks: u32,
+    pub(super) scales: u32,
+    /// The largest of all scales.
+    pub(super) top_k: u32,
+    pub(super) layers: u32,
+    /// The most inputs or outputs of a layer.
+    pub(super) widest: u32,
+    /// Components of appearance of all scales, each scale's padded to quads.
+    pub(super) component_quads: u32,
+    pub(super) features: u32,
+    pub(super) feature_frequencies: u32,
+    pub(super) direction_frequencies: u32,
+    /// Cells along a block's edge, as a shift; absent where there is no grid.
+    pub(super) block_shift: Option<u32>,
+    pub(super) coverage_is_all: bool,
+    pub(super) density_is_mean: bool,
+    pub(super) appearance_is_mean: bool,
+    pub(super) aggregation_is_clamped: bool,
+    /// Every sample is decoded; else every ray.
+    pub(super) decodes_samples: bool,
+    /// Where rays are decoded: samples add colours of their own.
+    pub(super) samples_have_colors: bool,
+    /// Workgroup memory, in bytes.
+    pub(super) workgroup_bytes: u32,
+}
+
+impl Shape {
+    /// Rows of the decoder's tile: as many as fit, in fours; `None` where not even four do.
+    pub(super) fn rows(&self) -> Option<u32> {
+        [32, 16, 8, 4].into_iter().find(|&rows| self.bytes_for(rows) <= self.workgroup_bytes)
+    }
+
+    /// Workgroup memory of the decoder with `rows` rows.
+    fn bytes_for(&self, rows: u32) -> u32 {
+        let own_color = if self.samples_have_colors { 12 } else { 0 };
+        let of_row = PAIR_BYTES * self.scales * self.top_k + 4 * self.scales + 8 + 4 + own_color;
+        let per_row = 4 * self.tile_columns() + of_row;
+        rows * per_row + 48
+    }
+
+    fn tile_columns(&self) -> u32 {
+        self.widest.max(4 * self.component_quads)
+    }
+
+    /// Constants, and how numbers are read.
+    fn prelude(&self) -> String {
+        let rows = self.rows().unwrap_or(4);
+        let mut text = String::from("// Made from the scene's shape: see src/render/gpu/shader.rs.\n");
+        for (name, value) in [
+            ("SCALES", self.scales),
+            ("TOP_K", self.top_k),
+            ("LAYERS", self.layers),
+            ("WIDEST", self.widest),
+            ("COMPONENT_QUADS", self.component_quads),
+            ("COMPONENTS", 4 * self.component_quads),
+            ("FEATURES", self.features),
+            ("FEATURE_FREQUENCIES", self.feature_frequencies),
+            ("DIRECTION_FREQUENCIES", self.direction_frequencies),
+            ("BLOCK_SHIFT", self.block_shift.unwrap_or(0)),
+            ("TILE", TILE),
+            ("RAY_LANES", RAY_LANES),
+            ("COMPACT_LANES", COMPACT_LANES),
+            ("LANES", LANES),
+            ("SLOTS", SLOTS),
+            ("MAX_ACROSS", MAX_ACROSS),
+            ("ROWS", rows),
+            ("TILE_QUADS", self.tile_columns() * rows / 4),
+            ("PAIRS", rows * self.scales * self.top_k),
+            ("OWN_COLOR_QUADS", if self.samples_have_colors { 3 * rows / 4 } else { 1 }),
+        ] {
+            let _ = writeln!(text, "const {name}: u32 = {value}u;");
+        }
+        for (name, value) in [
+            ("HAS_GRID", self.block_shift.is_some()),
+            ("COVERAGE_IS_ALL", self.coverage_is_all),
+            ("DENSITY_IS_MEAN", self.density_is_mean),
+            ("APPEARANCE_IS_MEAN", self.appearance_is_mean),
+            ("IS_CLAMPED", self.aggregation_is_clamped),
+            ("DECODES_SAMPLES", self.decodes_samples),
+            ("SAMPLES_HAVE_COLORS", self.samples_have_colors),
+        ] {
+            let _ = writeln!(text, "const {name}: bool = {value};");
+        }
+        for chunk in 0..self.chunks {
+            let binding = FIRST_CHUNK + chunk;
+            let _ = writeln!(text, "@group(0) @binding({binding}) var<storage, read> quads{chunk}: array<vec4<u32>>;");
+        }
+        text += "fn quad(i: u32) -> vec4<u32> {\n";
+        if self.chunks > 1 {
+            let mask = (1_u32 << CHUNK_SHIFT) - 1;
+            let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {CHUNK_SHIFT}u {{");
+            for chunk in 1..self.chunks {
+                let _ = writeln!(text, "        case {chunk}u: {{ return quads{chunk}[within]; }}");
+            }
+            text += "        default: { return quads0[within]; }\n    }\n}\n";
+        } else {
+            text += "    return quads0[i];\n}\n";
+        }
+        text += match self.precision {
+            Precision::F32 => "fn factor(i: u32) -> vec4<f32> {\n    return bitcast<vec4<f32>>(quad(i));\n}\n",
+            Precision::F16 => {
+                "fn factor(i: u32) -> vec4<f32> {\n    let both = quad(i >> 1u);\n    let halves = select(both.xy, both.zw, (i & 1u) == 1u);\n    \
+                 return vec4(unpack2x16float(halves.x), unpack2x16float(halves.y));\n}\n"
+            }
+        };
+        text
+    }
+}
+
+/// The stages of a batch, in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    Rays,
+    March,
+    Colored,
+    Workgroups,
+    Decoder,
+    Resolve,
+}
+
+impl Stage {
+    pub(super) const ALL: [Self; 6] =
+        [Self::Rays, Self::March, Self::Colored, Self::Workgroups, Self::Decoder, Self::Resolve];
+
+    /// As the shader's file is called.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Rays => "rays",
+            Self::March => "march",
+            Self::Colored => "colored",
+            Self::Workgroups => "workgroups",
+            Self::Decoder => "decoder",
+            Self::Resolve => "resolve",
+        }
+    }
+
+    /// The files that it is made of, besides the prelude.
+    fn files(self) -> &'static [&'static str] {
+        macro_rules! shader {
+            ($name:literal) => {
+                include_str!(concat!("../../../shaders/", $name, ".wgsl"))
+            };
+        }
+        const LAYOUT: &str = shader!("layout");
+        const HEAP: &str = shader!("heap");
+        const REAL: &str = shader!("real");
+        const NEIGHBOURS: &str = shader!("neighbours");
+        const GATHER: &str = shader!("gather");
+        match self {
+            Self::Rays => &[LAYOUT, shader!("rays")],
+            Self::March => {
+                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBOURS, GATHER, shader!("march")]
+            }
+            Self::Colored => &[LAYOUT, shader!("colored")],
+            Self::Workgroups => &[LAYOUT, shader!("workgroups")],
+            Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, shader!("decoder")],
+            Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
+        }
+    }
+
+    /// The bindings of `shaders/layout.wgsl` that it uses, and whether it reads the scene's numbers.
+    pub(super) fn bindings(self) -> (&'static [u32], bool) {
+        match self {
+            Self::Rays => (&[0, 1, 2], false),
+            Self::March => (&[0, 1, 2, 3, 5], true),
+            Self::Colored => (&[1, 2, 3, 4, 5], false),
+            Self::Workgroups => (&[5, 6], false),
+            Self::Decoder => (&[0, 2, 4, 5], true),
+            Self::Resolve => (&[0, 1, 2, 4, 7], false),
+        }
+    }
+
+    /// The whole shader for scenes of `shape`.
+    pub(super) fn source(self, shape: &Shape) -> String {
+        shape.prelude() + &self.files().join("\n")
+    }
+}
+
+#[cfg(test)]
+impl Default for Shape {
+    /// The paper's.
+    fn default() -> Self {
+        Self {
+            precision: Precision::F32,
+            chunks: 1,
+            scales: 3,
+            top_k: 4,
+            layers: 3,
+            widest: 150,
+            component_quads: 36,
+            features: 27,
+            feature_frequencies: 2,
+            direction_frequencies: 2,
+            block_shift: Some(3),
+            coverage_is_all: true,
+            density_is_mean: false,
+            appearance_is_mean: false,
+            aggregation_is_clamped: false,
+            decodes_samples: true,
+            samples_have_colors: false,
+            workgroup_bytes: 16352,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wgpu::naga;
+
+    use super::*;
+
+    fn shapes() -> Vec<Shape> {
+        let paper = Shape::default();
+        vec![
+            Shape { precision: Precision::F16, chunks: 3, ..paper.clone() },
+            Shape { decodes_samples: false, ..paper.clone() },
+            Shape { decodes_samples: false, samples_have_colors: true, density_is_mean: true, ..paper.clone() },
+            Shape { scales: 1, top_k: 16, layers: 1, widest: 300, component_quads: 1, block_shift: None, ..paper.clone() },
+            Shape { coverage_is_all: false, appearance_is_mean: true, aggregation_is_clamped: true, ..paper.clone() },
+            Shape { feature_frequencies: 0, direction_frequencies: 0, features: 3, widest: 6, ..paper.clone() },
+            paper,
+        ]
+    }
+
+    /// What the validator says, if anything.
+    fn checked(source: &str) -> Result<naga::valid::ModuleInfo, String> {
+        let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+        validator.validate(&module).map_err(|e| e.emit_to_string(source))
+    }
+
+    #[test]
+    fn every_shader_is_valid_for_every_shape() {
+        for shape in shapes() {
+            for stage in Stage::ALL {
+                let source = stage.source(&shape);
+                checked(&source).unwrap_or_else(|e| panic!("{}: {e}\n{shape:?}", stage.name()));
+            }
+        }
+        let broken = Stage::March.source(&Shape::default()).replace("fn advance", "fn advanced");
+        assert!(checked(&broken).is_err());
+    }
+
+    #[test]
+    fn stages_use_the_bindings_that_they_say_and_no_more_than_four_are_storage() {
+        let shape = Shape::default();
+        for stage in Stage::ALL {
+            let module = naga::front::wgsl::parse_str(&stage.source(&shape)).unwrap();
+            let info = checked(&stage.source(&shape)).unwrap();
+            let used = |(handle, global): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
+                let used = !info.get_entry_point(0)[handle].is_empty();
+                Some((global.binding.as_ref().filter(|_| used)?.binding, global.space))
+            };
+            let mut found: Vec<_> = module.global_variables.iter().filter_map(used).collect();
+            found.sort_by_key(|f| f.0);
+            let (bindings, reads_scene) = stage.bindings();
+            let expected: Vec<_> = bindings.iter().copied().chain(reads_scene.then_some(FIRST_CHUNK)).collect();
+            assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), expected, "{}", stage.name());
+            let storage = found.iter().filter(|f| matches!(f.1, naga::AddressSpace::Storage { .. })).count();
+            assert!(storage <= 4, "{}: {storage}", stage.name());
+        }
+    }
+
+    #[test]
+    fn the_decoder_fits_into_workgroup_memory() {
+        for shape in shapes() {
+            let module = naga::front::wgsl::parse_str(&Stage::Decoder.source(&shape)).unwrap();
+            let mut layouter = naga::proc::Layouter::default();
+            layouter.update(module.to_ctx()).unwrap();
+            let bytes: u32 = (module.global_variables.iter())
+                .filter(|(_, g)| g.space == naga::AddressSpace::WorkGroup)
+                .map(|(_, g)| layouter[g.ty].size.next_multiple_of(16))
+                .sum();
+            let rows = shape.rows().unwrap();
+            assert!(bytes <= shape.bytes_for(rows) + 64 && bytes <= shape.workgroup_bytes, "{bytes} for {rows} rows");
+        }
+        assert_eq!(Shape::default().rows(), Some(16));
+        assert_eq!(Shape { component_quads: 10_000, ..Shape::default() }.rows(), None);
+    }
+}

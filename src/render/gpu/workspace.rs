@@ -1,0 +1,114 @@
+//! The buffers that a batch of rays works in.
+
+use super::layout::{Counters, Frame, PixelPair, Ray};
+use super::shader::{RAY_LANES, SLOTS, Stage};
+use super::{Gpu, GpuError, StageTime};
+
+/// Blocks of samples that add colour, for each ray of a batch on average: rays that meet something have some 40 such samples,
+/// seven to a block.
+const BLOCKS_PER_RAY: u32 = 8;
+/// Fewer would not do for a few rays that have many.
+const LEAST_BLOCKS: u32 = 1 << 14;
+/// Beyond this a batch gains nothing.
+const MOST_RAYS: u32 = 1 << 18;
+const ROW_BYTES: u32 = 16;
+const SLOT_BYTES: u32 = 8;
+
+/// Buffers for a number of rays at once, and for a picture.
+pub(super) struct Workspace {
+    rays_at_once: u32,
+    pub(super) frame: wgpu::Buffer,
+    pub(super) rays: wgpu::Buffer,
+    pub(super) slots: wgpu::Buffer,
+    pub(super) rows: wgpu::Buffer,
+    pub(super) counters: wgpu::Buffer,
+    pub(super) counters_back: wgpu::Buffer,
+    pub(super) workgroups: wgpu::Buffer,
+    pub(super) pixels: wgpu::Buffer,
+    times: wgpu::Buffer,
+    times_back: wgpu::Buffer,
+}
+
+impl Gpu {
+    /// Bytes of one binding.
+    pub(super) fn binding_limit(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Rays of a batch whose largest buffer is still within the device's limits.
+    pub(super) fn most_rays_at_once(&self) -> u32 {
+        let of_ray = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
+        let rays = (self.binding_limit() / of_ray).min(u64::from(MOST_RAYS)) as u32;
+        (rays / RAY_LANES * RAY_LANES).max(RAY_LANES)
+    }
+}
+
+impl Workspace {
+    /// For batches of `rays_at_once` rays and pictures of `pixels` pixels.
+    pub(super) fn new(gpu: &Gpu, rays_at_once: u32, pixels: u64) -> Self {
+        use wgpu::BufferUsages as Usage;
+        let blocks = blocks_for(rays_at_once);
+        let times = 8 * 2 * Stage::ALL.len() as u64;
+        let storage = Usage::STORAGE | Usage::COPY_DST;
+        let back = Usage::MAP_READ | Usage::COPY_DST;
+        Self {
+            rays_at_once,
+            frame: gpu.buffer("frame", size_of::<Frame>() as u64, Usage::UNIFORM | Usage::COPY_DST),
+            rays: gpu.buffer("rays", u64::from(rays_at_once) * size_of::<Ray>() as u64, storage),
+            slots: gpu.buffer("slots", u64::from(blocks * SLOTS * SLOT_BYTES), storage),
+            rows: gpu.buffer("rows", u64::from(blocks * (SLOTS - 1) * ROW_BYTES), storage),
+            counters: gpu.buffer("counters", size_of::<Counters>() as u64, storage | Usage::COPY_SRC),
+            counters_back: gpu.buffer("counters back", size_of::<Counters>() as u64, back),
+            workgroups: gpu.buffer("workgroups", 12, storage | Usage::INDIRECT),
+            pixels: gpu.buffer("pixels", pixels.max(1) * size_of::<PixelPair>() as u64, storage | Usage::COPY_SRC),
+            times: gpu.buffer("times", times, Usage::QUERY_RESOLVE | Usage::COPY_SRC),
+            times_back: gpu.buffer("times back", times, back),
+        }
+    }
+
+    pub(super) fn rays_at_once(&self) -> u32 {
+        self.rays_at_once
+    }
+
+    /// Blocks in the pool of slots.
+    pub(super) fn blocks(&self) -> u32 {
+        blocks_for(self.rays_at_once)
+    }
+
+    pub(super) fn pixel_count(&self) -> u64 {
+        self.pixels.size() / size_of::<PixelPair>() as u64
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        [&self.rays, &self.slots, &self.rows, &self.pixels].iter().map(|buffer| buffer.size()).sum()
+    }
+
+    /// A set of two timestamps a stage.
+    pub(super) fn queries(&self, gpu: &Gpu) -> wgpu::QuerySet {
+        gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("times"),
+            ty: wgpu::QueryType::Timestamp,
+            count: 2 * Stage::ALL.len() as u32,
+        })
+    }
+
+    pub(super) fn resolve_queries(&self, encoder: &mut wgpu::CommandEncoder, set: &wgpu::QuerySet) {
+        encoder.resolve_query_set(set, 0..2 * Stage::ALL.len() as u32, &self.times, 0);
+        encoder.copy_buffer_to_buffer(&self.times, 0, &self.times_back, 0, None);
+    }
+
+    /// Adds what the last batch's stages took to `times`.
+    pub(super) fn add_times(&self, gpu: &Gpu, times: &mut [StageTime]) -> Result<(), GpuError> {
+        let bytes = gpu.read(&self.times_back)?;
+        let ticks: Vec<u64> = bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
+        for (time, [start, end]) in times.iter_mut().zip(ticks.as_chunks::<2>().0) {
+            time.milliseconds += 1e-6 * f64::from(gpu.queue.get_timestamp_period()) * end.saturating_sub(*start) as f64;
+        }
+        Ok(())
+    }
+}
+
+fn blocks_for(rays: u32) -> u32 {
+    (rays * BLOCKS_PER_RAY).max(LEAST_BLOCKS)
+}
