@@ -18,9 +18,9 @@ mod stages;
 mod vector;
 mod walk;
 
-pub use cells::OccupancyCells;
 #[cfg(feature = "gpu")]
 pub(crate) use cells::BLOCK_SHIFT;
+pub use cells::OccupancyCells;
 pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use density_cache::DensityCache;

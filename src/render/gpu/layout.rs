@@ -158,17 +158,60 @@ mod tests {
     fn structs_lie_as_the_shaders_have_them() {
         let whole = [
             assert_same!(
-                "Scale", Scale, min, top_k, cells_per_unit, lists, cells, starts, half, candidates, factor_cells_per_unit,
-                rows, last_cell, density, first_row, appearance, density_quads, appearance_quads, first_quad
+                "Scale",
+                Scale,
+                min,
+                top_k,
+                cells_per_unit,
+                lists,
+                cells,
+                starts,
+                half,
+                candidates,
+                factor_cells_per_unit,
+                rows,
+                last_cell,
+                density,
+                first_row,
+                appearance,
+                density_quads,
+                appearance_quads,
+                first_quad
             ),
             assert_same!("Layer", Layer, inputs, outputs, weights, bias),
             assert_same!(
-                "Frame", Frame, position, width, right, height, up, first_ray, back, ray_count, focal, principal,
-                rays_are_given, blocks
+                "Frame",
+                Frame,
+                position,
+                width,
+                right,
+                height,
+                up,
+                first_ray,
+                back,
+                ray_count,
+                focal,
+                principal,
+                rays_are_given,
+                blocks
             ),
             assert_same!(
-                "Ray", Ray, start, entry, direction, length, transmittance, weights, distances, evaluated, outputs,
-                colored_weights, first_block, first_row, colored, listed
+                "Ray",
+                Ray,
+                start,
+                entry,
+                direction,
+                length,
+                transmittance,
+                weights,
+                distances,
+                evaluated,
+                outputs,
+                colored_weights,
+                first_block,
+                first_row,
+                colored,
+                listed
             ),
             assert_same!("Counters", Counters, blocks, rows, listed),
         ];
@@ -176,9 +219,26 @@ mod tests {
             assert_eq!((missing, wgsl), (0, rust));
         }
         let (missing, wgsl, rust) = assert_same!(
-            "Scene", SceneHead, bounds_min, near, bounds_max, far, background, position_error, step, density_shift,
-            depth_scale, min_weight, min_transmittance, appearance, grid_words, grid_blocks, grid_min,
-            grid_cells_per_unit, grid_cells, grid_block_counts
+            "Scene",
+            SceneHead,
+            bounds_min,
+            near,
+            bounds_max,
+            far,
+            background,
+            position_error,
+            step,
+            density_shift,
+            depth_scale,
+            min_weight,
+            min_transmittance,
+            appearance,
+            grid_words,
+            grid_blocks,
+            grid_min,
+            grid_cells_per_unit,
+            grid_cells,
+            grid_block_counts
         );
         assert_eq!(missing, 2, "layers and scales");
         let shape = Shape::default();

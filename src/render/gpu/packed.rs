@@ -1,8 +1,8 @@
 //! A scene's numbers as the shaders read them: one array of quads, and where in it everything is.
 
+use super::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{CHUNK_SHIFT, Precision, Shape};
-use super::GpuError;
 use crate::field::{BLOCK_SHIFT, Field, FieldScale};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
 

@@ -253,7 +253,15 @@ mod tests {
             Shape { precision: Precision::F16, chunks: 3, ..paper.clone() },
             Shape { decodes_samples: false, ..paper.clone() },
             Shape { decodes_samples: false, samples_have_colors: true, density_is_mean: true, ..paper.clone() },
-            Shape { scales: 1, top_k: 16, layers: 1, widest: 300, component_quads: 1, block_shift: None, ..paper.clone() },
+            Shape {
+                scales: 1,
+                top_k: 16,
+                layers: 1,
+                widest: 300,
+                component_quads: 1,
+                block_shift: None,
+                ..paper.clone()
+            },
             Shape { coverage_is_all: false, appearance_is_mean: true, aggregation_is_clamped: true, ..paper.clone() },
             Shape { feature_frequencies: 0, direction_frequencies: 0, features: 3, widest: 6, ..paper.clone() },
             paper,
@@ -263,7 +271,10 @@ mod tests {
     /// What the validator says, if anything.
     fn checked(source: &str) -> Result<naga::valid::ModuleInfo, String> {
         let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+        let mut validator = naga::valid::Validator::new(
+            naga::valid::ValidationFlags::all(),
+            naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32,
+        );
         validator.validate(&module).map_err(|e| e.emit_to_string(source))
     }
 
