@@ -130,11 +130,13 @@ impl<T: Real> CellIndex<T> {
     }
 
     /// \[cell\] its list, x fastest.
+    #[cfg(feature = "gpu")]
     pub(crate) fn lists(&self) -> &[u32] {
         &self.lists
     }
 
     /// Each list's tensors, ascending, with their centres relative to the field's origin. The first list is empty.
+    #[cfg(feature = "gpu")]
     pub(crate) fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
         (0..self.starts.len() as u32 - 1).map(|list| {
             self.blocks(list).iter().flat_map(|block| {

@@ -132,6 +132,7 @@ impl<T: Real> Field<T> {
     }
 
     /// How far rounding may move a position, in model units.
+    #[cfg(feature = "gpu")]
     pub(crate) fn position_error(&self) -> T {
         self.position_error
     }
