@@ -71,12 +71,18 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
+    /// Waits for all work that was given to the device.
+    pub(super) fn wait(&self) -> Result<(), GpuError> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| GpuError::Device(e.to_string()))?;
+        Ok(())
+    }
+
     /// The bytes of `buffer`, which can be mapped; waits for all work before.
     pub(super) fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
         let (sender, receiver) = std::sync::mpsc::channel();
         buffer.map_async(wgpu::MapMode::Read, .., move |mapped| drop(sender.send(mapped)));
         let lost = |e: &dyn std::fmt::Display| GpuError::Device(e.to_string());
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
+        self.wait()?;
         receiver.try_recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
         let bytes = buffer.get_mapped_range(..).map_err(|e| lost(&e))?.to_vec();
         buffer.unmap();

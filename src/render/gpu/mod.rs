@@ -5,17 +5,20 @@
 //! their samples had room.
 
 mod device;
+mod drawing;
 mod layout;
 mod packed;
 mod shader;
 mod workspace;
 
 pub use device::Gpu;
+pub use drawing::Drawing;
 pub use shader::Precision;
 
+use drawing::Job;
 use layout::{Frame, PixelPair, Ray as DeviceRay};
 use packed::Packed;
-use shader::{FIRST_CHUNK, RAY_LANES, Stage, TILE};
+use shader::{RAY_LANES, Stage, TILE};
 use workspace::Workspace;
 
 use super::{Approximation, ApproximationError, Picture, Pixel};
@@ -67,6 +70,9 @@ pub struct GpuRenderer {
     scene: wgpu::Buffer,
     chunks: Vec<wgpu::Buffer>,
     workspace: Workspace,
+    job: Option<Job>,
+    /// One a stage while stages are timed.
+    times: Vec<StageTime>,
     origin: glam::DVec3,
     bounds: Aabb,
     near_far: [f64; 2],
@@ -107,6 +113,8 @@ impl GpuRenderer {
             scene,
             chunks,
             workspace: Workspace::new(gpu, RAY_LANES, 1),
+            job: None,
+            times: Vec::new(),
             origin: field.origin,
             bounds: field.bounds,
             near_far: field.near_far,
@@ -119,24 +127,24 @@ impl GpuRenderer {
     ///
     /// [`GpuError::Device`], and [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
     pub fn render(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
-        self.draw(camera, None)?;
+        self.begin(camera)?;
+        self.finish()?;
         let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
         Ok(Picture { width: camera.width, height: camera.height, pixels })
     }
 
-    /// As [`GpuRenderer::render`], and what each stage took; without stages where the device does not tell.
+    /// As [`GpuRenderer::render`], and what each stage took; no stages where the device does not tell.
     ///
     /// # Errors
     ///
     /// As [`GpuRenderer::render`]'s.
     pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
-        let mut times: Vec<_> = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
-        if !self.gpu.has_timestamps() {
-            times.clear();
+        if self.gpu.has_timestamps() {
+            self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
         }
-        self.draw(camera, Some(&mut times))?;
-        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
-        Ok((Picture { width: camera.width, height: camera.height, pixels }, times))
+        let picture = self.render(camera);
+        let times = std::mem::take(&mut self.times);
+        Ok((picture?, times))
     }
 
     /// What each of `rays`, in the model's space, sees.
@@ -147,18 +155,20 @@ impl GpuRenderer {
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
         self.make_room(rays.len() as u64, rays.len() as u64)?;
-        self.batches(rays.len() as u32, Frame { rays_are_given: 1, ..Frame::default() }, &given, None)?;
+        let frame = Frame { rays_are_given: 1, ..Frame::default() };
+        self.job = Some(Job::new(frame, rays.len() as u32, given, self.workspace.rays_at_once()));
+        self.finish()?;
         self.read_pixels(rays.len())
     }
 
-    /// Bytes of device memory that are held: the scene's, and those of the work.
-    pub fn memory_bytes(&self) -> [u64; 2] {
-        let scene = self.scene.size() + self.chunks.iter().map(wgpu::Buffer::size).sum::<u64>();
-        [scene, self.workspace.bytes()]
-    }
-
-    /// Leaves the picture that `camera` takes in [`GpuRenderer::pixels`].
-    fn draw(&mut self, camera: &Camera, times: Option<&mut Vec<StageTime>>) -> Result<(), GpuError> {
+    /// Begins the picture that `camera`, in the model's space, takes, in place of any that is unfinished;
+    /// [`GpuRenderer::advance`] draws it.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
+    pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
+        self.abandon()?;
         let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
         let rays = tiles * u64::from(TILE * TILE);
         self.make_room(rays, u64::from(camera.width) * u64::from(camera.height))?;
@@ -174,7 +184,31 @@ impl GpuRenderer {
             principal: camera.principal.map(|v| v as f32),
             ..Frame::default()
         };
-        self.batches(rays as u32, frame, &[], times)
+        self.job = Some(Job::new(frame, rays as u32, Vec::new(), self.workspace.rays_at_once()));
+        Ok(())
+    }
+
+    /// Draws what was begun, waiting for the device.
+    fn finish(&mut self) -> Result<(), GpuError> {
+        while self.advance(u32::MAX)? != Drawing::Finished {
+            self.gpu.wait()?;
+        }
+        Ok(())
+    }
+
+    /// Forgets what was begun; what the device is at ends first.
+    fn abandon(&mut self) -> Result<(), GpuError> {
+        if self.job.take().is_some_and(|job| job.is_in_flight()) {
+            self.gpu.wait()?;
+            self.workspace.counters_back.unmap();
+        }
+        Ok(())
+    }
+
+    /// Bytes of device memory that are held: the scene's, and those of the work.
+    pub fn memory_bytes(&self) -> [u64; 2] {
+        let scene = self.scene.size() + self.chunks.iter().map(wgpu::Buffer::size).sum::<u64>();
+        [scene, self.workspace.bytes()]
     }
 
     /// A ray as the first stage would make it, in 64 bits.
@@ -205,108 +239,6 @@ impl GpuRenderer {
             self.workspace = Workspace::new(&self.gpu, at_once, pixels);
         }
         Ok(())
-    }
-
-    /// Takes `rays` rays through all stages, in batches; in smaller ones where their samples have no room.
-    fn batches(
-        &mut self,
-        rays: u32,
-        frame: Frame,
-        given: &[DeviceRay],
-        mut times: Option<&mut Vec<StageTime>>,
-    ) -> Result<(), GpuError> {
-        let mut first_ray = 0;
-        let mut at_once = self.workspace.rays_at_once();
-        while first_ray < rays {
-            let ray_count = at_once.min(rays - first_ray);
-            let frame = Frame { first_ray, ray_count, blocks: self.workspace.blocks(), ..frame };
-            let given = given.get(first_ray as usize..(first_ray + ray_count) as usize).unwrap_or_default();
-            let counters = self.batch(&frame, given, times.as_deref_mut())?;
-            if counters.blocks <= self.workspace.blocks() {
-                first_ray += ray_count;
-            } else if at_once > RAY_LANES {
-                at_once = (at_once / 2).next_multiple_of(RAY_LANES);
-            } else {
-                let (found, limit) = (u64::from(counters.blocks), u64::from(self.workspace.blocks()));
-                return Err(GpuError::TooLarge { what: "samples of a few rays", found, limit });
-            }
-        }
-        Ok(())
-    }
-
-    /// One batch; what its counters came to.
-    fn batch(
-        &self,
-        frame: &Frame,
-        given: &[DeviceRay],
-        times: Option<&mut Vec<StageTime>>,
-    ) -> Result<layout::Counters, GpuError> {
-        let Gpu { device, queue, .. } = &self.gpu;
-        let work = &self.workspace;
-        queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(frame));
-        queue.write_buffer(&work.rays, 0, bytemuck::cast_slice(given));
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.clear_buffer(&work.counters, 0, None);
-        let queries = times.as_ref().filter(|times| !times.is_empty()).map(|_| work.queries(&self.gpu));
-        for (n, (&stage, pipeline)) in Stage::ALL.iter().zip(&self.pipelines).enumerate() {
-            if stage == Stage::Rays && !given.is_empty() {
-                continue;
-            }
-            let timestamp_writes = queries.as_ref().map(|set| wgpu::ComputePassTimestampWrites {
-                query_set: set,
-                beginning_of_pass_write_index: Some(2 * n as u32),
-                end_of_pass_write_index: Some(2 * n as u32 + 1),
-            });
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
-            match stage {
-                Stage::Rays | Stage::March | Stage::Resolve => {
-                    pass.dispatch_workgroups(frame.ray_count.div_ceil(RAY_LANES), 1, 1);
-                }
-                Stage::Colored => {
-                    pass.dispatch_workgroups(frame.ray_count.div_ceil(shader::COMPACT_LANES), 1, 1);
-                }
-                Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
-                Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
-            }
-        }
-        encoder.copy_buffer_to_buffer(&work.counters, 0, &work.counters_back, 0, None);
-        if let Some(set) = &queries {
-            work.resolve_queries(&mut encoder, set);
-        }
-        queue.submit([encoder.finish()]);
-        let counters = *bytemuck::from_bytes(&self.gpu.read(&work.counters_back)?);
-        if let (Some(times), Some(_)) = (times, &queries) {
-            work.add_times(&self.gpu, times)?;
-        }
-        Ok(counters)
-    }
-
-    fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
-        let work = &self.workspace;
-        let (bindings, reads_scene) = stage.bindings();
-        let buffer = |binding: u32| match binding {
-            0 => &self.scene,
-            1 => &work.frame,
-            2 => &work.rays,
-            3 => &work.slots,
-            4 => &work.rows,
-            5 => &work.counters,
-            6 => &work.workgroups,
-            _ => &work.pixels,
-        };
-        let own = bindings.iter().map(|&b| (b, buffer(b)));
-        let chunks = (FIRST_CHUNK..).zip(self.chunks.iter().filter(|_| reads_scene));
-        let entries: Vec<_> = (own.chain(chunks))
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
-        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(stage.name()),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        })
     }
 
     fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {

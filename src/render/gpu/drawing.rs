@@ -1,0 +1,185 @@
+//! One picture, batch after batch. Nothing here waits for the device: whoever draws asks again.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use super::layout::{Counters, Frame, Ray};
+use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
+use super::{Gpu, GpuError, GpuRenderer};
+
+/// How far a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drawing {
+    /// Some rays are missing: ask again.
+    Unfinished {
+        /// Rays that are done.
+        done: u32,
+        /// Rays in all.
+        rays: u32,
+    },
+    /// All rays are done.
+    Finished,
+}
+
+/// A picture that is being drawn.
+pub(super) struct Job {
+    /// What all batches have in common.
+    frame: Frame,
+    /// The rays, where no camera gives them.
+    given: Vec<Ray>,
+    rays: u32,
+    done: u32,
+    /// Rays whose samples have room together, as far as is known.
+    at_once: u32,
+    flight: Option<Flight>,
+}
+
+/// A batch that the device is at.
+struct Flight {
+    rays: u32,
+    /// 0 until its counters can be read, then 1; 2 where they cannot be.
+    state: Arc<AtomicU8>,
+    queries: Option<wgpu::QuerySet>,
+}
+
+impl Job {
+    pub(super) fn new(frame: Frame, rays: u32, given: Vec<Ray>, at_once: u32) -> Self {
+        Self { frame, given, rays, done: 0, at_once, flight: None }
+    }
+
+    /// Whether the device is at a batch of it.
+    pub(super) fn is_in_flight(&self) -> bool {
+        self.flight.is_some()
+    }
+}
+
+impl GpuRenderer {
+    /// Looks whether the device is done with the last batch of the picture that was begun, and if so gives it the next one,
+    /// of at most `most_rays` rays. Never waits.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::Device`]; [`GpuError::TooLarge`] where the samples of a few rays have no room.
+    pub fn advance(&mut self, most_rays: u32) -> Result<Drawing, GpuError> {
+        let Some(mut job) = self.job.take() else { return Ok(Drawing::Finished) };
+        let advanced = self.advance_job(&mut job, most_rays);
+        if matches!(advanced, Ok(Drawing::Unfinished { .. })) {
+            self.job = Some(job);
+        }
+        advanced
+    }
+
+    fn advance_job(&mut self, job: &mut Job, most_rays: u32) -> Result<Drawing, GpuError> {
+        if let Some(flight) = &job.flight {
+            self.gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Device(e.to_string()))?;
+            match flight.state.load(Ordering::Acquire) {
+                0 => return Ok(Drawing::Unfinished { done: job.done, rays: job.rays }),
+                1 => self.land(job)?,
+                _ => return Err(GpuError::Device("its memory cannot be read".into())),
+            }
+        }
+        if job.done >= job.rays {
+            return Ok(Drawing::Finished);
+        }
+        let rays = job.at_once.min(most_rays).min(job.rays - job.done).max(1);
+        job.flight = Some(self.submit(job, rays));
+        Ok(Drawing::Unfinished { done: job.done, rays: job.rays })
+    }
+
+    /// Books the batch that the device is done with.
+    fn land(&mut self, job: &mut Job) -> Result<(), GpuError> {
+        let Some(Flight { rays, queries, .. }) = job.flight.take() else { return Ok(()) };
+        let back = &self.workspace.counters_back;
+        let counters: Counters = {
+            let bytes = back.get_mapped_range(..).map_err(|e| GpuError::Device(e.to_string()))?;
+            bytemuck::pod_read_unaligned(&bytes)
+        };
+        back.unmap();
+        if queries.is_some() {
+            let mut times = std::mem::take(&mut self.times);
+            self.workspace.add_times(&self.gpu, &mut times)?;
+            self.times = times;
+        }
+        let room = self.workspace.blocks();
+        if counters.blocks <= room {
+            job.done += rays;
+        } else if rays > RAY_LANES {
+            job.at_once = (rays / 2).next_multiple_of(RAY_LANES);
+        } else {
+            let (found, limit) = (u64::from(counters.blocks), u64::from(room));
+            return Err(GpuError::TooLarge { what: "samples of a few rays", found, limit });
+        }
+        Ok(())
+    }
+
+    /// Gives the device the next `ray_count` rays.
+    fn submit(&self, job: &Job, ray_count: u32) -> Flight {
+        let Gpu { device, queue, .. } = &self.gpu;
+        let work = &self.workspace;
+        let frame = Frame { first_ray: job.done, ray_count, blocks: work.blocks(), ..job.frame };
+        let given = job.given.get(job.done as usize..(job.done + ray_count) as usize).unwrap_or_default();
+        queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(&frame));
+        queue.write_buffer(&work.rays, 0, bytemuck::cast_slice(given));
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.clear_buffer(&work.counters, 0, None);
+        let queries = (!self.times.is_empty()).then(|| work.queries(&self.gpu));
+        for (n, (&stage, pipeline)) in Stage::ALL.iter().zip(&self.pipelines).enumerate() {
+            if stage == Stage::Rays && !given.is_empty() {
+                continue;
+            }
+            let timestamp_writes = queries.as_ref().map(|set| wgpu::ComputePassTimestampWrites {
+                query_set: set,
+                beginning_of_pass_write_index: Some(2 * n as u32),
+                end_of_pass_write_index: Some(2 * n as u32 + 1),
+            });
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(stage.name()), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
+            match stage {
+                Stage::Rays | Stage::March | Stage::Resolve => {
+                    pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1);
+                }
+                Stage::Colored => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
+                Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
+                Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
+            }
+        }
+        encoder.copy_buffer_to_buffer(&work.counters, 0, &work.counters_back, 0, None);
+        if let Some(set) = &queries {
+            work.resolve_queries(&mut encoder, set);
+        }
+        queue.submit([encoder.finish()]);
+        let state = Arc::new(AtomicU8::new(0));
+        let landed = Arc::clone(&state);
+        work.counters_back.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            landed.store(if mapped.is_ok() { 1 } else { 2 }, Ordering::Release);
+        });
+        Flight { rays: ray_count, state, queries }
+    }
+
+    fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
+        let work = &self.workspace;
+        let (bindings, reads_scene) = stage.bindings();
+        let buffer = |binding: u32| match binding {
+            0 => &self.scene,
+            1 => &work.frame,
+            2 => &work.rays,
+            3 => &work.slots,
+            4 => &work.rows,
+            5 => &work.counters,
+            6 => &work.workgroups,
+            _ => &work.pixels,
+        };
+        let own = bindings.iter().map(|&b| (b, buffer(b)));
+        let chunks = (FIRST_CHUNK..).zip(self.chunks.iter().filter(|_| reads_scene));
+        let entries: Vec<_> = (own.chain(chunks))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(stage.name()),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        })
+    }
+}
