@@ -138,7 +138,7 @@ struct Counters {
 @group(0) @binding(5) var<storage, read_write> counters: Counters;
 // Workgroups of the decoder.
 @group(0) @binding(6) var<storage, read_write> workgroups: array<u32>;
-// Two a pixel: (colour, opacity), (depth, samples evaluated, samples with colour, 0).
+// Two a pixel: (colour, opacity), (depth, samples evaluated, samples with colour, 0 or a coded normal).
 @group(0) @binding(7) var<storage, read_write> pixels: array<vec4<f32>>;
 
 // The picture's column and row of a camera's ray number `n`, tile by tile.
@@ -147,4 +147,18 @@ fn pixel_of(n: u32) -> vec2<u32> {
     let tile = n / (TILE * TILE);
     let within = n % (TILE * TILE);
     return vec2(tile % tiles_across * TILE + within % TILE, tile / tiles_across * TILE + within / TILE);
+}
+
+const NOWHERE: u32 = 0xffffffffu;
+
+// The number of the pixel of the batch's ray `n`; NOWHERE outside the picture.
+fn pixel_number(n: u32) -> u32 {
+    if n >= frame.ray_count {
+        return NOWHERE;
+    }
+    if frame.rays_are_given == 1u {
+        return frame.first_ray + n;
+    }
+    let pixel = pixel_of(frame.first_ray + n);
+    return select(NOWHERE, pixel.y * frame.width + pixel.x, pixel.x < frame.width && pixel.y < frame.height);
 }

@@ -2,18 +2,11 @@
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= frame.ray_count {
+    let n = pixel_number(id.x);
+    if n == NOWHERE {
         return;
     }
     let ray = rays[id.x];
-    var n = frame.first_ray + id.x;
-    if frame.rays_are_given == 0u {
-        let pixel = pixel_of(n);
-        if pixel.x >= frame.width || pixel.y >= frame.height {
-            return;
-        }
-        n = pixel.y * frame.width + pixel.x;
-    }
     var color = ray.transmittance * scene.background;
     if DECODES_SAMPLES || SAMPLES_HAVE_COLORS {
         for (var i = 0u; i < ray.colored; i += 1u) {

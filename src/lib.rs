@@ -35,5 +35,8 @@ pub mod render;
 #[cfg(feature = "toolkit")]
 pub mod train;
 
+#[cfg(feature = "gpu")]
+pub mod player;
+
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -124,7 +124,12 @@ impl GpuRenderer {
         encoder.clear_buffer(&work.counters, 0, None);
         let queries = (!self.times.is_empty()).then(|| work.queries(&self.gpu));
         for (n, (&stage, pipeline)) in Stage::ALL.iter().zip(&self.pipelines).enumerate() {
-            if stage == Stage::Rays && !given.is_empty() {
+            let is_left_out = match stage {
+                Stage::Rays => !given.is_empty(),
+                Stage::Normals => !self.has_normals,
+                _ => false,
+            };
+            if is_left_out {
                 continue;
             }
             let timestamp_writes = queries.as_ref().map(|set| wgpu::ComputePassTimestampWrites {
@@ -137,7 +142,7 @@ impl GpuRenderer {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
             match stage {
-                Stage::Rays | Stage::March | Stage::Resolve => {
+                Stage::Rays | Stage::March | Stage::Resolve | Stage::Normals => {
                     pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1);
                 }
                 Stage::Colored => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),

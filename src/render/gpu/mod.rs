@@ -71,6 +71,7 @@ pub struct GpuRenderer {
     chunks: Vec<wgpu::Buffer>,
     workspace: Workspace,
     job: Option<Job>,
+    has_normals: bool,
     /// One a stage while stages are timed.
     times: Vec<StageTime>,
     origin: glam::DVec3,
@@ -114,6 +115,7 @@ impl GpuRenderer {
             chunks,
             workspace: Workspace::new(gpu, RAY_LANES, 1),
             job: None,
+            has_normals: false,
             times: Vec::new(),
             origin: field.origin,
             bounds: field.bounds,
@@ -203,6 +205,16 @@ impl GpuRenderer {
             self.workspace.counters_back.unmap();
         }
         Ok(())
+    }
+
+    /// Whether pictures that are begun from now on have normals.
+    pub fn set_normals(&mut self, are_wanted: bool) {
+        self.has_normals = are_wanted;
+    }
+
+    /// Two vectors of four a pixel, as `shaders/layout.wgsl` says; of the picture that was finished last.
+    pub fn pixels(&self) -> &wgpu::Buffer {
+        &self.workspace.pixels
     }
 
     /// Bytes of device memory that are held: the scene's, and those of the work.

@@ -154,11 +154,13 @@ pub(super) enum Stage {
     Workgroups,
     Decoder,
     Resolve,
+    /// Only where normals are wanted.
+    Normals,
 }
 
 impl Stage {
-    pub(super) const ALL: [Self; 6] =
-        [Self::Rays, Self::March, Self::Colored, Self::Workgroups, Self::Decoder, Self::Resolve];
+    pub(super) const ALL: [Self; 7] =
+        [Self::Rays, Self::March, Self::Colored, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
 
     /// As the shader's file is called.
     pub(super) fn name(self) -> &'static str {
@@ -169,6 +171,7 @@ impl Stage {
             Self::Workgroups => "workgroups",
             Self::Decoder => "decoder",
             Self::Resolve => "resolve",
+            Self::Normals => "normals",
         }
     }
 
@@ -184,15 +187,17 @@ impl Stage {
         const REAL: &str = shader!("real");
         const NEIGHBOURS: &str = shader!("neighbours");
         const GATHER: &str = shader!("gather");
+        const DENSITY: &str = shader!("density");
         match self {
             Self::Rays => &[LAYOUT, shader!("rays")],
             Self::March => {
-                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBOURS, GATHER, shader!("march")]
+                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBOURS, GATHER, DENSITY, shader!("march")]
             }
             Self::Colored => &[LAYOUT, shader!("colored")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
             Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
+            Self::Normals => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, DENSITY, shader!("normals")],
         }
     }
 
@@ -205,6 +210,7 @@ impl Stage {
             Self::Workgroups => (&[5, 6], false),
             Self::Decoder => (&[0, 2, 4, 5], true),
             Self::Resolve => (&[0, 1, 2, 4, 7], false),
+            Self::Normals => (&[0, 1, 2, 7], true),
         }
     }
 

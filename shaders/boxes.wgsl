@@ -1,0 +1,38 @@
+// The tensors' boxes, as lines over a picture.
+
+struct Boxes {
+    // From the model's space, relative to the field's origin, to the surface.
+    clip_from_model: mat4x4<f32>,
+    // By scale: half edges, and colours with their opacity.
+    halves: array<vec4<f32>, 16>,
+    colors: array<vec4<f32>, 16>,
+}
+
+@group(0) @binding(0) var<uniform> boxes: Boxes;
+
+struct Line {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) color: vec4<f32>,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) n: u32, @location(0) center_and_scale: vec4<f32>) -> Line {
+    // Twelve edges of two ends: along axis edge / 4, at the corner edge % 4 of the other two.
+    let edge = n / 2u;
+    let axis = edge / 4u;
+    let corner = vec3(f32(n % 2u), f32(edge % 2u), f32(edge / 2u % 2u)) * 2.0 - 1.0;
+    var turned = corner;
+    if axis == 1u {
+        turned = corner.zxy;
+    } else if axis == 2u {
+        turned = corner.yzx;
+    }
+    let s = u32(center_and_scale.w);
+    let at = center_and_scale.xyz + turned * boxes.halves[s].xyz;
+    return Line(boxes.clip_from_model * vec4(at, 1.0), boxes.colors[s]);
+}
+
+@fragment
+fn fragment(line: Line) -> @location(0) vec4<f32> {
+    return line.color;
+}

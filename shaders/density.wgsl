@@ -1,0 +1,40 @@
+// Density features. Twin: src/field/march.rs (`Field::density_feature`).
+
+struct Density {
+    covered: bool,
+    feature: f32,
+}
+
+fn density_feature(position: vec3<f32>) -> Density {
+    var found = Density(false, 0.0);
+    var covering = 0.0;
+    // Fine scales first: they cover least.
+    for (var n = SCALES; n > 0u; n -= 1u) {
+        let s = n - 1u;
+        let nearest = find_nearest(s, position);
+        if nearest.count == 0u {
+            if COVERAGE_IS_ALL {
+                return Density(false, 0.0);
+            }
+            continue;
+        }
+        found.covered = true;
+        covering += 1.0;
+        let quads = scene.scales[s].density_quads;
+        var sum = vec4(0.0);
+        for (var k = 0u; k < TOP_K; k += 1u) {
+            if k >= nearest.count {
+                break;
+            }
+            let at = locate(s, nearest.candidates[k], nearest.weights[k], position);
+            for (var q = 0u; q < quads; q += 1u) {
+                sum += product(scene.scales[s].density, quads, q, at);
+            }
+        }
+        found.feature += sum.x + sum.y + sum.z + sum.w;
+    }
+    if DENSITY_IS_MEAN && found.covered {
+        found.feature /= covering;
+    }
+    return found;
+}

@@ -1,0 +1,40 @@
+// Normals from density: against its gradient, at the ray's expected depth.
+
+// A direction as a whole number from 1 to 2²² by octahedral coordinates; display.wgsl has the way back.
+fn coded(direction: vec3<f32>) -> f32 {
+    let flat = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
+    let signs = select(vec2(-1.0), vec2(1.0), flat >= vec2(0.0));
+    let folded = select(flat, (1.0 - abs(flat.yx)) * signs, direction.z < 0.0);
+    let steps = round((0.5 + 0.5 * folded) * 2047.0);
+    return 1.0 + steps.x * 2048.0 + steps.y;
+}
+
+fn density_at(position: vec3<f32>) -> f32 {
+    let found = density_feature(position);
+    return select(0.0, softplus(found.feature + scene.density_shift), found.covered);
+}
+
+@compute @workgroup_size(RAY_LANES)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let n = pixel_number(id.x);
+    if n == NOWHERE {
+        return;
+    }
+    let ray = rays[id.x];
+    // Where little was met there is no surface.
+    if ray.transmittance > 0.5 || !(ray.weights > 0.0) {
+        return;
+    }
+    let position = ray.start + (ray.distances / ray.weights - ray.entry) * ray.direction;
+    let h = 2.0 * scene.step;
+    var gradient = vec3(0.0);
+    for (var axis = 0u; axis < 3u; axis += 1u) {
+        var offset = vec3(0.0);
+        offset[axis] = h;
+        gradient[axis] = density_at(position + offset) - density_at(position - offset);
+    }
+    let length = length(gradient);
+    if length > 0.0 {
+        pixels[2u * n + 1u].w = coded(-gradient / length);
+    }
+}

@@ -1,0 +1,160 @@
+//! The tensors' boxes, drawn as lines over a picture.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat4, DVec3};
+
+use crate::geometry::Camera;
+use crate::model::Scene;
+use crate::render::gpu::Gpu;
+
+/// Scales that have a colour of their own.
+const SCALES: usize = 16;
+/// By scale, the coarsest first; then again.
+const COLORS: [[f32; 3]; 4] = [[1.0, 0.45, 0.1], [0.15, 0.7, 1.0], [0.55, 0.9, 0.2], [0.95, 0.3, 0.8]];
+const OPACITY: f32 = 0.35;
+
+/// `Boxes` of `shaders/boxes.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Uniform {
+    clip_from_model: [[f32; 4]; 4],
+    halves: [[f32; 4]; SCALES],
+    colors: [[f32; 4]; SCALES],
+}
+
+/// Boxes of a scene on a device.
+pub struct BoxLines {
+    pipeline: wgpu::RenderPipeline,
+    bind_group: wgpu::BindGroup,
+    uniform_buffer: wgpu::Buffer,
+    uniform: Uniform,
+    /// \[tensor\] its centre relative to the origin, and its scale.
+    centers: wgpu::Buffer,
+    /// \[scale\] its first tensor, and the number of tensors.
+    firsts: Vec<u32>,
+    origin: DVec3,
+}
+
+impl BoxLines {
+    /// The boxes of `scene`, for surfaces of `format`.
+    pub fn new(gpu: &Gpu, scene: &Scene, format: wgpu::TextureFormat) -> Self {
+        use wgpu::BufferUsages as Usage;
+        let device = gpu.device();
+        let origin = scene.bounds.center();
+        let (mut centers, mut firsts) = (Vec::new(), vec![0]);
+        let (mut halves, mut colors) = ([[0.0; 4]; SCALES], [[0.0; 4]; SCALES]);
+        for (s, scale) in scene.scales.iter().take(SCALES).enumerate() {
+            centers.extend(scale.cloud.centers().map(|center| {
+                let [x, y, z] = (center - origin).to_array().map(|v| v as f32);
+                [x, y, z, s as f32]
+            }));
+            firsts.push(centers.len() as u32);
+            let [x, y, z] = scale.cloud.half.to_array().map(|v| v as f32);
+            let [r, g, b] = COLORS[s % COLORS.len()];
+            (halves[s], colors[s]) = ([x, y, z, 0.0], [r, g, b, OPACITY]);
+        }
+        let buffer = |label, size: usize, usage| {
+            let descriptor =
+                wgpu::BufferDescriptor { label: Some(label), size: size as u64, usage, mapped_at_creation: false };
+            device.create_buffer(&descriptor)
+        };
+        let centers_buffer = buffer("centers", 16 * centers.len().max(1), Usage::VERTEX | Usage::COPY_DST);
+        gpu.queue().write_buffer(&centers_buffer, 0, bytemuck::cast_slice(&centers));
+        let uniform_buffer = buffer("boxes", size_of::<Uniform>(), Usage::UNIFORM | Usage::COPY_DST);
+        let pipeline = pipeline(device, format);
+        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("boxes"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniform_buffer.as_entire_binding() }],
+        });
+        let uniform = Uniform { clip_from_model: [[0.0; 4]; 4], halves, colors };
+        Self { pipeline, bind_group, uniform_buffer, uniform, centers: centers_buffer, firsts, origin }
+    }
+
+    /// Draws the boxes of the `scales` as `camera` sees them, into `pass`, whose viewport is the picture's place.
+    pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, camera: &Camera, scales: &[bool]) {
+        let clip_from_model = clip_from_model(camera, self.origin).to_cols_array_2d().map(|c| c.map(|v| v as f32));
+        let uniform = Uniform { clip_from_model, ..self.uniform };
+        gpu.queue().write_buffer(&self.uniform_buffer, 0, bytemuck::bytes_of(&uniform));
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bind_group, &[]);
+        pass.set_vertex_buffer(0, self.centers.slice(..));
+        for (range, _) in self.firsts.windows(2).zip(scales).filter(|(_, is_shown)| **is_shown) {
+            pass.draw(0..24, range[0]..range[1]);
+        }
+    }
+}
+
+/// From positions relative to `origin` to clip space. Everything in front of the camera is at the same depth.
+fn clip_from_model(camera: &Camera, origin: DVec3) -> DMat4 {
+    let camera_from_model =
+        DMat4::from_mat3(camera.world_from_camera.transpose()) * DMat4::from_translation(origin - camera.position);
+    let [width, height] = [camera.width, camera.height].map(f64::from);
+    let [fx, fy] = [2.0 * camera.focal[0] / width, 2.0 * camera.focal[1] / height];
+    let [cx, cy] = [2.0 * camera.principal[0] / width - 1.0, 1.0 - 2.0 * camera.principal[1] / height];
+    let rows = [[fx, 0.0, -cx, 0.0], [0.0, fy, -cy, 0.0], [0.0, 0.0, -0.5, 0.0], [0.0, 0.0, -1.0, 0.0]];
+    DMat4::from_cols_array_2d(&rows).transpose() * camera_from_model
+}
+
+fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("boxes"),
+        source: wgpu::ShaderSource::Wgsl(include_str!("../../shaders/boxes.wgsl").into()),
+    });
+    let attribute = wgpu::VertexAttribute { format: wgpu::VertexFormat::Float32x4, offset: 0, shader_location: 0 };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("boxes"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: 16,
+                step_mode: wgpu::VertexStepMode::Instance,
+                attributes: &[attribute],
+            })],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::LineList,
+            ..wgpu::PrimitiveState::default()
+        },
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState {
+                format,
+                blend: Some(wgpu::BlendState::ALPHA_BLENDING),
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_fall_where_rays_pass() {
+        let camera = Camera {
+            principal: [13.0, 11.0],
+            ..Camera::looking_at([30, 20], 25.0, DVec3::new(3.0, 1.0, 2.0), DVec3::ZERO, DVec3::Z)
+        };
+        let origin = DVec3::new(100.0, 0.0, 0.0);
+        for (x, y, distance) in [(0.0, 0.0, 2.0), (17.5, 3.25, 0.7), (30.0, 20.0, 9.0)] {
+            let point = camera.ray_through(x, y).at(distance);
+            let clip = clip_from_model(&camera, origin) * (point - origin).extend(1.0);
+            assert!(clip.w > 0.0);
+            let ndc = clip.truncate() / clip.w;
+            assert!((ndc.x - (x / 15.0 - 1.0)).abs() < 1e-9 && (ndc.y - (1.0 - y / 10.0)).abs() < 1e-9, "{ndc}");
+        }
+        let behind = camera.position - camera.ray_through(15.0, 10.0).direction;
+        assert!((clip_from_model(&camera, DVec3::ZERO) * behind.extend(1.0)).w < 0.0);
+    }
+}

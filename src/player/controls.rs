@@ -1,0 +1,392 @@
+//! The camera in the user's hands: orbit, pan, dolly, fly, focus, views that are kept.
+
+use std::collections::BTreeSet;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::container::{Pose, Views};
+use crate::geometry::{Aabb, Camera};
+use crate::model::{Frame, Scene, UpAxis};
+
+/// Degrees that a picture spans from top to bottom where the file does not say.
+const ANGLE_OF_VIEW: f64 = 0.7;
+/// Radians above the horizon at first.
+const ELEVATION: f64 = 0.45;
+/// No nearer to straight up or down than this, in radians.
+const FROM_POLE: f64 = 0.02;
+/// Of the scene's extent a second.
+const FLYING_SPEED: f64 = 0.4;
+/// With Shift.
+const FASTER: f64 = 4.0;
+
+/// What a key asks for, besides flying.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Turn around what is under the pointer from now on.
+    Focus,
+    /// Back to where the viewer began.
+    Reset,
+    /// To a view that was kept: 1 to 9.
+    Recall(usize),
+    /// Keep this view: 1 to 9.
+    Keep(usize),
+    /// Show or hide the help.
+    Help,
+    /// The next way of looking at the scene: colour, depth, …
+    NextView,
+    /// Write what is seen to a picture.
+    Screenshot,
+    /// Begin or end recording the camera's path.
+    Record,
+    /// Play the recorded path, or stop.
+    Play,
+    /// Show or hide tensor boxes.
+    Boxes,
+    /// Show or hide the panel.
+    Panel,
+}
+
+/// What the key of W3C code `code` ("KeyF", "Digit1") asks for. With Control or Shift, digits keep views.
+pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
+    if let Some(digit) = code.strip_prefix("Digit") {
+        let n = digit.parse().ok().filter(|n| (1..=KEPT).contains(n))?;
+        return Some(if is_modified { Action::Keep(n) } else { Action::Recall(n) });
+    }
+    match code {
+        "KeyF" => Some(Action::Focus),
+        "KeyR" | "Home" => Some(Action::Reset),
+        "KeyH" | "F1" => Some(Action::Help),
+        "KeyV" => Some(Action::NextView),
+        "KeyP" | "F12" => Some(Action::Screenshot),
+        "KeyC" => Some(Action::Record),
+        "Space" => Some(Action::Play),
+        "KeyB" => Some(Action::Boxes),
+        "Tab" => Some(Action::Panel),
+        _ => None,
+    }
+}
+
+/// Views that can be kept.
+const KEPT: usize = 9;
+
+/// Where the camera is, in the model's space, and what it turns around.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stand {
+    pose: Pose,
+    /// Distance to what it turns around, straight ahead.
+    distance: f64,
+}
+
+impl Stand {
+    fn axis(&self, axis: DVec3) -> DVec3 {
+        self.pose.rotation * axis
+    }
+
+    /// What it turns around.
+    fn pivot(&self) -> DVec3 {
+        self.pose.position - self.distance * self.axis(DVec3::Z)
+    }
+}
+
+/// The camera, and what is held down.
+#[derive(Clone, Debug)]
+pub struct Controls {
+    first: Stand,
+    now: Stand,
+    kept: [Option<Stand>; KEPT],
+    /// Vertical, in radians.
+    angle_of_view: f64,
+    up: DVec3,
+    /// The longest edge of the scene's bounds.
+    extent: f64,
+    held: BTreeSet<String>,
+}
+
+impl Controls {
+    /// For `scene`; begins as `views` say, if there are any, and else where all of it is seen.
+    pub fn new(scene: &Scene, views: Option<&Views>) -> Self {
+        let up = up_in_model(&scene.frame);
+        let angle_of_view = views.map_or(ANGLE_OF_VIEW, |v| v.angle_of_view).clamp(0.02, 3.0);
+        let first = match views {
+            Some(views) => {
+                let distance = (views.center - views.first.position).length().max(1e-6);
+                Stand { pose: views.first, distance }
+            }
+            None => overview(&scene.bounds, up, angle_of_view),
+        };
+        let extent = scene.bounds.size().max_element();
+        Self { first, now: first, kept: [None; KEPT], angle_of_view, up, extent, held: BTreeSet::new() }
+    }
+
+    /// The camera for a picture of `size`, columns and rows.
+    pub fn camera(&self, size: [u32; 2]) -> Camera {
+        let focal = Camera::focal_of_angle(size[1], self.angle_of_view);
+        Camera {
+            width: size[0],
+            height: size[1],
+            focal: [focal; 2],
+            principal: size.map(|v| 0.5 * f64::from(v)),
+            world_from_camera: DMat3::from_quat(self.now.pose.rotation),
+            position: self.now.pose.position,
+        }
+    }
+
+    /// Where the camera is.
+    pub fn pose(&self) -> Pose {
+        self.now.pose
+    }
+
+    /// What the camera turns around.
+    pub fn pivot(&self) -> DVec3 {
+        self.now.pivot()
+    }
+
+    /// Vertical, in radians.
+    pub fn angle_of_view(&self) -> f64 {
+        self.angle_of_view
+    }
+
+    /// Puts the camera at `pose`, turning around what is as far ahead as before.
+    pub fn place(&mut self, pose: Pose) {
+        self.now.pose = Pose { rotation: pose.rotation.normalize(), ..pose };
+    }
+
+    /// Turns around the pivot; the pointer has moved by these parts of the window's height, to the right and down.
+    pub fn orbit(&mut self, right: f64, down: f64) {
+        let pivot = self.now.pivot();
+        self.turn(right, down);
+        self.now.pose.position = pivot + self.now.distance * self.now.axis(DVec3::Z);
+    }
+
+    /// Turns the head.
+    pub fn look(&mut self, right: f64, down: f64) {
+        self.turn(-0.5 * right, -0.5 * down);
+    }
+
+    fn turn(&mut self, right: f64, down: f64) {
+        let back = self.now.axis(DVec3::Z);
+        // How far from straight up the camera sits, which stays off the poles; a roll stays as it is.
+        let polar = back.angle_between(self.up);
+        let wanted = (polar - TAU / 2.0 * down).clamp(FROM_POLE, TAU / 2.0 - FROM_POLE);
+        let yaw = DQuat::from_axis_angle(self.up, -TAU / 2.0 * right);
+        let axis = self.up.cross(back).try_normalize().unwrap_or_else(|| self.now.axis(DVec3::X));
+        let pitch = DQuat::from_axis_angle(axis, wanted - polar);
+        self.now.pose.rotation = (yaw * pitch * self.now.pose.rotation).normalize();
+    }
+
+    /// Moves sideways, so that what is at the pivot follows the pointer.
+    pub fn pan(&mut self, right: f64, down: f64) {
+        let height = 2.0 * self.now.distance * (0.5 * self.angle_of_view).tan();
+        let (x, y) = (self.now.axis(DVec3::X), self.now.axis(DVec3::Y));
+        self.now.pose.position += height * (down * y - right * x);
+    }
+
+    /// Moves towards the pivot: to `factor` times the distance.
+    pub fn dolly(&mut self, factor: f64) {
+        let pivot = self.now.pivot();
+        self.now.distance = (self.now.distance * factor).clamp(1e-4 * self.extent, 100.0 * self.extent);
+        self.now.pose.position = pivot + self.now.distance * self.now.axis(DVec3::Z);
+    }
+
+    /// A wheel's turn: positive is towards the scene.
+    pub fn wheel(&mut self, lines: f64) {
+        self.dolly(0.9_f64.powf(lines.clamp(-20.0, 20.0)));
+    }
+
+    /// Turns around `point` from now on; the camera turns to it.
+    pub fn focus(&mut self, point: DVec3) {
+        let to = point - self.now.pose.position;
+        if !(to.is_finite() && to.length() > 1e-4 * self.extent) {
+            return;
+        }
+        let turn = DQuat::from_rotation_arc(-self.now.axis(DVec3::Z), to.normalize());
+        self.now.pose.rotation = (turn * self.now.pose.rotation).normalize();
+        self.now.distance = to.length();
+    }
+
+    /// A key went down or up. Returns what it asks for, besides flying.
+    pub fn key(&mut self, code: &str, is_pressed: bool, is_modified: bool) -> Option<Action> {
+        if ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE", "ShiftLeft", "ShiftRight"].contains(&code) {
+            if is_pressed {
+                self.held.insert(code.to_owned());
+            } else {
+                self.held.remove(code);
+            }
+            return None;
+        }
+        let action = action_of(code, is_modified).filter(|_| is_pressed);
+        match action {
+            Some(Action::Reset) => self.now = self.first,
+            Some(Action::Keep(n)) => self.kept[n - 1] = Some(self.now),
+            Some(Action::Recall(n)) => self.now = self.kept[n - 1].unwrap_or(self.now),
+            _ => {}
+        }
+        action
+    }
+
+    /// All keys are up: the window has lost them.
+    pub fn release_keys(&mut self) {
+        self.held.clear();
+    }
+
+    /// Moves as held keys say, for `seconds`; whether any does.
+    pub fn fly(&mut self, seconds: f64) -> bool {
+        let held = |code: &str| f64::from(u8::from(self.held.contains(code)));
+        let step = DVec3::new(held("KeyD") - held("KeyA"), held("KeyE") - held("KeyQ"), held("KeyS") - held("KeyW"));
+        if step == DVec3::ZERO {
+            return false;
+        }
+        let faster = if held("ShiftLeft") + held("ShiftRight") > 0.0 { FASTER } else { 1.0 };
+        let length = FLYING_SPEED * faster * self.extent * seconds.clamp(0.0, 0.25);
+        self.now.pose.position += length * self.now.axis(step.normalize());
+        true
+    }
+}
+
+/// Up in the model's space.
+fn up_in_model(frame: &Frame) -> DVec3 {
+    let axis = match frame.up {
+        UpAxis::X => DVec3::X,
+        UpAxis::Y => DVec3::Y,
+        UpAxis::Z => DVec3::Z,
+        UpAxis::MinusX => -DVec3::X,
+        UpAxis::MinusY => -DVec3::Y,
+        UpAxis::MinusZ => -DVec3::Z,
+    };
+    (frame.model_from_dataset.rotation * axis).normalize()
+}
+
+/// From a little above, as far as the sphere around `bounds` needs.
+fn overview(bounds: &Aabb, up: DVec3, angle_of_view: f64) -> Stand {
+    let ahead = up.any_orthonormal_vector();
+    let back = ELEVATION.cos() * ahead + ELEVATION.sin() * up;
+    let distance = 0.5 * bounds.size().length() / (0.5 * angle_of_view).min(FRAC_PI_2).sin();
+    let camera = Camera::looking_at([2, 2], 1.0, bounds.center() + distance * back, bounds.center(), up);
+    let pose = Pose { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera) };
+    Stand { pose, distance }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn controls() -> Controls {
+        let bounds = Aabb::around(DVec3::new(1.0, 0.0, 0.0), DVec3::ONE);
+        let first = overview(&bounds, DVec3::Z, 0.7);
+        Controls {
+            first,
+            now: first,
+            kept: [None; KEPT],
+            angle_of_view: 0.7,
+            up: DVec3::Z,
+            extent: 2.0,
+            held: BTreeSet::new(),
+        }
+    }
+
+    fn assert_near(a: DVec3, b: DVec3) {
+        assert!((a - b).length() < 1e-9, "{a} and {b}");
+    }
+
+    #[test]
+    fn the_first_picture_shows_all_corners() {
+        let controls = controls();
+        let camera = controls.camera([300, 200]);
+        for corner in Aabb::around(DVec3::new(1.0, 0.0, 0.0), DVec3::ONE).corners() {
+            let seen = camera.world_from_camera.transpose() * (corner - camera.position);
+            let row = camera.principal[1] + camera.focal[1] * seen.y / seen.z;
+            assert!(seen.z < 0.0 && (0.0..=200.0).contains(&row), "{corner}: {row}");
+        }
+    }
+
+    #[test]
+    fn orbiting_keeps_the_pivot_and_stops_at_the_poles() {
+        let mut controls = controls();
+        let pivot = controls.pivot();
+        for (right, down) in [(0.3, 0.1), (-1.2, 3.0), (0.1, -9.0), (7.0, 0.4)] {
+            controls.orbit(right, down);
+            assert_near(controls.pivot(), pivot);
+            let x = controls.now.axis(DVec3::X);
+            assert!(x.z.abs() < 1e-9, "the horizon stays level: {x}");
+            let up = controls.now.axis(DVec3::Y).z;
+            assert!(up > 0.0, "never upside down: {up}");
+        }
+        let before = controls.pose();
+        controls.orbit(1.0, 0.0);
+        controls.orbit(1.0, 0.0);
+        assert_near(controls.pose().position, before.position);
+    }
+
+    #[test]
+    fn what_is_grabbed_follows_the_pointer() {
+        let mut controls = controls();
+        let (size, grabbed) = ([400, 400], controls.pivot());
+        controls.pan(0.25, 0.125);
+        let camera = controls.camera(size);
+        let seen = camera.world_from_camera.transpose() * (grabbed - camera.position);
+        let at = [200.0 - camera.focal[0] * seen.x / seen.z, 200.0 + camera.focal[1] * seen.y / seen.z];
+        assert!((at[0] - 300.0).abs() < 1e-6 && (at[1] - 250.0).abs() < 1e-6, "{at:?}");
+    }
+
+    #[test]
+    fn focus_turns_to_a_point_and_orbits_it() {
+        let mut controls = controls();
+        let point = DVec3::new(0.5, 0.4, -0.3);
+        let before = controls.pose().position;
+        controls.focus(point);
+        assert_near(controls.pivot(), point);
+        assert_near(controls.pose().position, before);
+        controls.orbit(0.2, 0.1);
+        assert_near(controls.pivot(), point);
+        controls.focus(DVec3::NAN);
+        assert_near(controls.pivot(), point);
+    }
+
+    #[test]
+    fn keys_fly_keep_and_recall() {
+        let mut controls = controls();
+        assert!(!controls.fly(0.1));
+        assert_eq!(controls.key("KeyW", true, false), None);
+        let before = controls.pose();
+        assert!(controls.fly(0.1));
+        let moved = controls.pose().position - before.position;
+        assert!(moved.normalize().dot(-controls.now.axis(DVec3::Z)) > 0.999 && (moved.length() - 0.08).abs() < 1e-9);
+        assert_eq!(controls.key("Digit3", true, true), Some(Action::Keep(3)));
+        let kept = controls.pose();
+        controls.release_keys();
+        assert!(!controls.fly(0.1));
+        assert_eq!(controls.key("KeyR", true, false), Some(Action::Reset));
+        assert_eq!(controls.pose(), before);
+        assert_eq!(controls.key("Digit4", true, false), Some(Action::Recall(4)));
+        assert_eq!(controls.pose(), before, "nothing was kept there");
+        controls.key("Digit3", true, false);
+        assert_eq!(controls.pose(), kept);
+        assert_eq!([action_of("Digit0", false), action_of("KeyZ", false)], [None, None]);
+        assert_eq!(controls.key("KeyF", false, false), None, "keys act when they go down");
+    }
+
+    #[test]
+    fn wild_input_leaves_a_finite_camera() {
+        let mut controls = controls();
+        let random = crate::random::Random::new(1, "input");
+        for n in 0..2000 {
+            let by = |k: u64| 20.0 * random.uniform(8 * n + k) - 10.0;
+            match random.below(8 * n, 6) {
+                0 => controls.orbit(by(1), by(2)),
+                1 => controls.pan(by(1), by(2)),
+                2 => controls.wheel(1e3 * by(1)),
+                3 => controls.look(by(1), by(2)),
+                4 => controls.focus(DVec3::new(by(1), by(2), by(3))),
+                _ => drop(controls.key(
+                    ["KeyW", "KeyR", "Digit1"][random.below(8 * n + 4, 3) as usize],
+                    true,
+                    by(5) > 0.0,
+                )),
+            }
+            controls.fly(by(6));
+            let pose = controls.pose();
+            assert!(pose.position.is_finite() && pose.rotation.is_normalized(), "{n}: {pose:?}");
+        }
+    }
+}

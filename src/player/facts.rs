@@ -1,0 +1,83 @@
+//! What a file holds, in words.
+
+use crate::container::{Contents, Document};
+use crate::model::Coverage;
+
+/// A line of the panel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fact {
+    /// What it is about.
+    pub name: String,
+    /// What the file says.
+    pub value: String,
+}
+
+/// The facts of a file of `bytes` bytes.
+pub fn facts(document: &Document, contents: &Contents, bytes: u64) -> Vec<Fact> {
+    let scene = &document.scene;
+    let provenance = &scene.provenance;
+    let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();
+    let mut facts = vec![
+        fact("file", format!("{:.2} MB", bytes as f64 / 1e6)),
+        fact("version", format!("{}.{}", contents.version.major, contents.version.minor)),
+        fact("parameters", millions(scene.parameter_count())),
+        fact("tensors", grouped(tensors as u64)),
+    ];
+    for (n, scale) in scene.scales.iter().enumerate() {
+        let [x, y, z] = (2.0 * scale.cloud.half).to_array();
+        let [dx, dy, dz] = scale.cloud.resolution;
+        let factors = &scale.factors;
+        let value = format!(
+            "{} of {x:.3} x {y:.3} x {z:.3}, {dx} x {dy} x {dz} cells, ranks {} + {}, {} nearest",
+            grouped(scale.cloud.len() as u64),
+            factors.density_rank,
+            factors.appearance_rank,
+            scale.top_k
+        );
+        facts.push(fact(&format!("scale {n}"), value));
+    }
+    let coverage = match scene.rules.coverage {
+        Coverage::All => "every scale covers",
+        Coverage::Any => "any scale covers",
+    };
+    facts.push(fact("field", format!("where {coverage}, decoded {}", scene.decoder.mode.name())));
+    if let Some(quality) = &document.extras.quality {
+        let decibels = |value: Option<f64>| value.map(|v| format!("{v:.2} dB"));
+        if let Some(value) = decibels(quality.encoded) {
+            facts.push(fact("encoding", format!("pictures as before at {value}")));
+        }
+        if let Some(value) = decibels(quality.test) {
+            facts.push(fact("test views", format!("{value}, {}", quality.dataset)));
+        }
+    }
+    for (name, value) in [
+        ("dataset", provenance.dataset.clone()),
+        ("preset", provenance.preset.clone()),
+        ("steps", if provenance.steps > 0 { grouped(provenance.steps) } else { String::new() }),
+        ("made by", provenance.tool.clone()),
+        ("licence", document.extras.licence.clone().unwrap_or_default()),
+    ] {
+        if !value.is_empty() {
+            facts.push(fact(name, value));
+        }
+    }
+    facts
+}
+
+fn fact(name: &str, value: String) -> Fact {
+    // What a file says may be long, and may hold anything.
+    const MOST: usize = 200;
+    let value: String = value.chars().map(|c| if c.is_control() { ' ' } else { c }).take(MOST).collect();
+    Fact { name: name.to_owned(), value }
+}
+
+fn millions(count: u64) -> String {
+    format!("{:.2} million", count as f64 / 1e6)
+}
+
+/// Thousands apart.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
+    groups.collect::<Vec<_>>().join(" ")
+}

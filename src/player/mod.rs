@@ -1,0 +1,19 @@
+//! Looking at scenes: what the desktop's and the web's players share.
+//!
+//! [`Controls`] turn input into cameras, [`Pace`] decides how good the next picture may be, [`Screen`] puts what the graphics
+//! renderer drew on a surface, and [`Facts`] say what a file holds. Windows, menus and files are left to `desktop` and to the
+//! web page.
+
+mod boxes;
+mod controls;
+mod facts;
+mod gestures;
+mod pace;
+mod screen;
+
+pub use boxes::BoxLines;
+pub use controls::{Action, Controls, action_of};
+pub use facts::{Fact, facts};
+pub use gestures::{Gesture, Gestures};
+pub use pace::Pace;
+pub use screen::{Screen, Show, View};

@@ -1,0 +1,250 @@
+//! The last picture that was finished, on a surface.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::geometry::Camera;
+use crate::render::gpu::{Gpu, GpuRenderer};
+
+/// Bytes of a pixel of the renderer.
+const PIXEL_BYTES: u64 = 32;
+
+/// A way to look at a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum View {
+    /// Colours.
+    #[default]
+    Color,
+    /// Expected depth, near is bright.
+    Depth,
+    /// Opacity.
+    Opacity,
+    /// Normals from density, in the camera's axes.
+    Normals,
+    /// Samples that were evaluated.
+    Samples,
+}
+
+impl View {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Color, Self::Depth, Self::Opacity, Self::Normals, Self::Samples];
+
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Color => "colour",
+            Self::Depth => "depth",
+            Self::Opacity => "opacity",
+            Self::Normals => "normals",
+            Self::Samples => "samples",
+        }
+    }
+
+    /// The next one, and after the last the first.
+    pub fn next(self) -> Self {
+        Self::ALL[(self as usize + 1) % Self::ALL.len()]
+    }
+}
+
+/// How the picture is shown.
+#[derive(Clone, Copy, Debug)]
+pub struct Show {
+    /// What of it.
+    pub view: View,
+    /// The scene's background, which the picture was composited on.
+    pub scene_background: [f32; 3],
+    /// The background that is wanted.
+    pub background: [f32; 3],
+    /// Depths that are brightest and darkest, in model units.
+    pub depths: [f32; 2],
+    /// Samples that are brightest.
+    pub most_samples: f32,
+    /// How much of the photograph is seen.
+    pub photograph_share: f32,
+}
+
+/// `Display` of `shaders/display.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Uniform {
+    picture: [u32; 2],
+    corner: [f32; 2],
+    size: [f32; 2],
+    view: u32,
+    is_linear: u32,
+    scene_background: [f32; 3],
+    photograph_share: f32,
+    background: [f32; 3],
+    most_samples: f32,
+    depths: [f32; 2],
+    padding: [f32; 2],
+    right: [f32; 3],
+    padding1: f32,
+    up: [f32; 3],
+    padding2: f32,
+    back: [f32; 3],
+    padding3: f32,
+}
+
+/// A picture that was kept from the renderer.
+struct Kept {
+    pixels: wgpu::Buffer,
+    camera: Camera,
+}
+
+/// Shows the last picture that was finished, while the next one is being drawn.
+pub struct Screen {
+    gpu: Gpu,
+    pipeline: wgpu::RenderPipeline,
+    uniform: wgpu::Buffer,
+    sampler: wgpu::Sampler,
+    photograph: wgpu::TextureView,
+    kept: Option<Kept>,
+    is_linear: bool,
+}
+
+impl Screen {
+    /// For surfaces of `format`.
+    pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
+        let device = gpu.device();
+        let uniform = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("display"),
+            size: size_of::<Uniform>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        Self {
+            gpu: gpu.clone(),
+            pipeline: pipeline(device, format),
+            uniform,
+            sampler,
+            photograph: texture(gpu, [1, 1], &[0; 4]),
+            kept: None,
+            is_linear: format.is_srgb(),
+        }
+    }
+
+    /// Keeps the picture that `renderer` has finished, which `camera` took.
+    pub fn keep(&mut self, renderer: &GpuRenderer, camera: &Camera) {
+        let bytes = u64::from(camera.width) * u64::from(camera.height) * PIXEL_BYTES;
+        let device = self.gpu.device();
+        let pixels = match self.kept.take() {
+            Some(kept) if kept.pixels.size() == bytes => kept.pixels,
+            _ => device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("kept"),
+                size: bytes,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        };
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(renderer.pixels(), 0, &pixels, 0, Some(bytes));
+        self.gpu.queue().submit([encoder.finish()]);
+        self.kept = Some(Kept { pixels, camera: *camera });
+    }
+
+    /// Forgets the picture.
+    pub fn clear(&mut self) {
+        self.kept = None;
+    }
+
+    /// The camera that took the picture; `None` where there is none.
+    pub fn camera(&self) -> Option<&Camera> {
+        self.kept.as_ref().map(|kept| &kept.camera)
+    }
+
+    /// The photograph that is seen through the picture: RGBA, `size` columns and rows.
+    pub fn set_photograph(&mut self, size: [u32; 2], rgba: &[u8]) {
+        self.photograph = texture(&self.gpu, size, rgba);
+    }
+
+    /// Draws the picture into `pass`, at `corner` and as large as `size`, in the surface's pixels. What of it is seen is the
+    /// pass's scissor's business.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, corner: [f32; 2], size: [f32; 2], show: &Show) {
+        let Some(Kept { pixels, camera }) = &self.kept else { return };
+        let axis = |n: usize| camera.world_from_camera.col(n).to_array().map(|v| v as f32);
+        let uniform = Uniform {
+            picture: [camera.width, camera.height],
+            corner,
+            size,
+            view: show.view as u32,
+            is_linear: u32::from(self.is_linear),
+            scene_background: show.scene_background,
+            photograph_share: show.photograph_share,
+            background: show.background,
+            most_samples: show.most_samples,
+            depths: show.depths,
+            padding: [0.0; 2],
+            right: axis(0),
+            padding1: 0.0,
+            up: axis(1),
+            padding2: 0.0,
+            back: axis(2),
+            padding3: 0.0,
+        };
+        self.gpu.queue().write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
+        let bind_group = self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("display"),
+            layout: &self.pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: self.uniform.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: pixels.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(&self.photograph) },
+                wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+            ],
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}
+
+fn texture(gpu: &Gpu, size: [u32; 2], rgba: &[u8]) -> wgpu::TextureView {
+    let extent = wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 };
+    let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
+        label: Some("photograph"),
+        size: extent,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8Unorm,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * size[0]), rows_per_image: Some(size[1]) };
+    gpu.queue().write_texture(texture.as_image_copy(), rgba, layout, extent);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("display"),
+        source: wgpu::ShaderSource::Wgsl(include_str!("../../shaders/display.wgsl").into()),
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("display"),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState { format, blend: None, write_mask: wgpu::ColorWrites::ALL })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
