@@ -6,6 +6,8 @@
 
 mod boxes;
 mod controls;
+#[cfg(feature = "player")]
+pub mod desktop;
 mod facts;
 mod gestures;
 mod pace;

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::geometry::Camera;
+use crate::render::Pixel;
 use crate::render::gpu::{Gpu, GpuRenderer};
 
 /// Bytes of a pixel of the renderer.
@@ -130,21 +131,34 @@ impl Screen {
 
     /// Keeps the picture that `renderer` has finished, which `camera` took.
     pub fn keep(&mut self, renderer: &GpuRenderer, camera: &Camera) {
+        let pixels = self.room_for(camera);
+        let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(renderer.pixels(), 0, &pixels, 0, Some(pixels.size()));
+        self.gpu.queue().submit([encoder.finish()]);
+        self.kept = Some(Kept { pixels, camera: *camera });
+    }
+
+    /// Keeps a picture that was not drawn on the device: the pixels that `camera` saw.
+    pub fn keep_pixels(&mut self, seen: &[Pixel], camera: &Camera) {
+        let pixels = self.room_for(camera);
+        let values: Vec<[f32; 8]> =
+            (seen.iter()).map(|p| [p.color[0], p.color[1], p.color[2], p.opacity, p.depth, 0.0, 0.0, 0.0]).collect();
+        self.gpu.queue().write_buffer(&pixels, 0, bytemuck::cast_slice(&values));
+        self.kept = Some(Kept { pixels, camera: *camera });
+    }
+
+    /// A buffer for `camera`'s pixels: the one of the picture before, where that was as large.
+    fn room_for(&mut self, camera: &Camera) -> wgpu::Buffer {
         let bytes = u64::from(camera.width) * u64::from(camera.height) * PIXEL_BYTES;
-        let device = self.gpu.device();
-        let pixels = match self.kept.take() {
+        match self.kept.take() {
             Some(kept) if kept.pixels.size() == bytes => kept.pixels,
-            _ => device.create_buffer(&wgpu::BufferDescriptor {
+            _ => self.gpu.device().create_buffer(&wgpu::BufferDescriptor {
                 label: Some("kept"),
                 size: bytes,
                 usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),
-        };
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(renderer.pixels(), 0, &pixels, 0, Some(bytes));
-        self.gpu.queue().submit([encoder.finish()]);
-        self.kept = Some(Kept { pixels, camera: *camera });
+        }
     }
 
     /// Forgets the picture.

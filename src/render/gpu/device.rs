@@ -7,6 +7,7 @@ use super::GpuError;
 pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
+    adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
 }
 
@@ -48,12 +49,17 @@ impl Gpu {
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|e| GpuError::Device(e.to_string()))?;
-        Ok(Self { device, queue, info: adapter.get_info() })
+        Ok(Self { device, queue, info: adapter.get_info(), adapter })
     }
 
     /// Name, driver and kind.
     pub fn info(&self) -> &wgpu::AdapterInfo {
         &self.info
+    }
+
+    /// What surfaces are made for.
+    pub fn adapter(&self) -> &wgpu::Adapter {
+        &self.adapter
     }
 
     /// The device, for those who draw on it.
@@ -75,6 +81,18 @@ impl Gpu {
     pub(super) fn wait(&self) -> Result<(), GpuError> {
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| GpuError::Device(e.to_string()))?;
         Ok(())
+    }
+
+    /// Waits for all work that was given to the device, but no longer than `time`.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::Device`].
+    pub fn wait_for(&self, time: std::time::Duration) -> Result<(), GpuError> {
+        match self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(time) }) {
+            Ok(_) | Err(wgpu::PollError::Timeout) => Ok(()),
+            Err(e) => Err(GpuError::Device(e.to_string())),
+        }
     }
 
     /// The bytes of `buffer`, which can be mapped; waits for all work before.

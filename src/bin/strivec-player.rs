@@ -1,0 +1,7 @@
+//! The command `strivec-player`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    strivec::player::desktop::main()
+}

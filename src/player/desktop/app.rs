@@ -1,0 +1,516 @@
+//! What the window shows, apart from the window: scenes, camera, settings, and what is being drawn.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, TryRecvError};
+use std::time::{Duration, Instant};
+
+use super::opening::{self, News, Opened};
+use super::recent;
+use super::scene_slot::{Device, SceneSlot};
+use crate::container::Pose;
+use crate::geometry::Camera;
+use crate::measure::color_png;
+use crate::player::{Action, Controls, Gesture, Gestures, Pace, Show, View};
+use crate::render::Approximation;
+use crate::render::gpu::GpuError;
+
+/// Seconds between the poses of a recorded path.
+const RECORDED_EVERY: f64 = 0.1;
+/// Poses of a path, at most: an hour.
+const MOST_POSES: usize = 36_000;
+
+/// How two scenes are seen together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Compare {
+    /// Half of the window each.
+    SideBySide,
+    /// The first left of this part of the width, the second right of it.
+    Slider(f32),
+}
+
+/// A path of the camera.
+#[derive(Default)]
+pub(super) struct Recorded {
+    pub(super) poses: Vec<Pose>,
+    pub(super) is_recording: bool,
+    /// Seconds into the path while it is played.
+    pub(super) playing: Option<f64>,
+    since: f64,
+}
+
+/// Photographs that the scene was trained on.
+#[derive(Default)]
+pub(super) struct Photographs {
+    /// The dataset's folder.
+    pub(super) folder: Option<PathBuf>,
+    /// Which of the file's training cameras is shown.
+    pub(super) camera: usize,
+    /// How much of the photograph is seen; 0 where none is loaded.
+    pub(super) share: f32,
+    pub(super) is_loaded: bool,
+}
+
+/// The player.
+pub(super) struct App {
+    pub(super) device: Device,
+    /// The first, and the one that it is compared with.
+    pub(super) slots: [Option<SceneSlot>; 2],
+    pending: [Option<Receiver<News>>; 2],
+    wake: Box<dyn Fn() -> Box<dyn Fn() + Send>>,
+    pub(super) controls: Option<Controls>,
+    gestures: Gestures,
+    pub(super) pace: Pace,
+    pub(super) frame_time_ms: u32,
+    pub(super) approximation: Approximation,
+    /// Pictures get no finer than this many times smaller than the window.
+    pub(super) finest: u32,
+    pub(super) view: View,
+    /// In place of the scene's.
+    pub(super) background: Option<[f32; 3]>,
+    pub(super) compare: Compare,
+    /// \[scale\] whether its boxes are shown.
+    pub(super) boxes: Vec<bool>,
+    pub(super) has_boxes: bool,
+    pub(super) photographs: Photographs,
+    pub(super) recorded: Recorded,
+    pub(super) message: Option<String>,
+    /// What is typed into the panel.
+    pub(super) address: String,
+    pub(super) recent: Vec<String>,
+    /// Scenes of the folder that was opened.
+    pub(super) folder: Vec<PathBuf>,
+    pub(super) has_help: bool,
+    pub(super) has_panel: bool,
+    /// Seconds that the last whole picture took, and the one before the settings were changed.
+    pub(super) seconds: Option<f64>,
+    pub(super) seconds_before: Option<f64>,
+    says_timing: bool,
+    opened_at: Instant,
+    has_first_picture: bool,
+    updated_at: Instant,
+    /// The place of the picture, in pixels.
+    size: [u32; 2],
+    pub(super) screenshots: u32,
+}
+
+impl App {
+    /// Without a scene. `wake` makes functions that wake the window.
+    pub(super) fn new(
+        device: Device,
+        frame_time_ms: u32,
+        data: Option<PathBuf>,
+        says_timing: bool,
+        wake: impl Fn() -> Box<dyn Fn() + Send> + 'static,
+    ) -> Self {
+        Self {
+            device,
+            slots: [None, None],
+            pending: [None, None],
+            wake: Box::new(wake),
+            controls: None,
+            gestures: Gestures::default(),
+            pace: Pace::new(1e-3 * f64::from(frame_time_ms)),
+            frame_time_ms,
+            approximation: Approximation::default(),
+            finest: 1,
+            view: View::Color,
+            background: None,
+            compare: Compare::Slider(0.5),
+            boxes: Vec::new(),
+            has_boxes: false,
+            photographs: Photographs { folder: data, ..Photographs::default() },
+            recorded: Recorded::default(),
+            message: None,
+            address: String::new(),
+            recent: recent::load(),
+            folder: Vec::new(),
+            has_help: false,
+            has_panel: true,
+            seconds: None,
+            seconds_before: None,
+            says_timing,
+            opened_at: Instant::now(),
+            has_first_picture: false,
+            updated_at: Instant::now(),
+            size: [1, 1],
+            screenshots: 0,
+        }
+    }
+
+    /// Opens `place` as the first scene, or as the second.
+    pub(super) fn open(&mut self, place: &str, slot: usize) {
+        self.message = None;
+        if !opening::is_url(place)
+            && let Some(scenes) = opening::scenes_in(place.as_ref())
+        {
+            match scenes.first().map(|first| first.display().to_string()) {
+                Some(first) => {
+                    self.folder = scenes;
+                    self.open(&first, slot);
+                }
+                None => self.message = Some(format!("{place}: expected .strivec files in the folder, found none")),
+            }
+            return;
+        }
+        (self.opened_at, self.has_first_picture) = (Instant::now(), false);
+        self.pending[slot] = Some(opening::open(place.to_owned(), (self.wake)()));
+        recent::add(&mut self.recent, place);
+    }
+
+    /// Closes the second scene.
+    pub(super) fn close_second(&mut self) {
+        (self.slots[1], self.pending[1]) = (None, None);
+        self.changed();
+    }
+
+    /// What is shown is out of date.
+    pub(super) fn changed(&mut self) {
+        self.pace.changed();
+    }
+
+    /// Takes in what was opened, moves the camera, and draws for as long as a picture may take. `size` is the picture's
+    /// place. Whether there is more to do at once.
+    pub(super) fn update(&mut self, size: [u32; 2]) -> bool {
+        let elapsed = self.updated_at.elapsed().as_secs_f64();
+        self.updated_at = Instant::now();
+        for slot in 0..2 {
+            self.hear(slot);
+        }
+        if self.size != size {
+            self.size = size;
+            self.changed();
+        }
+        let is_flying = self.controls.as_mut().is_some_and(|c| c.fly(elapsed));
+        let is_playing = self.follow_path(elapsed);
+        if is_flying || is_playing {
+            self.changed();
+        }
+        if let Err(error) = self.draw() {
+            self.message = Some(error.to_string());
+            self.slots = [None, None];
+        }
+        let is_drawing = self.slots.iter().flatten().any(SceneSlot::is_drawing);
+        let is_unfinished = self.slots[0].is_some() && !self.is_fine_enough();
+        is_drawing || is_unfinished || is_flying || is_playing || self.recorded.is_recording
+    }
+
+    fn is_fine_enough(&self) -> bool {
+        self.pace.shown().is_some_and(|shown| shown <= self.finest)
+    }
+
+    /// Takes in what the background has opened.
+    fn hear(&mut self, slot: usize) {
+        while let Some(receiver) = &self.pending[slot] {
+            match receiver.try_recv() {
+                Ok(News::Scene(opened)) => self.take(*opened, slot),
+                Ok(News::Failed(text)) => {
+                    self.message = Some(text);
+                    self.pending[slot] = None;
+                }
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => self.pending[slot] = None,
+            }
+        }
+    }
+
+    fn take(&mut self, opened: Opened, slot: usize) {
+        let is_more_of_the_same =
+            self.slots[slot].as_ref().is_some_and(|s| !s.opened.is_whole && s.opened.name == opened.name);
+        if slot == 0 && !is_more_of_the_same {
+            let document = &opened.document;
+            self.controls = Some(Controls::new(&document.scene, document.extras.views.as_ref()));
+            self.approximation = Approximation::default();
+            self.background = None;
+            (self.seconds, self.seconds_before) = (None, None);
+            (self.photographs.camera, self.photographs.share, self.photographs.is_loaded) = (0, 0.0, false);
+        }
+        if slot == 0 {
+            self.boxes.resize(opened.document.scene.scales.len(), true);
+        }
+        match SceneSlot::new(opened, &self.device, &self.approximation) {
+            Ok(scene) => self.slots[slot] = Some(scene),
+            Err(text) => self.message = Some(text),
+        }
+        self.changed();
+    }
+
+    fn follow_path(&mut self, elapsed: f64) -> bool {
+        let (Some(controls), recorded) = (&mut self.controls, &mut self.recorded) else { return false };
+        if recorded.is_recording {
+            recorded.since += elapsed;
+            if recorded.since >= RECORDED_EVERY && recorded.poses.len() < MOST_POSES {
+                recorded.since = 0.0;
+                recorded.poses.push(controls.pose());
+            }
+        }
+        let Some(seconds) = &mut recorded.playing else { return false };
+        *seconds += elapsed;
+        let at = *seconds / RECORDED_EVERY;
+        let first = at.floor() as usize;
+        if first + 1 >= recorded.poses.len() {
+            recorded.playing = None;
+            return false;
+        }
+        let [a, b] = [recorded.poses[first], recorded.poses[first + 1]];
+        let share = at - at.floor();
+        controls.place(Pose {
+            position: a.position.lerp(b.position, share),
+            rotation: a.rotation.slerp(b.rotation, share),
+        });
+        true
+    }
+
+    /// The size of each scene's picture at full resolution.
+    fn picture_size(&self) -> [u32; 2] {
+        let [width, height] = self.size;
+        if self.slots[1].is_some() && self.compare == Compare::SideBySide {
+            [width / 2, height]
+        } else {
+            [width, height]
+        }
+    }
+
+    fn draw(&mut self) -> Result<(), GpuError> {
+        let size = self.picture_size();
+        let pixels = u64::from(size[0]) * u64::from(size[1]) * self.slots.iter().flatten().count() as u64;
+        if self.slots[0].is_none() || pixels == 0 {
+            return Ok(());
+        }
+        let until = Instant::now() + Duration::from_millis(u64::from(self.frame_time_ms));
+        loop {
+            if let Some(divisor) = self.pace.next(pixels).map(|d| d.max(self.finest)).filter(|_| !self.is_fine_enough())
+            {
+                let Some(controls) = &self.controls else { return Ok(()) };
+                let camera = controls.camera(size.map(|v| v.div_ceil(divisor).max(1)));
+                for slot in self.slots.iter_mut().flatten() {
+                    slot.begin(&camera, self.view == View::Normals)?;
+                }
+                self.pace.begun(divisor);
+            }
+            if !self.slots.iter().flatten().any(SceneSlot::is_drawing) {
+                return Ok(());
+            }
+            let mut seconds = 0.0;
+            for slot in self.slots.iter_mut().flatten().filter(|slot| slot.is_drawing()) {
+                let (rays, pace) = (self.pace.rays_at_once(), &mut self.pace);
+                match slot.draw(&self.device, rays, until, |rays, seconds| pace.measured(rays, seconds))? {
+                    Some(taken) => seconds += taken,
+                    None => return Ok(()),
+                }
+            }
+            let camera_size = self.slots[0].as_ref().and_then(|s| s.shown()).map(|c| [c.width, c.height]);
+            self.pace.finished();
+            if camera_size == Some(size) {
+                self.seconds = Some(seconds);
+            }
+            self.say_timing(camera_size, seconds);
+            if Instant::now() >= until || self.pace.shown().is_none() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn say_timing(&mut self, size: Option<[u32; 2]>, seconds: f64) {
+        let Some([width, height]) = size.filter(|_| self.says_timing) else { return };
+        if !self.has_first_picture {
+            println!("first picture {:.0} ms after opening", 1e3 * self.opened_at.elapsed().as_secs_f64());
+        }
+        self.has_first_picture = true;
+        println!("{width}x{height} in {:.1} ms", 1e3 * seconds);
+    }
+
+    /// The pointer was dragged, in parts of the window's height.
+    pub(super) fn dragged(&mut self, moved: [f64; 2], button: Drag) {
+        let Some(controls) = &mut self.controls else { return };
+        match button {
+            Drag::Orbit => controls.orbit(moved[0], moved[1]),
+            Drag::Pan => controls.pan(moved[0], moved[1]),
+            Drag::Look => controls.look(moved[0], moved[1]),
+        }
+        self.changed();
+    }
+
+    /// The wheel was turned.
+    pub(super) fn wheeled(&mut self, lines: f64) {
+        if let Some(controls) = &mut self.controls {
+            controls.wheel(lines);
+            self.changed();
+        }
+    }
+
+    /// Finger `id` is at `at`, in parts of the window's height, or gone.
+    pub(super) fn touched(&mut self, id: u64, at: Option<[f64; 2]>) {
+        let Some(at) = at else { return self.gestures.lift(id) };
+        match (self.gestures.touch(id, at), &mut self.controls) {
+            (Some(Gesture::Turn(moved)), _) => self.dragged(moved, Drag::Orbit),
+            (Some(Gesture::MoveAndPinch(moved, factor)), Some(controls)) => {
+                controls.pan(moved[0], moved[1]);
+                controls.dolly(1.0 / factor);
+                self.changed();
+            }
+            _ => {}
+        }
+    }
+
+    /// A key went down or up; `pointer` is where the pointer is, in parts of the picture's width and height.
+    pub(super) fn key(&mut self, code: &str, is_pressed: bool, is_modified: bool, pointer: Option<[f64; 2]>) {
+        let action = match &mut self.controls {
+            Some(controls) => controls.key(code, is_pressed, is_modified),
+            None => crate::player::action_of(code, is_modified).filter(|_| is_pressed),
+        };
+        if let Some(action) = action {
+            self.act(action, pointer);
+        }
+    }
+
+    /// Does what a key or a button asks for.
+    pub(super) fn act(&mut self, action: Action, pointer: Option<[f64; 2]>) {
+        match action {
+            Action::Focus => self.focus(pointer.unwrap_or([0.5, 0.5])),
+            Action::Reset => {
+                if let Some(controls) = &mut self.controls {
+                    controls.key("KeyR", true, false);
+                }
+            }
+            Action::Recall(_) | Action::Keep(_) => {}
+            Action::Help => self.has_help = !self.has_help,
+            Action::Panel => self.has_panel = !self.has_panel,
+            Action::NextView => self.set_view(self.view.next()),
+            Action::Screenshot => self.take_screenshot(),
+            Action::Boxes => self.has_boxes = !self.has_boxes,
+            Action::Record => {
+                self.recorded.is_recording = !self.recorded.is_recording;
+                if self.recorded.is_recording {
+                    (self.recorded.poses, self.recorded.playing) = (Vec::new(), None);
+                }
+            }
+            Action::Play => {
+                let is_path = self.recorded.poses.len() > 1 && !self.recorded.is_recording;
+                self.recorded.playing = if self.recorded.playing.is_none() && is_path { Some(0.0) } else { None };
+            }
+        }
+        if !matches!(action, Action::Help | Action::Boxes | Action::Keep(_)) {
+            self.changed();
+        }
+    }
+
+    /// Changes the way to look at the picture.
+    pub(super) fn set_view(&mut self, view: View) {
+        // Normals are drawn only where they are wanted.
+        if view == View::Normals {
+            self.changed();
+        }
+        self.view = view;
+    }
+
+    fn focus(&mut self, at: [f64; 2]) {
+        let size = self.picture_size();
+        let (Some(controls), Some(slot)) = (&mut self.controls, &mut self.slots[0]) else { return };
+        if slot.is_drawing() {
+            // The device is at a picture that is then begun again.
+            self.pace.abandoned();
+        }
+        if let Some(point) = slot.point_at(&controls.camera(size), at) {
+            controls.focus(point);
+        }
+        self.pace.changed();
+    }
+
+    /// Draws all scenes with the approximation that is set now.
+    pub(super) fn approximate(&mut self) {
+        self.seconds_before = self.seconds.take();
+        for slot in self.slots.iter_mut().flatten() {
+            if let Err(text) = slot.approximate(&self.device, &self.approximation) {
+                self.message = Some(text);
+            }
+        }
+        self.pace.abandoned();
+        self.changed();
+    }
+
+    /// Writes what is seen, at full resolution, to a PNG file in the current folder.
+    fn take_screenshot(&mut self) {
+        let size = self.picture_size();
+        let (Some(controls), Some(slot)) = (&self.controls, &mut self.slots[0]) else { return };
+        let camera = controls.camera(size);
+        let written = slot.picture(&camera).map_err(|e| e.to_string()).and_then(|pixels| {
+            let own = slot.scene.frame.background;
+            let wanted = self.background.unwrap_or(own);
+            let colors: Vec<[f32; 3]> = (pixels.iter())
+                .map(|p| [0, 1, 2].map(|c| p.color[c] + (1.0 - p.opacity) * (wanted[c] - own[c])))
+                .collect();
+            let png = color_png(size, &colors).map_err(|e| e.to_string())?;
+            let stem = slot.opened.name.trim_end_matches(".strivec").to_owned();
+            write_new(&stem, &png, &mut self.screenshots)
+        });
+        self.message = Some(match written {
+            Ok(name) => format!("wrote {name}"),
+            Err(text) => format!("screenshot: {text}"),
+        });
+        self.pace.abandoned();
+        self.changed();
+    }
+
+    /// Puts the camera where training camera number `n` of the file was.
+    pub(super) fn go_to_camera(&mut self, n: usize) {
+        let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return };
+        if let Some(camera) = slot.opened.document.extras.cameras.get(n) {
+            controls.place(camera.pose);
+            self.photographs.camera = n;
+            self.photographs.is_loaded = false;
+            self.changed();
+        }
+    }
+
+    /// How slot `n` is shown.
+    pub(super) fn show(&self, n: usize) -> Option<Show> {
+        let slot = self.slots[n].as_ref()?;
+        let own = slot.scene.frame.background;
+        let distance = slot.shown().map_or(1.0, |camera| (camera.position - slot.scene.bounds.center()).length());
+        let reach = 0.5 * slot.scene.bounds.size().length();
+        let samples = (slot.scene.bounds.size().max_element() / slot.scene.rules.step).min(256.0);
+        Some(Show {
+            view: self.view,
+            scene_background: own,
+            background: self.background.unwrap_or(own),
+            depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
+            most_samples: samples as f32,
+            photograph_share: if self.photographs.is_loaded && n == 0 { self.photographs.share } else { 0.0 },
+        })
+    }
+
+    /// The camera of the picture that slot `n` shows.
+    pub(super) fn shown_camera(&self, n: usize) -> Option<&Camera> {
+        self.slots[n].as_ref()?.shown()
+    }
+
+    /// Whether anything is being opened.
+    pub(super) fn is_opening(&self) -> bool {
+        self.pending.iter().any(Option::is_some)
+    }
+}
+
+/// What a drag of the pointer does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Drag {
+    Orbit,
+    Pan,
+    Look,
+}
+
+/// Writes to the first of STEM-001.png, STEM-002.png, … that there is not; returns its name.
+fn write_new(stem: &str, png: &[u8], count: &mut u32) -> Result<String, String> {
+    use std::io::Write as _;
+    loop {
+        *count += 1;
+        let name = format!("{stem}-{:03}.png", *count);
+        match std::fs::File::create_new(&name) {
+            Ok(mut file) => {
+                file.write_all(png).map_err(|e| format!("{name}: {e}"))?;
+                return Ok(name);
+            }
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(format!("{name}: {e}")),
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! The window itself: events in, paintings out.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Parser;
+use egui::Rect;
+use winit::application::ApplicationHandler;
+use winit::dpi::LogicalSize;
+use winit::event::{ElementState, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::keyboard::{ModifiersState, PhysicalKey};
+use winit::window::{Window, WindowId};
+
+use super::app::{App, Drag};
+use super::arguments::{Arguments, Renderer};
+use super::panel;
+use super::scene_slot::Device;
+use super::surface::{Painting, Surface};
+use crate::render::gpu::Precision;
+
+/// Pixels of a touchpad's scrolling that are a line of a wheel.
+const PIXELS_A_LINE: f64 = 40.0;
+
+/// Runs `strivec-player` with the process's arguments.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(u8::from(error.use_stderr()));
+        }
+    };
+    let fail = |text: String| {
+        eprintln!("strivec-player: {text}");
+        ExitCode::from(4)
+    };
+    let event_loop = match EventLoop::<Woken>::with_user_event().build() {
+        Ok(event_loop) => event_loop,
+        Err(error) => return fail(format!("cannot open a window: {error}")),
+    };
+    let proxy = event_loop.create_proxy();
+    let mut player = Player { arguments, proxy, open: None, failure: None };
+    match (event_loop.run_app(&mut player), player.failure) {
+        (Ok(()), None) => ExitCode::SUCCESS,
+        (_, Some(text)) => fail(text),
+        (Err(error), None) => fail(error.to_string()),
+    }
+}
+
+/// Something happened in the background.
+#[derive(Debug)]
+struct Woken;
+
+/// The player before and after its window is there.
+struct Player {
+    arguments: Arguments,
+    proxy: EventLoopProxy<Woken>,
+    open: Option<OpenWindow>,
+    failure: Option<String>,
+}
+
+/// A window and all that is in it.
+struct OpenWindow {
+    window: Arc<Window>,
+    surface: Surface,
+    egui: egui_winit::State,
+    app: App,
+    modifiers: ModifiersState,
+    /// In pixels.
+    pointer: [f64; 2],
+    dragging: Option<Drag>,
+    /// The picture's place, in pixels.
+    picture: Rect,
+}
+
+impl ApplicationHandler<Woken> for Player {
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.open.is_some() {
+            return;
+        }
+        match OpenWindow::new(event_loop, &self.arguments, &self.proxy) {
+            Ok(open) => self.open = Some(open),
+            Err(text) => {
+                self.failure = Some(text);
+                event_loop.exit();
+            }
+        }
+    }
+
+    fn user_event(&mut self, _: &ActiveEventLoop, Woken: Woken) {
+        if let Some(open) = &self.open {
+            open.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(open) = &mut self.open else { return };
+        match event {
+            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::RedrawRequested => match open.redraw() {
+                Ok(true) => event_loop.set_control_flow(ControlFlow::Poll),
+                Ok(false) => event_loop.set_control_flow(ControlFlow::Wait),
+                Err(text) => {
+                    self.failure = Some(text);
+                    event_loop.exit();
+                }
+            },
+            event => open.hear(event),
+        }
+    }
+}
+
+impl OpenWindow {
+    fn new(event_loop: &ActiveEventLoop, arguments: &Arguments, proxy: &EventLoopProxy<Woken>) -> Result<Self, String> {
+        let [width, height] = arguments.size.unwrap_or([1280, 800]);
+        let attributes =
+            Window::default_attributes().with_title("Strivec").with_inner_size(LogicalSize::new(width, height));
+        let window = Arc::new(event_loop.create_window(attributes).map_err(|e| e.to_string())?);
+        let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
+        let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(&window)) };
+        let (surface, gpu, note) = match on_gpu {
+            Some(Ok((surface, gpu, format))) => (surface, Some((gpu, format)), None),
+            Some(Err(error)) => {
+                (Surface::in_memory(&window)?, None, Some(format!("{error}; the processor draws instead")))
+            }
+            None => (Surface::in_memory(&window)?, None, None),
+        };
+        // A device that is software itself is many times slower than the processor's own renderer.
+        let is_hardware = gpu.as_ref().is_some_and(|(gpu, _)| gpu.info().device_type != wgpu::DeviceType::Cpu);
+        let draws = match arguments.renderer {
+            Renderer::Auto => is_hardware,
+            Renderer::Gpu => gpu.is_some(),
+            Renderer::Cpu | Renderer::Memory => false,
+        };
+        let most_texture = gpu.as_ref().map(|(gpu, _)| gpu.device().limits().max_texture_dimension_2d as usize);
+        let device = Device { gpu, draws, precision };
+        let egui = egui_winit::State::new(
+            egui::Context::default(),
+            egui::ViewportId::ROOT,
+            event_loop,
+            Some(window.scale_factor() as f32),
+            Some(winit::window::Theme::Dark),
+            most_texture,
+        );
+        let proxy = proxy.clone();
+        let wake = move || {
+            let proxy = proxy.clone();
+            // A window that is gone needs no waking.
+            Box::new(move || drop(proxy.send_event(Woken))) as Box<dyn Fn() + Send>
+        };
+        let mut app = App::new(device, arguments.frame_time, arguments.data.clone(), arguments.timing, wake);
+        app.message = note;
+        if let Some(place) = &arguments.place {
+            app.open(place, 0);
+        }
+        if let Some(place) = &arguments.compare {
+            app.open(place, 1);
+        }
+        window.request_redraw();
+        Ok(Self {
+            window,
+            surface,
+            egui,
+            app,
+            modifiers: ModifiersState::empty(),
+            pointer: [0.0; 2],
+            dragging: None,
+            picture: Rect::NOTHING,
+        })
+    }
+
+    /// Takes an event in.
+    fn hear(&mut self, event: WindowEvent) {
+        let response = self.egui.on_window_event(&self.window, &event);
+        let in_text = self.egui.egui_ctx().text_edit_focused();
+        match event {
+            WindowEvent::Resized(size) => self.surface.resize(size.width, size.height),
+            WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
+            WindowEvent::Focused(false) => {
+                self.dragging = None;
+                if let Some(controls) = &mut self.app.controls {
+                    controls.release_keys();
+                }
+            }
+            WindowEvent::KeyboardInput { event, .. } if !in_text && !event.repeat => {
+                if let PhysicalKey::Code(code) = event.physical_key {
+                    let is_modified = self.modifiers.control_key() || self.modifiers.super_key();
+                    let pointer = self.over_picture().then(|| self.in_picture());
+                    self.app.key(&format!("{code:?}"), event.state == ElementState::Pressed, is_modified, pointer);
+                }
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                let height = f64::from(self.picture.height()).max(1.0);
+                let moved = [(position.x - self.pointer[0]) / height, (position.y - self.pointer[1]) / height];
+                self.pointer = [position.x, position.y];
+                if let Some(drag) = self.dragging {
+                    self.app.dragged(moved, drag);
+                }
+            }
+            WindowEvent::MouseInput { state: ElementState::Released, .. } => self.dragging = None,
+            WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if self.over_picture() => {
+                self.dragging = match button {
+                    MouseButton::Left if self.modifiers.control_key() => Some(Drag::Look),
+                    MouseButton::Left if self.modifiers.shift_key() => Some(Drag::Pan),
+                    MouseButton::Left => Some(Drag::Orbit),
+                    MouseButton::Right | MouseButton::Middle => Some(Drag::Pan),
+                    _ => None,
+                };
+            }
+            WindowEvent::MouseWheel { delta, .. } if self.over_picture() => {
+                self.app.wheeled(match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                    MouseScrollDelta::PixelDelta(pixels) => pixels.y / PIXELS_A_LINE,
+                });
+            }
+            WindowEvent::Touch(touch) => {
+                let height = f64::from(self.picture.height()).max(1.0);
+                let at = [touch.location.x / height, touch.location.y / height];
+                let is_gone = matches!(touch.phase, TouchPhase::Ended | TouchPhase::Cancelled);
+                self.app.touched(touch.id, (!is_gone).then_some(at));
+            }
+            WindowEvent::DroppedFile(path) => {
+                panel::dropped(&mut self.app, &path.display().to_string(), self.modifiers.control_key());
+            }
+            _ if !response.repaint => return,
+            _ => {}
+        }
+        self.window.request_redraw();
+    }
+
+    /// Whether the pointer is over the picture and over nothing else.
+    fn over_picture(&self) -> bool {
+        let scale = self.window.scale_factor() as f32;
+        let at = egui::Pos2::new(self.pointer[0] as f32, self.pointer[1] as f32);
+        let layer = self.egui.egui_ctx().layer_id_at((at.to_vec2() / scale).to_pos2());
+        self.picture.contains(at) && layer.is_none_or(|layer| layer.order == egui::Order::Background)
+    }
+
+    /// Where the pointer is, in parts of the picture's width and height.
+    fn in_picture(&self) -> [f64; 2] {
+        let at = egui::Pos2::new(self.pointer[0] as f32, self.pointer[1] as f32) - self.picture.min;
+        [f64::from(at.x / self.picture.width()), f64::from(at.y / self.picture.height())]
+    }
+
+    /// Paints the window; whether it has to be painted again at once.
+    fn redraw(&mut self) -> Result<bool, String> {
+        let input = self.egui.take_egui_input(&self.window);
+        let context = self.egui.egui_ctx().clone();
+        let mut picture = Rect::NOTHING;
+        let app = &mut self.app;
+        let output = context.run_ui(input, |ui| picture = panel::lay_out(app, ui));
+        self.egui.handle_platform_output(&self.window, output.platform_output);
+        let scale = output.pixels_per_point;
+        self.picture = Rect::from_min_max(
+            (picture.min.to_vec2() * scale).round().to_pos2(),
+            (picture.max.to_vec2() * scale).round().to_pos2(),
+        );
+        let size = [self.picture.width(), self.picture.height()].map(|v| v.max(1.0) as u32);
+        let is_busy = self.app.update(size);
+        let painting = Painting {
+            primitives: context.tessellate(output.shapes, scale),
+            textures: output.textures_delta,
+            pixels_per_point: scale,
+            picture: self.picture,
+        };
+        self.window.pre_present_notify();
+        self.surface.paint(&self.app, painting, &self.window)?;
+        let wants_more = output.viewport_output.values().any(|v| v.repaint_delay.is_zero());
+        if is_busy || wants_more {
+            self.window.request_redraw();
+        }
+        Ok(is_busy || wants_more)
+    }
+}
