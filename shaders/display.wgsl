@@ -20,6 +20,8 @@ struct Display {
     // Depths that are nearest and farthest.
     depths: vec2<f32>,
     padding: vec2<f32>,
+    // The photograph's corner and size, in parts of the picture's place.
+    photograph: vec4<f32>,
     // The camera's axes.
     right: vec3<f32>,
     padding1: f32,
@@ -106,8 +108,10 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             color = color_at(at);
         }
     }
-    let seen = textureSampleLevel(photograph, smooth_sampler, share, 0.0).xyz;
-    color = mix(color, seen, display.photograph_share);
+    let in_photograph = (share - display.photograph.xy) / display.photograph.zw;
+    let seen = textureSampleLevel(photograph, smooth_sampler, in_photograph, 0.0).xyz;
+    let is_seen = all(in_photograph >= vec2(0.0)) && all(in_photograph <= vec2(1.0));
+    color = mix(color, seen, select(0.0, display.photograph_share, is_seen));
     if display.is_linear == 1u {
         color = linear_of(color);
     }

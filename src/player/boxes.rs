@@ -7,6 +7,7 @@ use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::render::gpu::Gpu;
 
+const SHADER: &str = include_str!("../../shaders/boxes.wgsl");
 /// Scales that have a colour of their own.
 const SCALES: usize = 16;
 /// By scale, the coarsest first; then again.
@@ -99,7 +100,7 @@ fn clip_from_model(camera: &Camera, origin: DVec3) -> DMat4 {
 fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("boxes"),
-        source: wgpu::ShaderSource::Wgsl(include_str!("../../shaders/boxes.wgsl").into()),
+        source: wgpu::ShaderSource::Wgsl(SHADER.into()),
     });
     let attribute = wgpu::VertexAttribute { format: wgpu::VertexFormat::Float32x4, offset: 0, shader_location: 0 };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -139,6 +140,11 @@ fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderP
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_uniform_lies_as_the_shader_has_it() {
+        crate::render::gpu::testing::assert_same_layout!(SHADER, "Boxes", Uniform, clip_from_model, halves, colors);
+    }
 
     #[test]
     fn lines_fall_where_rays_pass() {

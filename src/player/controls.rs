@@ -62,7 +62,7 @@ pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
         "KeyC" => Some(Action::Record),
         "Space" => Some(Action::Play),
         "KeyB" => Some(Action::Boxes),
-        "Tab" => Some(Action::Panel),
+        "KeyI" => Some(Action::Panel),
         _ => None,
     }
 }
@@ -150,6 +150,12 @@ impl Controls {
     /// Puts the camera at `pose`, turning around what is as far ahead as before.
     pub fn place(&mut self, pose: Pose) {
         self.now.pose = Pose { rotation: pose.rotation.normalize(), ..pose };
+    }
+
+    /// Puts the camera at `pose`, with an angle of view from top to bottom of `angle` radians.
+    pub fn place_with_angle(&mut self, pose: Pose, angle: f64) {
+        self.place(pose);
+        self.angle_of_view = angle.clamp(0.02, 3.0);
     }
 
     /// Turns around the pivot; the pointer has moved by these parts of the window's height, to the right and down.

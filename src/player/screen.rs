@@ -6,6 +6,7 @@ use crate::geometry::Camera;
 use crate::render::Pixel;
 use crate::render::gpu::{Gpu, GpuRenderer};
 
+const SHADER: &str = include_str!("../../shaders/display.wgsl");
 /// Bytes of a pixel of the renderer.
 const PIXEL_BYTES: u64 = 32;
 
@@ -61,6 +62,8 @@ pub struct Show {
     pub most_samples: f32,
     /// How much of the photograph is seen.
     pub photograph_share: f32,
+    /// The photograph's corner and size, in parts of the picture's place.
+    pub photograph: [f32; 4],
 }
 
 /// `Display` of `shaders/display.wgsl`.
@@ -78,6 +81,7 @@ struct Uniform {
     most_samples: f32,
     depths: [f32; 2],
     padding: [f32; 2],
+    photograph: [f32; 4],
     right: [f32; 3],
     padding1: f32,
     up: [f32; 3],
@@ -193,6 +197,7 @@ impl Screen {
             most_samples: show.most_samples,
             depths: show.depths,
             padding: [0.0; 2],
+            photograph: show.photograph,
             right: axis(0),
             padding1: 0.0,
             up: axis(1),
@@ -238,7 +243,7 @@ fn texture(gpu: &Gpu, size: [u32; 2], rgba: &[u8]) -> wgpu::TextureView {
 fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("display"),
-        source: wgpu::ShaderSource::Wgsl(include_str!("../../shaders/display.wgsl").into()),
+        source: wgpu::ShaderSource::Wgsl(SHADER.into()),
     });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("display"),
@@ -261,4 +266,39 @@ fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderP
         multiview_mask: None,
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::gpu::testing::assert_same_layout;
+
+    #[test]
+    fn the_uniform_lies_as_the_shader_has_it() {
+        assert_same_layout!(
+            SHADER,
+            "Display",
+            Uniform,
+            picture,
+            corner,
+            size,
+            view,
+            is_linear,
+            scene_background,
+            photograph_share,
+            background,
+            most_samples,
+            depths,
+            photograph,
+            right,
+            up,
+            back
+        );
+    }
+
+    #[test]
+    fn views_come_round() {
+        assert_eq!(View::ALL.iter().fold(View::Color, |view, _| view.next()), View::Color);
+        assert_eq!(View::Color.next(), View::Depth);
+    }
 }

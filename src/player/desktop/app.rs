@@ -8,6 +8,7 @@ use super::opening::{self, News, Opened};
 use super::recent;
 use super::scene_slot::{Device, SceneSlot};
 use crate::container::Pose;
+use crate::dataset::{self, LoadOptions};
 use crate::geometry::Camera;
 use crate::measure::color_png;
 use crate::player::{Action, Controls, Gesture, Gestures, Pace, Show, View};
@@ -148,13 +149,21 @@ impl App {
                     self.folder = scenes;
                     self.open(&first, slot);
                 }
-                None => self.message = Some(format!("{place}: expected .strivec files in the folder, found none")),
+                None => self.say(format!("{place}: expected .strivec files in the folder, found none")),
             }
             return;
         }
         (self.opened_at, self.has_first_picture) = (Instant::now(), false);
         self.pending[slot] = Some(opening::open(place.to_owned(), (self.wake)()));
         recent::add(&mut self.recent, place);
+    }
+
+    /// Shows `text` until it is closed, or something else is opened.
+    pub(super) fn say(&mut self, text: String) {
+        if self.says_timing {
+            println!("{text}");
+        }
+        self.message = Some(text);
     }
 
     /// Closes the second scene.
@@ -186,7 +195,7 @@ impl App {
             self.changed();
         }
         if let Err(error) = self.draw() {
-            self.message = Some(error.to_string());
+            self.say(error.to_string());
             self.slots = [None, None];
         }
         let is_drawing = self.slots.iter().flatten().any(SceneSlot::is_drawing);
@@ -204,7 +213,7 @@ impl App {
             match receiver.try_recv() {
                 Ok(News::Scene(opened)) => self.take(*opened, slot),
                 Ok(News::Failed(text)) => {
-                    self.message = Some(text);
+                    self.say(text);
                     self.pending[slot] = None;
                 }
                 Err(TryRecvError::Empty) => return,
@@ -229,7 +238,7 @@ impl App {
         }
         match SceneSlot::new(opened, &self.device, &self.approximation) {
             Ok(scene) => self.slots[slot] = Some(scene),
-            Err(text) => self.message = Some(text),
+            Err(text) => self.say(text),
         }
         self.changed();
     }
@@ -419,10 +428,12 @@ impl App {
     /// Draws all scenes with the approximation that is set now.
     pub(super) fn approximate(&mut self) {
         self.seconds_before = self.seconds.take();
+        let mut failure = None;
         for slot in self.slots.iter_mut().flatten() {
-            if let Err(text) = slot.approximate(&self.device, &self.approximation) {
-                self.message = Some(text);
-            }
+            failure = slot.approximate(&self.device, &self.approximation).err().or(failure);
+        }
+        if let Some(text) = failure {
+            self.say(text);
         }
         self.pace.abandoned();
         self.changed();
@@ -443,7 +454,7 @@ impl App {
             let stem = slot.opened.name.trim_end_matches(".strivec").to_owned();
             write_new(&stem, &png, &mut self.screenshots)
         });
-        self.message = Some(match written {
+        self.say(match written {
             Ok(name) => format!("wrote {name}"),
             Err(text) => format!("screenshot: {text}"),
         });
@@ -455,11 +466,54 @@ impl App {
     pub(super) fn go_to_camera(&mut self, n: usize) {
         let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return };
         if let Some(camera) = slot.opened.document.extras.cameras.get(n) {
-            controls.place(camera.pose);
+            let angle = 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan();
+            controls.place_with_angle(camera.pose, angle);
             self.photographs.camera = n;
             self.photographs.is_loaded = false;
             self.changed();
         }
+    }
+
+    /// Loads the photograph that training camera took whose number is chosen, where it is wanted and not there yet.
+    pub(super) fn load_photograph(&mut self) {
+        let Photographs { folder: Some(folder), camera: n, share, is_loaded: false } = &self.photographs else {
+            return;
+        };
+        if *share == 0.0 {
+            return;
+        }
+        let options = LoadOptions { views: Some(*n..*n + 1), ..LoadOptions::default() };
+        let loaded = dataset::load(folder, "train", &options);
+        let Some(slot) = &mut self.slots[0] else { return };
+        match loaded.map(|dataset| dataset.views.into_iter().next()) {
+            Ok(Some(view)) => {
+                let colors = view.pixels.colors(slot.scene.frame.background);
+                let byte = |v: f32| (255.0 * v.clamp(0.0, 1.0)).round() as u8;
+                let rgba: Vec<u8> = colors.iter().flat_map(|c| [byte(c[0]), byte(c[1]), byte(c[2]), 255]).collect();
+                if let Some((screen, _)) = &mut slot.painter.screen {
+                    screen.set_photograph([view.camera.width, view.camera.height], &rgba);
+                    self.photographs.is_loaded = true;
+                }
+            }
+            Ok(None) => {}
+            Err(error) => {
+                self.photographs.share = 0.0;
+                self.say(error.to_string());
+            }
+        }
+    }
+
+    /// Where the photograph is in the picture, in parts of its size.
+    fn photograph_place(&self, slot: &SceneSlot) -> Option<[f32; 4]> {
+        let taken = slot.opened.document.extras.cameras.get(self.photographs.camera)?;
+        let shown = slot.shown()?;
+        let along = |axis: usize, size: u32| {
+            let scale = shown.focal[axis] / taken.focal[axis];
+            let corner = shown.principal[axis] - scale * taken.principal[axis];
+            [corner, scale * f64::from(taken.size[axis])].map(|v| (v / f64::from(size)) as f32)
+        };
+        let ([x, width], [y, height]) = (along(0, shown.width), along(1, shown.height));
+        Some([x, y, width, height])
     }
 
     /// How slot `n` is shown.
@@ -476,6 +530,7 @@ impl App {
             depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
             most_samples: samples as f32,
             photograph_share: if self.photographs.is_loaded && n == 0 { self.photographs.share } else { 0.0 },
+            photograph: self.photograph_place(slot).unwrap_or([0.0, 0.0, 1.0, 1.0]),
         })
     }
 

@@ -36,7 +36,7 @@ pub(super) struct Arguments {
     /// Size of the window
     #[arg(long, value_name = "WxH", default_value = "1280x800", value_parser = size)]
     pub(super) size: Option<[u32; 2]>,
-    /// Say on the terminal how long the first picture and each whole picture took
+    /// Say on the terminal how long pictures took, and what is shown as messages
     #[arg(long)]
     pub(super) timing: bool,
 }

@@ -19,7 +19,7 @@ const KEYS: [(&str, &str); 15] = [
     ("B", "tensor boxes"),
     ("P", "screenshot"),
     ("C, Space", "record a path, play it"),
-    ("Tab", "panel"),
+    ("I", "this panel"),
     ("H", "this help"),
     ("drop a file", "open it; with Ctrl compare with it"),
 ];
@@ -249,8 +249,9 @@ fn cameras(app: &mut App, ui: &mut Ui) {
         if ui.add(Slider::new(&mut n, 0..=count - 1).text("training camera")).changed() {
             app.go_to_camera(n);
         }
-        if app.photographs.folder.is_some() {
+        if app.photographs.folder.is_some() && app.device.gpu.is_some() {
             ui.add(Slider::new(&mut app.photographs.share, 0.0..=1.0).text("photograph"));
+            app.load_photograph();
         }
     }
 }
@@ -304,6 +305,6 @@ pub(super) fn dropped(app: &mut App, place: &str, is_compared: bool) {
     if opening::is_url(place) || std::path::Path::new(place).exists() {
         app.open(place, slot);
     } else {
-        app.message = Some(format!("{place}: there is no such file"));
+        app.say(format!("{place}: there is no such file"));
     }
 }

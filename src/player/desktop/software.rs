@@ -160,7 +160,7 @@ mod tests {
         let corners = [vertex(1.0, 1.0, half), vertex(5.0, 1.0, half), vertex(5.0, 4.0, half), vertex(1.0, 4.0, half)];
         let mesh = Mesh { indices: vec![0, 1, 2, 0, 2, 3], vertices: corners.into(), texture_id: TextureId::default() };
         let mut canvas = Canvas::new(8, 6, Color32::from_rgb(0, 0, 200));
-        let everywhere = Rect::from_min_max(Pos2::ZERO, Pos2::new(4.5, 100.0));
+        let everywhere = Rect::from_min_max(Pos2::ZERO, Pos2::new(4.25, 100.0));
         paint_mesh(&mut canvas, &mesh, everywhere, &([1, 1], vec![Color32::WHITE]), 1.0);
         let painted: Vec<_> = (0..48).filter(|n| canvas.colors[*n] != Color32::from_rgb(0, 0, 200)).collect();
         assert_eq!(painted, [9, 10, 11, 17, 18, 19, 25, 26, 27], "the clip rectangle ends in pixel 4");

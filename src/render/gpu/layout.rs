@@ -130,95 +130,76 @@ pub(super) struct PixelPair {
 
 #[cfg(test)]
 mod tests {
-    use std::mem::{offset_of, size_of};
-
     use super::*;
     use crate::render::gpu::shader::{Shape, Stage};
-
-    /// Offsets of a struct's members and its size, as WGSL has them.
-    fn of_wgsl(name: &str) -> (Vec<(String, u32)>, u32) {
-        let module = wgpu::naga::front::wgsl::parse_str(&Stage::March.source(&Shape::default())).unwrap();
-        let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
-        let wgpu::naga::TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
-        (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
-    }
-
-    macro_rules! assert_same {
-        ($wgsl:literal, $rust:ty, $($member:ident),+) => {{
-            let (members, size) = of_wgsl($wgsl);
-            let own = [$((stringify!($member).to_owned(), offset_of!($rust, $member) as u32)),+];
-            let padding_apart = |m: &(String, u32)| !m.0.starts_with("padding");
-            let members: Vec<_> = members.into_iter().filter(padding_apart).collect();
-            assert_eq!(members[..own.len().min(members.len())], own, $wgsl);
-            (members.len() - own.len(), size, size_of::<$rust>() as u32)
-        }};
-    }
+    use crate::render::gpu::testing::assert_same_layout;
 
     #[test]
     fn structs_lie_as_the_shaders_have_them() {
-        let whole = [
-            assert_same!(
-                "Scale",
-                Scale,
-                min,
-                top_k,
-                cells_per_unit,
-                lists,
-                cells,
-                starts,
-                half,
-                candidates,
-                factor_cells_per_unit,
-                rows,
-                last_cell,
-                density,
-                first_row,
-                appearance,
-                density_quads,
-                appearance_quads,
-                first_quad
-            ),
-            assert_same!("Layer", Layer, inputs, outputs, weights, bias),
-            assert_same!(
-                "Frame",
-                Frame,
-                position,
-                width,
-                right,
-                height,
-                up,
-                first_ray,
-                back,
-                ray_count,
-                focal,
-                principal,
-                rays_are_given,
-                blocks
-            ),
-            assert_same!(
-                "Ray",
-                Ray,
-                start,
-                entry,
-                direction,
-                length,
-                transmittance,
-                weights,
-                distances,
-                evaluated,
-                outputs,
-                colored_weights,
-                first_block,
-                first_row,
-                colored,
-                listed
-            ),
-            assert_same!("Counters", Counters, blocks, rows, listed),
-        ];
-        for (missing, wgsl, rust) in whole {
-            assert_eq!((missing, wgsl), (0, rust));
-        }
-        let (missing, wgsl, rust) = assert_same!(
+        let shape = Shape::default();
+        let source = &Stage::March.source(&shape);
+        assert_same_layout!(
+            source,
+            "Scale",
+            Scale,
+            min,
+            top_k,
+            cells_per_unit,
+            lists,
+            cells,
+            starts,
+            half,
+            candidates,
+            factor_cells_per_unit,
+            rows,
+            last_cell,
+            density,
+            first_row,
+            appearance,
+            density_quads,
+            appearance_quads,
+            first_quad
+        );
+        assert_same_layout!(source, "Layer", Layer, inputs, outputs, weights, bias);
+        assert_same_layout!(
+            source,
+            "Frame",
+            Frame,
+            position,
+            width,
+            right,
+            height,
+            up,
+            first_ray,
+            back,
+            ray_count,
+            focal,
+            principal,
+            rays_are_given,
+            blocks
+        );
+        assert_same_layout!(
+            source,
+            "Ray",
+            Ray,
+            start,
+            entry,
+            direction,
+            length,
+            transmittance,
+            weights,
+            distances,
+            evaluated,
+            outputs,
+            colored_weights,
+            first_block,
+            first_row,
+            colored,
+            listed
+        );
+        assert_same_layout!(source, "Counters", Counters, blocks, rows, listed);
+        let (more, size) = assert_same_layout!(
+            source,
             "Scene",
             SceneHead,
             bounds_min,
@@ -240,9 +221,21 @@ mod tests {
             grid_cells,
             grid_block_counts
         );
-        assert_eq!(missing, 2, "layers and scales");
-        let shape = Shape::default();
-        assert_eq!(wgsl, rust + 16 * shape.layers + 128 * shape.scales);
-        assert_eq!((size_of::<Layer>(), size_of::<Scale>()), (16, 128));
+        let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
+        assert_eq!((more, size), (2, head + layer * shape.layers + scale * shape.scales), "layers and scales follow");
+    }
+
+    #[test]
+    #[should_panic(expected = "Layer")]
+    fn a_member_in_another_place_is_found() {
+        #[repr(C)]
+        struct Swapped {
+            outputs: u32,
+            inputs: u32,
+            weights: u32,
+            bias: u32,
+        }
+        let source = &Stage::March.source(&Shape::default());
+        assert_same_layout!(source, "Layer", Swapped, inputs, outputs, weights, bias);
     }
 }

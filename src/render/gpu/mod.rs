@@ -9,6 +9,8 @@ mod drawing;
 mod layout;
 mod packed;
 mod shader;
+#[cfg(test)]
+pub(crate) mod testing;
 mod workspace;
 
 pub use device::Gpu;

@@ -252,6 +252,7 @@ mod tests {
     use wgpu::naga;
 
     use super::*;
+    use crate::render::gpu::testing::validated;
 
     fn shapes() -> Vec<Shape> {
         let paper = Shape::default();
@@ -274,34 +275,23 @@ mod tests {
         ]
     }
 
-    /// What the validator says, if anything.
-    fn checked(source: &str) -> Result<naga::valid::ModuleInfo, String> {
-        let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-        let mut validator = naga::valid::Validator::new(
-            naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32,
-        );
-        validator.validate(&module).map_err(|e| e.emit_to_string(source))
-    }
-
     #[test]
     fn every_shader_is_valid_for_every_shape() {
         for shape in shapes() {
             for stage in Stage::ALL {
                 let source = stage.source(&shape);
-                checked(&source).unwrap_or_else(|e| panic!("{}: {e}\n{shape:?}", stage.name()));
+                validated(&source).unwrap_or_else(|e| panic!("{}: {e}\n{shape:?}", stage.name()));
             }
         }
         let broken = Stage::March.source(&Shape::default()).replace("fn advance", "fn advanced");
-        assert!(checked(&broken).is_err());
+        assert!(validated(&broken).is_err());
     }
 
     #[test]
     fn stages_use_the_bindings_that_they_say_and_no_more_than_four_are_storage() {
         let shape = Shape::default();
         for stage in Stage::ALL {
-            let module = naga::front::wgsl::parse_str(&stage.source(&shape)).unwrap();
-            let info = checked(&stage.source(&shape)).unwrap();
+            let (module, info) = validated(&stage.source(&shape)).unwrap();
             let used = |(handle, global): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
                 let used = !info.get_entry_point(0)[handle].is_empty();
                 Some((global.binding.as_ref().filter(|_| used)?.binding, global.space))
@@ -319,7 +309,7 @@ mod tests {
     #[test]
     fn the_decoder_fits_into_workgroup_memory() {
         for shape in shapes() {
-            let module = naga::front::wgsl::parse_str(&Stage::Decoder.source(&shape)).unwrap();
+            let (module, _) = validated(&Stage::Decoder.source(&shape)).unwrap();
             let mut layouter = naga::proc::Layouter::default();
             layouter.update(module.to_ctx()).unwrap();
             let bytes: u32 = (module.global_variables.iter())
