@@ -10,6 +10,8 @@ use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
 const PRESET_STEPS: u64 = 30_000;
 /// Steps of the preset for scans (paper, section "The ScanNet dataset").
 const SCAN_STEPS: u64 = 100_000;
+/// Shortened runs compute the occupancy no earlier: what is still empty then would be empty for good.
+const EARLIEST_OCCUPANCY: u64 = 300;
 /// Half the largest extent of a scan in model units: about a room's whole extent in metres.
 const SCAN_HALF_EXTENT: f64 = 4.8;
 
@@ -339,12 +341,16 @@ impl TrainConfig {
         toml::to_string_pretty(self).expect("a configuration has a TOML form")
     }
 
-    /// The same run in `steps` steps: the schedule is scaled along.
+    /// The same run in `steps` steps: the schedule is scaled along, but where nothing counts is not asked before step
+    /// [`EARLIEST_OCCUPANCY`], when there is still hardly anything anywhere.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
+        let mut occupancy_at: Vec<u64> =
+            self.occupancy_at.iter().map(|at| scaled(at).max(EARLIEST_OCCUPANCY.min(*at))).collect();
+        occupancy_at.dedup();
         Self {
             upsample_at: self.upsample_at.iter().map(scaled).collect(),
-            occupancy_at: self.occupancy_at.iter().map(scaled).collect(),
+            occupancy_at,
             steps,
             ..self
         }
@@ -495,6 +501,8 @@ mod tests {
     fn scaling_the_steps_scales_the_schedule() {
         let config = TrainConfig::preset("24").unwrap().with_steps(3000);
         assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
-        assert_eq!(config.occupancy_at, [200, 400, 800, 1600]);
+        assert_eq!(config.occupancy_at, [300, 400, 800, 1600]);
+        let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
+        assert_eq!(short.occupancy_at, [300, 533]);
     }
 }
