@@ -18,7 +18,7 @@ import threading
 import time
 from pathlib import Path
 
-from Xlib import X, XK, Xatom, display
+from Xlib import X, XK, display
 from Xlib.ext import xtest
 from Xlib.protocol import event
 
@@ -126,31 +126,37 @@ class Player:
             target.send_event(message, event_mask=0)
             d.sync()
 
+        def serve(is_done):
+            """Answers who asks for the file's name, until an event is what is waited for."""
+            until = time.monotonic() + PATIENCE
+            while time.monotonic() < until:
+                while d.pending_events():
+                    asked = d.next_event()
+                    if asked.type == X.SelectionRequest:
+                        name = f"file://{path}\r\n".encode()
+                        asked.requestor.change_property(asked.property, asked.target, 8, name)
+                        answer = event.SelectionNotify(
+                            time=asked.time,
+                            requestor=asked.requestor,
+                            selection=asked.selection,
+                            target=asked.target,
+                            property=asked.property,
+                        )
+                        asked.requestor.send_event(answer, event_mask=0)
+                        d.sync()
+                    if is_done(asked):
+                        return
+                self.check()
+                time.sleep(0.02)
+            sys.exit("drive: the drop was not taken")
+
         tell("XdndEnter", 5 << 24, kind, 0, 0)
         tell("XdndPosition", 0, 200 << 16 | 200, X.CurrentTime, atom("XdndActionCopy"))
-        time.sleep(0.3)
+        serve(lambda asked: asked.type == X.SelectionRequest)
+        time.sleep(0.2)
         tell("XdndDrop", 0, X.CurrentTime, 0, 0)
-        until = time.monotonic() + PATIENCE
-        while time.monotonic() < until:
-            while d.pending_events():
-                asked = d.next_event()
-                if asked.type == X.SelectionRequest:
-                    asked.requestor.change_property(asked.property, asked.target, 8, f"file://{path}\r\n".encode())
-                    answer = event.SelectionNotify(
-                        time=asked.time,
-                        requestor=asked.requestor,
-                        selection=asked.selection,
-                        target=asked.target,
-                        property=asked.property,
-                    )
-                    asked.requestor.send_event(answer, event_mask=0)
-                    d.sync()
-                elif asked.type == X.ClientMessage and asked.client_type == atom("XdndFinished"):
-                    source.destroy()
-                    return
-            self.check()
-            time.sleep(0.02)
-        sys.exit("drive: the drop was not taken")
+        serve(lambda asked: asked.type == X.ClientMessage and asked.client_type == atom("XdndFinished"))
+        source.destroy()
 
     def picture(self, path):
         if path:

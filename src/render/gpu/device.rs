@@ -1,5 +1,7 @@
 //! The graphics processor: finding one, and what it can do.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use super::GpuError;
 
 /// An open device.
@@ -9,6 +11,8 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
+    /// What the device has complained of first, where nobody asked it to.
+    complaint: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -49,7 +53,13 @@ impl Gpu {
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|e| GpuError::Device(e.to_string()))?;
-        Ok(Self { device, queue, info: adapter.get_info(), adapter })
+        let complaint = Arc::new(Mutex::new(None));
+        let first = Arc::clone(&complaint);
+        // Without this the process would end.
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
+        }));
+        Ok(Self { device, queue, info: adapter.get_info(), adapter, complaint })
     }
 
     /// Name, driver and kind.
@@ -75,6 +85,12 @@ impl Gpu {
     /// Whether stages can be timed.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// What went wrong on the device, if anything did since this was asked last.
+    pub(super) fn complaint(&self) -> Result<(), GpuError> {
+        let complaint = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
+        complaint.map_or(Ok(()), |text| Err(GpuError::Device(text)))
     }
 
     /// Waits for all work that was given to the device.

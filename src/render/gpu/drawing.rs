@@ -70,6 +70,7 @@ impl GpuRenderer {
     }
 
     fn advance_job(&mut self, job: &mut Job, most_rays: u32) -> Result<Drawing, GpuError> {
+        self.gpu.complaint()?;
         if let Some(flight) = &job.flight {
             self.gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Device(e.to_string()))?;
             match flight.state.load(Ordering::Acquire) {

@@ -110,6 +110,7 @@ impl GpuRenderer {
             .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
             .collect();
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        gpu.complaint()?;
         Ok(Self {
             gpu: gpu.clone(),
             pipelines,
@@ -157,6 +158,7 @@ impl GpuRenderer {
     ///
     /// As [`GpuRenderer::render`]'s.
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
+        self.abandon()?;
         let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
         self.make_room(rays.len() as u64, rays.len() as u64)?;
         let frame = Frame { rays_are_given: 1, ..Frame::default() };
