@@ -278,7 +278,7 @@ fn message(app: &mut App, context: &egui::Context) {
         .anchor(egui::Align2::CENTER_BOTTOM, [0.0, -20.0])
         .collapsible(false)
         .show(context, |ui| {
-            ui.set_max_width(600.0);
+            ui.set_max_width((context.content_rect().width() - 40.0).min(600.0));
             ui.add(egui::Label::new(RichText::new(text).color(Color32::from_rgb(255, 190, 120))).wrap());
         });
     if !is_open {
