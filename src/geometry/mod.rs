@@ -3,11 +3,13 @@
 mod aabb;
 mod camera;
 mod lattice;
+mod pose;
 mod ray;
 mod similarity;
 
 pub use aabb::Aabb;
 pub use camera::Camera;
 pub use lattice::Lattice;
+pub use pose::{NotRigid, rigid};
 pub use ray::Ray;
 pub use similarity::Similarity;
