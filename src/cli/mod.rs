@@ -4,6 +4,7 @@
 //! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
 
 mod approximations;
+mod backend;
 mod bench;
 mod console;
 mod demo;
