@@ -6,6 +6,7 @@
 mod approximations;
 mod backend;
 mod bench;
+mod camera_path;
 mod console;
 mod demo;
 mod error;
@@ -26,6 +27,7 @@ mod settings;
 mod synth;
 mod table;
 mod train;
+mod video;
 mod view_selection;
 mod viewpoints;
 

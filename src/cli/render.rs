@@ -7,8 +7,10 @@ use serde::Serialize;
 
 use super::approximations::Approximations;
 use super::backend::{BackendOptions, Drawn};
+use super::camera_path::OTHERS;
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
+use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::measure::{color_png, depth_png, opacity_png};
@@ -20,10 +22,12 @@ Examples:
   strivec render lego.strivec --cameras lego/transforms_test.json --out frames --depth
   strivec render lego.strivec --orbit 60 --step-scale 2 --decoder per-ray --out quick
   strivec render lego.strivec --pose 1,0,0,0,0,1,0,0,0,0,1,4,0,0,0,1 --out one
-  strivec render lego.strivec --orbit 240 --backend gpu --out orbit
+  strivec render lego.strivec --path turntable --frames 240 --backend gpu --out frames --video lego.mp4
+  strivec render lego.strivec --path flight.json --fps 60 --size 1280x720 --out frames
 
 Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
-folder says how much a grey value of 1 stands for. 0 is where there is nothing.";
+folder says how much a grey value of 1 stands for. 0 is where there is nothing.
+A path's frames are frame_0000.png, frame_0001.png, …, also where a video is made of them.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -36,6 +40,9 @@ pub(super) struct Args {
     /// Folder for the pictures; made where it is absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Also make a video of --path's frames: .mp4 (needs the program ffmpeg) or animated .webp (img2webp or ffmpeg)
+    #[arg(long, value_name = "FILE", conflicts_with_all = OTHERS)]
+    video: Option<PathBuf>,
     #[command(flatten)]
     backend: BackendOptions,
     /// Also write NAME_depth.png, the expected depth
@@ -61,6 +68,7 @@ struct Report {
     depth_unit: Option<f64>,
     /// In the order of the cameras.
     files: Vec<PathBuf>,
+    video: Option<PathBuf>,
 }
 
 /// What `depth.json` says.
@@ -77,6 +85,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let approximation = args.approximations.chosen();
     approximation.check(&scene)?;
     let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
+    let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
+    let video = args.video.as_deref().map(|file| Video::plan(file, size)).transpose()?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 
     make_folder(&args.out)?;
@@ -87,6 +97,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut planned: Vec<PathBuf> =
         cameras.iter().flat_map(|camera| kinds.iter().map(|kind| file(&camera.name, kind))).collect();
     planned.extend(args.depth.then(|| scale_file.clone()));
+    planned.extend(args.video.clone());
     check_outputs(&planned, session.force)?;
     let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
     let frame = scene.frame.clone();
@@ -124,6 +135,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let seconds = start.elapsed().as_secs_f64();
     progress.finish(&format!("{} pictures in {seconds:.1} s", cameras.len()));
+    if let Some(video) = &video {
+        session.console.say(&format!("making the video with {}", video.program()));
+        let frames: Vec<_> = cameras.iter().map(|named| file(&named.name, "")).collect();
+        video.encode(&args.out, &frames, args.viewpoints.fps(), session.force)?;
+    }
     let report = Report {
         drawn: renderer.drawn(),
         approximation,
@@ -131,10 +147,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         seconds,
         depth_unit,
         files,
+        video: args.video.clone(),
     };
-    session
-        .console
-        .result(&report, |report| report.files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())
+    session.console.result(&report, |report| {
+        report.files.iter().chain(&report.video).map(|path| format!("{}\n", path.display())).collect::<String>()
+    })
 }
 
 /// The colours of a picture, in its order.
