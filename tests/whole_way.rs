@@ -103,7 +103,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     for (wrong, expected) in [
         (["--neighbours", "17"], "--neighbours: expected 1 to "),
         (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
-        (["--renderer=reference", "--scales=1"], "--renderer reference: expected no approximations"),
+        (["--renderer=reference", "--scales=1"], "--backend reference: expected no approximations"),
     ] {
         let output = strivec(folder, &[&["eval", "a.strivec", "data", "--quiet"][..], &wrong].concat());
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -6,18 +6,18 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::approximations::Approximations;
+use super::backend::{BackendOptions, Drawn};
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
-use super::render::{RendererKind, colors};
+use super::render::colors;
 use super::table::Table;
 use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::dataset::{self, Dataset, View};
 use crate::measure::{
-    self, Canvas, F32_POSITION_ERROR, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map,
-    side_by_side,
+    self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map, side_by_side,
 };
-use crate::render::{Approximation, CpuRenderer};
+use crate::render::Approximation;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -47,10 +47,10 @@ pub(super) struct Args {
     /// Folder for a picture a view: photograph, rendering and where they differ (brightest from 0.2 on)
     #[arg(long, value_name = "DIR")]
     sheets: Option<PathBuf>,
-    /// What computes the pictures
-    #[arg(long, value_enum, default_value_t)]
-    renderer: RendererKind,
-    /// Also compare the fast renderer with the reference on these views, ray by ray (slow)
+    #[command(flatten)]
+    backend: BackendOptions,
+    /// Also compare the renderer (of --backend reference: the fast one) with the reference on these views, ray by ray
+    /// (slow)
     #[arg(long)]
     parity: bool,
     #[command(flatten)]
@@ -65,10 +65,9 @@ struct Evaluation<'a> {
     dataset: &'a str,
     split: &'a str,
     downscale: u32,
-    renderer: RendererKind,
+    #[serde(flatten)]
+    drawn: Drawn,
     approximation: Approximation,
-    /// Of cached density features.
-    density_cache_bytes: Option<u64>,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     /// Rendering alone, the mean of all views.
@@ -77,12 +76,13 @@ struct Evaluation<'a> {
     report: measure::Report,
     /// Where the errors are.
     regions: Vec<RegionReport>,
-    /// The fast renderer against the reference.
+    /// The renderer against the reference.
     parity: Option<measure::Parity>,
 }
 
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    args.backend.check()?;
     let (scene, bytes) = scene_file::read(&args.file)?;
     let bytes = bytes.len() as u64;
     let approximation = args.approximations.chosen();
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let frame = scene.frame.clone();
     let whole = args.parity.then(|| scene.clone());
     let start = Instant::now();
-    let renderer = args.renderer.prepare(scene, &approximation)?;
+    let mut renderer = args.backend.prepare(scene, &approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "eval", views.len() as u64);
     let mut reports: Vec<ViewReport> = Vec::new();
@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut seconds = 0.0;
     for view in &views {
         let start = Instant::now();
-        let picture = renderer.render(&view.camera.mapped(&frame.model_from_dataset));
+        let picture = renderer.render(&view.camera.mapped(&frame.model_from_dataset))?;
         seconds += start.elapsed().as_secs_f64();
         let size = [picture.width, picture.height];
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
@@ -135,8 +135,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some(scene) => {
             session.console.say("comparing with the reference");
             let cameras: Vec<_> = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
-            let fast = CpuRenderer::with_approximation(scene.clone(), &approximation)?;
-            Some(measure::parity(&scene, &fast, &cameras, F32_POSITION_ERROR))
+            Some(renderer.parity(&scene, &cameras)?)
         }
     };
     let evaluation = Evaluation {
@@ -145,9 +144,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         dataset: &name,
         split: &args.split,
         downscale: args.downscale,
-        renderer: args.renderer,
+        drawn: renderer.drawn(),
         approximation,
-        density_cache_bytes: renderer.density_cache_bytes(),
         seconds_preparing,
         seconds_per_view,
         report,
@@ -161,7 +159,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 fn parity_text(parity: measure::Parity) -> String {
     format!(
-        "fast against reference: {} clear rays, largest difference {:.2e}; {} rays ({:.2} %) near a decision: \
+        "against the reference: {} clear rays, largest difference {:.2e}; {} rays ({:.2} %) near a decision: \
          median {:.1e}, 99.9 % {:.1e}, largest {:.1e}",
         parity.clear_rays,
         parity.clear_maximum,

@@ -4,7 +4,9 @@
 //! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
 
 mod approximations;
+mod backend;
 mod bench;
+mod camera_path;
 mod console;
 mod demo;
 mod error;
@@ -25,6 +27,7 @@ mod settings;
 mod synth;
 mod table;
 mod train;
+mod video;
 mod view_selection;
 mod viewpoints;
 

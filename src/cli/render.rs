@@ -3,28 +3,31 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::ValueEnum;
 use serde::Serialize;
 
 use super::approximations::Approximations;
+use super::backend::{BackendOptions, Drawn};
+use super::camera_path::OTHERS;
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
+use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::geometry::Camera;
 use crate::measure::{color_png, depth_png, opacity_png};
-use crate::model::Scene;
-use crate::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use crate::render::{Approximation, Picture};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec render lego.strivec --orbit 60 --size 400x400 --out orbit
   strivec render lego.strivec --cameras lego/transforms_test.json --out frames --depth
-  strivec render lego.strivec --orbit 60 --step-scale 2 --per-ray --out quick
+  strivec render lego.strivec --orbit 60 --step-scale 2 --decoder per-ray --out quick
   strivec render lego.strivec --pose 1,0,0,0,0,1,0,0,0,0,1,4,0,0,0,1 --out one
+  strivec render lego.strivec --path turntable --frames 240 --backend gpu --out frames --video lego.mp4
+  strivec render lego.strivec --path flight.json --fps 60 --size 1280x720 --out frames
 
 Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
-folder says how much a grey value of 1 stands for. 0 is where there is nothing.";
+folder says how much a grey value of 1 stands for. 0 is where there is nothing.
+A path's frames are frame_0000.png, frame_0001.png, …, also where a video is made of them.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -37,9 +40,11 @@ pub(super) struct Args {
     /// Folder for the pictures; made where it is absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What computes the pictures
-    #[arg(long, value_enum, default_value_t)]
-    renderer: RendererKind,
+    /// Also make a video of --path's frames: .mp4 (needs the program ffmpeg) or animated .webp (img2webp or ffmpeg)
+    #[arg(long, value_name = "FILE", conflicts_with_all = OTHERS)]
+    video: Option<PathBuf>,
+    #[command(flatten)]
+    backend: BackendOptions,
     /// Also write NAME_depth.png, the expected depth
     #[arg(long)]
     depth: bool,
@@ -50,61 +55,12 @@ pub(super) struct Args {
     approximations: Approximations,
 }
 
-/// The renderers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum RendererKind {
-    /// Fast, in 32-bit floating point
-    #[default]
-    Cpu,
-    /// Slow, in 64-bit floating point: what the numbers mean
-    Reference,
-}
-
-impl RendererKind {
-    /// What takes `scene`'s pictures with `approximation`.
-    pub(super) fn prepare(self, scene: Scene, approximation: &Approximation) -> Result<Prepared, Error> {
-        match self {
-            Self::Cpu => Ok(Prepared::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?))),
-            Self::Reference if approximation.is_exact() => Ok(Prepared::Reference(Box::new(scene))),
-            Self::Reference => Err(Error::Usage("--renderer reference: expected no approximations, found some".into())),
-        }
-    }
-}
-
-/// A renderer that owns what it needs.
-pub(super) enum Prepared {
-    /// The fast one.
-    Cpu(Box<CpuRenderer>),
-    /// The scene that the reference reads.
-    Reference(Box<Scene>),
-}
-
-impl Prepared {
-    /// The picture that `camera`, in the model's space, takes.
-    pub(super) fn render(&self, camera: &Camera) -> Picture {
-        match self {
-            Self::Cpu(renderer) => renderer.render(camera),
-            Self::Reference(scene) => ReferenceRenderer::new(scene).render(camera),
-        }
-    }
-
-    /// The memory of cached density features, in bytes.
-    pub(super) fn density_cache_bytes(&self) -> Option<u64> {
-        match self {
-            Self::Cpu(renderer) => renderer.density_cache_bytes(),
-            Self::Reference(_) => None,
-        }
-    }
-}
-
 /// What was rendered.
 #[derive(Serialize)]
 struct Report {
-    renderer: RendererKind,
+    #[serde(flatten)]
+    drawn: Drawn,
     approximation: Approximation,
-    /// Of cached density features.
-    density_cache_bytes: Option<u64>,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     seconds: f64,
@@ -112,6 +68,7 @@ struct Report {
     depth_unit: Option<f64>,
     /// In the order of the cameras.
     files: Vec<PathBuf>,
+    video: Option<PathBuf>,
 }
 
 /// What `depth.json` says.
@@ -123,10 +80,13 @@ struct DepthScale {
 
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    args.backend.check()?;
     let (scene, _) = scene_file::read(&args.file)?;
     let approximation = args.approximations.chosen();
     approximation.check(&scene)?;
     let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
+    let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
+    let video = args.video.as_deref().map(|file| Video::plan(file, size)).transpose()?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 
     make_folder(&args.out)?;
@@ -137,18 +97,18 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut planned: Vec<PathBuf> =
         cameras.iter().flat_map(|camera| kinds.iter().map(|kind| file(&camera.name, kind))).collect();
     planned.extend(args.depth.then(|| scale_file.clone()));
+    planned.extend(args.video.clone());
     check_outputs(&planned, session.force)?;
     let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
+    let frame = scene.frame.clone();
+    let start = Instant::now();
+    let mut renderer = args.backend.prepare(scene, &approximation, &session.console)?;
+    let seconds_preparing = start.elapsed().as_secs_f64();
     if let Some(unit) = depth_unit {
         let depth = "distance along the ray in the dataset's units is grey value times unit; 0 where there is nothing";
         let json = serde_json::to_string_pretty(&DepthScale { depth, unit }).expect("plain data") + "\n";
         write_atomically(&scale_file, json.as_bytes(), session.force)?;
     }
-
-    let frame = scene.frame.clone();
-    let start = Instant::now();
-    let renderer = args.renderer.prepare(scene, &approximation)?;
-    let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "render", cameras.len() as u64);
     let start = Instant::now();
     let mut files = Vec::new();
@@ -158,7 +118,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Ok(())
     };
     for (done, named) in cameras.iter().enumerate() {
-        let picture = renderer.render(&named.camera.mapped(&frame.model_from_dataset));
+        let picture = renderer.render(&named.camera.mapped(&frame.model_from_dataset))?;
         let size = [picture.width, picture.height];
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
         if let Some(unit) = depth_unit {
@@ -175,18 +135,23 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let seconds = start.elapsed().as_secs_f64();
     progress.finish(&format!("{} pictures in {seconds:.1} s", cameras.len()));
+    if let Some(video) = &video {
+        session.console.say(&format!("making the video with {}", video.program()));
+        let frames: Vec<_> = cameras.iter().map(|named| file(&named.name, "")).collect();
+        video.encode(&args.out, &frames, args.viewpoints.fps(), session.force)?;
+    }
     let report = Report {
-        renderer: args.renderer,
+        drawn: renderer.drawn(),
         approximation,
-        density_cache_bytes: renderer.density_cache_bytes(),
         seconds_preparing,
         seconds,
         depth_unit,
         files,
+        video: args.video.clone(),
     };
-    session
-        .console
-        .result(&report, |report| report.files.iter().map(|path| format!("{}\n", path.display())).collect::<String>())
+    session.console.result(&report, |report| {
+        report.files.iter().chain(&report.video).map(|path| format!("{}\n", path.display())).collect::<String>()
+    })
 }
 
 /// The colours of a picture, in its order.

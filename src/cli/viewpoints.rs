@@ -1,13 +1,14 @@
-//! Where pictures are taken from: the cameras of a dataset, an orbit, or one pose. All in the dataset's space.
+//! Where pictures are taken from: the cameras of a dataset, an orbit, one pose, or a path. All in the dataset's space.
 
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
+use super::camera_path::{CameraPathOptions, Way, numbered};
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
-use crate::geometry::{Aabb, Camera};
+use crate::geometry::{Aabb, Camera, NotRigid, rigid};
 use crate::model::{Frame, UpAxis};
 
 /// Degrees that a picture of an orbit spans, and above the horizon, where nothing else is asked for.
@@ -17,7 +18,7 @@ const ELEVATION: f64 = 30.0;
 /// One way to say where pictures are taken from, and what they are like.
 #[derive(Clone, Debug, clap::Args)]
 #[group(skip)]
-#[command(group = clap::ArgGroup::new("viewpoint").required(true).args(["cameras", "orbit", "pose"]))]
+#[command(group = clap::ArgGroup::new("viewpoint").required(true).args(["cameras", "orbit", "pose", "path"]))]
 pub(super) struct Viewpoints {
     /// The cameras of a dataset's JSON file, as in transforms_test.json, or of its folder's test split
     #[arg(long, value_name = "PATH")]
@@ -29,23 +30,25 @@ pub(super) struct Viewpoints {
     /// the first is negative
     #[arg(long, value_name = "NUMBER", num_args = 1..=16, value_delimiter = ',', allow_negative_numbers = true)]
     pose: Option<Vec<f64>>,
+    #[command(flatten)]
+    path: CameraPathOptions,
     /// Pictures N times smaller than the dataset's
-    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["orbit", "pose"],
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["orbit", "pose", "path"],
         value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
     /// Size of the pictures [default: the dataset's, else 800x800]
     #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
-    /// Degrees that a picture spans from left to right, with --orbit and --pose
-    #[arg(long, value_name = "DEGREES", default_value_t = FOV, conflicts_with = "cameras",
-        value_parser = angle(1.0, 170.0))]
-    fov: f64,
-    /// Degrees above the horizon, with --orbit
-    #[arg(long, value_name = "DEGREES", default_value_t = ELEVATION, allow_negative_numbers = true,
+    /// Degrees that a picture spans from left to right, with --orbit, --pose and a turntable [default: 40]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "cameras", value_parser = angle(1.0, 170.0))]
+    fov: Option<f64>,
+    /// Degrees above the horizon, with --orbit and a turntable [default: 30]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true,
         conflicts_with_all = ["cameras", "pose"],
         value_parser = angle(-89.0, 89.0))]
-    elevation: f64,
-    /// Distance from the scene's centre in the dataset's units, with --orbit [default: the whole scene is seen]
+    elevation: Option<f64>,
+    /// Distance from the scene's centre in the dataset's units, with --orbit and a turntable [default: the whole scene
+    /// is seen]
     #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
     radius: Option<f64>,
 }
@@ -75,12 +78,33 @@ impl Viewpoints {
             });
         }
         let size = self.size.unwrap_or([800, 800]);
-        let focal = Camera::focal_of_angle(size[0], self.fov.to_radians());
-        match (self.orbit, &self.pose) {
-            (Some(count), _) => Ok(self.orbit(frame, bounds, count, size, focal)),
-            (None, Some(pose)) => Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, focal)? }]),
-            (None, None) => Err(Error::Usage("expected one of --cameras, --orbit and --pose, found none".into())),
+        if let Some(pose) = &self.pose {
+            return Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, self.focal(size))? }]);
         }
+        match (self.orbit, self.path.way()) {
+            (Some(count), _) => Ok(numbered("orbit", 3, self.circle(frame, bounds, count, size))),
+            (None, Some(Way::Turntable(count))) => Ok(numbered("frame", 4, self.circle(frame, bounds, count, size))),
+            (None, Some(Way::Keyframes(file))) => {
+                if self.fov.is_some() || self.elevation.is_some() || self.radius.is_some() {
+                    let message = "expected no --fov, --elevation or --radius, which the file says, found one";
+                    return Err(Error::Usage(format!("--path {}: {message}", file.display())));
+                }
+                self.path.through_keyframes(file, size)
+            }
+            (None, None) => {
+                Err(Error::Usage("expected one of --cameras, --orbit, --pose and --path, found none".into()))
+            }
+        }
+    }
+
+    /// Frames a second of a path.
+    pub(super) fn fps(&self) -> f64 {
+        self.path.fps
+    }
+
+    /// In pixels, of a picture of `size`.
+    fn focal(&self, size: [u32; 2]) -> f64 {
+        Camera::focal_of_angle(size[0], self.fov.unwrap_or(FOV).to_radians())
     }
 
     /// The first camera of an orbit with the defaults of the command line, for pictures of `size`.
@@ -94,17 +118,25 @@ impl Viewpoints {
             cameras: None,
             orbit: Some(count),
             pose: None,
+            path: CameraPathOptions::NONE,
             downscale: 1,
             size: None,
-            fov: FOV,
-            elevation: ELEVATION,
+            fov: None,
+            elevation: None,
             radius: None,
         };
-        let focal = Camera::focal_of_angle(size[0], FOV.to_radians());
-        defaults.orbit(frame, bounds, count, size, focal).into_iter().map(|named| named.camera).collect()
+        defaults.circle(frame, bounds, count, size).collect()
     }
 
-    fn orbit(&self, frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2], focal: f64) -> Vec<NamedCamera> {
+    /// `count` cameras evenly around the scene.
+    fn circle(
+        &self,
+        frame: &Frame,
+        bounds: &Aabb,
+        count: u32,
+        size: [u32; 2],
+    ) -> impl ExactSizeIterator<Item = Camera> + use<> {
+        let focal = self.focal(size);
         let dataset_from_model = frame.model_from_dataset.inverse();
         let target = dataset_from_model.point(bounds.center());
         let radius = self.radius.unwrap_or_else(|| orbit_radius(frame, bounds, size, focal));
@@ -117,14 +149,12 @@ impl Viewpoints {
             UpAxis::MinusY => [DVec3::X, DVec3::Z, -DVec3::Y],
             UpAxis::MinusZ => [DVec3::Y, DVec3::X, -DVec3::Z],
         };
-        let (rise, level) = self.elevation.to_radians().sin_cos();
-        let digits = (count - 1).to_string().len().max(3);
-        let camera = |n: u32| {
+        let (rise, level) = self.elevation.unwrap_or(ELEVATION).to_radians().sin_cos();
+        (0..count).map(move |n| {
             let (sin, cos) = (TAU * f64::from(n) / f64::from(count)).sin_cos();
             let direction = level * (cos * ahead + sin * aside) + rise * up;
             Camera::looking_at(size, focal, target + radius * direction, target, up)
-        };
-        (0..count).map(|n| NamedCamera { name: format!("orbit_{n:0digits$}"), camera: camera(n) }).collect()
+        })
     }
 }
 
@@ -144,24 +174,13 @@ fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64
 
 /// The camera of the row-major camera-to-world matrix `pose`.
 fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Camera, Error> {
-    let rows: [f64; 16] =
+    let numbers: [f64; 16] =
         pose.try_into().map_err(|_| Error::Usage(format!("--pose: expected 16 numbers, found {}", pose.len())))?;
-    let matrix = DMat4::from_cols_array(&rows).transpose();
-    let refused = |expected: &str| Error::Usage(format!("--pose: expected {expected}, found {pose:?}"));
-    if !matrix.is_finite() {
-        return Err(refused("finite numbers"));
-    }
-    if !matrix.row(3).abs_diff_eq(glam::DVec4::W, 1e-3) {
-        return Err(refused("the last row 0 0 0 1"));
-    }
-    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|column| column.truncate());
-    let gram = [x.dot(x) - 1.0, y.dot(y) - 1.0, z.dot(z) - 1.0, x.dot(y), x.dot(z), y.dot(z)];
-    if !gram.iter().all(|v| v.abs() <= 1e-3) || x.cross(y).dot(z) < 0.0 {
-        return Err(refused("a right-handed rotation within 0.001 and a translation"));
-    }
-    let position = matrix.w_axis.truncate();
-    // The axes made exactly orthonormal: z and then y are kept as far as possible.
-    Ok(Camera::looking_at(size, focal, position, position - z, y)).map(|camera| Camera { position, ..camera })
+    let rows = std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]));
+    let (world_from_camera, position) = rigid(&rows)
+        .map_err(|NotRigid { expected, .. }| Error::Usage(format!("--pose: expected {expected}, found {pose:?}")))?;
+    let principal = size.map(|extent| 0.5 * f64::from(extent));
+    Ok(Camera { width: size[0], height: size[1], focal: [focal, focal], principal, world_from_camera, position })
 }
 
 #[cfg(test)]

@@ -10,8 +10,8 @@ use serde::Deserialize;
 
 use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
-use super::{Dataset, Error, LoadOptions, NamedCamera, pose};
-use crate::geometry::Camera;
+use super::{Dataset, Error, LoadOptions, NamedCamera};
+use crate::geometry::{Camera, NotRigid, rigid};
 
 /// A `file_path` that ends in one of these is complete; any other lacks `.png`.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -148,8 +148,9 @@ impl Transforms {
             }
         }
         let camera = |(frame, Frame { transform_matrix, .. }): (usize, &Frame)| {
-            let (world_from_camera, position) = pose::rigid(transform_matrix)
-                .map_err(|(expected, found)| Error::Pose { path: json.to_path_buf(), frame, expected, found })?;
+            let (world_from_camera, position) = rigid(transform_matrix).map_err(|NotRigid { expected, found }| {
+                Error::Pose { path: json.to_path_buf(), frame, expected, found }
+            })?;
             let full = Camera { width: size[0], height: size[1], focal, principal, world_from_camera, position };
             Ok(full.downscaled(downscale))
         };

@@ -10,7 +10,6 @@ mod layout;
 mod photographs;
 mod picture;
 mod pixels;
-mod pose;
 mod scan;
 mod scannet;
 mod synthetic;

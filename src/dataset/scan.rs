@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 
-use super::{Error, photographs, picture, pose};
+use super::{Error, photographs, picture};
+use crate::geometry::{NotRigid, rigid};
 
 /// Endings of a scan's mesh after its name, the one that is preferred first.
 const MESHES: [&str; 2] = ["_vh_clean_2.ply", "_vh_clean.ply"];
@@ -117,7 +118,7 @@ impl Constants {
         let Some(value) = self.value(KEY) else { return Ok(None) };
         let rows = matrix(&self.path, KEY, value)?;
         let (rotation, translation) =
-            pose::rigid(&rows).map_err(|(expected, found)| Error::text(&self.path, KEY, expected, found))?;
+            rigid(&rows).map_err(|NotRigid { expected, found }| Error::text(&self.path, KEY, expected, found))?;
         Ok(Some(DMat4::from_mat3_translation(rotation, translation)))
     }
 }

@@ -15,8 +15,8 @@ use glam::{DMat3, DVec3};
 use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
 use super::scan::{Constants, read_matrix};
-use super::{Dataset, Error, LoadOptions, NamedCamera, Scan, pose};
-use crate::geometry::Camera;
+use super::{Dataset, Error, LoadOptions, NamedCamera, Scan};
+use crate::geometry::{Camera, NotRigid, rigid};
 
 /// One of so many frames is a test view.
 const TEST_EVERY: usize = 8;
@@ -124,8 +124,8 @@ impl Frames {
                 lost += 1;
                 continue;
             }
-            let (rotation, position) =
-                pose::rigid(&rows).map_err(|(expected, found)| Error::text(&path, "the matrix", expected, found))?;
+            let (rotation, position) = rigid(&rows)
+                .map_err(|NotRigid { expected, found }| Error::text(&path, "the matrix", expected, found))?;
             let world_from_camera = DMat3::from_mat4(scan.alignment) * rotation * DMat3::from_diagonal(OPENGL);
             posed.push(Posed { number, world_from_camera, position: scan.aligned(position) });
         }

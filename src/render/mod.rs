@@ -1,13 +1,15 @@
-//! Pictures of a scene, behind one small trait.
+//! Pictures of a scene, behind one small trait, and the paths of cameras that take many.
 
 mod approximation;
 mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod keyframes;
 mod reference;
 
 pub use approximation::{Approximation, ApproximationError};
 pub use cpu::CpuRenderer;
+pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use reference::{ReferenceRenderer, Trace};
 
 use crate::geometry::{Camera, Ray};

@@ -5,19 +5,31 @@ use glam::{DMat3, DVec3};
 /// How far an entry of RᵀR may be from the identity's: poses are often stored in f32 or rounded to a few digits.
 const TOLERANCE: f64 = 1e-3;
 
-/// Why a matrix is no pose: what was expected and what was found.
-pub(super) type NotRigid = (&'static str, String);
+/// Why a matrix is no pose.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected}, found {found}")]
+pub struct NotRigid {
+    /// The property it lacks.
+    pub expected: &'static str,
+    /// By how much, or the values.
+    pub found: String,
+}
 
 /// The rotation (columns: the camera's axes in the world) and the position of a row-major `world_from_camera` matrix.
 ///
-/// The rotation is made exactly orthonormal, first column first. Fails where a number is not finite, the last row is
-/// not 0 0 0 1, or the rotation part is mirrored or further than 1e-3 from orthonormal.
-pub(super) fn rigid(rows: &[[f64; 4]; 4]) -> Result<(DMat3, DVec3), NotRigid> {
+/// The rotation is made exactly orthonormal, first column first.
+///
+/// # Errors
+///
+/// Where a number is not finite, the last row is not 0 0 0 1, or the rotation part is mirrored or further than 1e-3 from
+/// orthonormal.
+pub fn rigid(rows: &[[f64; 4]; 4]) -> Result<(DMat3, DVec3), NotRigid> {
+    let refused = |expected, found| Err(NotRigid { expected, found });
     if rows.as_flattened().iter().any(|v| !v.is_finite()) {
-        return Err(("finite numbers", format!("{rows:?}")));
+        return refused("finite numbers", format!("{rows:?}"));
     }
     if rows[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, expected)| (found - expected).abs() > TOLERANCE) {
-        return Err(("the last row 0 0 0 1", format!("{:?}", rows[3])));
+        return refused("the last row 0 0 0 1", format!("{:?}", rows[3]));
     }
     let column = |c: usize| DVec3::new(rows[0][c], rows[1][c], rows[2][c]);
     let stored = DMat3::from_cols(column(0), column(1), column(2));
@@ -25,11 +37,11 @@ pub(super) fn rigid(rows: &[[f64; 4]; 4]) -> Result<(DMat3, DVec3), NotRigid> {
     let error = gram.abs().to_cols_array().into_iter().fold(0.0, f64::max);
     // Numbers so large that their products overflow leave NaN, which `f64::max` passes over.
     if gram.is_nan() || error > TOLERANCE {
-        return Err(("an orthonormal rotation within 0.001", format!("a product RᵀR that is off by {error:.3e}")));
+        return refused("an orthonormal rotation within 0.001", format!("a product RᵀR that is off by {error:.3e}"));
     }
     let determinant = stored.determinant();
     if determinant < 0.0 {
-        return Err(("a right-handed rotation", format!("a mirrored one of determinant {determinant:.3}")));
+        return refused("a right-handed rotation", format!("a mirrored one of determinant {determinant:.3}"));
     }
     let x = stored.x_axis.normalize();
     let y = (stored.y_axis - x * x.dot(stored.y_axis)).normalize();
@@ -69,7 +81,7 @@ mod tests {
             (with(0, 0, 0.0), "orthonormal"),
             (with(2, 2, -1.0), "right-handed"),
         ] {
-            let message = rigid(&rows).unwrap_err().0;
+            let message = rigid(&rows).unwrap_err().expected;
             assert!(message.contains(expected), "{message} for {rows:?}");
         }
     }

@@ -1,0 +1,230 @@
+//! What computes pictures, of every command that takes them: the options, and one renderer behind them.
+
+#[cfg(feature = "gpu")]
+use std::cell::{OnceCell, RefCell};
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::Error;
+use super::console::Console;
+use crate::geometry::Camera;
+use crate::measure::{self, F32_POSITION_ERROR, Parity};
+use crate::model::Scene;
+use crate::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+#[cfg(feature = "gpu")]
+use crate::{
+    geometry::Ray,
+    render::Pixel,
+    render::gpu::{Gpu, GpuError, GpuRenderer, POSITION_ERROR, Precision},
+};
+
+/// The renderers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Backend {
+    /// Fast, in 32-bit floating point
+    #[default]
+    Cpu,
+    /// On a graphics processor, in 32-bit floating point; in builds with the feature `gpu`
+    Gpu,
+    /// Slow, in 64-bit floating point: what the numbers mean
+    Reference,
+}
+
+/// Which renderer, and how.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct BackendOptions {
+    /// What computes the pictures
+    #[arg(long, alias = "renderer", value_enum, default_value_t)]
+    backend: Backend,
+    /// With --backend gpu: factors rounded to 16 bits, in half the memory; colours are mostly less than
+    /// 0.01 off
+    #[arg(long)]
+    half: bool,
+}
+
+impl BackendOptions {
+    /// What takes `scene`'s pictures with `approximation`.
+    ///
+    /// Fails where an approximation does not go with the renderer, this build lacks it, or there is no device for it.
+    pub(super) fn prepare(
+        &self,
+        scene: Scene,
+        approximation: &Approximation,
+        console: &Console,
+    ) -> Result<Prepared, Error> {
+        let drawing = match self.backend {
+            Backend::Cpu => Drawing::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
+            Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
+            Backend::Reference => {
+                return Err(Error::Usage("--backend reference: expected no approximations, found some".into()));
+            }
+            Backend::Gpu => self.on_gpu(scene, approximation, console)?,
+        };
+        Ok(Prepared { backend: self.backend, half: self.half, drawing, stages: Vec::new(), pictures: 0 })
+    }
+
+    /// Fails, before any work is done, where the options do not go together or this build lacks the renderer.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        match self.backend {
+            Backend::Gpu if cfg!(not(feature = "gpu")) => Err(no_gpu()),
+            Backend::Cpu | Backend::Reference if self.half => {
+                Err(Error::Usage("--half: expected --backend gpu, found another".into()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn on_gpu(&self, _: Scene, _: &Approximation, _: &Console) -> Result<Drawing, Error> {
+        Err(no_gpu())
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(&self, scene: Scene, approximation: &Approximation, console: &Console) -> Result<Drawing, Error> {
+        let gpu = Gpu::open()?;
+        let info = gpu.info();
+        let adapter = format!("{}, {}", info.name, info.backend);
+        console.say(&format!("drawing on {adapter}"));
+        if info.device_type == wgpu::DeviceType::Cpu {
+            console.say("this is a processor that acts as a graphics device: --backend cpu is faster");
+        }
+        let precision = if self.half { Precision::F16 } else { Precision::F32 };
+        let renderer = GpuRenderer::new(&gpu, scene, approximation, precision)?;
+        Ok(Drawing::Gpu { renderer: Box::new(renderer), adapter })
+    }
+}
+
+fn no_gpu() -> Error {
+    let with_it = "a build with the feature gpu (cargo install strivec --features gpu)";
+    Error::Usage(format!("--backend gpu: expected {with_it}, found one without"))
+}
+
+#[cfg(feature = "gpu")]
+impl From<GpuError> for Error {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::Approximation(error) => error.into(),
+            GpuError::NoAdapter(_) | GpuError::Device(_) | GpuError::TooLarge { .. } => {
+                Self::Runtime(format!("--backend gpu: {error}"))
+            }
+        }
+    }
+}
+
+/// A renderer that owns what it needs.
+pub(super) struct Prepared {
+    backend: Backend,
+    half: bool,
+    drawing: Drawing,
+    /// What each stage took, in all pictures.
+    stages: Vec<StageMilliseconds>,
+    pictures: u32,
+}
+
+enum Drawing {
+    /// The fast one.
+    Cpu(Box<CpuRenderer>),
+    /// The one on a graphics device.
+    #[cfg(feature = "gpu")]
+    Gpu { renderer: Box<GpuRenderer>, adapter: String },
+    /// The scene that the reference reads.
+    Reference(Box<Scene>),
+}
+
+/// What drew, as `--json` prints it.
+#[derive(Serialize)]
+pub(super) struct Drawn {
+    backend: Backend,
+    /// Whether factors were rounded to 16 bits.
+    half: bool,
+    /// The graphics device.
+    adapter: Option<String>,
+    /// Of cached density features.
+    density_cache_bytes: Option<u64>,
+    /// On a graphics device that tells, the mean of all pictures.
+    stages: Option<Vec<StageMilliseconds>>,
+}
+
+/// A stage's share of a picture.
+#[derive(Serialize)]
+struct StageMilliseconds {
+    stage: &'static str,
+    milliseconds: f64,
+}
+
+impl Prepared {
+    /// The picture that `camera`, in the model's space, takes. Fails where a graphics device does.
+    pub(super) fn render(&mut self, camera: &Camera) -> Result<Picture, Error> {
+        self.pictures += 1;
+        match &mut self.drawing {
+            Drawing::Cpu(renderer) => Ok(renderer.render(camera)),
+            Drawing::Reference(scene) => Ok(ReferenceRenderer::new(scene).render(camera)),
+            #[cfg(feature = "gpu")]
+            Drawing::Gpu { renderer, .. } => {
+                let (picture, times) = renderer.render_timed(camera)?;
+                if self.stages.is_empty() {
+                    let none = times.iter().map(|time| StageMilliseconds { stage: time.name, milliseconds: 0.0 });
+                    self.stages = none.collect();
+                }
+                for (stage, time) in self.stages.iter_mut().zip(&times) {
+                    stage.milliseconds += time.milliseconds;
+                }
+                Ok(picture)
+            }
+        }
+    }
+
+    /// How close it is to the reference's pictures of `scene` from `cameras`, in the model's space; what is prepared to
+    /// be the reference leaves that to the fast renderer. Fails where a graphics device does.
+    pub(super) fn parity(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<Parity, Error> {
+        match &mut self.drawing {
+            Drawing::Cpu(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
+            Drawing::Reference(_) => Ok(measure::parity(scene, &CpuRenderer::new(scene), cameras, F32_POSITION_ERROR)),
+            #[cfg(feature = "gpu")]
+            Drawing::Gpu { renderer, .. } => {
+                let reach = cameras.iter().map(|camera| camera.position.length()).fold(1.0, f64::max);
+                let watched = Watched { renderer: RefCell::new(renderer), failure: OnceCell::new() };
+                let parity = measure::parity(scene, &watched, cameras, POSITION_ERROR * reach);
+                watched.failure.into_inner().map_or(Ok(parity), |error| Err(error.into()))
+            }
+        }
+    }
+
+    /// What drew, and what it took.
+    pub(super) fn drawn(self) -> Drawn {
+        let adapter = match &self.drawing {
+            #[cfg(feature = "gpu")]
+            Drawing::Gpu { adapter, .. } => Some(adapter.clone()),
+            Drawing::Cpu(_) | Drawing::Reference(_) => None,
+        };
+        let density_cache_bytes = match &self.drawing {
+            Drawing::Cpu(renderer) => renderer.density_cache_bytes(),
+            _ => None,
+        };
+        let pictures = f64::from(self.pictures.max(1));
+        let mean =
+            |stage: StageMilliseconds| StageMilliseconds { milliseconds: stage.milliseconds / pictures, ..stage };
+        let stages = (!self.stages.is_empty()).then(|| self.stages.into_iter().map(mean).collect());
+        Drawn { backend: self.backend, half: self.half, adapter, density_cache_bytes, stages }
+    }
+}
+
+/// A device's renderer as one that cannot fail: where it does, nothing is seen, and why is kept.
+#[cfg(feature = "gpu")]
+struct Watched<'a> {
+    renderer: RefCell<&'a mut GpuRenderer>,
+    failure: OnceCell<GpuError>,
+}
+
+#[cfg(feature = "gpu")]
+impl Renderer for Watched<'_> {
+    fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
+        self.renderer.borrow_mut().trace(rays).unwrap_or_else(|error| {
+            // The first failure is the one that explains the others.
+            let _ = self.failure.set(error);
+            vec![Pixel::default(); rays.len()]
+        })
+    }
+}

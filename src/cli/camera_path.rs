@@ -1,0 +1,114 @@
+//! `--path`: a camera's way, as the frames of a video.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::Error;
+use crate::dataset::NamedCamera;
+use crate::geometry::Camera;
+use crate::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
+
+/// Frames of a turntable where nothing else is asked for.
+const TURNTABLE_FRAMES: u32 = 120;
+const MAX_FRAMES: u32 = 100_000;
+const FPS: f64 = 30.0;
+/// The ways to say where pictures are taken from that are no path. One of them or a path is always there, and clap does not
+/// insist on what a `requires` names where that conflicts with another argument.
+pub(super) const OTHERS: [&str; 3] = ["cameras", "orbit", "pose"];
+/// The value of `--path` that is no file.
+const TURNTABLE: &str = "turntable";
+
+/// Which way, in how many frames.
+#[derive(Clone, Debug, clap::Args)]
+#[group(skip)]
+pub(super) struct CameraPathOptions {
+    /// The frames of a video: a full turn around the scene (the word turntable), or the way through a JSON file's
+    /// keyframes (docs/camera-paths.md)
+    #[arg(long, value_name = "turntable|FILE")]
+    path: Option<PathBuf>,
+    /// Frames of --path [default: 120 of a turntable, a file's seconds times --fps]
+    #[arg(long, value_name = "N", conflicts_with_all = OTHERS,
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    frames: Option<u32>,
+    /// Frames a second, with --path
+    #[arg(long, value_name = "F", default_value_t = FPS, conflicts_with_all = OTHERS, value_parser = fps)]
+    pub(super) fps: f64,
+}
+
+fn fps(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.1..=240.0).contains(&value) => Ok(value),
+        _ => Err(format!("expected 0.1 to 240 frames a second, found {text:?}")),
+    }
+}
+
+/// What `--path` asks for.
+pub(super) enum Way<'a> {
+    /// So many cameras on a circle.
+    Turntable(u32),
+    /// Through the keyframes of a file.
+    Keyframes(&'a Path),
+}
+
+impl CameraPathOptions {
+    /// No path.
+    pub(super) const NONE: Self = Self { path: None, frames: None, fps: FPS };
+
+    /// Which way, if any.
+    pub(super) fn way(&self) -> Option<Way<'_>> {
+        let path = self.path.as_deref()?;
+        Some(if path == Path::new(TURNTABLE) {
+            Way::Turntable(self.frames.unwrap_or(TURNTABLE_FRAMES))
+        } else {
+            Way::Keyframes(path)
+        })
+    }
+
+    /// The cameras of frames of `size` on the way through the keyframes in `file`, in the dataset's space: `--frames` of
+    /// them evenly from the first keyframe to the last, else one each 1/`--fps` seconds.
+    pub(super) fn through_keyframes(&self, file: &Path, size: [u32; 2]) -> Result<Vec<NamedCamera>, Error> {
+        let path = read_keyframes(&read_at_most(file)?).map_err(Error::malformed(file))?;
+        let seconds = path.end() - path.start();
+        let (count, step) = match self.frames {
+            Some(count) => (count, seconds / f64::from((count - 1).max(1))),
+            None => {
+                // A rounding error must not cost the last frame.
+                let count = (seconds * self.fps + 1e-6).floor() + 1.0;
+                if count > f64::from(MAX_FRAMES) {
+                    let message = format!("{}: {seconds} seconds at {} frames a second", file.display(), self.fps);
+                    return Err(Error::Usage(format!(
+                        "{message}: expected at most {MAX_FRAMES} frames, found {count}"
+                    )));
+                }
+                (count as u32, 1.0 / self.fps)
+            }
+        };
+        let cameras = (0..count).map(|n| path.at(path.start() + step * f64::from(n)).camera(size));
+        Ok(numbered("frame", 4, cameras))
+    }
+}
+
+/// Cameras named by their numbers, `PREFIX_000…`, of at least so many digits.
+pub(super) fn numbered(
+    prefix: &str,
+    least_digits: usize,
+    cameras: impl ExactSizeIterator<Item = Camera>,
+) -> Vec<NamedCamera> {
+    let digits = digits(cameras.len()).max(least_digits);
+    let named = |(n, camera): (usize, Camera)| NamedCamera { name: format!("{prefix}_{n:0digits$}"), camera };
+    cameras.enumerate().map(named).collect()
+}
+
+/// Digits of the last of `count` numbers from 0.
+fn digits(count: usize) -> usize {
+    count.saturating_sub(1).to_string().len()
+}
+
+/// A device or a pipe has no length to check beforehand, so the reading itself is bounded.
+fn read_at_most(file: &Path) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    let opened = File::open(file).map_err(Error::io("read", file))?;
+    opened.take(MAX_KEYFRAMES_BYTES + 1).read_to_end(&mut bytes).map_err(Error::io("read", file))?;
+    Ok(bytes)
+}
