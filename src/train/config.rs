@@ -348,12 +348,7 @@ impl TrainConfig {
         let mut occupancy_at: Vec<u64> =
             self.occupancy_at.iter().map(|at| scaled(at).max(EARLIEST_OCCUPANCY.min(*at))).collect();
         occupancy_at.dedup();
-        Self {
-            upsample_at: self.upsample_at.iter().map(scaled).collect(),
-            occupancy_at,
-            steps,
-            ..self
-        }
+        Self { upsample_at: self.upsample_at.iter().map(scaled).collect(), occupancy_at, steps, ..self }
     }
 
     /// Checks what the types do not.

@@ -237,6 +237,12 @@ def main():
             player.key("p")
             player.expect("wrote ")
             assert len(list(Path(folder).glob("*-001.png"))) == 1
+            player.key("c")
+            changed(player, lambda: player.drag(1, picture_at, (100, 110)))
+            time.sleep(0.6)
+            player.key("c")
+            player.expect("path-001.json")
+            changed(player, lambda: player.drop(next(Path(folder).glob("*-path-001.json"))))
             changed(player, lambda: player.drop(arguments.scene.resolve()))
             changed(player, lambda: player.window().configure(width=400, height=300) or player.display.sync())
             wander(player, arguments.events)

@@ -9,16 +9,14 @@ use super::recent;
 use super::scene_slot::{Device, SceneSlot};
 use crate::container::Pose;
 use crate::dataset::{self, LoadOptions};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, CameraPath, Keyframe, Viewpoint};
 use crate::measure::color_png;
 use crate::player::{Action, Controls, Gesture, Gestures, Pace, Show, View};
-use crate::render::Approximation;
 use crate::render::gpu::GpuError;
+use crate::render::{Approximation, MAX_KEYFRAMES, read_keyframes, write_keyframes};
 
-/// Seconds between the poses of a recorded path.
-const RECORDED_EVERY: f64 = 0.1;
-/// Poses of a path, at most: an hour.
-const MOST_POSES: usize = 36_000;
+/// Seconds between the keyframes of a recorded path.
+const RECORDED_EVERY: f64 = 0.25;
 
 /// How two scenes are seen together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,14 +27,16 @@ pub(super) enum Compare {
     Slider(f32),
 }
 
-/// A path of the camera.
+/// A path of the camera, in the dataset's space.
 #[derive(Default)]
 pub(super) struct Recorded {
-    pub(super) poses: Vec<Pose>,
-    pub(super) is_recording: bool,
-    /// Seconds into the path while it is played.
-    pub(super) playing: Option<f64>,
-    since: f64,
+    /// What was recorded or dropped on the window last.
+    pub(super) path: Option<CameraPath>,
+    /// While it is being recorded.
+    pub(super) recording: Option<Vec<Keyframe>>,
+    /// Seconds into the path: while it is recorded, and while it is played.
+    pub(super) seconds: f64,
+    pub(super) is_playing: bool,
 }
 
 /// Photographs that the scene was trained on.
@@ -91,7 +91,6 @@ pub(super) struct App {
     updated_at: Instant,
     /// The place of the picture, in pixels.
     size: [u32; 2],
-    pub(super) screenshots: u32,
 }
 
 impl App {
@@ -134,7 +133,6 @@ impl App {
             has_first_picture: false,
             updated_at: Instant::now(),
             size: [1, 1],
-            screenshots: 0,
         }
     }
 
@@ -200,7 +198,7 @@ impl App {
         }
         let is_drawing = self.slots.iter().flatten().any(SceneSlot::is_drawing);
         let is_unfinished = self.slots[0].is_some() && !self.is_fine_enough();
-        is_drawing || is_unfinished || is_flying || is_playing || self.recorded.is_recording
+        is_drawing || is_unfinished || is_flying || is_playing || self.recorded.recording.is_some()
     }
 
     fn is_fine_enough(&self) -> bool {
@@ -243,30 +241,52 @@ impl App {
         self.changed();
     }
 
+    /// Records the camera's path, or moves the camera along one; whether it has moved.
     fn follow_path(&mut self, elapsed: f64) -> bool {
-        let (Some(controls), recorded) = (&mut self.controls, &mut self.recorded) else { return false };
-        if recorded.is_recording {
-            recorded.since += elapsed;
-            if recorded.since >= RECORDED_EVERY && recorded.poses.len() < MOST_POSES {
-                recorded.since = 0.0;
-                recorded.poses.push(controls.pose());
+        let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return false };
+        let recorded = &mut self.recorded;
+        let model_from_dataset = slot.scene.frame.model_from_dataset;
+        recorded.seconds += elapsed;
+        if let Some(keyframes) = &mut recorded.recording {
+            let is_due = keyframes.last().is_none_or(|last| recorded.seconds - last.seconds >= RECORDED_EVERY);
+            if is_due && keyframes.len() < MAX_KEYFRAMES {
+                let seen = controls.camera([2, 2]).mapped(&model_from_dataset.inverse());
+                keyframes.push(Keyframe { seconds: recorded.seconds, viewpoint: Viewpoint::of_camera(&seen) });
             }
-        }
-        let Some(seconds) = &mut recorded.playing else { return false };
-        *seconds += elapsed;
-        let at = *seconds / RECORDED_EVERY;
-        let first = at.floor() as usize;
-        if first + 1 >= recorded.poses.len() {
-            recorded.playing = None;
             return false;
         }
-        let [a, b] = [recorded.poses[first], recorded.poses[first + 1]];
-        let share = at - at.floor();
-        controls.place(Pose {
-            position: a.position.lerp(b.position, share),
-            rotation: a.rotation.slerp(b.rotation, share),
-        });
+        let Some(path) = recorded.path.as_ref().filter(|_| recorded.is_playing) else { return false };
+        let at = path.at(path.start() + recorded.seconds);
+        let camera = at.camera([2, 2]).mapped(&model_from_dataset);
+        let pose = Pose { position: camera.position, rotation: glam::DQuat::from_mat3(&camera.world_from_camera) };
+        controls.place_with_angle(pose, at.vertical_angle);
+        recorded.is_playing = recorded.seconds <= path.end() - path.start();
         true
+    }
+
+    /// Begins to record the camera's path, or ends that and writes it to a new file in the current folder.
+    fn record(&mut self) {
+        let Some(keyframes) = self.recorded.recording.take() else {
+            self.recorded = Recorded { recording: Some(Vec::new()), ..Recorded::default() };
+            return;
+        };
+        let Ok(path) = CameraPath::new(keyframes) else { return };
+        let text = write_keyframes(&path);
+        self.recorded.path = Some(path);
+        let stem = self.slots[0].as_ref().map_or("camera", |s| s.opened.name.trim_end_matches(".strivec")).to_owned();
+        match write_new(&format!("{stem}-path"), "json", text.as_bytes()) {
+            Ok(name) => self.say(format!("wrote {name}: strivec render --path takes it")),
+            Err(text) => self.say(text),
+        }
+    }
+
+    /// Takes the camera path in the file `place`, and plays it.
+    pub(super) fn open_path(&mut self, place: &str) {
+        let read = std::fs::read(place).map_err(|e| e.to_string());
+        match read.and_then(|bytes| read_keyframes(&bytes).map_err(|e| e.to_string())) {
+            Ok(path) => self.recorded = Recorded { path: Some(path), is_playing: true, ..Recorded::default() },
+            Err(text) => self.say(format!("{place}: {text}")),
+        }
     }
 
     /// The size of each scene's picture at full resolution.
@@ -387,15 +407,13 @@ impl App {
             Action::NextView => self.set_view(self.view.next()),
             Action::Screenshot => self.take_screenshot(),
             Action::Boxes => self.has_boxes = !self.has_boxes,
-            Action::Record => {
-                self.recorded.is_recording = !self.recorded.is_recording;
-                if self.recorded.is_recording {
-                    (self.recorded.poses, self.recorded.playing) = (Vec::new(), None);
-                }
-            }
+            Action::Record => self.record(),
             Action::Play => {
-                let is_path = self.recorded.poses.len() > 1 && !self.recorded.is_recording;
-                self.recorded.playing = if self.recorded.playing.is_none() && is_path { Some(0.0) } else { None };
+                if self.recorded.recording.is_some() {
+                    self.record();
+                }
+                self.recorded.is_playing = !self.recorded.is_playing && self.recorded.path.is_some();
+                self.recorded.seconds = 0.0;
             }
         }
         if !matches!(action, Action::Help | Action::Boxes | Action::Keep(_)) {
@@ -452,7 +470,7 @@ impl App {
                 .collect();
             let png = color_png(size, &colors).map_err(|e| e.to_string())?;
             let stem = slot.opened.name.trim_end_matches(".strivec").to_owned();
-            write_new(&stem, &png, &mut self.screenshots)
+            write_new(&stem, "png", &png)
         });
         self.say(match written {
             Ok(name) => format!("wrote {name}"),
@@ -553,19 +571,16 @@ pub(super) enum Drag {
     Look,
 }
 
-/// Writes to the first of STEM-001.png, STEM-002.png, … that there is not; returns its name.
-fn write_new(stem: &str, png: &[u8], count: &mut u32) -> Result<String, String> {
+/// Writes to the first of STEM-001.ENDING, STEM-002.ENDING, … that there is not; returns its name.
+fn write_new(stem: &str, ending: &str, bytes: &[u8]) -> Result<String, String> {
     use std::io::Write as _;
-    loop {
-        *count += 1;
-        let name = format!("{stem}-{:03}.png", *count);
+    for n in 1.. {
+        let name = format!("{stem}-{n:03}.{ending}");
         match std::fs::File::create_new(&name) {
-            Ok(mut file) => {
-                file.write_all(png).map_err(|e| format!("{name}: {e}"))?;
-                return Ok(name);
-            }
+            Ok(mut file) => return file.write_all(bytes).map(|()| name.clone()).map_err(|e| format!("{name}: {e}")),
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(format!("{name}: {e}")),
         }
     }
+    Err(format!("{stem}: there are too many of them"))
 }

@@ -21,7 +21,7 @@ const KEYS: [(&str, &str); 15] = [
     ("C, Space", "record a path, play it"),
     ("I", "this panel"),
     ("H", "this help"),
-    ("drop a file", "open it; with Ctrl compare with it"),
+    ("drop a file", "open it, a scene or a path; with Ctrl compare with it"),
 ];
 
 /// Lays everything out; returns what is left for the picture, in points.
@@ -234,8 +234,8 @@ fn cameras(app: &mut App, ui: &mut Ui) {
         for (text, action) in [
             ("reset", Action::Reset),
             ("screenshot", Action::Screenshot),
-            (if app.recorded.is_recording { "stop" } else { "record" }, Action::Record),
-            (if app.recorded.playing.is_some() { "stop" } else { "play" }, Action::Play),
+            (if app.recorded.recording.is_some() { "stop" } else { "record" }, Action::Record),
+            (if app.recorded.is_playing { "stop" } else { "play" }, Action::Play),
             ("help", Action::Help),
         ] {
             if ui.button(text).clicked() {
@@ -301,6 +301,9 @@ fn welcome(app: &App, context: &egui::Context, picture: egui::Rect) {
 
 /// Opens what was dropped: the first file, or a folder.
 pub(super) fn dropped(app: &mut App, place: &str, is_compared: bool) {
+    if place.ends_with(".json") {
+        return app.open_path(place);
+    }
     let slot = usize::from(is_compared && app.slots[0].is_some());
     if opening::is_url(place) || std::path::Path::new(place).exists() {
         app.open(place, slot);
