@@ -3,8 +3,9 @@
 #
 #   tools/check.sh            run them all; the first that fails ends the run
 #
-# Needs Rust (version: rust-version in Cargo.toml) with rustfmt and clippy, a C compiler, and Python 3 ($PYTHON, else
-# python3) with numpy and zstandard for the second reader. Installs nothing; what is built lies in target/. All builds share
+# Needs Rust (version: rust-version in Cargo.toml) with rustfmt and clippy, a C compiler, a Vulkan driver (Mesa's lavapipe will
+# do), Xvfb, and Python 3 ($PYTHON, else python3) with numpy and zstandard for the second reader and Xlib for the window's
+# events. Installs nothing; what is built lies in target/. All builds share
 # the release profile, so that each dependency is compiled once to run and once to be checked.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -23,8 +24,11 @@ done
     fail "a C compiler is missing: apt-get install gcc libc6-dev"
 
 python=${PYTHON:-python3}
-"$python" -c 'import numpy, zstandard' 2>/dev/null ||
-    fail "$python has no numpy or zstandard: apt-get install python3-numpy python3-zstandard, or pip install ./tools/python"
+"$python" -c 'import numpy, zstandard, Xlib' 2>/dev/null ||
+    fail "$python lacks a package: apt-get install python3-numpy python3-zstandard python3-xlib, or pip install them"
+command -v Xvfb >/dev/null || fail "Xvfb is missing: apt-get install xvfb"
+ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] ||
+    fail "no Vulkan driver was found: apt-get install mesa-vulkan-drivers"
 
 step() {
     local start=$SECONDS
@@ -35,13 +39,19 @@ step() {
 
 export RUSTDOCFLAGS="-D warnings"
 light=(--no-default-features)
+whole=(--features player)
+target=${CARGO_TARGET_DIR:-target}
 
 step cargo fmt --check
-step cargo clippy --locked --release --all-targets -- -D warnings
+step cargo clippy --locked --release --all-targets "${whole[@]}" -- -D warnings
+step cargo clippy --locked --release -- -D warnings
 step cargo clippy --locked --release --all-targets "${light[@]}" -- -D warnings
-step cargo doc --locked --release --no-deps
+step cargo doc --locked --release --no-deps "${whole[@]}"
 step cargo doc --locked --release --no-deps "${light[@]}"
-step cargo test --locked --release
+step cargo test --locked --release "${whole[@]}"
+for renderer in gpu cpu memory; do
+    step "$python" tools/player/drive.py "$target/release/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
+done
 step cargo test --locked --release "${light[@]}"
 step env PYTHONPATH=tools/python PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/python/tests
 
