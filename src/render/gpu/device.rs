@@ -1,5 +1,8 @@
 //! The graphics processor: finding one, and what it can do.
 
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Poll, Waker};
+
 use super::GpuError;
 
 /// An open device.
@@ -11,21 +14,11 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// The system's best device, or a software one where there is no other.
-    ///
-    /// # Errors
-    ///
-    /// [`GpuError::NoAdapter`], [`GpuError::Device`].
-    pub fn open() -> Result<Self, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        pollster::block_on(Self::request(&instance, None))
-    }
-
     /// A device of `instance` that can show on `surface`, where there is one.
     ///
     /// # Errors
     ///
-    /// As [`Gpu::open`]'s.
+    /// [`GpuError::NoAdapter`], [`GpuError::Device`].
     pub async fn request(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self, GpuError> {
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -71,17 +64,44 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// The bytes of `buffer`, which can be mapped; waits for all work before.
-    pub(super) fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.map_async(wgpu::MapMode::Read, .., move |mapped| drop(sender.send(mapped)));
+    /// The bytes of `buffer`, which can be mapped, once all work before is done.
+    pub(super) async fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
         let lost = |e: &dyn std::fmt::Display| GpuError::Device(e.to_string());
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
-        receiver.try_recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
+        mapped(buffer).await.map_err(|e| lost(&e))?;
         let bytes = buffer.get_mapped_range(..).map_err(|e| lost(&e))?.to_vec();
         buffer.unmap();
         Ok(bytes)
     }
+}
+
+/// A mapping under way: how it ended, and who waits for it.
+#[derive(Default)]
+struct Mapping {
+    ended: Option<Result<(), wgpu::BufferAsyncError>>,
+    waiting: Option<Waker>,
+}
+
+/// Maps `buffer` for reading.
+fn mapped(buffer: &wgpu::Buffer) -> impl Future<Output = Result<(), wgpu::BufferAsyncError>> + use<> {
+    let here = Arc::new(Mutex::new(Mapping::default()));
+    let there = here.clone();
+    buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+        let mut mapping = there.lock().unwrap_or_else(PoisonError::into_inner);
+        mapping.ended = Some(result);
+        if let Some(waiting) = mapping.waiting.take() {
+            waiting.wake();
+        }
+    });
+    std::future::poll_fn(move |context| {
+        let mut mapping = here.lock().unwrap_or_else(PoisonError::into_inner);
+        match mapping.ended.take() {
+            Some(result) => Poll::Ready(result),
+            None => {
+                mapping.waiting = Some(context.waker().clone());
+                Poll::Pending
+            }
+        }
+    })
 }
 
 /// Larger tiles of the decoder would leave room for fewer of them at a time.

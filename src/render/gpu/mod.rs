@@ -2,8 +2,11 @@
 //!
 //! In: a scene, an open device. Out: pictures that agree with the reference's within [`POSITION_ERROR`]. A batch of rays goes
 //! through a few compute stages (`shader::Stage`); the host only says how many rays there are, and looks afterwards whether
-//! their samples had room.
+//! their samples had room. Whoever waits for the device can do so without holding up the thread; `blocking` does hold it up,
+//! where there is more than a browser's one.
 
+#[cfg(not(target_arch = "wasm32"))]
+mod blocking;
 mod device;
 mod layout;
 mod packed;
@@ -118,24 +121,24 @@ impl GpuRenderer {
     /// # Errors
     ///
     /// [`GpuError::Device`], and [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
-    pub fn render(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
-        self.draw(camera, None)?;
-        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
+    pub async fn render_async(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
+        self.draw(camera, None).await?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize).await?;
         Ok(Picture { width: camera.width, height: camera.height, pixels })
     }
 
-    /// As [`GpuRenderer::render`], and what each stage took; without stages where the device does not tell.
+    /// As [`GpuRenderer::render_async`], and what each stage took; without stages where the device does not tell.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
-    pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
+    /// As [`GpuRenderer::render_async`]'s.
+    pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         let mut times: Vec<_> = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
         if !self.gpu.has_timestamps() {
             times.clear();
         }
-        self.draw(camera, Some(&mut times))?;
-        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
+        self.draw(camera, Some(&mut times)).await?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize).await?;
         Ok((Picture { width: camera.width, height: camera.height, pixels }, times))
     }
 
@@ -143,12 +146,13 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
-    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
+    /// As [`GpuRenderer::render_async`]'s.
+    pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
         self.make_room(rays.len() as u64, rays.len() as u64)?;
-        self.batches(rays.len() as u32, Frame { rays_are_given: 1, ..Frame::default() }, &given, None)?;
-        self.read_pixels(rays.len())
+        let frame = Frame { rays_are_given: 1, ..Frame::default() };
+        self.batches(rays.len() as u32, frame, &given, None).await?;
+        self.read_pixels(rays.len()).await
     }
 
     /// Bytes of device memory that are held: the scene's, and those of the work.
@@ -158,7 +162,7 @@ impl GpuRenderer {
     }
 
     /// Leaves the picture that `camera` takes in [`GpuRenderer::pixels`].
-    fn draw(&mut self, camera: &Camera, times: Option<&mut Vec<StageTime>>) -> Result<(), GpuError> {
+    async fn draw(&mut self, camera: &Camera, times: Option<&mut Vec<StageTime>>) -> Result<(), GpuError> {
         let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
         let rays = tiles * u64::from(TILE * TILE);
         self.make_room(rays, u64::from(camera.width) * u64::from(camera.height))?;
@@ -174,7 +178,7 @@ impl GpuRenderer {
             principal: camera.principal.map(|v| v as f32),
             ..Frame::default()
         };
-        self.batches(rays as u32, frame, &[], times)
+        self.batches(rays as u32, frame, &[], times).await
     }
 
     /// A ray as the first stage would make it, in 64 bits.
@@ -208,7 +212,7 @@ impl GpuRenderer {
     }
 
     /// Takes `rays` rays through all stages, in batches; in smaller ones where their samples have no room.
-    fn batches(
+    async fn batches(
         &mut self,
         rays: u32,
         frame: Frame,
@@ -221,7 +225,7 @@ impl GpuRenderer {
             let ray_count = at_once.min(rays - first_ray);
             let frame = Frame { first_ray, ray_count, blocks: self.workspace.blocks(), ..frame };
             let given = given.get(first_ray as usize..(first_ray + ray_count) as usize).unwrap_or_default();
-            let counters = self.batch(&frame, given, times.as_deref_mut())?;
+            let counters = self.batch(&frame, given, times.as_deref_mut()).await?;
             if counters.blocks <= self.workspace.blocks() {
                 first_ray += ray_count;
             } else if at_once > RAY_LANES {
@@ -235,7 +239,7 @@ impl GpuRenderer {
     }
 
     /// One batch; what its counters came to.
-    fn batch(
+    async fn batch(
         &self,
         frame: &Frame,
         given: &[DeviceRay],
@@ -277,9 +281,9 @@ impl GpuRenderer {
             work.resolve_queries(&mut encoder, set);
         }
         queue.submit([encoder.finish()]);
-        let counters = *bytemuck::from_bytes(&self.gpu.read(&work.counters_back)?);
+        let counters = *bytemuck::from_bytes(&self.gpu.read(&work.counters_back).await?);
         if let (Some(times), Some(_)) = (times, &queries) {
-            work.add_times(&self.gpu, times)?;
+            work.add_times(&self.gpu, times).await?;
         }
         Ok(counters)
     }
@@ -309,7 +313,7 @@ impl GpuRenderer {
         })
     }
 
-    fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
+    async fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
         let bytes = (count * size_of::<PixelPair>()) as u64;
         if bytes == 0 {
             return Ok(Vec::new());
@@ -318,7 +322,7 @@ impl GpuRenderer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.workspace.pixels, 0, &back, 0, Some(bytes));
         self.gpu.queue.submit([encoder.finish()]);
-        let bytes = self.gpu.read(&back)?;
+        let bytes = self.gpu.read(&back).await?;
         let pixel = |p: &PixelPair| Pixel { color: p.color, opacity: p.opacity, depth: p.depth };
         Ok(bytemuck::cast_slice(&bytes).iter().map(pixel).collect())
     }
