@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
@@ -78,7 +78,11 @@ impl Viewpoints {
         let focal = Camera::focal_of_angle(size[0], self.fov.to_radians());
         match (self.orbit, &self.pose) {
             (Some(count), _) => Ok(self.orbit(frame, bounds, count, size, focal)),
-            (None, Some(pose)) => Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, focal)? }]),
+            (None, Some(pose)) => {
+                let camera =
+                    Camera::posed(pose, size, focal).map_err(|error| Error::Usage(format!("--pose: {error}")))?;
+                Ok(vec![NamedCamera { name: "pose".into(), camera }])
+            }
             (None, None) => Err(Error::Usage("expected one of --cameras, --orbit and --pose, found none".into())),
         }
     }
@@ -140,28 +144,6 @@ fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64
         0.5 * (frame.near + frame.far)
     };
     radius / frame.model_from_dataset.scale
-}
-
-/// The camera of the row-major camera-to-world matrix `pose`.
-fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Camera, Error> {
-    let rows: [f64; 16] =
-        pose.try_into().map_err(|_| Error::Usage(format!("--pose: expected 16 numbers, found {}", pose.len())))?;
-    let matrix = DMat4::from_cols_array(&rows).transpose();
-    let refused = |expected: &str| Error::Usage(format!("--pose: expected {expected}, found {pose:?}"));
-    if !matrix.is_finite() {
-        return Err(refused("finite numbers"));
-    }
-    if !matrix.row(3).abs_diff_eq(glam::DVec4::W, 1e-3) {
-        return Err(refused("the last row 0 0 0 1"));
-    }
-    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|column| column.truncate());
-    let gram = [x.dot(x) - 1.0, y.dot(y) - 1.0, z.dot(z) - 1.0, x.dot(y), x.dot(z), y.dot(z)];
-    if !gram.iter().all(|v| v.abs() <= 1e-3) || x.cross(y).dot(z) < 0.0 {
-        return Err(refused("a right-handed rotation within 0.001 and a translation"));
-    }
-    let position = matrix.w_axis.truncate();
-    // The axes made exactly orthonormal: z and then y are kept as far as possible.
-    Ok(Camera::looking_at(size, focal, position, position - z, y)).map(|camera| Camera { position, ..camera })
 }
 
 #[cfg(test)]

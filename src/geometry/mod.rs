@@ -7,7 +7,7 @@ mod ray;
 mod similarity;
 
 pub use aabb::Aabb;
-pub use camera::Camera;
+pub use camera::{Camera, PoseError};
 pub use lattice::Lattice;
 pub use ray::Ray;
 pub use similarity::Similarity;
