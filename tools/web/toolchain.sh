@@ -7,6 +7,7 @@
 #
 # A Rust that has the target is taken as it is; else rustup adds it; else, on Debian 12, the packages that Debian builds
 # its browsers with are unpacked (they conflict with the distribution's own rustc, so they are not installed).
+# STRIVEC_WEB_DEBIAN=1 takes these in any case.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -31,8 +32,7 @@ unpack_debian() {
         version=$(apt-cache policy rustc-web | sed -n 's/^ *Candidate: \([0-9]*\.[0-9]*\)\..*/\1/p')
         [[ -n $version ]] || return 1
         say "fetching Debian's rustc-web $version into $debian"
-        library=$(apt-cache depends rustc-web | sed -n 's/.*Depends: \(libllvm[0-9]*\).*/\1/p' | head -n 1)
-        [[ -n $library ]] || library=$(apt-cache depends "libstd-rust-web-$version" | sed -n 's/.*Depends: \(libllvm[0-9]*\).*/\1/p' | head -n 1)
+        library=$(apt-cache depends "libstd-rust-web-$version" | sed -n '/libllvm[0-9]/{s/.*Depends: //p;q}')
         rm -rf "$debian.part"
         mkdir -p "$debian.part"
         for package in $list "libstd-rust-web-$version" $library; do
@@ -43,7 +43,7 @@ unpack_debian() {
         done
         rm -rf "$debian"
         mv "$debian.part" "$debian"
-        prepare_debian "$debian" || return 1
+        prepare_debian "$debian"
     fi
     printf 'export RUSTC=%q RUSTC_BOOTSTRAP=1\n' "$debian/rustc"
     printf 'export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=%q\n' "$(cat "$debian/linker")"
@@ -52,12 +52,14 @@ unpack_debian() {
 
 # Writes a `rustc` that finds its libraries, and where its linker is.
 prepare_debian() {
-    local debian=$1 program libraries source sysroot
-    program=$(find "$debian" -path '*bin/rustc' -type f | head -n 1)
+    local debian=$1 program=$1/usr/bin/rustc libraries source sysroot linker
     libraries=$(find "$debian" \( -name 'librustc_driver-*.so' -o -name 'libLLVM*.so*' \) -printf '%h\n' | sort -u | paste -sd:)
-    find "$debian" -name rust-lld | head -n 1 >"$debian/linker"
-    source=$(find "$debian" -path '*/library/Cargo.lock' | head -n 1)
-    [[ -n $program && -n $libraries && -s $debian/linker && -n $source ]] || return 1
+    source=$(find "$debian/usr/src" -path '*/library/Cargo.lock' -print -quit)
+    [[ -x $program && -n $libraries && -n $source ]] || fail "Debian's rustc-web is not laid out as expected: $debian"
+    # It brings no linker of its own.
+    linker=$(find -L "$(rustc --print sysroot 2>/dev/null)/lib/rustlib" -name rust-lld -print -quit 2>/dev/null) || true
+    linker=${linker:-$(command -v wasm-ld)} || fail "a linker for $target is missing: rust-lld of a Rust from rustup, or wasm-ld (lld)"
+    printf '%s\n' "$linker" >"$debian/linker"
     {
         printf '#!/bin/sh\n'
         printf 'LD_LIBRARY_PATH=%q${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} exec %q "$@"\n' "$libraries" "$program"
