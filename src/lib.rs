@@ -9,9 +9,10 @@
 //!    is, and placing tensors there. `field`: the fast field that rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
-//! 5. `cli`: the commands.
+//! 5. `cli`: the commands. `web`: what a page in a browser calls.
 //!
-//! With `default-features = false` only layers 0, 1 and `container` are built.
+//! With `default-features = false` only layers 0, 1 and `container` are built; features `render` and `gpu` add `field` and
+//! `render`.
 
 pub mod container;
 pub mod geometry;
@@ -20,7 +21,7 @@ pub mod random;
 
 #[cfg(feature = "toolkit")]
 pub mod dataset;
-#[cfg(feature = "toolkit")]
+#[cfg(feature = "render")]
 pub mod field;
 #[cfg(feature = "toolkit")]
 pub mod measure;
@@ -30,7 +31,7 @@ pub mod npy;
 pub mod pack;
 #[cfg(feature = "toolkit")]
 pub mod prior;
-#[cfg(feature = "toolkit")]
+#[cfg(feature = "render")]
 pub mod render;
 #[cfg(feature = "toolkit")]
 pub mod train;
@@ -40,3 +41,5 @@ pub mod player;
 
 #[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(all(feature = "web", target_arch = "wasm32"))]
+pub mod web;

@@ -1,6 +1,6 @@
 //! The graphics renderer against the reference, on whole pictures. Needs an adapter; Mesa's lavapipe is one
 //! (`apt-get install mesa-vulkan-drivers`). None is a failure, never a silent skip.
-#![cfg(feature = "gpu")]
+#![cfg(all(feature = "gpu", feature = "toolkit"))]
 
 mod scenes;
 

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 14] = [
+const LAYERS: [(&str, u32); 15] = [
     ("geometry", 0),
     ("random", 0),
     ("npy", 0),
@@ -23,6 +23,7 @@ const LAYERS: [(&str, u32); 14] = [
     ("pack", 4),
     ("player", 5),
     ("cli", 5),
+    ("web", 5),
 ];
 
 /// Imports within a layer that are allowed: (importer, imported).

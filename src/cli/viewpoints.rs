@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::camera_path::{CameraPathOptions, Way, numbered};
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
-use crate::geometry::{Aabb, Camera, NotRigid, rigid};
+use crate::geometry::{Aabb, Camera};
 use crate::model::{Frame, UpAxis};
 
 /// Degrees that a picture of an orbit spans, and above the horizon, where nothing else is asked for.
@@ -79,7 +79,9 @@ impl Viewpoints {
         }
         let size = self.size.unwrap_or([800, 800]);
         if let Some(pose) = &self.pose {
-            return Ok(vec![NamedCamera { name: "pose".into(), camera: posed(pose, size, self.focal(size))? }]);
+            let camera = Camera::posed(pose, size, self.focal(size));
+            let camera = camera.map_err(|error| Error::Usage(format!("--pose: {error}")))?;
+            return Ok(vec![NamedCamera { name: "pose".into(), camera }]);
         }
         match (self.orbit, self.path.way()) {
             (Some(count), _) => Ok(numbered("orbit", 3, self.circle(frame, bounds, count, size))),
@@ -170,17 +172,6 @@ fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64
         0.5 * (frame.near + frame.far)
     };
     radius / frame.model_from_dataset.scale
-}
-
-/// The camera of the row-major camera-to-world matrix `pose`.
-fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Camera, Error> {
-    let numbers: [f64; 16] =
-        pose.try_into().map_err(|_| Error::Usage(format!("--pose: expected 16 numbers, found {}", pose.len())))?;
-    let rows = std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]));
-    let (world_from_camera, position) = rigid(&rows)
-        .map_err(|NotRigid { expected, .. }| Error::Usage(format!("--pose: expected {expected}, found {pose:?}")))?;
-    let principal = size.map(|extent| 0.5 * f64::from(extent));
-    Ok(Camera { width: size[0], height: size[1], focal: [focal, focal], principal, world_from_camera, position })
 }
 
 #[cfg(test)]

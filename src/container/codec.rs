@@ -1,10 +1,16 @@
 //! How a section's bytes are stored.
 
+#[cfg(not(target_arch = "wasm32"))]
+mod libzstd;
+#[cfg(any(test, target_arch = "wasm32"))]
+mod ruzstd;
+
 use std::fmt;
 
-use zstd::zstd_safe;
-
-use super::Error;
+#[cfg(not(target_arch = "wasm32"))]
+pub(super) use libzstd::{compress, decompress};
+#[cfg(target_arch = "wasm32")]
+pub(super) use ruzstd::{compress, decompress};
 
 /// How a section's body is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,32 +49,4 @@ impl fmt::Display for Codec {
             Self::Other(code) => write!(f, "codec {code}"),
         }
     }
-}
-
-/// `bytes` as one zstd frame.
-pub(super) fn compress(place: &dyn fmt::Display, bytes: &[u8], level: i32) -> Result<Vec<u8>, Error> {
-    zstd::bulk::compress(bytes, level)
-        .map_err(|error| Error::Compression { section: place.to_string(), message: error.to_string() })
-}
-
-/// The content of the one zstd frame that `bytes` must be, which must have `length` bytes. Allocates no more than
-/// that: the caller has checked it.
-pub(super) fn decompress(place: &dyn fmt::Display, bytes: &[u8], length: usize) -> Result<Vec<u8>, Error> {
-    // The decompressor would also take several frames, and skip frames that hold something else.
-    if !bytes.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
-        return Err(Error::malformed(place, "a zstd frame", format!("{:02x?}", &bytes[..bytes.len().min(4)])));
-    }
-    let message = zstd_safe::get_error_name;
-    let frame = zstd_safe::find_frame_compressed_size(bytes)
-        .map_err(|code| Error::malformed(place, "a whole zstd frame", message(code)))?;
-    Error::unless_equal(format!("{place} zstd frame length"), bytes.len(), frame)?;
-    match zstd_safe::get_frame_content_size(bytes) {
-        Ok(Some(content)) => Error::unless_equal(format!("{place} zstd content size"), length as u64, content)?,
-        _ => return Err(Error::malformed(place, "a zstd frame with its content's size", "none")),
-    }
-    let mut content = vec![0; length];
-    let written = zstd::bulk::decompress_to_buffer(bytes, &mut content)
-        .map_err(|error| Error::malformed(place, "a valid zstd frame", error))?;
-    Error::unless_equal(format!("{place} decompressed bytes"), length, written)?;
-    Ok(content)
 }

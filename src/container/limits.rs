@@ -59,9 +59,9 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// 4 GiB: four times the largest scenes that are trained.
+    /// 4 GiB: four times the largest scenes that are trained. 1 GiB where addresses have 32 bits: a renderer holds copies.
     fn default() -> Self {
-        Self { memory: 1 << 32 }
+        Self { memory: if cfg!(target_pointer_width = "32") { 1 << 30 } else { 1 << 32 } }
     }
 }
 
@@ -72,7 +72,8 @@ pub(super) struct Budget {
 
 impl Budget {
     pub(super) fn new(limits: Limits) -> Self {
-        Self { left: limits.memory }
+        // What was spent can then be counted, and allocated, in `usize`.
+        Self { left: limits.memory.min(isize::MAX as u64) }
     }
 
     /// Takes `bytes` for `place`, before they are allocated.

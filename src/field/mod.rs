@@ -25,6 +25,7 @@ pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use density_cache::DensityCache;
 pub use gather::Located;
+#[cfg(feature = "toolkit")]
 pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use march::Samples;
@@ -32,6 +33,7 @@ pub use matrix::{Matrix, MatrixMut, multiply};
 pub use real::Real;
 use scale::aligned;
 pub use scale::{FieldScale, Pair, TensorRows};
+#[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
 pub use stages::{Stage, StageClock, Work};
 pub use vector::Vector;

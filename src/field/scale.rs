@@ -44,7 +44,8 @@ pub struct TensorRows<T> {
     pub count: usize,
 }
 
-/// Where a position falls: the lower of two rows and the fraction of the way to the next, per axis.
+/// Where a position falls: the lower of two rows and the fraction of the way to the next, per axis. Training's alone.
+#[cfg(feature = "toolkit")]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interpolation<T> {
     pub(crate) rows: [usize; 3],
@@ -63,6 +64,7 @@ impl<T: Real> TensorRows<T> {
     }
 
     /// Rows and fractions at `offset` from a tensor's centre.
+    #[cfg(feature = "toolkit")]
     #[inline(always)]
     pub(crate) fn at(&self, offset: [T; 3]) -> Interpolation<T> {
         let (x, y, z) = (self.on_axis(0, offset[0]), self.on_axis(1, offset[1]), self.on_axis(2, offset[2]));
@@ -108,6 +110,7 @@ pub struct Pair<T> {
     pub weight: T,
 }
 
+#[cfg(feature = "toolkit")]
 #[inline(always)]
 pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
     [position[0] - center[0], position[1] - center[1], position[2] - center[2]]

@@ -1,8 +1,8 @@
 //! Pinhole cameras: the one place that fixes the camera's axes and where a pixel's centre is.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DMat4, DVec3};
 
-use super::{Ray, Similarity};
+use super::{NotRigid, Ray, Similarity, rigid};
 
 /// A pinhole camera in OpenGL's and Blender's axes: x to the right, y up, looking along −z.
 ///
@@ -21,6 +21,16 @@ pub struct Camera {
     pub world_from_camera: DMat3,
     /// Where the camera stands in the world.
     pub position: DVec3,
+}
+
+/// Numbers that are no camera's pose.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected}, found {found}")]
+pub struct PoseError {
+    /// What they should be.
+    pub expected: &'static str,
+    /// What they are.
+    pub found: String,
 }
 
 impl Camera {
@@ -42,6 +52,29 @@ impl Camera {
             world_from_camera: DMat3::from_cols(right, back.cross(right), back),
             position,
         }
+    }
+
+    /// The camera of the row-major camera-to-world matrix `pose`, its principal point in the middle.
+    ///
+    /// # Errors
+    ///
+    /// Where `pose` is not 16 finite numbers, a right-handed rotation within 0.001 and a translation.
+    pub fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Self, PoseError> {
+        let numbers: [f64; 16] =
+            pose.try_into().map_err(|_| PoseError { expected: "16 numbers", found: pose.len().to_string() })?;
+        let rows = std::array::from_fn(|row| std::array::from_fn(|column| numbers[4 * row + column]));
+        let (world_from_camera, position) =
+            rigid(&rows).map_err(|NotRigid { expected, .. }| PoseError { expected, found: format!("{pose:?}") })?;
+        let principal = size.map(|extent| 0.5 * f64::from(extent));
+        Ok(Self { width: size[0], height: size[1], focal: [focal; 2], principal, world_from_camera, position })
+    }
+
+    /// The row-major camera-to-world matrix: what [`Camera::posed`] takes.
+    pub fn pose(&self) -> [f64; 16] {
+        let [x, y, z] = self.world_from_camera.to_cols_array_2d().map(DVec3::from);
+        DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), self.position.extend(1.0))
+            .transpose()
+            .to_cols_array()
     }
 
     /// The ray from the camera through the picture point (x, y), in pixels from the top left corner.
@@ -89,6 +122,15 @@ mod tests {
         assert!((camera.ray_through(2.0, 1.0).direction - DVec3::Y).length() < 1e-15);
         assert!(camera.ray(3, 0).direction.x > 0.0, "columns grow to the right");
         assert!(camera.ray(3, 0).direction.z > 0.0, "rows grow downwards");
+    }
+
+    #[test]
+    fn a_pose_is_that_of_its_camera() {
+        let camera = Camera::looking_at([4, 2], 3.0, DVec3::new(1.0, -5.0, 2.0), DVec3::X, DVec3::Z);
+        let again = Camera::posed(&camera.pose(), [4, 2], 3.0).unwrap();
+        assert!(again.world_from_camera.abs_diff_eq(camera.world_from_camera, 1e-12));
+        assert_eq!((again.position, camera.pose()[7]), (camera.position, -5.0));
+        assert!(Camera::posed(&camera.pose()[1..], [4, 2], 3.0).is_err());
     }
 
     #[test]

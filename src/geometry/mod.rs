@@ -10,7 +10,7 @@ mod similarity;
 mod viewpoint;
 
 pub use aabb::Aabb;
-pub use camera::Camera;
+pub use camera::{Camera, PoseError};
 pub use lattice::Lattice;
 pub use path::{CameraPath, Keyframe, PathError};
 pub use pose::{NotRigid, rigid};

@@ -1,12 +1,10 @@
 //! Named ways to trade a picture's exactness for speed. None is taken unless asked for.
 
-use serde::{Deserialize, Serialize};
-
 use crate::model::{DecoderMode, Scene};
 
 /// What a renderer may leave out. The default leaves out nothing: the picture is the reference's, within tolerance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct Approximation {
     /// Neighbours that a point aggregates in a scale at most; those of the scene where there is none.
     pub neighbours: Option<u32>,

@@ -1,6 +1,7 @@
 //! The graphics processor: finding one, and what it can do.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Poll, Waker};
 
 use super::GpuError;
 
@@ -16,21 +17,11 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// The system's best device, or a software one where there is no other.
-    ///
-    /// # Errors
-    ///
-    /// [`GpuError::NoAdapter`], [`GpuError::Device`].
-    pub fn open() -> Result<Self, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        pollster::block_on(Self::request(&instance, None))
-    }
-
     /// A device of `instance` that can show on `surface`, where there is one.
     ///
     /// # Errors
     ///
-    /// As [`Gpu::open`]'s.
+    /// [`GpuError::NoAdapter`], [`GpuError::Device`].
     pub async fn request(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self, GpuError> {
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -93,12 +84,6 @@ impl Gpu {
         complaint.map_or(Ok(()), |text| Err(GpuError::Device(text)))
     }
 
-    /// Waits for all work that was given to the device.
-    pub(super) fn wait(&self) -> Result<(), GpuError> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| GpuError::Device(e.to_string()))?;
-        Ok(())
-    }
-
     /// Waits for all work that was given to the device, but no longer than `time`.
     ///
     /// # Errors
@@ -111,16 +96,62 @@ impl Gpu {
         }
     }
 
-    /// The bytes of `buffer`, which can be mapped; waits for all work before.
-    pub(super) fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.map_async(wgpu::MapMode::Read, .., move |mapped| drop(sender.send(mapped)));
-        let lost = |e: &dyn std::fmt::Display| GpuError::Device(e.to_string());
-        self.wait()?;
-        receiver.try_recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
-        let bytes = buffer.get_mapped_range(..).map_err(|e| lost(&e))?.to_vec();
+    /// The bytes of `buffer`, which can be mapped, once all work before is done.
+    pub(super) async fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
+        let mapping = Mapping::of(buffer);
+        mapping.clone().ended().await;
+        mapping.result().unwrap_or(Ok(()))?;
+        let bytes = buffer.get_mapped_range(..).map_err(|e| GpuError::Device(e.to_string()))?.to_vec();
         buffer.unmap();
         Ok(bytes)
+    }
+}
+
+/// A buffer that is being mapped for reading.
+#[derive(Clone)]
+pub(super) struct Mapping(Arc<Mutex<MappingState>>);
+
+/// How it ended, and who waits for it.
+#[derive(Default)]
+struct MappingState {
+    ended: Option<Result<(), String>>,
+    waiting: Option<Waker>,
+}
+
+impl Mapping {
+    /// Begins to map `buffer`.
+    pub(super) fn of(buffer: &wgpu::Buffer) -> Self {
+        let here = Self(Arc::default());
+        let there = here.clone();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            let mut state = there.lock();
+            state.ended = Some(result.map_err(|e| e.to_string()));
+            if let Some(waiting) = state.waiting.take() {
+                waiting.wake();
+            }
+        });
+        here
+    }
+
+    fn lock(&self) -> MutexGuard<'_, MappingState> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How it ended; `None` before it has.
+    pub(super) fn result(&self) -> Option<Result<(), GpuError>> {
+        self.lock().ended.clone().map(|ended| ended.map_err(GpuError::Device))
+    }
+
+    /// Its end.
+    pub(super) fn ended(self) -> impl Future<Output = ()> + use<> {
+        std::future::poll_fn(move |context| {
+            let mut state = self.lock();
+            if state.ended.is_some() {
+                return Poll::Ready(());
+            }
+            state.waiting = Some(context.waker().clone());
+            Poll::Pending
+        })
     }
 }
 

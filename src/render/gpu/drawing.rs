@@ -1,8 +1,6 @@
 //! One picture, batch after batch. Nothing here waits for the device: whoever draws asks again.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
-
+use super::device::Mapping;
 use super::layout::{Counters, Frame, Ray};
 use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
 use super::{Gpu, GpuError, GpuRenderer};
@@ -37,9 +35,8 @@ pub(super) struct Job {
 /// A batch that the device is at.
 struct Flight {
     rays: u32,
-    /// 0 until its counters can be read, then 1; 2 where they cannot be.
-    state: Arc<AtomicU8>,
-    queries: Option<wgpu::QuerySet>,
+    /// Of its counters.
+    mapping: Mapping,
 }
 
 impl Job {
@@ -47,9 +44,9 @@ impl Job {
         Self { frame, given, rays, done: 0, at_once, flight: None }
     }
 
-    /// Whether the device is at a batch of it.
-    pub(super) fn is_in_flight(&self) -> bool {
-        self.flight.is_some()
+    /// The end of the batch that the device is at, if it is at one.
+    pub(super) fn landing(&self) -> Option<impl Future<Output = ()> + use<>> {
+        self.flight.as_ref().map(|flight| flight.mapping.clone().ended())
     }
 }
 
@@ -73,10 +70,9 @@ impl GpuRenderer {
         self.gpu.complaint()?;
         if let Some(flight) = &job.flight {
             self.gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Device(e.to_string()))?;
-            match flight.state.load(Ordering::Acquire) {
-                0 => return Ok(Drawing::Unfinished { done: job.done, rays: job.rays }),
-                1 => self.land(job)?,
-                _ => return Err(GpuError::Device("its memory cannot be read".into())),
+            match flight.mapping.result() {
+                None => return Ok(Drawing::Unfinished { done: job.done, rays: job.rays }),
+                Some(mapped) => mapped.and_then(|()| self.land(job))?,
             }
         }
         if job.done >= job.rays {
@@ -89,18 +85,13 @@ impl GpuRenderer {
 
     /// Books the batch that the device is done with.
     fn land(&mut self, job: &mut Job) -> Result<(), GpuError> {
-        let Some(Flight { rays, queries, .. }) = job.flight.take() else { return Ok(()) };
+        let Some(Flight { rays, .. }) = job.flight.take() else { return Ok(()) };
         let back = &self.workspace.counters_back;
         let counters: Counters = {
             let bytes = back.get_mapped_range(..).map_err(|e| GpuError::Device(e.to_string()))?;
             bytemuck::pod_read_unaligned(&bytes)
         };
         back.unmap();
-        if queries.is_some() {
-            let mut times = std::mem::take(&mut self.times);
-            self.workspace.add_times(&self.gpu, &mut times)?;
-            self.times = times;
-        }
         let room = self.workspace.blocks();
         if counters.blocks <= room {
             job.done += rays;
@@ -156,12 +147,7 @@ impl GpuRenderer {
             work.resolve_queries(&mut encoder, set);
         }
         queue.submit([encoder.finish()]);
-        let state = Arc::new(AtomicU8::new(0));
-        let landed = Arc::clone(&state);
-        work.counters_back.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            landed.store(if mapped.is_ok() { 1 } else { 2 }, Ordering::Release);
-        });
-        Flight { rays: ray_count, state, queries }
+        Flight { rays: ray_count, mapping: Mapping::of(&work.counters_back) }
     }
 
     fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {

@@ -2,8 +2,11 @@
 //!
 //! In: a scene, an open device. Out: pictures that agree with the reference's within [`POSITION_ERROR`]. A batch of rays goes
 //! through a few compute stages (`shader::Stage`); the host only says how many rays there are, and looks afterwards whether
-//! their samples had room.
+//! their samples had room. Whoever waits for the device can do so without holding up the thread; `blocking` does hold it up,
+//! where there is more than a browser's one.
 
+#[cfg(not(target_arch = "wasm32"))]
+mod blocking;
 mod device;
 mod drawing;
 mod layout;
@@ -131,23 +134,23 @@ impl GpuRenderer {
     /// # Errors
     ///
     /// [`GpuError::Device`], and [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
-    pub fn render(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
+    pub async fn render_async(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
         self.begin(camera)?;
-        self.finish()?;
-        let pixels = self.read_pixels(camera.width as usize * camera.height as usize)?;
+        self.finish().await?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize).await?;
         Ok(Picture { width: camera.width, height: camera.height, pixels })
     }
 
-    /// As [`GpuRenderer::render`], and what each stage took; no stages where the device does not tell.
+    /// As [`GpuRenderer::render_async`], and what each stage took; without stages where the device does not tell.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
-    pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
+    /// As [`GpuRenderer::render_async`]'s.
+    pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         if self.gpu.has_timestamps() {
             self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
         }
-        let picture = self.render(camera);
+        let picture = self.render_async(camera).await;
         let times = std::mem::take(&mut self.times);
         Ok((picture?, times))
     }
@@ -156,15 +159,15 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
-    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
-        self.abandon()?;
+    /// As [`GpuRenderer::render_async`]'s.
+    pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
+        self.abandon();
         let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
         self.make_room(rays.len() as u64, rays.len() as u64)?;
         let frame = Frame { rays_are_given: 1, ..Frame::default() };
         self.job = Some(Job::new(frame, rays.len() as u32, given, self.workspace.rays_at_once()));
-        self.finish()?;
-        self.read_pixels(rays.len())
+        self.finish().await?;
+        self.read_pixels(rays.len()).await
     }
 
     /// Begins the picture that `camera`, in the model's space, takes, in place of any that is unfinished;
@@ -174,7 +177,7 @@ impl GpuRenderer {
     ///
     /// [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
     pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
-        self.abandon()?;
+        self.abandon();
         let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
         let rays = tiles * u64::from(TILE * TILE);
         self.make_room(rays, u64::from(camera.width) * u64::from(camera.height))?;
@@ -194,21 +197,26 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// Draws what was begun, waiting for the device.
-    fn finish(&mut self) -> Result<(), GpuError> {
+    /// Draws what was begun.
+    async fn finish(&mut self) -> Result<(), GpuError> {
         while self.advance(u32::MAX)? != Drawing::Finished {
-            self.gpu.wait()?;
+            if let Some(landing) = self.job.as_ref().and_then(Job::landing) {
+                landing.await;
+            }
+            if !self.times.is_empty() {
+                let mut times = std::mem::take(&mut self.times);
+                self.workspace.add_times(&self.gpu, &mut times).await?;
+                self.times = times;
+            }
         }
         Ok(())
     }
 
-    /// Forgets what was begun; what the device is at ends first.
-    fn abandon(&mut self) -> Result<(), GpuError> {
-        if self.job.take().is_some_and(|job| job.is_in_flight()) {
-            self.gpu.wait()?;
+    /// Forgets what was begun. What the device is at ends unheard.
+    fn abandon(&mut self) {
+        if self.job.take().is_some_and(|job| job.landing().is_some()) {
             self.workspace.counters_back.unmap();
         }
-        Ok(())
     }
 
     /// Whether pictures that are begun from now on have normals.
@@ -257,7 +265,7 @@ impl GpuRenderer {
         Ok(())
     }
 
-    fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
+    async fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
         let bytes = (count * size_of::<PixelPair>()) as u64;
         if bytes == 0 {
             return Ok(Vec::new());
@@ -266,7 +274,7 @@ impl GpuRenderer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.workspace.pixels, 0, &back, 0, Some(bytes));
         self.gpu.queue.submit([encoder.finish()]);
-        let bytes = self.gpu.read(&back)?;
+        let bytes = self.gpu.read(&back).await?;
         let pixel = |p: &PixelPair| Pixel { color: p.color, opacity: p.opacity, depth: p.depth };
         Ok(bytemuck::cast_slice(&bytes).iter().map(pixel).collect())
     }

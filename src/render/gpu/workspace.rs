@@ -99,8 +99,8 @@ impl Workspace {
     }
 
     /// Adds what the last batch's stages took to `times`.
-    pub(super) fn add_times(&self, gpu: &Gpu, times: &mut [StageTime]) -> Result<(), GpuError> {
-        let bytes = gpu.read(&self.times_back)?;
+    pub(super) async fn add_times(&self, gpu: &Gpu, times: &mut [StageTime]) -> Result<(), GpuError> {
+        let bytes = gpu.read(&self.times_back).await?;
         let ticks: Vec<u64> = bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
         for (time, [start, end]) in times.iter_mut().zip(ticks.as_chunks::<2>().0) {
             time.milliseconds += 1e-6 * f64::from(gpu.queue.get_timestamp_period()) * end.saturating_sub(*start) as f64;

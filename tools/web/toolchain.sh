@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Finds or fetches what building for browsers needs besides Rust and Node: a Rust for wasm32-unknown-unknown, and the
+# wasm-bindgen command of the very version that Cargo.lock has. What is fetched lies in the build folder, in web-tools/.
+#
+#   tools/web/toolchain.sh    prints what to `eval`: STRIVEC_WEB_CARGO (words before cargo's own), PATH, and for Debian's
+#                             toolchain RUSTC and RUSTC_BOOTSTRAP
+#
+# A Rust that has the target is taken as it is; else rustup adds it; else, on Debian 12, the packages that Debian builds
+# its browsers with are unpacked (they conflict with the distribution's own rustc, so they are not installed).
+# STRIVEC_WEB_DEBIAN=1 takes these in any case.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+target=wasm32-unknown-unknown
+tools=${CARGO_TARGET_DIR:-$PWD/target}/web-tools
+mkdir -p "$tools"
+
+say() { printf 'toolchain: %s\n' "$*" >&2; }
+fail() {
+    say "$@"
+    exit 1
+}
+command -v cargo >/dev/null || fail "cargo is missing: install Rust, see https://rustup.rs"
+
+has_target() { compgen -G "$("${RUSTC:-rustc}" --print target-libdir --target "$target" 2>/dev/null)/libstd-*.rlib" >/dev/null; }
+
+# Debian's rustc for browsers: its programs need its own libraries, and its std is built from its source.
+unpack_debian() {
+    local debian=$tools/debian list="rustc-web rust-web-src libstd-rust-web-dev" version package library
+    if [[ ! -x $debian/rustc ]]; then
+        command -v apt-get >/dev/null && command -v dpkg >/dev/null || return 1
+        version=$(apt-cache policy rustc-web | sed -n 's/^ *Candidate: \([0-9]*\.[0-9]*\)\..*/\1/p')
+        [[ -n $version ]] || return 1
+        say "fetching Debian's rustc-web $version into $debian"
+        library=$(apt-cache depends "libstd-rust-web-$version" | sed -n '/libllvm[0-9]/{s/.*Depends: //p;q}')
+        rm -rf "$debian.part"
+        mkdir -p "$debian.part"
+        for package in $list "libstd-rust-web-$version" $library; do
+            (cd "$debian.part" && apt-get download -qq "$package" >&2) || return 1
+        done
+        for package in "$debian.part"/*.deb; do
+            dpkg -x "$package" "$debian.part" && rm "$package"
+        done
+        rm -rf "$debian"
+        mv "$debian.part" "$debian"
+        prepare_debian "$debian"
+    fi
+    printf 'export RUSTC=%q RUSTC_BOOTSTRAP=1\n' "$debian/rustc"
+    printf 'export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=%q\n' "$(cat "$debian/linker")"
+    printf 'STRIVEC_WEB_CARGO=%q\n' "-Zbuild-std=std,panic_abort"
+}
+
+# Writes a `rustc` that finds its libraries, and where its linker is.
+prepare_debian() {
+    local debian=$1 program=$1/usr/bin/rustc libraries source sysroot linker
+    libraries=$(find "$debian" \( -name 'librustc_driver-*.so' -o -name 'libLLVM*.so*' \) -printf '%h\n' | sort -u | paste -sd:)
+    source=$(find "$debian/usr/src" -path '*/library/Cargo.lock' -print -quit)
+    [[ -x $program && -n $libraries && -n $source ]] || fail "Debian's rustc-web is not laid out as expected: $debian"
+    # It brings no linker of its own.
+    linker=$(find -L "$(rustc --print sysroot 2>/dev/null)/lib/rustlib" -name rust-lld -print -quit 2>/dev/null) || true
+    linker=${linker:-$(command -v wasm-ld)} || fail "a linker for $target is missing: rust-lld of a Rust from rustup, or wasm-ld (lld)"
+    printf '%s\n' "$linker" >"$debian/linker"
+    {
+        printf '#!/bin/sh\n'
+        printf 'LD_LIBRARY_PATH=%q${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} exec %q "$@"\n' "$libraries" "$program"
+    } >"$debian/rustc"
+    chmod +x "$debian/rustc"
+    sysroot=$("$debian/rustc" --print sysroot)
+    mkdir -p "$sysroot/lib/rustlib/src"
+    ln -sfn "$(dirname "$(dirname "$source")")" "$sysroot/lib/rustlib/src/rust"
+}
+
+if [[ -n ${STRIVEC_WEB_DEBIAN:-} ]]; then
+    unpack_debian || fail "Debian's rustc-web cannot be had here"
+elif has_target; then
+    say "$(rustc --version) has $target"
+elif command -v rustup >/dev/null && rustup target add "$target" >&2; then
+    say "rustup added $target"
+elif ! unpack_debian; then
+    fail "no Rust for $target: rustup target add $target, or a Debian 12 whose security archive can be reached"
+fi
+
+version=$(sed -n '/^name = "wasm-bindgen"$/{n;s/^version = "\(.*\)"$/\1/p}' Cargo.lock)
+[[ -n $version ]] || fail "Cargo.lock names no wasm-bindgen"
+if [[ "$(wasm-bindgen --version 2>/dev/null)" == "wasm-bindgen $version" ]]; then
+    say "wasm-bindgen $version is installed"
+else
+    program=$tools/bin/wasm-bindgen
+    if [[ "$("$program" --version 2>/dev/null)" != "wasm-bindgen $version" ]]; then
+        say "building wasm-bindgen $version, which takes some minutes"
+        install=(cargo install wasm-bindgen-cli --version "$version" --bin wasm-bindgen --root "$tools" --force)
+        # Its own list of versions first; where a registry lacks one of them, whatever fits.
+        (export CARGO_TARGET_DIR=$tools/build && { "${install[@]}" --locked >&2 || "${install[@]}" >&2; }) ||
+            fail "wasm-bindgen $version cannot be built: ${install[*]}"
+        rm -rf "$tools/build"
+    fi
+    printf 'export PATH=%q:"$PATH"\n' "$tools/bin"
+fi
