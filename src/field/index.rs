@@ -14,6 +14,9 @@ use crate::model::TensorCloud;
 /// Candidates that are tested at once. Where tensors reach less than two pitches they are the corners of a lattice cell.
 pub(super) const BLOCK: usize = 16;
 
+/// Cells of a grid, at most: 8 bytes each while it is made, and what is in them.
+const MOST_CELLS: f64 = 33_554_432.0;
+
 /// Some of a list's tensors, with what testing them needs side by side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CandidateBlock<T> {
@@ -44,11 +47,11 @@ impl<T: Real> CellIndex<T> {
     ///
     /// A cell is a sixth of an edge wide: where edges are 1.5 pitches, box faces then fall on cell faces and hardly a
     /// candidate is listed in vain. In a cloud that is sparse in its bounds cells are wider, so that the grid's size
-    /// stays in proportion to the number of tensors.
+    /// stays in proportion to the number of tensors, and so they are where there are very many.
     pub fn new(cloud: &TensorCloud, origin: DVec3) -> Self {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
-        let limit = 512.0 * cloud.len() as f64 + 65536.0;
+        let limit = (512.0 * cloud.len() as f64 + 65536.0).min(MOST_CELLS);
         let mut width = cloud.half / 3.0;
         while (bounds.size() / width).ceil().max(DVec3::ONE).element_product() > limit {
             width *= 1.25;
