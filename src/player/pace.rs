@@ -12,8 +12,10 @@ const LEAST_RAYS: f64 = 1024.0;
 pub struct Pace {
     /// Seconds that a picture may take while the camera moves.
     target: f64,
-    /// Smoothed; absent before the first picture.
+    /// Smoothed over pictures, as parts of one differ too much; absent before the first.
     seconds_per_ray: Option<f64>,
+    /// Rays of the picture that is being drawn, and their seconds.
+    drawn: (f64, f64),
     /// How much smaller the picture on the screen is than the window; absent where it is out of date.
     shown: Option<u32>,
     /// That of the picture that is being drawn.
@@ -25,7 +27,7 @@ pub struct Pace {
 impl Pace {
     /// For pictures of at most `target` seconds while the camera moves.
     pub fn new(target: f64) -> Self {
-        Self { target, seconds_per_ray: None, shown: None, drawing: None, is_stale: false }
+        Self { target, seconds_per_ray: None, drawn: (0.0, 0.0), shown: None, drawing: None, is_stale: false }
     }
 
     /// Sets the seconds that a picture may take while the camera moves.
@@ -62,11 +64,13 @@ impl Pace {
 
     /// A picture `divisor` times smaller than the window is begun.
     pub fn begun(&mut self, divisor: u32) {
+        self.learn();
         (self.drawing, self.is_stale) = (Some(divisor), false);
     }
 
     /// It is on the screen.
     pub fn finished(&mut self) {
+        self.learn();
         if let Some(divisor) = self.drawing.take() {
             self.shown = (!self.is_stale).then_some(divisor);
         }
@@ -77,13 +81,20 @@ impl Pace {
         self.drawing = None;
     }
 
-    /// Some `rays` took `seconds`.
+    /// Some `rays` of the picture took `seconds`.
     pub fn measured(&mut self, rays: u32, seconds: f64) {
-        if rays == 0 || !(seconds > 0.0 && seconds.is_finite()) {
-            return;
+        if seconds > 0.0 && seconds.is_finite() {
+            self.drawn = (self.drawn.0 + f64::from(rays), self.drawn.1 + seconds);
         }
-        let new = seconds / f64::from(rays);
-        self.seconds_per_ray = Some(self.seconds_per_ray.map_or(new, |old| KEPT * old + (1.0 - KEPT) * new));
+    }
+
+    /// Makes use of what was measured of a picture, whole or not.
+    fn learn(&mut self) {
+        let (rays, seconds) = std::mem::take(&mut self.drawn);
+        if rays > 0.0 {
+            let new = seconds / rays;
+            self.seconds_per_ray = Some(self.seconds_per_ray.map_or(new, |old| KEPT * old + (1.0 - KEPT) * new));
+        }
     }
 
     /// Rays that can be given to the device at once without the window standing still for longer than the target.
@@ -162,10 +173,13 @@ mod tests {
     fn batches_fit_the_target() {
         let mut pace = Pace::new(0.05);
         assert_eq!(pace.rays_at_once(), 1024);
-        pace.measured(100_000, 0.1);
+        pace.begun(16);
+        pace.measured(10_000, 0.001);
+        pace.measured(90_000, 0.099);
+        pace.finished();
         assert_eq!(pace.rays_at_once(), 25_000);
-        pace.measured(0, 1.0);
         pace.measured(5, f64::NAN);
+        pace.finished();
         assert_eq!(pace.rays_at_once(), 25_000);
     }
 }
