@@ -22,7 +22,7 @@ pub use shader::Precision;
 
 use drawing::Job;
 use layout::{Frame, PixelPair, Ray as DeviceRay};
-use packed::Packed;
+use packed::{Packed, Room};
 use shader::{RAY_LANES, Stage, TILE};
 use workspace::Workspace;
 
@@ -90,11 +90,17 @@ impl GpuRenderer {
     /// # Errors
     ///
     /// Where an option is out of range, a density cache is asked for, or the device is too small for the scene.
-    pub fn new(
+    pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
+        Self::in_chunks(gpu, scene, approximation, precision, shader::CHUNK_SHIFT)
+    }
+
+    /// As [`GpuRenderer::new`], with the scene's numbers in bindings of 2 to the `chunk_shift` quads.
+    fn in_chunks(
         gpu: &Gpu,
         mut scene: Scene,
         approximation: &Approximation,
         precision: Precision,
+        chunk_shift: u32,
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         if let Some(cells) = approximation.density_cache {
@@ -106,10 +112,11 @@ impl GpuRenderer {
         let limits = gpu.device.limits();
         // Rays, samples and counters take three bindings of a stage.
         let chunks = limits.max_storage_buffers_per_shader_stage.saturating_sub(3);
-        let packed = Packed::new(&field, precision, chunks, limits.max_compute_workgroup_storage_size)?;
+        let workgroup_bytes = limits.max_compute_workgroup_storage_size;
+        let packed = Packed::new(&field, precision, Room { chunks, chunk_shift, workgroup_bytes })?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let chunks = (packed.words.chunks(4 << shader::CHUNK_SHIFT))
+        let chunks = (packed.words.chunks(4 << chunk_shift))
             .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
             .collect();
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
@@ -305,5 +312,37 @@ impl Gpu {
         let buffer = self.buffer(label, bytes.len() as u64, usage);
         self.queue.write_buffer(&buffer, 0, bytes);
         buffer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::container;
+
+    /// A scene of 128 MiB is too much for a test: bindings of 4 KiB are as many.
+    #[test]
+    fn a_scene_in_many_bindings_is_the_same() {
+        let gpu = Gpu::open().unwrap();
+        let scene = container::decode(include_bytes!("../../../fixtures/v1/occupancy.strivec")).unwrap();
+        let distance = 0.5 * (scene.frame.near + scene.frame.far);
+        let away = scene.bounds.center() + distance * DVec3::new(0.6, 0.5, 0.4).normalize();
+        let camera = Camera::looking_at([24, 24], 40.0, away, scene.bounds.center(), DVec3::Z);
+        for precision in [Precision::F32, Precision::F16] {
+            let exact = Approximation::default();
+            let pictures = [shader::CHUNK_SHIFT, 8].map(|chunk_shift| {
+                let renderer = GpuRenderer::in_chunks(&gpu, scene.clone(), &exact, precision, chunk_shift);
+                let mut renderer = renderer.unwrap();
+                assert_eq!(renderer.chunks.len() > 2, chunk_shift == 8);
+                renderer.render(&camera).unwrap()
+            });
+            assert_eq!(pictures[0], pictures[1]);
+            assert!(pictures[0].pixels.iter().any(|p| p.opacity > 0.1));
+        }
+        let small = Room { chunks: 2, chunk_shift: 4, workgroup_bytes: 16352 };
+        let refused = Packed::new(&Field::consuming(scene), Precision::F32, small).err();
+        assert!(matches!(refused, Some(GpuError::TooLarge { what: "bytes of the scene", limit: 512, .. })), "{refused:?}");
     }
 }

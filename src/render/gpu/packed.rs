@@ -2,9 +2,20 @@
 
 use super::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
-use super::shader::{CHUNK_SHIFT, Precision, Shape};
+use super::shader::{Precision, Shape};
 use crate::field::{BLOCK_SHIFT, Field, FieldScale};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
+
+/// What a device has room for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Bindings for the scene's numbers.
+    pub(super) chunks: u32,
+    /// Quads of one, as a shift.
+    pub(super) chunk_shift: u32,
+    /// Workgroup memory, in bytes.
+    pub(super) workgroup_bytes: u32,
+}
 
 /// A scene, ready for a device.
 pub(super) struct Packed {
@@ -16,13 +27,9 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs `field` for bindings of at most `chunks` times 128 MiB and `workgroup_bytes` of workgroup memory.
-    pub(super) fn new(
-        field: &Field<f32>,
-        precision: Precision,
-        chunks: u32,
-        workgroup_bytes: u32,
-    ) -> Result<Self, GpuError> {
+    /// Packs `field` for a device with `room`.
+    pub(super) fn new(field: &Field<f32>, precision: Precision, room: Room) -> Result<Self, GpuError> {
+        let Room { chunks, chunk_shift, workgroup_bytes } = room;
         let mut words = Words::default();
         let decoder = &field.decoder;
         let quads = |components: usize| components.div_ceil(4);
@@ -59,7 +66,8 @@ impl Packed {
         let widths = layers.iter().map(|l| l.inputs.max(l.outputs));
         let shape = Shape {
             precision,
-            chunks: (words.quads().div_ceil(1 << CHUNK_SHIFT)).max(1) as u32,
+            chunks: (words.quads().div_ceil(1 << chunk_shift)).max(1) as u32,
+            chunk_shift,
             scales: scales.len() as u32,
             top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
             layers: layers.len() as u32,
@@ -78,7 +86,7 @@ impl Packed {
             workgroup_bytes,
         };
         if shape.chunks > chunks {
-            let limit = u64::from(chunks) << (CHUNK_SHIFT + 4);
+            let limit = u64::from(chunks) << (chunk_shift + 4);
             return Err(GpuError::TooLarge { what: "bytes of the scene", found: 16 * words.quads(), limit });
         }
         if shape.rows().is_none() {

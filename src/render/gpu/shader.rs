@@ -14,7 +14,7 @@ const LANES: u32 = 128;
 pub(super) const SLOTS: u32 = 8;
 /// Workgroups along a dimension, at most: what every device has.
 const MAX_ACROSS: u32 = 65535;
-/// Quads of one binding of the scene's numbers, as a shift: 128 MiB.
+/// Quads of one binding of the scene's numbers, as a shift: 128 MiB, which every device allows.
 pub(super) const CHUNK_SHIFT: u32 = 23;
 /// The first binding of the scene's numbers.
 pub(super) const FIRST_CHUNK: u32 = 8;
@@ -37,6 +37,8 @@ pub(super) struct Shape {
     pub(super) precision: Precision,
     /// Bindings that the scene's numbers are split over.
     pub(super) chunks: u32,
+    /// Quads of one, as a shift.
+    pub(super) chunk_shift: u32,
     pub(super) scales: u32,
     /// The largest of all scales.
     pub(super) top_k: u32,
@@ -125,8 +127,8 @@ impl Shape {
         }
         text += "fn quad(i: u32) -> vec4<u32> {\n";
         if self.chunks > 1 {
-            let mask = (1_u32 << CHUNK_SHIFT) - 1;
-            let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {CHUNK_SHIFT}u {{");
+            let (shift, mask) = (self.chunk_shift, (1_u32 << self.chunk_shift) - 1);
+            let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {shift}u {{");
             for chunk in 1..self.chunks {
                 let _ = writeln!(text, "        case {chunk}u: {{ return quads{chunk}[within]; }}");
             }
@@ -227,6 +229,7 @@ impl Default for Shape {
         Self {
             precision: Precision::F32,
             chunks: 1,
+            chunk_shift: CHUNK_SHIFT,
             scales: 3,
             top_k: 4,
             layers: 3,
