@@ -12,7 +12,9 @@ const SHADER: &str = include_str!("../../shaders/boxes.wgsl");
 const SCALES: usize = 16;
 /// By scale, the coarsest first; then again.
 const COLORS: [[f32; 3]; 4] = [[1.0, 0.45, 0.1], [0.15, 0.7, 1.0], [0.55, 0.9, 0.2], [0.95, 0.3, 0.8]];
-const OPACITY: f32 = 0.35;
+/// Opacity of a scale's lines: the more there are, the less each may hide.
+const OPACITIES: [f32; 2] = [0.05, 0.4];
+const SEEN_THROUGH: f32 = 150.0;
 
 /// `Boxes` of `shaders/boxes.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -52,7 +54,8 @@ impl BoxLines {
             firsts.push(centers.len() as u32);
             let [x, y, z] = scale.cloud.half.to_array().map(|v| v as f32);
             let [r, g, b] = COLORS[s % COLORS.len()];
-            (halves[s], colors[s]) = ([x, y, z, 0.0], [r, g, b, OPACITY]);
+            let opacity = (SEEN_THROUGH / scale.cloud.len() as f32).clamp(OPACITIES[0], OPACITIES[1]);
+            (halves[s], colors[s]) = ([x, y, z, 0.0], [r, g, b, opacity]);
         }
         let buffer = |label, size: usize, usage| {
             let descriptor =

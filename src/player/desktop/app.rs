@@ -416,7 +416,7 @@ impl App {
                 self.recorded.seconds = 0.0;
             }
         }
-        if !matches!(action, Action::Help | Action::Boxes | Action::Keep(_)) {
+        if matches!(action, Action::Reset | Action::Recall(_)) {
             self.changed();
         }
     }
