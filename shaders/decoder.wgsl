@@ -97,13 +97,52 @@ fn put_columns(item: u32, columns: mat4x4<f32>) {
     }
 }
 
-// One output for four rows: matrices are [input][output], `outputs` a row.
-fn dot_of(matrix: u32, inputs: u32, outputs: u32, o: u32, q: u32) -> vec4<f32> {
-    var sum = vec4(0.0);
+// Four outputs of four rows, as four columns: the tile's first `inputs` columns times a matrix that begins at quad `first`.
+fn product_of(item: u32, inputs: u32, output_quads: u32, first: u32) -> mat4x4<f32> {
+    let o = item % output_quads;
+    let q = item / output_quads;
+    var sums = mat4x4<f32>();
     for (var i = 0u; i < inputs; i += 1u) {
-        sum += number(matrix + i * outputs + o) * tile[i * ROW_QUADS + q];
+        let weights = numbers(first + i * output_quads + o);
+        let values = tile[i * ROW_QUADS + q];
+        sums[0] += weights.x * values;
+        sums[1] += weights.y * values;
+        sums[2] += weights.z * values;
+        sums[3] += weights.w * values;
     }
-    return sum;
+    return sums;
+}
+
+// Items of four outputs and four rows.
+const PRODUCT_ITEMS_PER_LANE: u32 = (OUTPUT_QUADS * ROW_QUADS + LANES - 1u) / LANES;
+const NO_BIAS: u32 = 0xffffffffu;
+
+// A product in place of its input; with a bias, and negative outputs 0 where `is_rectified`.
+fn multiply(lane: u32, inputs: u32, output_quads: u32, first: u32, bias: u32, is_rectified: bool) {
+    var sums: array<mat4x4<f32>, PRODUCT_ITEMS_PER_LANE>;
+    let items = output_quads * ROW_QUADS;
+    for (var n = 0u; n < PRODUCT_ITEMS_PER_LANE; n += 1u) {
+        let item = n * LANES + lane;
+        if item < items {
+            sums[n] = product_of(item, inputs, output_quads, first);
+        }
+    }
+    workgroupBarrier();
+    for (var n = 0u; n < PRODUCT_ITEMS_PER_LANE; n += 1u) {
+        let item = n * LANES + lane;
+        if item < items {
+            let o = item % output_quads;
+            var added = vec4(0.0);
+            if bias != NO_BIAS {
+                added = numbers(bias + o);
+            }
+            for (var c = 0u; c < 4u; c += 1u) {
+                let sum = sums[n][c] + added[c];
+                tile[(4u * o + c) * ROW_QUADS + item / output_quads] = select(sum, max(sum, vec4(0.0)), is_rectified);
+            }
+        }
+    }
+    workgroupBarrier();
 }
 
 // Samples' components into the tile.
@@ -156,8 +195,12 @@ fn compose_rays(lane: u32) {
         }
         workgroupBarrier();
         if SAMPLES_HAVE_COLORS {
-            for (var item = lane; item < 3u * ROW_QUADS; item += LANES) {
-                own_colors[item] = dot_of(scene.appearance, COMPONENTS, FEATURES, item / ROW_QUADS, item % ROW_QUADS);
+            if lane < ROW_QUADS {
+                // The first three features are those of the first quad.
+                let sums = product_of(lane * FEATURE_QUADS, COMPONENTS, FEATURE_QUADS, scene.appearance);
+                for (var c = 0u; c < 3u; c += 1u) {
+                    own_colors[c * ROW_QUADS + lane] = sums[c];
+                }
             }
             workgroupBarrier();
             if lane < ROWS && tile_rows[lane] != NONE {
@@ -191,28 +234,6 @@ fn weights_of(q: u32) -> vec4<f32> {
         }
     }
     return weights;
-}
-
-const FEATURE_ITEMS: u32 = FEATURES * ROW_QUADS;
-const FEATURE_ITEMS_PER_LANE: u32 = (FEATURE_ITEMS + LANES - 1u) / LANES;
-
-// Features from components, in their place.
-fn multiply_appearance(lane: u32) {
-    var values: array<vec4<f32>, FEATURE_ITEMS_PER_LANE>;
-    for (var i = 0u; i < FEATURE_ITEMS_PER_LANE; i += 1u) {
-        let item = i * LANES + lane;
-        if item < FEATURE_ITEMS {
-            values[i] = dot_of(scene.appearance, COMPONENTS, FEATURES, item % FEATURES, item / FEATURES);
-        }
-    }
-    workgroupBarrier();
-    for (var i = 0u; i < FEATURE_ITEMS_PER_LANE; i += 1u) {
-        let item = i * LANES + lane;
-        if item < FEATURE_ITEMS {
-            tile[item % FEATURES * ROW_QUADS + item / FEATURES] = values[i];
-        }
-    }
-    workgroupBarrier();
 }
 
 // Behind the features: directions, PE(features), PE(directions).
@@ -258,40 +279,6 @@ fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
     }
 }
 
-// Outputs of a layer that one lane computes, for all rows of the tile.
-const OUTPUTS_PER_LANE: u32 = (WIDEST + LANES - 1u) / LANES;
-
-// One layer's outputs in place of its inputs: a lane computes its outputs for all rows.
-fn run_layer(lane: u32, layer: Layer, is_last: bool) {
-    var sums: array<vec4<f32>, OUTPUTS_PER_LANE * ROW_QUADS>;
-    for (var g = 0u; g < OUTPUTS_PER_LANE; g += 1u) {
-        let o = g * LANES + lane;
-        if o < layer.outputs {
-            let bias = number(layer.bias + o);
-            for (var q = 0u; q < ROW_QUADS; q += 1u) {
-                sums[g * ROW_QUADS + q] = vec4(bias);
-            }
-            for (var i = 0u; i < layer.inputs; i += 1u) {
-                let weight = number(layer.weights + i * layer.outputs + o);
-                for (var q = 0u; q < ROW_QUADS; q += 1u) {
-                    sums[g * ROW_QUADS + q] += weight * tile[i * ROW_QUADS + q];
-                }
-            }
-        }
-    }
-    workgroupBarrier();
-    for (var g = 0u; g < OUTPUTS_PER_LANE; g += 1u) {
-        let o = g * LANES + lane;
-        if o < layer.outputs {
-            for (var q = 0u; q < ROW_QUADS; q += 1u) {
-                let sum = sums[g * ROW_QUADS + q];
-                tile[o * ROW_QUADS + q] = select(max(sum, vec4(0.0)), sum, is_last);
-            }
-        }
-    }
-    workgroupBarrier();
-}
-
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let first = (group.y * MAX_ACROSS + group.x) * ROWS;
@@ -317,10 +304,11 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         compose_rays(lane);
     }
     workgroupBarrier();
-    multiply_appearance(lane);
+    multiply(lane, COMPONENTS, FEATURE_QUADS, scene.appearance, NO_BIAS, false);
     encode_inputs(lane);
     for (var l = 0u; l < LAYERS; l += 1u) {
-        run_layer(lane, scene.layers[l], l + 1u == LAYERS);
+        let layer = scene.layers[l];
+        multiply(lane, layer.inputs, layer.output_quads, layer.weights, layer.bias, l + 1u < LAYERS);
     }
     if lane < ROWS && tile_rays[lane] != NONE {
         let q = lane / 4u;

@@ -4,6 +4,6 @@ fn word(i: u32) -> u32 {
     return quad(i >> 2u)[i & 3u];
 }
 
-fn number(i: u32) -> f32 {
-    return bitcast<f32>(word(i));
+fn numbers(i: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(quad(i));
 }

@@ -34,10 +34,10 @@ struct Scale {
     padding: u32,
 }
 
-// A fully connected layer: words of its weights, [input][output], and of its bias.
+// A fully connected layer: quads of its weights, [input][output], and of its bias, outputs padded to quads.
 struct Layer {
     inputs: u32,
-    outputs: u32,
+    output_quads: u32,
     weights: u32,
     bias: u32,
 }
@@ -56,7 +56,7 @@ struct Scene {
     depth_scale: f32,
     min_weight: f32,
     min_transmittance: f32,
-    // Words of the appearance matrices, [component][feature].
+    // Quads of the appearance matrices, [component][feature], features padded to quads.
     appearance: u32,
     // The grid of where samples count: words of its bits, and of those of its blocks.
     grid_words: u32,

@@ -31,7 +31,7 @@ pub(super) struct Scale {
 #[repr(C)]
 pub(super) struct Layer {
     pub(super) inputs: u32,
-    pub(super) outputs: u32,
+    pub(super) output_quads: u32,
     pub(super) weights: u32,
     pub(super) bias: u32,
 }
@@ -160,7 +160,7 @@ mod tests {
             appearance_quads,
             first_quad
         );
-        assert_same_layout!(source, "Layer", Layer, inputs, outputs, weights, bias);
+        assert_same_layout!(source, "Layer", Layer, inputs, output_quads, weights, bias);
         assert_same_layout!(
             source,
             "Frame",
@@ -230,12 +230,12 @@ mod tests {
     fn a_member_in_another_place_is_found() {
         #[repr(C)]
         struct Swapped {
-            outputs: u32,
+            output_quads: u32,
             inputs: u32,
             weights: u32,
             bias: u32,
         }
         let source = &Stage::March.source(&Shape::default());
-        assert_same_layout!(source, "Layer", Swapped, inputs, outputs, weights, bias);
+        assert_same_layout!(source, "Layer", Swapped, inputs, output_quads, weights, bias);
     }
 }

@@ -343,6 +343,9 @@ mod tests {
         }
         let small = Room { chunks: 2, chunk_shift: 4, workgroup_bytes: 16352 };
         let refused = Packed::new(&Field::consuming(scene), Precision::F32, small).err();
-        assert!(matches!(refused, Some(GpuError::TooLarge { what: "bytes of the scene", limit: 512, .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Some(GpuError::TooLarge { what: "bytes of the scene", limit: 512, .. })),
+            "{refused:?}"
+        );
     }
 }

@@ -51,19 +51,25 @@ impl Packed {
         let appearance = words.appearance(field, first_quad);
         let layers: Vec<Layer> = (decoder.layers.iter())
             .map(|layer| {
-                let transposed: Vec<f32> = (0..layer.inputs)
-                    .flat_map(|i| (0..layer.outputs).map(move |o| layer.weights[o * layer.inputs + i]))
-                    .collect();
+                let output_quads = quads(layer.outputs);
+                let mut transposed = vec![0.0; layer.inputs * 4 * output_quads];
+                for (i, row) in transposed.chunks_exact_mut(4 * output_quads.max(1)).enumerate() {
+                    for (o, weight) in row.iter_mut().take(layer.outputs).enumerate() {
+                        *weight = layer.weights[o * layer.inputs + i];
+                    }
+                }
+                let mut bias = layer.bias.clone();
+                bias.resize(4 * output_quads, 0.0);
                 Layer {
                     inputs: layer.inputs as u32,
-                    outputs: layer.outputs as u32,
-                    weights: words.push_numbers(&transposed),
-                    bias: words.push_numbers(&layer.bias),
+                    output_quads: output_quads as u32,
+                    weights: words.push_numbers(&transposed) / 4,
+                    bias: words.push_numbers(&bias) / 4,
                 }
             })
             .collect();
 
-        let widths = layers.iter().map(|l| l.inputs.max(l.outputs));
+        let feature_quads = quads(decoder.features) as u32;
         let shape = Shape {
             precision,
             chunks: (words.quads().div_ceil(1 << chunk_shift)).max(1) as u32,
@@ -71,7 +77,8 @@ impl Packed {
             scales: scales.len() as u32,
             top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
             layers: layers.len() as u32,
-            widest: widths.max().unwrap_or(0).max(quads(decoder.features) as u32 * 4),
+            inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
+            output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
             component_quads: first_quad,
             features: decoder.features as u32,
             feature_frequencies: decoder.frequencies[0],
@@ -90,7 +97,7 @@ impl Packed {
             return Err(GpuError::TooLarge { what: "bytes of the scene", found: 16 * words.quads(), limit });
         }
         if shape.rows().is_none() {
-            let (found, limit) = (u64::from(shape.widest.max(4 * first_quad)), u64::from(workgroup_bytes) / 64);
+            let (found, limit) = (u64::from(shape.tile_columns()), u64::from(workgroup_bytes) / 64);
             return Err(GpuError::TooLarge { what: "components or neurons of the decoder", found, limit });
         }
         let relative = |v: glam::DVec3| (v - field.origin).to_array().map(|v| v as f32);
@@ -214,22 +221,22 @@ impl Words {
         }
     }
 
-    /// The appearance matrices, [component][feature], each scale's components padded to quads.
+    /// The appearance matrices, [component][feature], features and each scale's components padded to quads; their first quad.
     fn appearance(&mut self, field: &Field<f32>, component_quads: u32) -> u32 {
         let decoder = &field.decoder;
-        let components = field.component_count();
-        let mut transposed = vec![0.0; 4 * component_quads as usize * decoder.features];
+        let (components, width) = (field.component_count(), decoder.features.next_multiple_of(4));
+        let mut transposed = vec![0.0; 4 * component_quads as usize * width];
         let (mut from, mut to) = (0, 0);
         for scale in &field.scales {
             for r in 0..scale.appearance_rank {
                 for p in 0..decoder.features {
-                    transposed[(to + r) * decoder.features + p] = decoder.appearance[p * components + from + r];
+                    transposed[(to + r) * width + p] = decoder.appearance[p * components + from + r];
                 }
             }
             from += scale.appearance_rank;
             to += scale.appearance_rank.next_multiple_of(4);
         }
-        self.push_numbers(&transposed)
+        self.push_numbers(&transposed) / 4
     }
 }
 

@@ -43,8 +43,10 @@ pub(super) struct Shape {
     /// The largest of all scales.
     pub(super) top_k: u32,
     pub(super) layers: u32,
-    /// The most inputs or outputs of a layer.
-    pub(super) widest: u32,
+    /// The most inputs of a layer.
+    pub(super) inputs: u32,
+    /// The most outputs of a layer, or features, in quads.
+    pub(super) output_quads: u32,
     /// Components of appearance of all scales, each scale's padded to quads.
     pub(super) component_quads: u32,
     pub(super) features: u32,
@@ -78,8 +80,9 @@ impl Shape {
         rows * per_row + 48
     }
 
-    fn tile_columns(&self) -> u32 {
-        self.widest.max(4 * self.component_quads)
+    /// Columns of the decoder's tile.
+    pub(super) fn tile_columns(&self) -> u32 {
+        self.inputs.max(4 * self.component_quads.max(self.output_quads))
     }
 
     /// Constants, and how numbers are read.
@@ -90,10 +93,11 @@ impl Shape {
             ("SCALES", self.scales),
             ("TOP_K", self.top_k),
             ("LAYERS", self.layers),
-            ("WIDEST", self.widest),
+            ("OUTPUT_QUADS", self.output_quads),
             ("COMPONENT_QUADS", self.component_quads),
             ("COMPONENTS", 4 * self.component_quads),
             ("FEATURES", self.features),
+            ("FEATURE_QUADS", self.features.div_ceil(4)),
             ("FEATURE_FREQUENCIES", self.feature_frequencies),
             ("DIRECTION_FREQUENCIES", self.direction_frequencies),
             ("BLOCK_SHIFT", self.block_shift.unwrap_or(0)),
@@ -233,7 +237,8 @@ impl Default for Shape {
             scales: 3,
             top_k: 4,
             layers: 3,
-            widest: 150,
+            inputs: 150,
+            output_quads: 32,
             component_quads: 36,
             features: 27,
             feature_frequencies: 2,
@@ -267,13 +272,21 @@ mod tests {
                 scales: 1,
                 top_k: 16,
                 layers: 1,
-                widest: 300,
+                inputs: 300,
+                output_quads: 7,
                 component_quads: 1,
                 block_shift: None,
                 ..paper.clone()
             },
             Shape { coverage_is_all: false, appearance_is_mean: true, aggregation_is_clamped: true, ..paper.clone() },
-            Shape { feature_frequencies: 0, direction_frequencies: 0, features: 3, widest: 6, ..paper.clone() },
+            Shape {
+                feature_frequencies: 0,
+                direction_frequencies: 0,
+                features: 3,
+                inputs: 6,
+                output_quads: 1,
+                ..paper.clone()
+            },
             paper,
         ]
     }
