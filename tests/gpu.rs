@@ -51,13 +51,15 @@ fn compared(scene: &Scene, found: &impl Renderer) -> Parity {
 #[test]
 fn pictures_are_the_references_under_every_rule_and_a_planted_difference_shows() {
     let gpu = gpu();
-    for (n, (name, scene)) in scenes::rule_cases().into_iter().enumerate() {
+    // Every rule, and every way of decoding under some of them: a device's compiler takes its time.
+    let cases = scenes::rule_cases().into_iter().enumerate().filter(|(n, _)| n % 3 == 0 || *n < 9);
+    for (n, (name, scene)) in cases {
         let found = compared(&scene, &renderer(&gpu, &scene, Precision::F32));
         println!("{name}: {found:?}, near {:.2} %", 100.0 * found.near_share());
         assert!(found.clear_rays > 1500 && found.near_share() < 0.2, "{name}: {found:?}");
         assert!(found.clear_maximum < 1e-3, "{name}: {found:?}");
         assert!(found.near_median < 1e-4 && found.near_999 < 0.5, "{name}: {found:?}");
-        if n % 16 == 0 {
+        if n % 12 == 0 {
             let mut planted = scene.clone();
             planted.decoder.layers.last_mut().unwrap().bias[0] += 0.02;
             let changed = compared(&scene, &renderer(&gpu, &planted, Precision::F32));
