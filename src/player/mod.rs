@@ -1,7 +1,7 @@
 //! Looking at scenes: what the desktop's and the web's players share.
 //!
 //! [`Controls`] turn input into cameras, [`Pace`] decides how good the next picture may be, [`Screen`] puts what the graphics
-//! renderer drew on a surface, and [`Facts`] say what a file holds. Windows, menus and files are left to `desktop` and to the
+//! renderer drew on a surface, and [`facts()`] says what a file holds. Windows, menus and files are left to `desktop` and to the
 //! web page.
 
 mod boxes;

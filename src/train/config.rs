@@ -342,7 +342,7 @@ impl TrainConfig {
     }
 
     /// The same run in `steps` steps: the schedule is scaled along, but where nothing counts is not asked before step
-    /// [`EARLIEST_OCCUPANCY`], when there is still hardly anything anywhere.
+    /// 300, when there is still hardly anything anywhere.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
         let mut occupancy_at: Vec<u64> =
