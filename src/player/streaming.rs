@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::container::{Contents, Document, Error, Limits, Part, Reader, Source};
+use crate::container::{Contents, Document, Error, Limits, Part, Reader, Section, SectionKind, Source};
 
 /// Ranges that are no farther apart are asked for at once, as the reader does.
 const NEAR: u64 = 64 << 10;
@@ -73,12 +73,15 @@ impl Stream {
         }
         let Some(contents) = &self.contents else { return Ok(Vec::new()) };
         let scales = self.next_scales(contents);
-        let needed = if scales == scale_count(contents) {
-            vec![0..contents.file_length]
-        } else {
-            let is_needed = |scale: Option<u16>| scale.is_none_or(|s| usize::from(s) < scales);
-            joined(contents.sections.iter().filter(|s| is_needed(s.scale)).map(|s| s.offset..s.offset + s.length))
+        if scales == scale_count(contents) {
+            return Ok(self.known.missing(0..contents.file_length));
+        }
+        let is_needed = |section: &&Section| {
+            let is_known = !matches!(section.kind, SectionKind::Other(_));
+            !is_known || section.scale.is_none_or(|scale| usize::from(scale) < scales)
         };
+        let sections = contents.sections.iter().filter(is_needed);
+        let needed = joined(sections.map(|s| s.offset..s.offset + s.length));
         Ok(needed.into_iter().flat_map(|range| self.known.missing(range)).collect())
     }
 

@@ -224,7 +224,8 @@ impl App {
         [self.pointer[0] * height / width, self.pointer[1]]
     }
 
-    fn dragged(&mut self, moved: [f64; 2], drag: Drag) {
+    /// The pointer was dragged, in parts of the canvas's height.
+    pub(super) fn dragged(&mut self, moved: [f64; 2], drag: Drag) {
         let Some(controls) = &mut self.controls else { return };
         match drag {
             Drag::Orbit => controls.orbit(moved[0], moved[1]),

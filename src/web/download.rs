@@ -43,6 +43,12 @@ impl Download {
         self.stream.add(0..u64::MAX, bytes);
     }
 
+    /// Whether a scene of it is shown: as `take` has found one to show.
+    #[wasm_bindgen(getter)]
+    pub fn has_scene(&self) -> bool {
+        self.is_shown
+    }
+
     /// Bytes that have arrived, and, once it is known, those of the whole file.
     #[wasm_bindgen(getter)]
     pub fn progress(&self) -> Vec<f64> {

@@ -96,6 +96,11 @@ impl Player {
         self.app.borrow_mut().dragging = None;
     }
 
+    /// Turns around the scene, as a drag by these parts of the canvas's height would.
+    pub fn turn(&self, right: f64, down: f64) {
+        self.app.borrow_mut().dragged([right, down], Drag::Orbit);
+    }
+
     /// A wheel's turn in lines: positive is towards the scene.
     pub fn wheel(&self, lines: f64) {
         self.app.borrow_mut().wheeled(lines);
