@@ -304,9 +304,20 @@ fn wait_for_device(app: &Rc<RefCell<App>>) {
     });
 }
 
-/// What `work` makes of the renderer, which the app has to do without for as long; `None` where it has none.
+/// What `work` makes of the renderer, which the app has to do without for as long; `None` where no scene is open. Waits for
+/// whoever has it now.
 async fn with_renderer<T>(app: &Rc<RefCell<App>>, work: impl AsyncFnOnce(&mut GpuRenderer) -> T) -> Option<T> {
-    let (mut renderer, number) = app.borrow_mut().lend()?;
+    let (mut renderer, number) = loop {
+        let idle = {
+            let mut app = app.borrow_mut();
+            app.slot.as_ref()?;
+            match app.lend() {
+                Some(lent) => break lent,
+                None => app.canvas.idle(),
+            }
+        };
+        idle.await;
+    };
     let result = work(&mut renderer).await;
     app.borrow_mut().take_back(renderer, number);
     Some(result)

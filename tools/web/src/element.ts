@@ -19,7 +19,7 @@ const NO_WEBGPU =
   "This browser has no WebGPU, which pictures are computed with.\n" +
   "Chrome and Edge from 113, Safari from 26 and Firefox from 141 have it on most systems, on https: pages and on localhost.";
 
-const WELCOME = "Drop a .strivec file here, or open one with the panel's button.\nH shows what keys and pointer do.";
+const WELCOME = "Drop a .strivec file here, or open one with the panel's button (I shows the panel).\nH shows what keys and pointer do.";
 
 /** How often the panel's numbers change while pictures are drawn, in milliseconds. */
 const PANEL_EVERY = 250;

@@ -62,9 +62,9 @@ export class Panel {
   readonly #neighbours = slider("neighbours", 1, 4, 1, (v) => `${v}`);
   readonly #scales = slider("scales", 1, 1, 1, (v) => `${v}`);
   readonly #step = slider("step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
-  readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toPrecision(2));
+  readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
   readonly #finest = slider("resolution", 0, 4, 1, (v) => `1/${2 ** v}`);
-  readonly #frameTime = slider("ms while moving", 5, 500, 1, (v) => `${v}`);
+  readonly #frameTime = slider("moving, ms", 5, 500, 1, (v) => `${v}`);
   readonly #scene: HTMLElement;
   #state: State | undefined;
   #factsShown = "";
@@ -130,7 +130,7 @@ export class Panel {
       }),
     );
     this.root.append(
-      element("div", { className: "row" }, element("label", { className: "file" }, "open a file", file), ...buttons),
+      element("div", { className: "row" }, element("label", { className: "file" }, "open", file), ...buttons),
       this.#name,
       this.#arrived,
       this.#speed,
@@ -167,7 +167,8 @@ export class Panel {
     const milliseconds = (value: number | null): string => (value === null ? "…" : `${value.toFixed(1)} ms`);
     const parts = [`picture ${milliseconds(state.milliseconds)}`];
     if (state.milliseconds_before !== null) parts.push(`before ${milliseconds(state.milliseconds_before)}`);
-    if (state.rays_per_second !== null) parts.push(`${(1e-6 * state.rays_per_second).toFixed(2)} million rays/s`);
+    if (state.rays_per_second !== null) parts.push(`${Math.round(1e-3 * state.rays_per_second)} thousand rays/s`);
+    if (state.divisor !== null && state.divisor > state.quality.finest) parts.push(`shown at 1/${state.divisor}`);
     if (state.memory_bytes) {
       const [scene, work] = state.memory_bytes.map((bytes) => (bytes / 1e6).toFixed(0));
       parts.push(`device memory ${scene} + ${work} MB`);

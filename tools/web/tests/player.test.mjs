@@ -151,8 +151,8 @@ test("the panel shows facts, and its controls work by keyboard", async () => {
   const panel = page.getByRole("complementary");
   await panel.waitFor({ state: "visible" });
   const facts = await panel.locator("dl").innerText();
-  for (const expected of ["tensors", "281", "0.01 MB", "lego", "scale 1"]) {
-    assert.ok(facts.includes(expected) || expected === "281", `${expected}: ${facts}`);
+  for (const expected of ["0.01 MB", "tensors\n6", "scale 1", "30 000", "lego"]) {
+    assert.ok(facts.includes(expected), `${expected}: ${facts}`);
   }
   await page.getByRole("radio", { name: "depth" }).focus();
   await page.keyboard.press("Space");
@@ -190,7 +190,7 @@ test("what cannot be opened is said, and the player lives", async () => {
   await viewer.until("damage is said", (v) => v.shadowRoot.querySelector("#message.failed") !== null);
   assert.match(await viewer.message(), /\w/);
   assert.equal(await viewer.call((v) => v.name), "zstd.strivec");
-  const { mean } = await picturesOf(viewer, () => viewer.page.keyboard.press("ArrowLeft").then(() => viewer.canvas.press("ArrowLeft")), "still alive");
+  const { mean } = await picturesOf(viewer, () => viewer.canvas.press("ArrowLeft"), "still alive");
   assert.ok(mean > 0.2, `${mean}`);
   await drop(bytes);
   await viewer.until("the whole file opens", (v) => v.name === "dropped.strivec" && v.state.is_at_rest);
@@ -205,16 +205,17 @@ test("a large file is on the screen before the rest of it is asked for", async (
   const own = await serve(dist, [file]);
   const whole = await serve(dist, [file], { hasRanges: false });
   try {
-    // Nothing but what comes first is answered for now.
+    // Nothing is answered for now but the first bytes, the coarse scale behind them, and what lies at the end.
+    const FIRST = 16 << 10;
     const asked = () => own.requests.filter((request) => request.path === path);
-    const release = own.hold(path, Math.floor(size / 2));
+    const release = own.hold(path, (start) => start > FIRST && start < size - (64 << 10));
     const viewer = await visit(context, `${own.address}/?url=${basename(file)}`, 32);
     await viewer.until("a part is shown", (v) => v.state?.is_at_rest && !v.state.is_whole);
     const { scales, all_scales } = await viewer.call((v) => v.state);
     assert.ok(scales < all_scales, `${scales} of ${all_scales}`);
     const coarse = await seen(viewer);
     assert.ok(Math.max(...coarse) - Math.min(...coarse) > 20, "the part shows nothing");
-    assert.deepEqual(asked()[0].range, [0, (16 << 10) - 1]);
+    assert.deepEqual(asked()[0].range, [0, FIRST - 1]);
     release();
     await viewer.until("all is there", (v) => v.state.is_whole && v.state.is_at_rest);
     const bytes = asked().reduce((sum, { range: [start, end] }) => sum + Math.min(end, size - 1) + 1 - start, 0);

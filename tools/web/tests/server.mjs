@@ -8,8 +8,8 @@ const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/cs
 
 /**
  * Serves `folder`, `files` by their names, and `pages`, an object of texts by name: where, what was asked for of each file (an
- * array of `{ path, range, at }`), a `hold(path, from)` that answers no range of `path` beginning at `from` or behind it until
- * the function that it returns is called, and how to stop. `hasRanges` says whether ranges are answered.
+ * array of `{ path, range, at }`), a `hold(path, isHeld)` that answers no range of `path` whose beginning `isHeld` until the
+ * function that it returns is called, and how to stop. `hasRanges` says whether ranges are answered.
  */
 export async function serve(folder, files, { pages = {}, hasRanges = true } = {}) {
   const named = new Map(files.map((file) => [`/${basename(file)}`, file]));
@@ -40,7 +40,7 @@ export async function serve(folder, files, { pages = {}, hasRanges = true } = {}
     }
     const [start, end] = [asked[0], Math.min(asked[1], size - 1)];
     const holding = held.get(path);
-    if (holding && start >= holding.from) await holding.released;
+    if (holding?.isHeld(start)) await holding.released;
     if (start >= size) {
       response.writeHead(416).end();
       return;
@@ -56,9 +56,9 @@ export async function serve(folder, files, { pages = {}, hasRanges = true } = {}
   return {
     address: `http://127.0.0.1:${server.address().port}`,
     requests,
-    hold(path, from) {
+    hold(path, isHeld) {
       let release;
-      held.set(path, { from, released: new Promise((resolve) => (release = resolve)) });
+      held.set(path, { isHeld, released: new Promise((resolve) => (release = resolve)) });
       return () => {
         held.delete(path);
         release();
