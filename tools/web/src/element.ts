@@ -47,7 +47,7 @@ export class StrivecViewer extends HTMLElement {
   #opening: AbortController | undefined;
   #frame = 0;
   #panelAt = 0;
-  #pictures = 0;
+  #frames = 0;
 
   constructor() {
     super();
@@ -252,7 +252,7 @@ export class StrivecViewer extends HTMLElement {
       this.#panelAt = now;
       this.#panel.show(this.state, this.#name);
     }
-    this.dataset.frames = `${++this.#pictures}`;
+    this.dataset.frames = `${++this.#frames}`;
     if (hasMore) this.#wake();
   }
 

@@ -34,6 +34,7 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
   const on = <K extends keyof HTMLElementEventMap>(
     name: K,
     hear: (player: Player, event: HTMLElementEventMap[K]) => void,
+    changesNothing = (_: HTMLElementEventMap[K]): boolean => false,
   ): void =>
     canvas.addEventListener(
       name,
@@ -41,7 +42,7 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
         const player = listener.player();
         if (!player) return;
         hear(player, event);
-        listener.wake();
+        if (!changesNothing(event)) listener.wake();
       },
       { passive: false },
     );
@@ -57,10 +58,11 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
       player.press(event.button, event.ctrlKey || event.metaKey, event.shiftKey);
     }
   });
-  on("pointermove", (player, event) => {
+  const move = (player: Player, event: PointerEvent): void => {
     if (event.pointerType !== "touch") player.point(...at(event));
     else if (canvas.hasPointerCapture(event.pointerId)) player.touch(event.pointerId, ...at(event));
-  });
+  };
+  on("pointermove", move, (event) => event.buttons === 0);
   const end = (player: Player, event: PointerEvent): void => {
     if (event.pointerType === "touch") player.lift(event.pointerId);
     else player.release();

@@ -32,8 +32,15 @@ function slider(label: string, min: number, max: number, step: number, text: (va
     output.textContent = text(input.valueAsNumber);
     input.setAttribute("aria-valuetext", output.textContent);
   };
-  input.addEventListener("input", say);
+  // While it is being moved, it stays in the hand that moves it.
+  let isMoving = false;
+  input.addEventListener("input", () => {
+    isMoving = true;
+    say();
+  });
+  input.addEventListener("change", () => (isMoving = false));
   const show = (value: number): void => {
+    if (isMoving) return;
     input.value = `${value}`;
     say();
   };
