@@ -9,7 +9,7 @@
 //!    is, and placing tensors there. `field`: the fast field that rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
-//! 5. `cli`: the commands. `web`: what a page in a browser calls.
+//! 5. `cli`: the commands. `player`: looking at scenes. `web`: what a page in a browser calls.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built; features `render` and `gpu` add `field` and
 //! `render`.

@@ -27,7 +27,7 @@ const LAYERS: [(&str, u32); 15] = [
 ];
 
 /// Imports within a layer that are allowed: (importer, imported).
-const WITHIN_A_LAYER: [(&str, &str); 1] = [("prior", "dataset")];
+const WITHIN_A_LAYER: [(&str, &str); 2] = [("prior", "dataset"), ("web", "player")];
 
 fn layer(module: &str) -> Option<u32> {
     LAYERS.iter().find(|(name, _)| *name == module).map(|(_, layer)| *layer)

@@ -1,8 +1,8 @@
 //! Looking at scenes: what the desktop's and the web's players share.
 //!
 //! [`Controls`] turn input into cameras, [`Pace`] decides how good the next picture may be, [`Screen`] puts what the graphics
-//! renderer drew on a surface, and [`facts()`] says what a file holds. Windows, menus and files are left to `desktop` and to the
-//! web page.
+//! renderer drew on a surface, [`Stream`] opens files while they arrive, and [`facts()`] say what they hold. Windows, menus
+//! and files are left to `desktop` and to the web page.
 
 mod boxes;
 mod controls;
@@ -12,6 +12,7 @@ mod facts;
 mod gestures;
 mod pace;
 mod screen;
+mod streaming;
 
 pub use boxes::BoxLines;
 pub use controls::{Action, Controls, action_of};
@@ -19,3 +20,4 @@ pub use facts::{Fact, facts};
 pub use gestures::{Gesture, Gestures};
 pub use pace::Pace;
 pub use screen::{Screen, Show, View};
+pub use streaming::{Step, Stream, scale_count};

@@ -1,10 +1,15 @@
-//! What a page in a browser calls: a scene from the bytes of its file, what it is, and pictures of it. Errors become
-//! exceptions with the library's own text. What a page looks like is left to the page (`tools/web/`).
+//! What a page in a browser calls: a player on a canvas, and a file that opens while it arrives. Errors become exceptions with
+//! the library's own text. What a page looks like is left to the page (`tools/web/`).
 
-mod facts;
-mod viewer;
+mod app;
+mod canvas;
+mod clock;
+mod download;
+mod player;
+mod scene_slot;
 
-pub use viewer::Viewer;
+pub use download::Download;
+pub use player::Player;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 

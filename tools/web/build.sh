@@ -36,7 +36,9 @@ node_modules/.bin/wasm-opt -Oz --enable-bulk-memory --enable-mutable-globals --e
     --enable-reference-types --enable-sign-ext --enable-multivalue --enable-bulk-memory-opt \
     src/generated/strivec_bg.wasm -o src/generated/strivec_bg.wasm
 node_modules/.bin/tsc
-node_modules/.bin/vite build
+node_modules/.bin/vite build --logLevel warn
+# What the package's users see of its types.
+node_modules/.bin/tsc --noEmit false --declaration --emitDeclarationOnly --outDir dist/types
 
 node - "$most" dist/assets/*.wasm <<'JS'
 const { readFileSync } = require("node:fs");

@@ -14,3 +14,16 @@ export async function decodedOn(context, png) {
   await page.close();
   return pixels;
 }
+
+/** Largest and mean difference of a channel, and the share of pixels that differ by more than two of 255. */
+export function difference(pixels, reference) {
+  if (pixels.length !== reference.length) throw new Error("pictures differ in size");
+  let [largest, sum, far] = [0, 0, 0];
+  for (let at = 0; at < pixels.length; at += 4) {
+    const channels = [0, 1, 2].map((c) => Math.abs(pixels[at + c] - reference[at + c]));
+    largest = Math.max(largest, ...channels);
+    sum += channels[0] + channels[1] + channels[2];
+    far += Math.max(...channels) > 2 ? 1 : 0;
+  }
+  return { largest, mean: sum / (pixels.length * 0.75), far: far / (pixels.length / 4) };
+}

@@ -1,0 +1,266 @@
+//! Opening a file while it arrives, the coarse scale first: which bytes to ask for next, and what can be shown by now.
+//!
+//! Asks for nothing itself, and waits for nothing: whoever loads asks [`Stream::wanted`], hands bytes to [`Stream::add`], and
+//! takes scenes from [`Stream::step`].
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use crate::container::{Contents, Document, Error, Limits, Part, Reader, Section, SectionKind, Source};
+
+/// Ranges that are no farther apart are asked for at once, as the reader does.
+const NEAR: u64 = 64 << 10;
+/// Files below this are shown when all of them is there.
+const SMALL: u64 = 1 << 20;
+
+/// A scene, as far as it is there.
+pub struct Step {
+    /// The scene; a prefix of it is corrected to look like the whole.
+    pub document: Document,
+    /// What is in the file.
+    pub contents: Contents,
+    /// Scales that are there.
+    pub scales: usize,
+    /// Whether these are all.
+    pub is_whole: bool,
+}
+
+/// A file that arrives.
+#[derive(Default)]
+pub struct Stream {
+    known: Sparse,
+    contents: Option<Contents>,
+    /// Scales of the steps before.
+    shown: usize,
+    is_done: bool,
+}
+
+impl Stream {
+    /// Takes the bytes of `range`; where these are fewer, the file ends with them.
+    pub fn add(&mut self, range: Range<u64>, bytes: Vec<u8>) {
+        let end = range.start + bytes.len() as u64;
+        if end < range.end {
+            self.known.end = self.known.end.min(end);
+        }
+        self.known.add(range.start, bytes);
+    }
+
+    /// What the file says it holds, as soon as that is there.
+    pub fn contents(&self) -> Option<&Contents> {
+        self.contents.as_ref()
+    }
+
+    /// Bytes of the file that are there.
+    pub fn bytes(&self) -> u64 {
+        self.known.parts.iter().map(|(_, part)| part.len() as u64).sum()
+    }
+
+    /// The bytes that the next step needs, those that are there left out; none where [`Stream::step`] has all it needs.
+    ///
+    /// # Errors
+    ///
+    /// Where what is there is no `.strivec` file.
+    pub fn wanted(&mut self) -> Result<Vec<Range<u64>>, Error> {
+        if self.is_done {
+            return Ok(Vec::new());
+        }
+        if self.contents.is_none() {
+            match Reader::open(&self.known, Limits::default()) {
+                Ok(reader) => self.contents = Some(reader.contents().clone()),
+                Err(Error::Source { range, .. }) => return Ok(vec![range]),
+                Err(error) => return Err(error),
+            }
+        }
+        let Some(contents) = &self.contents else { return Ok(Vec::new()) };
+        let scales = self.next_scales(contents);
+        if scales == scale_count(contents) {
+            return Ok(self.known.missing(0..contents.file_length));
+        }
+        let is_needed = |section: &&Section| {
+            let is_known = !matches!(section.kind, SectionKind::Other(_));
+            !is_known || section.scale.is_none_or(|scale| usize::from(scale) < scales)
+        };
+        let sections = contents.sections.iter().filter(is_needed);
+        let needed = joined(sections.map(|s| s.offset..s.offset + s.length));
+        Ok(needed.into_iter().flat_map(|range| self.known.missing(range)).collect())
+    }
+
+    /// The next scene, once all that is [`Stream::wanted`] for it is there; `None` where this step has none to show, or where
+    /// there are no more steps.
+    ///
+    /// # Errors
+    ///
+    /// Where the file is malformed, and where bytes are missing.
+    pub fn step(&mut self) -> Result<Option<Step>, Error> {
+        let Some(contents) = self.contents.clone().filter(|_| !self.is_done) else { return Ok(None) };
+        let scales = self.next_scales(&contents);
+        let is_whole = scales == scale_count(&contents);
+        (self.shown, self.is_done) = (scales, is_whole);
+        let reader = Reader::open(&self.known, Limits::default())?;
+        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, extras: true } };
+        let document = reader.read(&part)?;
+        // Fewer scales that nothing makes up for are hardly opaque.
+        let is_shown = is_whole || document.extras.prefixes.get(scales - 1).is_some_and(Option::is_some);
+        Ok(is_shown.then_some(Step { document, contents, scales, is_whole }))
+    }
+
+    /// Whether there are no more steps.
+    pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
+    fn next_scales(&self, contents: &Contents) -> usize {
+        let all = scale_count(contents);
+        let is_all_there = self.known.missing(0..contents.file_length).is_empty();
+        if contents.file_length < SMALL || is_all_there { all } else { (self.shown + 1).min(all) }
+    }
+}
+
+/// Scales of the file.
+pub fn scale_count(contents: &Contents) -> usize {
+    contents.sections.iter().filter_map(|s| s.scale).max().map_or(0, |last| usize::from(last) + 1)
+}
+
+/// Near ones joined; `ranges` come in the order of the file.
+fn joined(ranges: impl Iterator<Item = Range<u64>>) -> Vec<Range<u64>> {
+    let mut joined: Vec<Range<u64>> = Vec::new();
+    for range in ranges {
+        match joined.last_mut() {
+            Some(last) if range.start <= last.end.saturating_add(NEAR) => last.end = last.end.max(range.end),
+            _ => joined.push(range),
+        }
+    }
+    joined
+}
+
+/// Those bytes of a file that are there.
+struct Sparse {
+    /// Where they begin, ascending; none overlap.
+    parts: Vec<(u64, Vec<u8>)>,
+    /// Where the file ends; the largest number as long as nobody knows.
+    end: u64,
+}
+
+impl Default for Sparse {
+    fn default() -> Self {
+        Self { parts: Vec::new(), end: u64::MAX }
+    }
+}
+
+impl Sparse {
+    fn add(&mut self, offset: u64, bytes: Vec<u8>) {
+        let end = offset + bytes.len() as u64;
+        for gap in self.missing(offset..end) {
+            let at = self.parts.partition_point(|(start, _)| *start < gap.start);
+            let [first, last] = [gap.start, gap.end].map(|v| (v - offset) as usize);
+            // Mostly all of it is new, and nothing is copied.
+            if (first, last) == (0, bytes.len()) {
+                self.parts.insert(at, (offset, bytes));
+                return;
+            }
+            self.parts.insert(at, (gap.start, bytes[first..last].to_vec()));
+        }
+    }
+
+    /// What of `range` is not there.
+    fn missing(&self, range: Range<u64>) -> Vec<Range<u64>> {
+        let mut gaps = Vec::new();
+        let mut at = range.start;
+        for (start, part) in &self.parts {
+            let end = start + part.len() as u64;
+            if end <= at {
+                continue;
+            }
+            if *start >= range.end {
+                break;
+            }
+            if *start > at {
+                gaps.push(at..*start);
+            }
+            at = end;
+        }
+        let end = range.end.min(self.end);
+        if at < end {
+            gaps.push(at..end);
+        }
+        gaps
+    }
+}
+
+impl Source for &Sparse {
+    fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error> {
+        if let Some(range) = self.missing(range.clone()).into_iter().next() {
+            return Err(Error::Source { range, message: "they have not arrived".into() });
+        }
+        let [start, end] = [range.start, range.end].map(|at| at.min(self.end));
+        let holds = |(at, part): &&(u64, Vec<u8>)| *at <= start && end <= at + part.len() as u64;
+        if let Some((at, part)) = self.parts.iter().find(holds) {
+            return Ok(Cow::Borrowed(&part[(start - at) as usize..(end - at) as usize]));
+        }
+        let mut bytes = Vec::with_capacity((end - start) as usize);
+        for (at, part) in &self.parts {
+            let [first, last] = [start, end].map(|v| v.clamp(*at, at + part.len() as u64) - at);
+            bytes.extend_from_slice(&part[first as usize..last as usize]);
+        }
+        Ok(Cow::Owned(bytes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::decode_document;
+
+    fn fixture(name: &str) -> Vec<u8> {
+        std::fs::read(format!("{}/fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    }
+
+    #[test]
+    fn a_file_comes_in_the_pieces_that_are_asked_for() {
+        for name in ["everything", "zstd"] {
+            let file = fixture(name);
+            let mut stream = Stream::default();
+            let (mut asked, mut found) = (0, None);
+            while !stream.is_done() {
+                let wanted = stream.wanted().unwrap();
+                for range in &wanted {
+                    let end = (range.end as usize).min(file.len());
+                    asked += end - range.start as usize;
+                    stream.add(range.clone(), file[range.start as usize..end].to_vec());
+                }
+                if wanted.is_empty() {
+                    found = stream.step().unwrap();
+                }
+            }
+            let found = found.unwrap();
+            assert!(found.is_whole && asked == file.len(), "{name}: {asked} of {}", file.len());
+            assert_eq!(found.document, decode_document(&file, Limits::default()).unwrap());
+            assert!(stream.wanted().unwrap().is_empty() && stream.step().unwrap().is_none());
+        }
+    }
+
+    #[test]
+    fn what_is_no_file_is_said() {
+        let mut stream = Stream::default();
+        let first = stream.wanted().unwrap().remove(0);
+        stream.add(first, b"<!doctype html>".to_vec());
+        assert!(matches!(stream.wanted(), Err(Error::NotStrivec { .. })));
+
+        let mut stream = Stream::default();
+        stream.add(0..u64::MAX, fixture("zstd")[..20_000].to_vec());
+        assert!(stream.wanted().unwrap().is_empty());
+        assert!(matches!(stream.step(), Err(Error::Truncated { .. })));
+    }
+
+    #[test]
+    fn gaps_are_what_is_missing() {
+        let mut sparse = Sparse::default();
+        sparse.add(10, vec![1; 10]);
+        sparse.add(30, vec![3; 10]);
+        sparse.add(5, vec![2; 30]);
+        assert_eq!(sparse.missing(0..50), [0..5, 40..50]);
+        assert_eq!((&sparse).read(8..33).unwrap()[..], [[2; 2].as_slice(), &[1; 10], &[2; 10], &[3; 3]].concat());
+        assert!((&sparse).read(30..41).is_err());
+        assert_eq!(joined([0..10, 20..30, (1 << 20)..(2 << 20)].into_iter()), [0..30, (1 << 20)..(2 << 20)]);
+    }
+}

@@ -1,0 +1,153 @@
+//! A scene that is open, and what draws it.
+
+use super::clock;
+use crate::container::{Contents, Document};
+use crate::geometry::Camera;
+use crate::model::Scene;
+use crate::player::{BoxLines, Fact, Screen, Show, Step, View, facts};
+use crate::render::Approximation;
+use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
+
+/// A scene that is open.
+pub(super) struct SceneSlot {
+    /// As the file has it, but for where rays begin and end.
+    pub(super) scene: Scene,
+    /// Those of the file.
+    pub(super) near_far: [f64; 2],
+    pub(super) contents: Contents,
+    /// Scales that are there.
+    pub(super) scales: usize,
+    pub(super) is_whole: bool,
+    pub(super) facts: Vec<Fact>,
+    pub(super) screen: Screen,
+    pub(super) boxes: BoxLines,
+    /// Absent while it is lent: to something that waits for the device.
+    pub(super) renderer: Option<GpuRenderer>,
+    /// The camera of the picture that is being drawn.
+    drawing: Option<Camera>,
+    begun: f64,
+    /// Rays of the batch that was begun last, and when that was.
+    done: u32,
+    done_at: f64,
+}
+
+impl SceneSlot {
+    /// Prepares what has arrived to be drawn on `gpu`, on a surface of `format`.
+    pub(super) fn new(
+        gpu: &Gpu,
+        format: wgpu::TextureFormat,
+        step: Step,
+        approximation: &Approximation,
+    ) -> Result<Self, GpuError> {
+        let Step { document, contents, scales, is_whole } = step;
+        let facts = facts(&document, &contents, contents.file_length);
+        let Document { mut scene, .. } = document;
+        let near_far = [scene.frame.near, scene.frame.far];
+        // A viewer goes where no photograph was taken from; the bounds say where the scene is.
+        scene.frame.near = 0.0;
+        scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
+        let renderer = renderer(gpu, &scene, approximation)?;
+        let (screen, boxes) = (Screen::new(gpu, format), BoxLines::new(gpu, &scene, format));
+        Ok(Self {
+            scene,
+            near_far,
+            contents,
+            scales,
+            is_whole,
+            facts,
+            screen,
+            boxes,
+            renderer: Some(renderer),
+            drawing: None,
+            begun: 0.0,
+            done: 0,
+            done_at: 0.0,
+        })
+    }
+
+    /// Draws with `approximation` from now on.
+    pub(super) fn approximate(&mut self, gpu: &Gpu, approximation: &Approximation) -> Result<(), GpuError> {
+        self.renderer = Some(renderer(gpu, &self.scene, approximation)?);
+        self.drawing = None;
+        Ok(())
+    }
+
+    /// Begins the picture that `camera` takes, in place of any that is unfinished.
+    pub(super) fn begin(&mut self, camera: &Camera, has_normals: bool) -> Result<(), GpuError> {
+        let Some(renderer) = &mut self.renderer else { return Ok(()) };
+        renderer.set_normals(has_normals);
+        renderer.begin(camera)?;
+        self.drawing = Some(*camera);
+        (self.begun, self.done, self.done_at) = (clock::now(), 0, clock::now());
+        Ok(())
+    }
+
+    /// Whether a picture is being drawn.
+    pub(super) fn is_drawing(&self) -> bool {
+        self.drawing.is_some()
+    }
+
+    /// Looks how far the device is, and gives it at most `most_rays` rays more; calls `measured` with rays and seconds of each
+    /// batch. Returns the seconds that the picture took, once it is whole. Never waits.
+    pub(super) fn advance(
+        &mut self,
+        most_rays: u32,
+        mut measured: impl FnMut(u32, f64),
+    ) -> Result<Option<f64>, GpuError> {
+        let (Some(camera), Some(renderer)) = (self.drawing, &mut self.renderer) else { return Ok(None) };
+        let rays = camera.width * camera.height;
+        let (now_done, is_finished) = match renderer.advance(most_rays)? {
+            Drawing::Unfinished { done, .. } => (done.min(rays), false),
+            Drawing::Finished => (rays, true),
+        };
+        let now = clock::now();
+        if now_done > self.done {
+            measured(now_done - self.done, now - self.done_at);
+            (self.done, self.done_at) = (now_done, now);
+        }
+        if !is_finished {
+            return Ok(None);
+        }
+        self.screen.keep(renderer, &camera);
+        self.drawing = None;
+        Ok(Some(now - self.begun))
+    }
+
+    /// Lends the renderer; what it was drawing is forgotten.
+    pub(super) fn lend(&mut self) -> Option<GpuRenderer> {
+        self.drawing = None;
+        self.renderer.take()
+    }
+
+    /// How the picture is shown: as `view`, on `background` or its own.
+    pub(super) fn show(&self, view: View, background: Option<[f32; 3]>) -> Show {
+        let own = self.scene.frame.background;
+        let bounds = &self.scene.bounds;
+        let distance = self.screen.camera().map_or(1.0, |camera| (camera.position - bounds.center()).length());
+        let reach = 0.5 * bounds.size().length();
+        Show {
+            view,
+            scene_background: own,
+            background: background.unwrap_or(own),
+            depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
+            most_samples: (bounds.size().max_element() / self.scene.rules.step).min(256.0) as f32,
+            photograph_share: 0.0,
+            photograph: [0.0, 0.0, 1.0, 1.0],
+        }
+    }
+
+    /// The most neighbours that a scale asks for.
+    pub(super) fn most_neighbours(&self) -> u32 {
+        self.scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1)
+    }
+}
+
+/// What draws `scene` on `gpu`.
+fn renderer(gpu: &Gpu, scene: &Scene, approximation: &Approximation) -> Result<GpuRenderer, GpuError> {
+    // What is set for the whole scene may be more than its first scales have.
+    let mut approximation = *approximation;
+    approximation.scales = approximation.scales.map(|n| n.min(scene.scales.len() as u32));
+    let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
+    approximation.neighbours = approximation.neighbours.map(|n| n.min(most));
+    GpuRenderer::new(gpu, scene.clone(), &approximation, Precision::default())
+}

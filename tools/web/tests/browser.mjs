@@ -1,0 +1,110 @@
+// Chromium with WebGPU, and what the tests need besides.
+//
+// Needs dist/ (build.sh), Chromium ($CHROMIUM, default /usr/bin/chromium) and the command ($STRIVEC, default: the one in the
+// build folder). Works without a graphics processor: Chromium then computes by SwiftShader, slowly, so pictures are small.
+// Leaves pictures in $STRIVEC_WEB_OUT, default a new folder in the system's own.
+
+import { execFileSync } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { chromium } from "playwright-core";
+
+const web = resolve(import.meta.dirname, "..");
+export const root = resolve(web, "../..");
+export const dist = join(web, "dist");
+const build = process.env.CARGO_TARGET_DIR ?? join(root, "target");
+export const strivec = process.env.STRIVEC ?? join(build, "release/strivec");
+const pack = process.env.STRIVEC_PACK ?? join(strivec, "../strivec-pack");
+export const out = process.env.STRIVEC_WEB_OUT ?? mkdtempSync(join(tmpdir(), "strivec-web-"));
+const chrome = process.env.CHROMIUM ?? "/usr/bin/chromium";
+for (const [path, what] of [
+  [join(dist, "index.html"), "run tools/web/build.sh first"],
+  [strivec, "build it (cargo build --release), or set STRIVEC"],
+  [chrome, "apt-get install chromium, or set CHROMIUM"],
+]) {
+  if (!existsSync(path)) throw new Error(`${path} is missing: ${what}`);
+}
+
+/** One of the format's fixtures. */
+export const fixture = (name) => join(root, `fixtures/v1/${name}.strivec`);
+
+// What gives a software adapter, right compute and a right canvas in headless Chromium without a graphics processor.
+const flags = [
+  "--no-sandbox",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--no-first-run",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+  "--enable-unsafe-webgpu",
+  "--ignore-gpu-blocklist",
+  "--enable-gpu",
+  "--enable-features=Vulkan",
+  "--use-vulkan=swiftshader",
+];
+
+export const launch = () => chromium.launch({ executablePath: chrome, args: flags });
+
+/** A file of two scales, large enough to be loaded in pieces: $STRIVEC_WEB_SCENE, or one that is trained here once. */
+export function levels() {
+  if (process.env.STRIVEC_WEB_SCENE) return resolve(process.env.STRIVEC_WEB_SCENE);
+  const folder = join(build, "web-tests");
+  const made = join(folder, "levels.strivec");
+  if (existsSync(made)) return made;
+  if (!existsSync(pack)) throw new Error(`${pack} is missing: build it (cargo build --release), or set STRIVEC_PACK`);
+  mkdirSync(folder, { recursive: true });
+  const run = (program, ...options) =>
+    execFileSync(program, [...options, "--quiet", "--force"], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
+  run(strivec, "synth", "photographs", "--views", "12", "--test-views", "2", "--size", "48x48");
+  run(strivec, "train", "photographs", "-o", "trained.strivec", "--preset", "fast", "--steps", "120", "--batch", "512");
+  run(pack, "pack", "trained.strivec", "--lossless", "--level", "1", "-o", made);
+  return made;
+}
+
+/** Opens `address` with a viewer that is `size` pixels large; collects what the console says. */
+export async function visit(context, address, size) {
+  const page = await context.newPage();
+  const messages = [];
+  page.on("console", (message) => messages.push(`${message.type()}: ${message.text()}`));
+  page.on("pageerror", (error) => messages.push(`error: ${error}`));
+  // Before anything runs, so that the first picture is small already.
+  if (size) {
+    await page.addInitScript((size) => {
+      addEventListener("DOMContentLoaded", () => {
+        const viewer = document.querySelector("strivec-viewer");
+        viewer?.removeAttribute("controls");
+        if (viewer) viewer.style.cssText = `width: ${size}px; height: ${size}px; min-height: 0`;
+      });
+    }, size);
+  }
+  await page.goto(address);
+  const viewer = page.locator("strivec-viewer");
+  const call = (work, argument) => viewer.evaluate(work, argument, { timeout: 120_000 });
+  const until = async (what, condition, argument) => {
+    try {
+      await page.waitForFunction(
+        ({ source, argument }) => {
+          const viewer = document.querySelector("strivec-viewer");
+          return new Function("viewer", "argument", `return (${source})(viewer, argument)`)(viewer, argument);
+        },
+        { source: condition.toString(), argument },
+        { timeout: 120_000, polling: 50 },
+      );
+    } catch (error) {
+      const message = await viewer.evaluate((v) => v.shadowRoot.getElementById("message").textContent).catch(() => "");
+      throw new Error(`${what}: ${error.message}\nmessage: ${message}\n${messages.join("\n")}`);
+    }
+  };
+  return {
+    page,
+    messages,
+    call,
+    until,
+    /** Until the whole picture is on the canvas. */
+    rest: (what = "a whole picture") => until(what, (v) => v.state?.is_at_rest === true),
+    message: () => call((v) => v.shadowRoot.getElementById("message").textContent),
+    canvas: viewer.locator("canvas"),
+  };
+}
