@@ -81,7 +81,7 @@ export async function visit(context, address, size) {
   }
   await page.goto(address);
   const viewer = page.locator("strivec-viewer");
-  const call = (work, argument) => viewer.evaluate(work, argument, { timeout: 120_000 });
+  const call = (work, argument) => viewer.evaluate(work, argument, { timeout: 600_000 });
   const until = async (what, condition, argument) => {
     try {
       await page.waitForFunction(
@@ -90,7 +90,7 @@ export async function visit(context, address, size) {
           return new Function("viewer", "argument", `return (${source})(viewer, argument)`)(viewer, argument);
         },
         { source: condition.toString(), argument },
-        { timeout: 120_000, polling: 50 },
+        { timeout: 600_000, polling: 50 },
       );
     } catch (error) {
       const message = await viewer.evaluate((v) => v.shadowRoot.getElementById("message").textContent).catch(() => "");
