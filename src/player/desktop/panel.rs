@@ -125,7 +125,8 @@ fn speed(app: &mut App, ui: &mut Ui) {
         None => format!("picture {}", milliseconds(app.seconds)),
     });
     if let Some(rays) = app.pace.rays_per_second() {
-        ui.label(format!("{:.2} million rays/s, shown at 1/{}", 1e-6 * rays, app.pace.shown().unwrap_or(16)));
+        let (rate, unit) = if rays < 1e5 { (1e-3 * rays, "thousand") } else { (1e-6 * rays, "million") };
+        ui.label(format!("{rate:.2} {unit} rays/s, shown at 1/{}", app.pace.shown().unwrap_or(16)));
     }
     if let Some([scene, work]) = app.slots[0].as_ref().and_then(|s| s.memory_bytes()) {
         ui.label(format!("device memory {:.0} + {:.0} MB", scene as f64 / 1e6, work as f64 / 1e6));
