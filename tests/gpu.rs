@@ -12,7 +12,7 @@ use strivec::model::Scene;
 use strivec::render::gpu::{Gpu, GpuRenderer, POSITION_ERROR, Precision};
 use strivec::render::{Approximation, Picture, Pixel, ReferenceRenderer, Renderer};
 
-/// The issue of a device that fails in a test is the test's.
+/// A device that fails fails the test.
 struct Unwrapped(RefCell<GpuRenderer>);
 
 impl Renderer for Unwrapped {
