@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::{Gesture, Gestures};
 use crate::container::{Pose, Views};
 use crate::geometry::{Aabb, Camera};
 use crate::model::{Frame, Scene, UpAxis};
@@ -70,6 +71,17 @@ pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
 /// Views that can be kept.
 const KEPT: usize = 9;
 
+/// What a drag of the pointer does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drag {
+    /// Turns around the pivot.
+    Orbit,
+    /// Moves sideways.
+    Pan,
+    /// Turns the head.
+    Look,
+}
+
 /// Where the camera is, in the model's space, and what it turns around.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stand {
@@ -101,6 +113,7 @@ pub struct Controls {
     /// The longest edge of the scene's bounds.
     extent: f64,
     held: BTreeSet<String>,
+    gestures: Gestures,
 }
 
 impl Controls {
@@ -116,7 +129,16 @@ impl Controls {
             None => overview(&scene.bounds, up, angle_of_view),
         };
         let extent = scene.bounds.size().max_element();
-        Self { first, now: first, kept: [None; KEPT], angle_of_view, up, extent, held: BTreeSet::new() }
+        Self {
+            first,
+            now: first,
+            kept: [None; KEPT],
+            angle_of_view,
+            up,
+            extent,
+            held: BTreeSet::new(),
+            gestures: Gestures::default(),
+        }
     }
 
     /// The camera for a picture of `size`, columns and rows.
@@ -198,6 +220,33 @@ impl Controls {
     /// A wheel's turn: positive is towards the scene.
     pub fn wheel(&mut self, lines: f64) {
         self.dolly(0.9_f64.powf(lines.clamp(-20.0, 20.0)));
+    }
+
+    /// The pointer was dragged by `moved`, in parts of the window's height, to the right and down.
+    pub fn dragged(&mut self, [right, down]: [f64; 2], drag: Drag) {
+        match drag {
+            Drag::Orbit => self.orbit(right, down),
+            Drag::Pan => self.pan(right, down),
+            Drag::Look => self.look(right, down),
+        }
+    }
+
+    /// Finger `id` is at `at`, in parts of the window's height, or gone; whether that moves the camera.
+    pub fn touched(&mut self, id: u64, at: Option<[f64; 2]>) -> bool {
+        let Some(at) = at else {
+            self.gestures.lift(id);
+            return false;
+        };
+        let gesture = self.gestures.touch(id, at);
+        match gesture {
+            Some(Gesture::Turn(moved)) => self.dragged(moved, Drag::Orbit),
+            Some(Gesture::MoveAndPinch(moved, factor)) => {
+                self.dragged(moved, Drag::Pan);
+                self.dolly(1.0 / factor);
+            }
+            None => {}
+        }
+        gesture.is_some()
     }
 
     /// Turns around `point` from now on; the camera turns to it.
@@ -288,6 +337,7 @@ mod tests {
             up: DVec3::Z,
             extent: 2.0,
             held: BTreeSet::new(),
+            gestures: Gestures::default(),
         }
     }
 

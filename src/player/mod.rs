@@ -15,7 +15,7 @@ mod screen;
 mod streaming;
 
 pub use boxes::BoxLines;
-pub use controls::{Action, Controls, action_of};
+pub use controls::{Action, Controls, Drag, action_of};
 pub use facts::{Fact, facts};
 pub use gestures::{Gesture, Gestures};
 pub use pace::Pace;

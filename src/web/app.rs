@@ -7,7 +7,7 @@ use super::canvas::Canvas;
 use super::scene_slot::SceneSlot;
 use crate::container::Pose;
 use crate::geometry::{Camera, PoseError};
-use crate::player::{Action, Controls, Gesture, Gestures, Pace, Step, View, action_of, scale_count};
+use crate::player::{Action, Controls, Drag, Pace, Step, View, action_of, scale_count};
 use crate::render::Approximation;
 use crate::render::gpu::{GpuError, GpuRenderer};
 
@@ -16,14 +16,6 @@ const FRAME_TIME: f64 = 0.033;
 /// Seconds between frames that a flight takes into account: a page may have slept.
 const LONGEST_FRAME: f64 = 0.25;
 
-/// What a drag of the pointer does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Drag {
-    Orbit,
-    Pan,
-    Look,
-}
-
 /// The player.
 pub(super) struct App {
     pub(super) canvas: Canvas,
@@ -31,7 +23,6 @@ pub(super) struct App {
     /// Of the renderer that the slot has now.
     renderer_number: u64,
     pub(super) controls: Option<Controls>,
-    gestures: Gestures,
     pace: Pace,
     pub(super) approximation: Approximation,
     /// Pictures get no finer than this many times smaller than the canvas.
@@ -66,7 +57,6 @@ impl App {
             slot: None,
             renderer_number: 0,
             controls: None,
-            gestures: Gestures::default(),
             pace: Pace::new(FRAME_TIME),
             approximation: Approximation::default(),
             finest: 1,
@@ -214,7 +204,10 @@ impl App {
         let moved = [at[0] - self.pointer[0], at[1] - self.pointer[1]];
         self.pointer = at;
         if let Some(drag) = self.dragging {
-            self.dragged(moved, drag);
+            self.steer(|controls| {
+                controls.dragged(moved, drag);
+                true
+            });
         }
     }
 
@@ -224,36 +217,10 @@ impl App {
         [self.pointer[0] * height / width, self.pointer[1]]
     }
 
-    /// The pointer was dragged, in parts of the canvas's height.
-    pub(super) fn dragged(&mut self, moved: [f64; 2], drag: Drag) {
-        let Some(controls) = &mut self.controls else { return };
-        match drag {
-            Drag::Orbit => controls.orbit(moved[0], moved[1]),
-            Drag::Pan => controls.pan(moved[0], moved[1]),
-            Drag::Look => controls.look(moved[0], moved[1]),
-        }
-        self.changed();
-    }
-
-    /// The wheel was turned.
-    pub(super) fn wheeled(&mut self, lines: f64) {
-        if let Some(controls) = &mut self.controls {
-            controls.wheel(lines);
+    /// Moves the camera by what `input` makes of it, if there is one: whether it has moved.
+    pub(super) fn steer(&mut self, input: impl FnOnce(&mut Controls) -> bool) {
+        if self.controls.as_mut().is_some_and(input) {
             self.changed();
-        }
-    }
-
-    /// Finger `id` is at `at`, in parts of the canvas's height, or gone.
-    pub(super) fn touched(&mut self, id: u64, at: Option<[f64; 2]>) {
-        let Some(at) = at else { return self.gestures.lift(id) };
-        match (self.gestures.touch(id, at), &mut self.controls) {
-            (Some(Gesture::Turn(moved)), _) => self.dragged(moved, Drag::Orbit),
-            (Some(Gesture::MoveAndPinch(moved, factor)), Some(controls)) => {
-                controls.pan(moved[0], moved[1]);
-                controls.dolly(1.0 / factor);
-                self.changed();
-            }
-            _ => {}
         }
     }
 

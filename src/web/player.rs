@@ -7,11 +7,12 @@ use wasm_bindgen::Clamped;
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 use web_sys::HtmlCanvasElement;
 
-use super::app::{App, Drag};
+use super::app::App;
 use super::canvas::Canvas;
 use super::download::Download;
 use crate::container::{Limits, decode_document, sections};
 use crate::geometry::Camera;
+use crate::player::Drag;
 use crate::player::{Action, Step, View, scale_count};
 use crate::render::gpu::{Gpu, GpuError, GpuRenderer, Precision};
 use crate::render::{Approximation, Pixel};
@@ -98,22 +99,28 @@ impl Player {
 
     /// Turns around the scene, as a drag by these parts of the canvas's height would.
     pub fn turn(&self, right: f64, down: f64) {
-        self.app.borrow_mut().dragged([right, down], Drag::Orbit);
+        self.app.borrow_mut().steer(|controls| {
+            controls.dragged([right, down], Drag::Orbit);
+            true
+        });
     }
 
     /// A wheel's turn in lines: positive is towards the scene.
     pub fn wheel(&self, lines: f64) {
-        self.app.borrow_mut().wheeled(lines);
+        self.app.borrow_mut().steer(|controls| {
+            controls.wheel(lines);
+            true
+        });
     }
 
     /// Finger `id` is there, in parts of the canvas's height from its corner.
     pub fn touch(&self, id: f64, x: f64, y: f64) {
-        self.app.borrow_mut().touched(id as u64, Some([x, y]));
+        self.app.borrow_mut().steer(|controls| controls.touched(id as u64, Some([x, y])));
     }
 
     /// Finger `id` is gone.
     pub fn lift(&self, id: f64) {
-        self.app.borrow_mut().touched(id as u64, None);
+        self.app.borrow_mut().steer(|controls| controls.touched(id as u64, None));
     }
 
     /// The key of W3C code `code` went down or up, or a button like it was clicked. Says what it asks for, if for anything

@@ -11,7 +11,7 @@ use crate::container::Pose;
 use crate::dataset::{self, LoadOptions};
 use crate::geometry::{Camera, CameraPath, Keyframe, Viewpoint};
 use crate::measure::color_png;
-use crate::player::{Action, Controls, Gesture, Gestures, Pace, Show, View};
+use crate::player::{Action, Controls, Pace, Show, View};
 use crate::render::gpu::GpuError;
 use crate::render::{Approximation, MAX_KEYFRAMES, read_keyframes, write_keyframes};
 
@@ -59,7 +59,6 @@ pub(super) struct App {
     pending: [Option<Receiver<News>>; 2],
     wake: Box<dyn Fn() -> Box<dyn Fn() + Send>>,
     pub(super) controls: Option<Controls>,
-    gestures: Gestures,
     pub(super) pace: Pace,
     pub(super) frame_time_ms: u32,
     pub(super) approximation: Approximation,
@@ -108,7 +107,6 @@ impl App {
             pending: [None, None],
             wake: Box::new(wake),
             controls: None,
-            gestures: Gestures::default(),
             pace: Pace::new(1e-3 * f64::from(frame_time_ms)),
             frame_time_ms,
             approximation: Approximation::default(),
@@ -348,36 +346,10 @@ impl App {
         println!("{width}x{height} in {:.1} ms", 1e3 * seconds);
     }
 
-    /// The pointer was dragged, in parts of the window's height.
-    pub(super) fn dragged(&mut self, moved: [f64; 2], button: Drag) {
-        let Some(controls) = &mut self.controls else { return };
-        match button {
-            Drag::Orbit => controls.orbit(moved[0], moved[1]),
-            Drag::Pan => controls.pan(moved[0], moved[1]),
-            Drag::Look => controls.look(moved[0], moved[1]),
-        }
-        self.changed();
-    }
-
-    /// The wheel was turned.
-    pub(super) fn wheeled(&mut self, lines: f64) {
-        if let Some(controls) = &mut self.controls {
-            controls.wheel(lines);
+    /// Moves the camera by what `input` makes of it, if there is one: whether it has moved.
+    pub(super) fn steer(&mut self, input: impl FnOnce(&mut Controls) -> bool) {
+        if self.controls.as_mut().is_some_and(input) {
             self.changed();
-        }
-    }
-
-    /// Finger `id` is at `at`, in parts of the window's height, or gone.
-    pub(super) fn touched(&mut self, id: u64, at: Option<[f64; 2]>) {
-        let Some(at) = at else { return self.gestures.lift(id) };
-        match (self.gestures.touch(id, at), &mut self.controls) {
-            (Some(Gesture::Turn(moved)), _) => self.dragged(moved, Drag::Orbit),
-            (Some(Gesture::MoveAndPinch(moved, factor)), Some(controls)) => {
-                controls.pan(moved[0], moved[1]);
-                controls.dolly(1.0 / factor);
-                self.changed();
-            }
-            _ => {}
         }
     }
 
@@ -561,14 +533,6 @@ impl App {
     pub(super) fn is_opening(&self) -> bool {
         self.pending.iter().any(Option::is_some)
     }
-}
-
-/// What a drag of the pointer does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Drag {
-    Orbit,
-    Pan,
-    Look,
 }
 
 /// Writes to the first of STEM-001.ENDING, STEM-002.ENDING, … that there is not; returns its name.

@@ -10,6 +10,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use crate::container::{Contents, Document, Error, Fetch, Limits, Part, Reader, Seekable, Source};
+use crate::player::scale_count;
 
 /// A server that says nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -99,7 +100,7 @@ fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>) -> Result<Vec<u8>, S
 fn read_in_steps<S: Source>(source: S, name: String, tell: &mut dyn FnMut(News) -> bool) -> Result<(), Error> {
     let reader = Reader::open(source, Limits::default())?;
     let contents = reader.contents().clone();
-    let all = contents.sections.iter().filter_map(|s| s.scale).max().map_or(0, |last| usize::from(last) + 1);
+    let all = scale_count(&contents);
     let mut steps: Vec<_> = if contents.file_length < SMALL { Vec::new() } else { (1..all).collect() };
     steps.push(all);
     for scales in steps {

@@ -4,7 +4,7 @@ use egui::{Color32, RichText, Slider, Ui};
 
 use super::app::{App, Compare};
 use super::opening;
-use crate::player::{Action, View};
+use crate::player::{Action, View, scale_count};
 
 const KEYS: [(&str, &str); 15] = [
     ("left drag, one finger", "turn around the scene"),
@@ -60,7 +60,7 @@ fn contents(app: &mut App, ui: &mut Ui) {
         if let Some(slot) = &app.slots[n] {
             ui.separator();
             if !slot.opened.is_whole {
-                let all = slot.opened.contents.sections.iter().filter_map(|s| s.scale).max().map_or(0, |last| last + 1);
+                let all = scale_count(&slot.opened.contents);
                 ui.label(format!("{} of {all} scales so far", slot.opened.scales));
             }
             egui::CollapsingHeader::new(RichText::new(&slot.opened.name).strong())

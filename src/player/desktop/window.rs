@@ -12,11 +12,12 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::keyboard::{ModifiersState, PhysicalKey};
 use winit::window::{Window, WindowId};
 
-use super::app::{App, Drag};
+use super::app::App;
 use super::arguments::{Arguments, Renderer};
 use super::panel;
 use super::scene_slot::Device;
 use super::surface::{Painting, Surface};
+use crate::player::Drag;
 use crate::render::gpu::Precision;
 
 /// Pixels of a touchpad's scrolling that are a line of a wheel.
@@ -195,7 +196,10 @@ impl OpenWindow {
                 let moved = [(position.x - self.pointer[0]) / height, (position.y - self.pointer[1]) / height];
                 self.pointer = [position.x, position.y];
                 if let Some(drag) = self.dragging {
-                    self.app.dragged(moved, drag);
+                    self.app.steer(|controls| {
+                        controls.dragged(moved, drag);
+                        true
+                    });
                 }
             }
             WindowEvent::MouseInput { state: ElementState::Released, .. } => self.dragging = None,
@@ -209,16 +213,20 @@ impl OpenWindow {
                 };
             }
             WindowEvent::MouseWheel { delta, .. } if self.over_picture() => {
-                self.app.wheeled(match delta {
+                let lines = match delta {
                     MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
                     MouseScrollDelta::PixelDelta(pixels) => pixels.y / PIXELS_A_LINE,
+                };
+                self.app.steer(|controls| {
+                    controls.wheel(lines);
+                    true
                 });
             }
             WindowEvent::Touch(touch) => {
                 let height = f64::from(self.picture.height()).max(1.0);
                 let at = [touch.location.x / height, touch.location.y / height];
                 let is_gone = matches!(touch.phase, TouchPhase::Ended | TouchPhase::Cancelled);
-                self.app.touched(touch.id, (!is_gone).then_some(at));
+                self.app.steer(|controls| controls.touched(touch.id, (!is_gone).then_some(at)));
             }
             WindowEvent::DroppedFile(path) => {
                 panel::dropped(&mut self.app, &path.display().to_string(), self.modifiers.control_key());

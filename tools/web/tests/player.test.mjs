@@ -205,7 +205,7 @@ test("a large file is on the screen before the rest of it is asked for", async (
   const own = await serve(dist, [file]);
   const whole = await serve(dist, [file], { hasRanges: false });
   try {
-    // Nothing is answered for now but the first bytes, the coarse scale behind them, and what lies at the end.
+    // The server holds back everything but the first bytes, the coarse scale behind them, and what lies at the end.
     const FIRST = 16 << 10;
     const asked = () => own.requests.filter((request) => request.path === path);
     const release = own.hold(path, (start) => start > FIRST && start < size - (64 << 10));
