@@ -1,12 +1,12 @@
 // Appearance and decoder for a tile of ROWS samples, or of ROWS rays, as matrix products of a tile in workgroup memory with
 // matrices from the scene. Twin: src/field/decoder.rs.
 //
-// `tile` holds one quad for four rows: [column][row quad]. Each product reads all of its input before any of its output is
-// written in its place.
+// `tile` holds one quad for four rows: [column][row quad], as `Kept` (the prelude's) holds it. Each product reads all of its
+// input before any of its output is written in its place.
 
 const ROW_QUADS: u32 = ROWS / 4u;
 
-var<workgroup> tile: array<vec4<f32>, TILE_QUADS>;
+var<workgroup> tile: array<Kept, TILE_QUADS>;
 // [row][scale][neighbour], nearest first; the first of weight 0 ends a list.
 var<workgroup> pairs: array<Located, PAIRS>;
 // [row][scale] whether the scale covers the row's sample.
@@ -93,7 +93,7 @@ fn put_columns(item: u32, columns: mat4x4<f32>) {
     let component = item / ROW_QUADS;
     let q = item % ROW_QUADS;
     for (var c = 0u; c < 4u; c += 1u) {
-        tile[(4u * component + c) * ROW_QUADS + q] = columns[c];
+        tile[(4u * component + c) * ROW_QUADS + q] = kept(columns[c]);
     }
 }
 
@@ -104,7 +104,7 @@ fn product_of(item: u32, inputs: u32, output_quads: u32, first: u32) -> mat4x4<f
     var sums = mat4x4<f32>();
     for (var i = 0u; i < inputs; i += 1u) {
         let weights = numbers(first + i * output_quads + o);
-        let values = tile[i * ROW_QUADS + q];
+        let values = vec4<f32>(tile[i * ROW_QUADS + q]);
         sums[0] += weights.x * values;
         sums[1] += weights.y * values;
         sums[2] += weights.z * values;
@@ -138,7 +138,7 @@ fn multiply(lane: u32, inputs: u32, output_quads: u32, first: u32, bias: u32, is
             }
             for (var c = 0u; c < 4u; c += 1u) {
                 let sum = sums[n][c] + added[c];
-                tile[(4u * o + c) * ROW_QUADS + item / output_quads] = select(sum, max(sum, vec4(0.0)), is_rectified);
+                tile[(4u * o + c) * ROW_QUADS + item / output_quads] = kept(select(sum, max(sum, vec4(0.0)), is_rectified));
             }
         }
     }
@@ -248,7 +248,7 @@ fn encode_inputs(lane: u32) {
                 values[r] = rays[n].direction[axis];
             }
         }
-        tile[(FEATURES + axis) * ROW_QUADS + q] = values;
+        tile[(FEATURES + axis) * ROW_QUADS + q] = kept(values);
     }
     workgroupBarrier();
     const ENCODED: u32 = FEATURES + 3u;
@@ -266,12 +266,12 @@ fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
     for (var item = lane; item < count * ROW_QUADS; item += LANES) {
         let e = item / ROW_QUADS;
         let q = item % ROW_QUADS;
-        let angle = sine_cosine(tile[(first + e) * ROW_QUADS + q]);
+        let angle = sine_cosine(vec4<f32>(tile[(first + e) * ROW_QUADS + q]));
         var s = angle.sine;
         var c = angle.cosine;
         for (var f = 0u; f < frequencies; f += 1u) {
-            tile[(to + e * frequencies + f) * ROW_QUADS + q] = s;
-            tile[(to + (count + e) * frequencies + f) * ROW_QUADS + q] = c;
+            tile[(to + e * frequencies + f) * ROW_QUADS + q] = kept(s);
+            tile[(to + (count + e) * frequencies + f) * ROW_QUADS + q] = kept(c);
             let doubled = 2.0 * s * c;
             c = 1.0 - 2.0 * s * s;
             s = doubled;
@@ -313,7 +313,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     if lane < ROWS && tile_rays[lane] != NONE {
         let q = lane / 4u;
         let r = lane % 4u;
-        let outputs = vec3(tile[q][r], tile[ROW_QUADS + q][r], tile[2u * ROW_QUADS + q][r]);
+        let outputs = vec3<f32>(vec3(tile[q][r], tile[ROW_QUADS + q][r], tile[2u * ROW_QUADS + q][r]));
         if DECODES_SAMPLES {
             rows[tile_rows[lane]] = vec4(bitcast<vec3<u32>>(sigmoid(outputs)), rows[tile_rows[lane]].w);
         } else {

@@ -109,3 +109,30 @@ fn buckets_find_what_a_search_through_all_tensors_finds() {
         }
     }
 }
+
+#[test]
+fn normals_are_the_references_and_looking_changes_no_pixel() {
+    let scene = scenes::scene(&scenes::config());
+    let (renderer, field) = (CpuRenderer::new(&scene), ReferenceField::new(&scene));
+    let density = |position: DVec3| {
+        let point = field.locate(position);
+        if point.covered { field.density(field.density_feature(&point).feature) } else { 0.0 }
+    };
+    let camera = scenes::camera(40, 0.4);
+    let rays: Vec<_> = (0..1600).map(|n| camera.ray(n % 40, n / 40)).collect();
+    let (seen, looks) = (renderer.trace(&rays), renderer.look(&rays, true));
+    assert!(renderer.look(&rays, false).iter().all(|look| look.normal.is_none()));
+    let (mut normals, mut close) = (0, 0);
+    for ((ray, pixel), look) in rays.iter().zip(&seen).zip(&looks) {
+        assert_eq!(*pixel, look.pixel);
+        assert!(look.samples > 0 || pixel.opacity == 0.0);
+        assert!(look.normal.is_none() || pixel.opacity >= 0.5);
+        let Some(normal) = look.normal else { continue };
+        let (at, h) = (ray.at(f64::from(pixel.depth)), 2.0 * scene.rules.step);
+        let fall = DVec3::AXES.map(|axis| density(at - h * axis) - density(at + h * axis));
+        normals += 1;
+        close += usize::from(DVec3::from(fall).normalize().dot(normal.as_dvec3()) > 0.999);
+    }
+    // The others have a neighbour on the other side of a threshold.
+    assert!(normals > 100 && close * 100 >= normals * 98, "{close} of {normals}");
+}

@@ -1,7 +1,7 @@
 //! The tensors' boxes, drawn as lines over a picture.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use crate::geometry::Camera;
 use crate::model::Scene;
@@ -53,9 +53,7 @@ impl BoxLines {
             }));
             firsts.push(centers.len() as u32);
             let [x, y, z] = scale.cloud.half.to_array().map(|v| v as f32);
-            let [r, g, b] = COLORS[s % COLORS.len()];
-            let opacity = (SEEN_THROUGH / scale.cloud.len() as f32).clamp(OPACITIES[0], OPACITIES[1]);
-            (halves[s], colors[s]) = ([x, y, z, 0.0], [r, g, b, opacity]);
+            (halves[s], colors[s]) = ([x, y, z, 0.0], color_of(s, scale.cloud.len()));
         }
         let buffer = |label, size: usize, usage| {
             let descriptor =
@@ -87,6 +85,45 @@ impl BoxLines {
             pass.draw(0..24, range[0]..range[1]);
         }
     }
+}
+
+/// Colour and opacity of the lines of scale `s` of `tensors` tensors.
+fn color_of(s: usize, tensors: usize) -> [f32; 4] {
+    let [r, g, b] = COLORS[s % COLORS.len()];
+    [r, g, b, (SEEN_THROUGH / tensors as f32).clamp(OPACITIES[0], OPACITIES[1])]
+}
+
+/// The edges of the boxes of `scene`'s `scales` as `camera` sees them, for those who draw without a device: calls `draw` with
+/// their ends, in parts of the picture's width and height, and their colour and opacity.
+pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl FnMut([DVec2; 2], [f32; 4])) {
+    let origin = scene.bounds.center();
+    let clip_from_model = clip_from_model(camera, origin);
+    for (s, scale) in scene.scales.iter().enumerate().filter(|(s, _)| scales.get(*s) == Some(&true)) {
+        let color = color_of(s, scale.cloud.len());
+        for center in scale.cloud.centers() {
+            let corners: [DVec4; 8] = std::array::from_fn(|n| {
+                let sign = DVec3::from_array([1, 2, 4].map(|bit| if n & bit == 0 { -1.0 } else { 1.0 }));
+                clip_from_model * (center - origin + sign * scale.cloud.half).extend(1.0)
+            });
+            for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))).filter(|(a, b)| a != b) {
+                if let Some(ends) = in_front(corners[a], corners[b]) {
+                    draw(ends.map(|p| DVec2::new(0.5 + 0.5 * p.x / p.w, 0.5 - 0.5 * p.y / p.w)), color);
+                }
+            }
+        }
+    }
+}
+
+/// The part of a line that lies in front of the camera, in clip space.
+fn in_front(a: DVec4, b: DVec4) -> Option<[DVec4; 2]> {
+    const NEAREST: f64 = 1e-6;
+    if a.w < NEAREST && b.w < NEAREST {
+        return None;
+    }
+    let cut = |from: DVec4, to: DVec4| {
+        if from.w < NEAREST { from + (NEAREST - from.w) / (to.w - from.w) * (to - from) } else { from }
+    };
+    Some([cut(a, b), cut(b, a)])
 }
 
 /// From positions relative to `origin` to clip space. Everything in front of the camera is at the same depth.
@@ -163,6 +200,14 @@ mod tests {
             let ndc = clip.truncate() / clip.w;
             assert!((ndc.x - (x / 15.0 - 1.0)).abs() < 1e-9 && (ndc.y - (1.0 - y / 10.0)).abs() < 1e-9, "{ndc}");
         }
+        let mut lines = 0;
+        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/occupancy.strivec")).unwrap();
+        let away = Camera::looking_at([30, 20], 25.0, DVec3::new(9.0, 7.0, 8.0), scene.bounds.center(), DVec3::Z);
+        each_line(&scene, &away, &[true, false], |ends, color| {
+            lines += 1;
+            assert!(ends.iter().all(|p| p.is_finite()) && color[3] > 0.0);
+        });
+        assert_eq!(lines, 12 * scene.scales[0].cloud.len());
         let behind = camera.position - camera.ray_through(15.0, 10.0).direction;
         assert!((clip_from_model(&camera, DVec3::ZERO) * behind.extend(1.0)).w < 0.0);
     }

@@ -14,7 +14,7 @@ mod pace;
 mod screen;
 mod streaming;
 
-pub use boxes::BoxLines;
+pub use boxes::{BoxLines, each_line};
 pub use controls::{Action, Controls, Drag, action_of};
 pub use facts::{Fact, facts};
 pub use gestures::{Gesture, Gestures};

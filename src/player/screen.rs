@@ -1,9 +1,10 @@
 //! The last picture that was finished, on a surface.
 
 use bytemuck::{Pod, Zeroable};
+use glam::{Vec2, Vec2Swizzles as _, Vec3};
 
 use crate::geometry::Camera;
-use crate::render::Pixel;
+use crate::render::Look;
 use crate::render::gpu::{Gpu, GpuRenderer};
 
 const SHADER: &str = include_str!("../../shaders/display.wgsl");
@@ -143,10 +144,14 @@ impl Screen {
     }
 
     /// Keeps a picture that was not drawn on the device: the pixels that `camera` saw.
-    pub fn keep_pixels(&mut self, seen: &[Pixel], camera: &Camera) {
+    pub fn keep_looks(&mut self, looks: &[Look], camera: &Camera) {
         let pixels = self.room_for(camera);
-        let values: Vec<[f32; 8]> =
-            (seen.iter()).map(|p| [p.color[0], p.color[1], p.color[2], p.opacity, p.depth, 0.0, 0.0, 0.0]).collect();
+        let values: Vec<[f32; 8]> = (looks.iter())
+            .map(|look| {
+                let ([r, g, b], opacity, depth) = (look.pixel.color, look.pixel.opacity, look.pixel.depth);
+                [r, g, b, opacity, depth, look.samples as f32, 0.0, look.normal.map_or(0.0, coded)]
+            })
+            .collect();
         self.gpu.queue().write_buffer(&pixels, 0, bytemuck::cast_slice(&values));
         self.kept = Some(Kept { pixels, camera: *camera });
     }
@@ -222,6 +227,15 @@ impl Screen {
     }
 }
 
+/// A direction as a number. Twin: `coded` of `shaders/normals.wgsl`.
+fn coded(direction: Vec3) -> f32 {
+    let flat = direction.truncate() / direction.abs().element_sum();
+    let signs = Vec2::select(flat.cmpge(Vec2::ZERO), Vec2::ONE, Vec2::NEG_ONE);
+    let folded = if direction.z < 0.0 { (1.0 - flat.yx().abs()) * signs } else { flat };
+    let steps = ((0.5 + 0.5 * folded) * 2047.0).round();
+    1.0 + steps.x * 2048.0 + steps.y
+}
+
 fn texture(gpu: &Gpu, size: [u32; 2], rgba: &[u8]) -> wgpu::TextureView {
     let extent = wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 };
     let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
@@ -294,6 +308,19 @@ mod tests {
             up,
             back
         );
+    }
+
+    #[test]
+    fn directions_survive_their_code() {
+        for direction in [Vec3::X, -Vec3::Z, Vec3::new(-0.3, 0.5, -0.8), Vec3::new(0.2, -0.9, 0.4)] {
+            let code = coded(direction.normalize()) - 1.0;
+            // The way back is display.wgsl's.
+            let flat = Vec2::new((code / 2048.0).floor(), code % 2048.0) / 2047.0 * 2.0 - 1.0;
+            let z = 1.0 - flat.abs().element_sum();
+            let signs = Vec2::select(flat.cmpge(Vec2::ZERO), Vec2::ONE, Vec2::NEG_ONE);
+            let back = if z < 0.0 { (1.0 - flat.yx().abs()) * signs } else { flat }.extend(z).normalize();
+            assert!(back.distance(direction.normalize()) < 2e-3, "{direction} {back}");
+        }
     }
 
     #[test]

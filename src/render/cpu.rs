@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
 use crate::field::{Activations, Field, Real, Samples, Stage, Work, vectorised};
 use crate::geometry::{Camera, Ray};
-use crate::model::{DecoderMode, Scene};
+use crate::model::{DecoderMode, Scene, softplus};
 
 /// Pixels along the edge of a tile, whose rays are marched together: they meet mostly the same tensors.
 const TILE: usize = 16;
@@ -16,6 +16,17 @@ const ROWS_AT_ONCE: usize = 768;
 /// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
+}
+
+/// What a ray sees, and how it was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Look {
+    /// What it sees.
+    pub pixel: Pixel,
+    /// Samples whose density was evaluated.
+    pub samples: u32,
+    /// Against the density's gradient, at the expected depth; `None` where half of the light passes, and where none is wanted.
+    pub normal: Option<glam::Vec3>,
 }
 
 /// What a thread needs besides the field. Reused from one tile to the next.
@@ -83,6 +94,44 @@ impl<T: Real> CpuRenderer<T> {
             work.add(&chunk_work);
         }
         (pixels, work)
+    }
+
+    /// As [`Renderer::trace`], and how it was found, with normals where they are wanted. Twin of the normals:
+    /// `shaders/normals.wgsl`.
+    pub fn look(&self, rays: &[Ray], has_normals: bool) -> Vec<Look> {
+        let chunks: Vec<Vec<Look>> = (rays.par_chunks(TILE * TILE))
+            .map_init(<(Scratch<T>, Samples<T>)>::default, |(scratch, points), chunk| {
+                let mut looks = Vec::with_capacity(chunk.len());
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        self.trace_chunk(chunk, scratch, |pixel| looks.push(Look { pixel, ..Look::default() }));
+                        for (n, (look, ray)) in looks.iter_mut().zip(chunk).enumerate() {
+                            look.samples = scratch.samples.of_ray(n).len() as u32;
+                            if has_normals && look.pixel.opacity >= 0.5 && look.pixel.depth > 0.0 {
+                                look.normal = self.normal_at(ray.at(f64::from(look.pixel.depth)), points);
+                            }
+                        }
+                    },
+                );
+                looks
+            })
+            .collect();
+        chunks.concat()
+    }
+
+    /// The direction in which density falls at `position`, by differences over four steps; `None` where it does not change.
+    #[inline(always)]
+    fn normal_at(&self, position: glam::DVec3, samples: &mut Samples<T>) -> Option<glam::Vec3> {
+        let h = 2.0 * self.field.rules.step;
+        let mut density = |position: glam::DVec3| {
+            let place = (position - self.field.origin).to_array().map(T::of);
+            let feature = self.field.density_feature(place, samples);
+            feature.map_or(0.0, |f| softplus(f.f64() + self.field.rules.density_shift))
+        };
+        let fall = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z]
+            .map(|axis| density(position - h * axis) - density(position + h * axis));
+        Some(glam::DVec3::from(fall).try_normalize()?.as_vec3())
     }
 
     /// Calls `take` with what each of `rays` sees, in their order; returns what it took.

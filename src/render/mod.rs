@@ -8,7 +8,7 @@ mod keyframes;
 mod reference;
 
 pub use approximation::{Approximation, ApproximationError};
-pub use cpu::CpuRenderer;
+pub use cpu::{CpuRenderer, Look};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use reference::{ReferenceRenderer, Trace};
 

@@ -480,10 +480,8 @@ impl App {
                 let colors = view.pixels.colors(slot.scene.frame.background);
                 let byte = |v: f32| (255.0 * v.clamp(0.0, 1.0)).round() as u8;
                 let rgba: Vec<u8> = colors.iter().flat_map(|c| [byte(c[0]), byte(c[1]), byte(c[2]), 255]).collect();
-                if let Some((screen, _)) = &mut slot.painter.screen {
-                    screen.set_photograph([view.camera.width, view.camera.height], &rgba);
-                    self.photographs.is_loaded = true;
-                }
+                slot.painter.set_photograph([view.camera.width, view.camera.height], rgba);
+                self.photographs.is_loaded = true;
             }
             Ok(None) => {}
             Err(error) => {

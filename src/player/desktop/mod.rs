@@ -2,6 +2,7 @@
 
 mod app;
 mod arguments;
+mod memory;
 mod opening;
 mod panel;
 mod recent;

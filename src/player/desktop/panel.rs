@@ -141,12 +141,7 @@ fn speed(app: &mut App, ui: &mut Ui) {
 fn views(app: &mut App, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         for view in View::ALL {
-            let needs_device = matches!(view, View::Normals | View::Samples);
-            let button = ui.add_enabled(
-                app.device.draws || !needs_device,
-                egui::Button::selectable(app.view == view, view.name()),
-            );
-            if button.clicked() {
+            if ui.selectable_label(app.view == view, view.name()).clicked() {
                 app.set_view(view);
             }
         }
@@ -250,7 +245,7 @@ fn cameras(app: &mut App, ui: &mut Ui) {
         if ui.add(Slider::new(&mut n, 0..=count - 1).text("training camera")).changed() {
             app.go_to_camera(n);
         }
-        if app.photographs.folder.is_some() && app.device.gpu.is_some() {
+        if app.photographs.folder.is_some() {
             ui.add(Slider::new(&mut app.photographs.share, 0.0..=1.0).text("photograph"));
             app.load_photograph();
         }

@@ -7,7 +7,7 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::player::{BoxLines, Fact, Screen, facts};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, CpuRenderer, Pixel, Renderer};
+use crate::render::{Approximation, CpuRenderer, Look, Pixel, Renderer};
 
 /// What there is to draw with.
 #[derive(Clone)]
@@ -35,6 +35,16 @@ pub(super) struct Painter {
     pub(super) artist: Artist,
     /// Absent where the window is painted in memory.
     pub(super) screen: Option<(Screen, BoxLines)>,
+    /// There, the photograph that is seen through the picture.
+    pub(super) photograph: Option<Photograph>,
+}
+
+/// A photograph in memory.
+pub(super) struct Photograph {
+    /// Columns and rows.
+    pub(super) size: [u32; 2],
+    /// \[row\]\[column\] red, green, blue, opacity.
+    pub(super) rgba: Vec<u8>,
 }
 
 /// What draws a scene.
@@ -47,9 +57,10 @@ pub(super) enum Artist {
 pub(super) struct CpuPainter {
     renderer: CpuRenderer,
     camera: Option<Camera>,
-    pixels: Vec<Pixel>,
+    has_normals: bool,
+    looks: Vec<Look>,
     /// The last one that was finished.
-    pub(super) kept: Option<(Camera, Vec<Pixel>)>,
+    pub(super) kept: Option<(Camera, Vec<Look>)>,
 }
 
 /// A scene that is open.
@@ -88,6 +99,7 @@ impl SceneSlot {
         if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut self.painter.artist, &mut painter.artist) {
             new.kept = old.kept.take();
         }
+        painter.photograph = self.painter.photograph.take();
         (self.painter, self.drawing) = (painter, None);
         Ok(())
     }
@@ -99,7 +111,7 @@ impl SceneSlot {
                 renderer.set_normals(has_normals);
                 renderer.begin(camera)?;
             }
-            Artist::Cpu(painter) => painter.begin(camera),
+            Artist::Cpu(painter) => painter.begin(camera, has_normals),
         }
         self.drawing = Some(*camera);
         (self.begun, self.done, self.done_at) = (Instant::now(), 0, Instant::now());
@@ -203,13 +215,22 @@ impl Painter {
             _ => Artist::Cpu(Box::new(CpuPainter {
                 renderer: CpuRenderer::with_approximation(scene.clone(), &approximation).map_err(|e| e.to_string())?,
                 camera: None,
-                pixels: Vec::new(),
+                has_normals: false,
+                looks: Vec::new(),
                 kept: None,
             })),
         };
         let screen =
             device.gpu.as_ref().map(|(gpu, format)| (Screen::new(gpu, *format), BoxLines::new(gpu, scene, *format)));
-        Ok(Self { artist, screen })
+        Ok(Self { artist, screen, photograph: None })
+    }
+
+    /// Takes the photograph that is seen through the picture: RGBA, `size` columns and rows.
+    pub(super) fn set_photograph(&mut self, size: [u32; 2], rgba: Vec<u8>) {
+        match &mut self.screen {
+            Some((screen, _)) => screen.set_photograph(size, &rgba),
+            None => self.photograph = Some(Photograph { size, rgba }),
+        }
     }
 
     /// Keeps the picture that is whole now, which `camera` took.
@@ -219,8 +240,8 @@ impl Painter {
             (Artist::Gpu(_), None) => {}
             (Artist::Cpu(painter), screen) => {
                 painter.keep();
-                if let (Some((screen, _)), Some((camera, pixels))) = (screen, &painter.kept) {
-                    screen.keep_pixels(pixels, camera);
+                if let (Some((screen, _)), Some((camera, looks))) = (screen, &painter.kept) {
+                    screen.keep_looks(looks, camera);
                 }
             }
         }
@@ -228,24 +249,24 @@ impl Painter {
 }
 
 impl CpuPainter {
-    fn begin(&mut self, camera: &Camera) {
-        self.camera = Some(*camera);
-        self.pixels.clear();
+    fn begin(&mut self, camera: &Camera, has_normals: bool) {
+        (self.camera, self.has_normals) = (Some(*camera), has_normals);
+        self.looks.clear();
     }
 
     /// Draws the next rows, of about `most_rays` rays; how many rays are done, u32::MAX for all.
     fn advance(&mut self, most_rays: usize) -> u32 {
         let Some(camera) = self.camera else { return u32::MAX };
-        let row = self.pixels.len() as u32 / camera.width;
+        let row = self.looks.len() as u32 / camera.width;
         let rows = (most_rays as u32 / camera.width).clamp(1, camera.height - row);
         let rays: Vec<Ray> = (row..row + rows).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
-        self.pixels.extend(self.renderer.trace(&rays));
-        if row + rows == camera.height { u32::MAX } else { self.pixels.len() as u32 }
+        self.looks.extend(self.renderer.look(&rays, self.has_normals));
+        if row + rows == camera.height { u32::MAX } else { self.looks.len() as u32 }
     }
 
     fn keep(&mut self) {
         if let Some(camera) = self.camera.take() {
-            self.kept = Some((camera, std::mem::take(&mut self.pixels)));
+            self.kept = Some((camera, std::mem::take(&mut self.looks)));
         }
     }
 }

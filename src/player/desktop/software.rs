@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Mesh, Primitive, TextureId, Vertex};
 use egui::{Color32, Pos2, Rect};
+use glam::DVec2;
 
 /// Colours of a window, row by row from the top left.
 pub(super) struct Canvas {
@@ -29,6 +30,52 @@ impl Canvas {
             }
         }
     }
+}
+
+impl Canvas {
+    /// Draws a line of one pixel's width between `ends`, in pixels, within `part`.
+    pub(super) fn line(&mut self, part: Rect, ends: [DVec2; 2], [r, g, b, opacity]: [f32; 4]) {
+        let part = part.intersect(Rect::from_min_max(Pos2::ZERO, Pos2::new(self.width as f32, self.height as f32)));
+        let Some([from, to]) = clipped(part, ends) else { return };
+        // A pixel for each column, or each row where there are more of them.
+        let along = to - from;
+        let major = usize::from(along.y.abs() > along.x.abs());
+        let [first, last] = [from[major].min(to[major]), from[major].max(to[major])].map(f64::floor);
+        for n in first as usize..=last as usize {
+            let share = (n as f64 + 0.5 - from[major]) / along[major];
+            let at = if along[major] == 0.0 { from } else { from + share.clamp(0.0, 1.0) * along };
+            let [mut x, mut y] = at.to_array().map(|v| v as usize);
+            *[&mut x, &mut y][major] = n;
+            if x >= self.width || y >= self.height {
+                continue;
+            }
+            let under = &mut self.colors[y * self.width + x];
+            let mixed =
+                |over: f32, under: u8| (opacity * 255.0 * over + (1.0 - opacity) * f32::from(under)).round() as u8;
+            *under = Color32::from_rgb(mixed(r, under.r()), mixed(g, under.g()), mixed(b, under.b()));
+        }
+    }
+}
+
+/// What of a line lies in `part`.
+fn clipped(part: Rect, [from, to]: [DVec2; 2]) -> Option<[DVec2; 2]> {
+    let along = to - from;
+    let (mut first, mut last) = (0.0_f64, 1.0_f64);
+    for (start, step, low, high) in
+        [(from.x, along.x, part.left(), part.right()), (from.y, along.y, part.top(), part.bottom())]
+    {
+        // The far edge belongs to the next pixel.
+        let [low, high] = [f64::from(low), f64::from(high) - 1e-3];
+        if step == 0.0 {
+            if start < low || start > high {
+                return None;
+            }
+            continue;
+        }
+        let [a, b] = [(low - start) / step, (high - start) / step];
+        (first, last) = (first.max(a.min(b)), last.min(a.max(b)));
+    }
+    (first <= last).then(|| [from + first * along, from + last * along])
 }
 
 /// egui's textures.
@@ -165,6 +212,18 @@ mod tests {
         let painted: Vec<_> = (0..48).filter(|n| canvas.colors[*n] != Color32::from_rgb(0, 0, 200)).collect();
         assert_eq!(painted, [9, 10, 11, 17, 18, 19, 25, 26, 27], "the clip rectangle ends in pixel 4");
         assert!(painted.iter().all(|n| canvas.colors[*n] == Color32::from_rgb(100, 0, 100)), "{:?}", canvas.colors[9]);
+    }
+
+    #[test]
+    fn lines_end_where_their_part_does() {
+        let part = Rect::from_min_max(Pos2::new(2.0, 1.0), Pos2::new(6.0, 5.0));
+        let mut canvas = Canvas::new(8, 6, Color32::BLACK);
+        canvas.line(part, [DVec2::new(-100.0, 2.5), DVec2::new(100.0, 2.5)], [1.0, 0.0, 0.0, 0.5]);
+        canvas.line(part, [DVec2::new(-100.0, 5.5), DVec2::new(100.0, 5.5)], [1.0, 0.0, 0.0, 0.5]);
+        canvas.line(part, [DVec2::new(4.5, -1e9), DVec2::new(4.5, 1e9)], [0.0, 1.0, 0.0, 1.0]);
+        let painted: Vec<_> = (0..48).filter(|n| canvas.colors[*n] != Color32::BLACK).collect();
+        assert_eq!(painted, [12, 18, 19, 20, 21, 28, 36], "{painted:?}");
+        assert_eq!((canvas.colors[18].r(), canvas.colors[28].g()), (128, 255));
     }
 
     #[test]

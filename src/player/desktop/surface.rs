@@ -8,9 +8,8 @@ use egui::{Color32, Pos2, Rect, TexturesDelta};
 use winit::window::Window;
 
 use super::app::{App, Compare};
-use super::scene_slot::Artist;
+use super::memory::fill_slot;
 use super::software::{Canvas, Textures};
-use crate::player::View;
 use crate::render::gpu::{Gpu, GpuError};
 
 /// Behind everything.
@@ -180,9 +179,9 @@ impl GpuSurface {
 }
 
 /// Where a slot's picture lies, and what of it is seen, in pixels.
-struct Place {
-    whole: Rect,
-    seen: Rect,
+pub(super) struct Place {
+    pub(super) whole: Rect,
+    pub(super) seen: Rect,
 }
 
 /// The places of both slots.
@@ -234,28 +233,4 @@ fn paint_memory(
     }
     painting.textures.free.drain().for_each(|id| textures.free(id));
     Ok(())
-}
-
-fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
-    let Some(show) = app.show(n) else { return };
-    let Some(Artist::Cpu(painter)) = app.slots[n].as_ref().map(|s| &s.painter.artist) else { return };
-    let Some((camera, pixels)) = &painter.kept else { return };
-    let [width, height] = [camera.width as usize, camera.height as usize];
-    canvas.fill(place.seen, place.whole, |[u, v]| {
-        let column = ((u * width as f32) as usize).min(width - 1);
-        let row = ((v * height as f32) as usize).min(height - 1);
-        let pixel = pixels[row * width + column];
-        let [r, g, b] = match show.view {
-            View::Depth => {
-                let [near, far] = show.depths;
-                let nearness = (far - pixel.depth) / (far - near).max(1e-6);
-                [(0.08 + 0.92 * nearness.clamp(0.0, 1.0)) * pixel.opacity; 3]
-            }
-            View::Opacity => [pixel.opacity; 3],
-            _ => [0, 1, 2]
-                .map(|c| pixel.color[c] + (1.0 - pixel.opacity) * (show.background[c] - show.scene_background[c])),
-        }
-        .map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8);
-        Color32::from_rgb(r, g, b)
-    });
 }

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Poll, Waker};
 
 use super::GpuError;
+use super::shader::Extensions;
 
 /// An open device.
 #[derive(Clone, Debug)]
@@ -39,7 +40,7 @@ impl Gpu {
         };
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("strivec"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_features: adapter.features() & WELCOME,
             required_limits: required_limits.using_resolution(own),
             ..wgpu::DeviceDescriptor::default()
         };
@@ -76,6 +77,15 @@ impl Gpu {
     /// Whether stages can be timed.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// What it has of WGSL's extensions.
+    pub(super) fn extensions(&self) -> Extensions {
+        let features = self.device.features();
+        Extensions {
+            f16: features.contains(wgpu::Features::SHADER_F16),
+            subgroups: features.contains(wgpu::Features::SUBGROUP),
+        }
     }
 
     /// What went wrong on the device, if anything did since this was asked last.
@@ -157,3 +167,7 @@ impl Mapping {
 
 /// Larger tiles of the decoder would leave room for fewer of them at a time.
 const MOST_WORKGROUP_BYTES: u32 = 32 << 10;
+
+/// What is used where a device has it.
+const WELCOME: wgpu::Features =
+    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);

@@ -91,16 +91,16 @@ impl GpuRenderer {
     ///
     /// Where an option is out of range, a density cache is asked for, or the device is too small for the scene.
     pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
-        Self::in_chunks(gpu, scene, approximation, precision, shader::CHUNK_SHIFT)
+        Self::with_room(gpu, scene, approximation, precision, gpu.room())
     }
 
-    /// As [`GpuRenderer::new`], with the scene's numbers in bindings of 2 to the `chunk_shift` quads.
-    fn in_chunks(
+    /// As [`GpuRenderer::new`], with no more of the device than `room`.
+    fn with_room(
         gpu: &Gpu,
         mut scene: Scene,
         approximation: &Approximation,
         precision: Precision,
-        chunk_shift: u32,
+        room: Room,
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         if let Some(cells) = approximation.density_cache {
@@ -109,14 +109,10 @@ impl GpuRenderer {
         }
         approximation.reduce(&mut scene);
         let field = Field::<f32>::consuming(scene);
-        let limits = gpu.device.limits();
-        // Rays, samples and counters take three bindings of a stage.
-        let chunks = limits.max_storage_buffers_per_shader_stage.saturating_sub(3);
-        let workgroup_bytes = limits.max_compute_workgroup_storage_size;
-        let packed = Packed::new(&field, precision, Room { chunks, chunk_shift, workgroup_bytes })?;
+        let packed = Packed::new(&field, precision, room)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let chunks = (packed.words.chunks(4 << chunk_shift))
+        let chunks = (packed.words.chunks(4 << room.chunk_shift))
             .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
             .collect();
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
@@ -288,6 +284,18 @@ impl GpuRenderer {
 }
 
 impl Gpu {
+    /// What it has room for.
+    fn room(&self) -> Room {
+        let limits = self.device.limits();
+        Room {
+            // Rays, samples and counters take three bindings of a stage.
+            chunks: limits.max_storage_buffers_per_shader_stage.saturating_sub(3),
+            chunk_shift: shader::CHUNK_SHIFT,
+            workgroup_bytes: limits.max_compute_workgroup_storage_size,
+            extensions: self.extensions(),
+        }
+    }
+
     fn pipeline(&self, stage: Stage, shape: &shader::Shape) -> wgpu::ComputePipeline {
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(stage.name()),
@@ -319,33 +327,64 @@ impl Gpu {
 mod tests {
     use glam::DVec3;
 
+    use super::shader::Extensions;
     use super::*;
     use crate::container;
+
+    fn fixture(bytes: &[u8]) -> (Scene, Camera) {
+        let scene = container::decode(bytes).unwrap();
+        let distance = 0.5 * (scene.frame.near + scene.frame.far);
+        let away = scene.bounds.center() + distance * DVec3::new(0.6, 0.5, 0.4).normalize();
+        let camera = Camera::looking_at([24, 24], 40.0, away, scene.bounds.center(), DVec3::Z);
+        (scene, camera)
+    }
+
+    fn picture(gpu: &Gpu, (scene, camera): &(Scene, Camera), precision: Precision, room: Room) -> (Picture, usize) {
+        let renderer = GpuRenderer::with_room(gpu, scene.clone(), &Approximation::default(), precision, room);
+        let mut renderer = renderer.unwrap();
+        let picture = renderer.render(camera).unwrap();
+        assert!(picture.pixels.iter().any(|p| p.opacity > 0.1));
+        (picture, renderer.chunks.len())
+    }
 
     /// A scene of 128 MiB is too much for a test: bindings of 4 KiB are as many.
     #[test]
     fn a_scene_in_many_bindings_is_the_same() {
         let gpu = Gpu::open().unwrap();
-        let scene = container::decode(include_bytes!("../../../fixtures/v1/occupancy.strivec")).unwrap();
-        let distance = 0.5 * (scene.frame.near + scene.frame.far);
-        let away = scene.bounds.center() + distance * DVec3::new(0.6, 0.5, 0.4).normalize();
-        let camera = Camera::looking_at([24, 24], 40.0, away, scene.bounds.center(), DVec3::Z);
+        let scene = fixture(include_bytes!("../../../fixtures/v1/occupancy.strivec"));
         for precision in [Precision::F32, Precision::F16] {
-            let exact = Approximation::default();
-            let pictures = [shader::CHUNK_SHIFT, 8].map(|chunk_shift| {
-                let renderer = GpuRenderer::in_chunks(&gpu, scene.clone(), &exact, precision, chunk_shift);
-                let mut renderer = renderer.unwrap();
-                assert_eq!(renderer.chunks.len() > 2, chunk_shift == 8);
-                renderer.render(&camera).unwrap()
-            });
-            assert_eq!(pictures[0], pictures[1]);
-            assert!(pictures[0].pixels.iter().any(|p| p.opacity > 0.1));
+            let (whole, _) = picture(&gpu, &scene, precision, gpu.room());
+            let (split, chunks) = picture(&gpu, &scene, precision, Room { chunk_shift: 8, ..gpu.room() });
+            assert!(chunks > 2);
+            assert_eq!(whole, split);
         }
-        let small = Room { chunks: 2, chunk_shift: 4, workgroup_bytes: 16352 };
-        let refused = Packed::new(&Field::consuming(scene), Precision::F32, small).err();
+        let small = Room { chunks: 2, chunk_shift: 4, ..gpu.room() };
+        let refused = Packed::new(&Field::consuming(scene.0), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of the scene", limit: 512, .. })),
             "{refused:?}"
         );
+    }
+
+    #[test]
+    fn a_device_without_extensions_draws_the_same() {
+        let gpu = Gpu::open().unwrap();
+        println!("{:?}", gpu.extensions());
+        let plain = Room { extensions: Extensions::default(), ..gpu.room() };
+        for bytes in [
+            &include_bytes!("../../../fixtures/v1/occupancy.strivec")[..],
+            include_bytes!("../../../fixtures/v1/per-ray.strivec"),
+            include_bytes!("../../../fixtures/v1/residual.strivec"),
+        ] {
+            let scene = fixture(bytes);
+            let [with, without] = [gpu.room(), plain].map(|room| picture(&gpu, &scene, Precision::F32, room).0);
+            assert_eq!(with, without);
+            // Numbers of 16 bits within the decoder are rounded; factors are in both.
+            let [with, without] = [gpu.room(), plain].map(|room| picture(&gpu, &scene, Precision::F16, room).0);
+            let far = (with.pixels.iter().zip(&without.pixels))
+                .flat_map(|(a, b)| [0, 1, 2].map(|c| (a.color[c] - b.color[c]).abs()))
+                .fold(0.0, f32::max);
+            assert!(far < 1e-3, "{far}");
+        }
     }
 }

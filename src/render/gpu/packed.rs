@@ -2,7 +2,7 @@
 
 use super::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
-use super::shader::{Precision, Shape};
+use super::shader::{Extensions, Precision, Shape};
 use crate::field::{BLOCK_SHIFT, Field, FieldScale};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
 
@@ -15,6 +15,7 @@ pub(super) struct Room {
     pub(super) chunk_shift: u32,
     /// Workgroup memory, in bytes.
     pub(super) workgroup_bytes: u32,
+    pub(super) extensions: Extensions,
 }
 
 /// A scene, ready for a device.
@@ -29,7 +30,7 @@ pub(super) struct Packed {
 impl Packed {
     /// Packs `field` for a device with `room`.
     pub(super) fn new(field: &Field<f32>, precision: Precision, room: Room) -> Result<Self, GpuError> {
-        let Room { chunks, chunk_shift, workgroup_bytes } = room;
+        let Room { chunks, chunk_shift, workgroup_bytes, extensions } = room;
         let mut words = Words::default();
         let decoder = &field.decoder;
         let quads = |components: usize| components.div_ceil(4);
@@ -72,6 +73,7 @@ impl Packed {
         let feature_quads = quads(decoder.features) as u32;
         let shape = Shape {
             precision,
+            extensions,
             chunks: (words.quads().div_ceil(1 << chunk_shift)).max(1) as u32,
             chunk_shift,
             scales: scales.len() as u32,

@@ -27,14 +27,25 @@ pub enum Precision {
     /// As the file has them.
     #[default]
     F32,
-    /// Rounded to 16 bits: half the memory and bandwidth. Sums stay in 32 bits.
+    /// Rounded to 16 bits: half the memory and bandwidth; and what goes from one layer of the decoder to the next, where the
+    /// device has such numbers. Sums stay in 32 bits.
     F16,
+}
+
+/// What a device may have of WGSL's extensions, which the shaders use where it has them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Extensions {
+    /// Numbers of 16 bits.
+    pub(super) f16: bool,
+    /// Sums over the lanes that run together.
+    pub(super) subgroups: bool,
 }
 
 /// What the shaders are made for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) precision: Precision,
+    pub(super) extensions: Extensions,
     /// Bindings that the scene's numbers are split over.
     pub(super) chunks: u32,
     /// Quads of one, as a shift.
@@ -76,8 +87,14 @@ impl Shape {
     fn bytes_for(&self, rows: u32) -> u32 {
         let own_color = if self.samples_have_colors { 12 } else { 0 };
         let of_row = PAIR_BYTES * self.scales * self.top_k + 4 * self.scales + 8 + 4 + own_color;
-        let per_row = 4 * self.tile_columns() + of_row;
+        let of_number = if self.keeps_halves() { 2 } else { 4 };
+        let per_row = of_number * self.tile_columns() + of_row;
         rows * per_row + 48
+    }
+
+    /// Whether the decoder's tile holds numbers of 16 bits.
+    fn keeps_halves(&self) -> bool {
+        self.precision == Precision::F16 && self.extensions.f16
     }
 
     /// Columns of the decoder's tile.
@@ -89,6 +106,10 @@ impl Shape {
     fn prelude(&self) -> String {
         let rows = self.rows().unwrap_or(4);
         let mut text = String::from("// Made from the scene's shape: see src/render/gpu/shader.rs.\n");
+        // naga takes subgroups without a word, and would not take the word.
+        if self.keeps_halves() {
+            text += "enable f16;\n";
+        }
         for (name, value) in [
             ("SCALES", self.scales),
             ("TOP_K", self.top_k),
@@ -147,6 +168,11 @@ impl Shape {
                  return vec4(unpack2x16float(halves.x), unpack2x16float(halves.y));\n}\n"
             }
         };
+        text += if self.keeps_halves() {
+            "alias Kept = vec4<f16>;\nfn kept(x: vec4<f32>) -> Kept {\n    return Kept(clamp(x, vec4(-65504.0), vec4(65504.0)));\n}\n"
+        } else {
+            "alias Kept = vec4<f32>;\nfn kept(x: vec4<f32>) -> Kept {\n    return x;\n}\n"
+        };
         text
     }
 }
@@ -182,7 +208,7 @@ impl Stage {
     }
 
     /// The files that it is made of, besides the prelude.
-    fn files(self) -> &'static [&'static str] {
+    fn files(self, extensions: Extensions) -> &'static [&'static str] {
         macro_rules! shader {
             ($name:literal) => {
                 include_str!(concat!("../../../shaders/", $name, ".wgsl"))
@@ -199,7 +225,8 @@ impl Stage {
             Self::March => {
                 &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBOURS, GATHER, DENSITY, shader!("march")]
             }
-            Self::Colored => &[LAYOUT, shader!("colored")],
+            Self::Colored if extensions.subgroups => &[LAYOUT, shader!("places_subgroup"), shader!("colored")],
+            Self::Colored => &[LAYOUT, shader!("places"), shader!("colored")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
             Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
@@ -222,7 +249,7 @@ impl Stage {
 
     /// The whole shader for scenes of `shape`.
     pub(super) fn source(self, shape: &Shape) -> String {
-        shape.prelude() + &self.files().join("\n")
+        shape.prelude() + &self.files(shape.extensions).join("\n")
     }
 }
 
@@ -232,6 +259,7 @@ impl Default for Shape {
     fn default() -> Self {
         Self {
             precision: Precision::F32,
+            extensions: Extensions::default(),
             chunks: 1,
             chunk_shift: CHUNK_SHIFT,
             scales: 3,
@@ -264,8 +292,11 @@ mod tests {
 
     fn shapes() -> Vec<Shape> {
         let paper = Shape::default();
+        let both = Extensions { f16: true, subgroups: true };
         vec![
             Shape { precision: Precision::F16, chunks: 3, ..paper.clone() },
+            Shape { precision: Precision::F16, extensions: both, ..paper.clone() },
+            Shape { extensions: both, decodes_samples: false, samples_have_colors: true, ..paper.clone() },
             Shape { decodes_samples: false, ..paper.clone() },
             Shape { decodes_samples: false, samples_have_colors: true, density_is_mean: true, ..paper.clone() },
             Shape {
@@ -336,6 +367,9 @@ mod tests {
             assert!(bytes <= shape.bytes_for(rows) + 64 && bytes <= shape.workgroup_bytes, "{bytes} for {rows} rows");
         }
         assert_eq!(Shape::default().rows(), Some(16));
+        let halves = Extensions { f16: true, subgroups: false };
+        let half = Shape { precision: Precision::F16, extensions: halves, ..Shape::default() };
+        assert_eq!(half.rows(), Some(16));
         assert_eq!(Shape { component_quads: 10_000, ..Shape::default() }.rows(), None);
     }
 }

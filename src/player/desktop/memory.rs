@@ -1,0 +1,115 @@
+//! Pictures on a window without a graphics device. Twin: `shaders/display.wgsl`.
+
+use egui::Color32;
+use glam::{DVec2, Vec2, Vec3};
+
+use super::app::App;
+use super::scene_slot::{Artist, Photograph};
+use super::software::Canvas;
+use super::surface::Place;
+use crate::geometry::Camera;
+use crate::player::{Show, View, each_line};
+use crate::render::Look;
+
+/// Paints slot `n` as `place` says, if it has a picture.
+pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
+    let Some((show, slot)) = app.show(n).zip(app.slots[n].as_ref()) else { return };
+    let Artist::Cpu(painter) = &slot.painter.artist else { return };
+    let Some((camera, looks)) = &painter.kept else { return };
+    let picture = Shown { camera, looks, show: &show, photograph: slot.painter.photograph.as_ref() };
+    canvas.fill(place.seen, place.whole, |at| {
+        let [r, g, b] = picture.color_at(at.into()).to_array().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8);
+        Color32::from_rgb(r, g, b)
+    });
+    if app.has_boxes {
+        let [corner, size] =
+            [place.whole.min.to_vec2(), place.whole.size()].map(|v| DVec2::new(v.x.into(), v.y.into()));
+        each_line(&slot.scene, camera, &app.boxes, |ends, color| {
+            canvas.line(place.seen, ends.map(|p| corner + p * size), color);
+        });
+    }
+}
+
+/// A picture, and how it is shown.
+struct Shown<'a> {
+    camera: &'a Camera,
+    looks: &'a [Look],
+    show: &'a Show,
+    photograph: Option<&'a Photograph>,
+}
+
+impl Shown<'_> {
+    /// The colour at `share`, in parts of the picture's width and height.
+    fn color_at(&self, share: Vec2) -> Vec3 {
+        let show = self.show;
+        let at = share * Vec2::new(self.camera.width as f32, self.camera.height as f32);
+        let look = self.look(at.x.floor() as i32, at.y.floor() as i32);
+        let color = match show.view {
+            View::Color => self.between_pixels(at),
+            View::Depth if look.pixel.depth > 0.0 => {
+                let [near, far] = show.depths;
+                let nearness = (far - look.pixel.depth) / (far - near).max(1e-6);
+                Vec3::splat((0.08 + 0.92 * nearness.clamp(0.0, 1.0)) * look.pixel.opacity)
+            }
+            View::Opacity => Vec3::splat(look.pixel.opacity),
+            View::Normals => look.normal.map_or(Vec3::ZERO, |normal| {
+                0.5 + 0.5 * (self.camera.world_from_camera.transpose() * normal.as_dvec3()).as_vec3()
+            }),
+            View::Samples => heat(look.samples as f32 / show.most_samples.max(1.0)),
+            View::Depth => Vec3::ZERO,
+        };
+        let [left, top, width, height] = show.photograph;
+        let in_photograph = (share - Vec2::new(left, top)) / Vec2::new(width, height);
+        match self.photograph {
+            Some(photograph)
+                if show.photograph_share > 0.0 && in_photograph.clamp(Vec2::ZERO, Vec2::ONE) == in_photograph =>
+            {
+                color.lerp(photograph.color_at(in_photograph), show.photograph_share)
+            }
+            _ => color,
+        }
+    }
+
+    fn look(&self, column: i32, row: i32) -> &Look {
+        let [column, row] = [(column, self.camera.width), (row, self.camera.height)]
+            .map(|(at, count)| at.clamp(0, count as i32 - 1) as usize);
+        &self.looks[row * self.camera.width as usize + column]
+    }
+
+    /// The colour at `at`, in pixels from the corner, on the background that is wanted.
+    fn between_pixels(&self, at: Vec2) -> Vec3 {
+        let [own, wanted] = [self.show.scene_background, self.show.background].map(Vec3::from);
+        between_four(at, |column, row| {
+            let pixel = &self.look(column, row).pixel;
+            Vec3::from(pixel.color) + (1.0 - pixel.opacity) * (wanted - own)
+        })
+    }
+}
+
+impl Photograph {
+    /// The colour at `share`, in parts of its width and height.
+    fn color_at(&self, share: Vec2) -> Vec3 {
+        let [width, height] = self.size;
+        between_four(share * Vec2::new(width as f32, height as f32), |column, row| {
+            let [column, row] = [(column, width), (row, height)].map(|(at, n)| at.clamp(0, n as i32 - 1) as usize);
+            let first = 4 * (row * width as usize + column);
+            Vec3::from([0, 1, 2].map(|c| f32::from(self.rgba[first + c]) / 255.0))
+        })
+    }
+}
+
+/// Between the four pixels around `at`.
+fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
+    let corner = (at - 0.5).floor();
+    let part = at - 0.5 - corner;
+    let [x, y] = corner.to_array().map(|v| v as i32);
+    let row = |y: i32| color(x, y).lerp(color(x + 1, y), part.x);
+    row(y).lerp(row(y + 1), part.y)
+}
+
+/// From dark blue over red to white.
+fn heat(share: f32) -> Vec3 {
+    let x = share.clamp(0.0, 1.0);
+    Vec3::new(2.2 * x, 2.4 * x - 1.0, 0.35 + 1.6 * x * (1.0 - 2.0 * x) + (4.0 * x - 3.0).max(0.0))
+        .clamp(Vec3::ZERO, Vec3::ONE)
+}
