@@ -18,7 +18,7 @@ fn camera() -> Camera {
 }
 
 fn picture(scene: &Scene, approximation: Approximation) -> Picture {
-    let renderer = CpuRenderer::with_approximation(scene.clone(), &approximation);
+    let renderer = CpuRenderer::<f32>::with_approximation(scene.clone(), &approximation);
     renderer.unwrap_or_else(|error| panic!("{approximation:?}: {error}")).render(&camera())
 }
 
@@ -32,6 +32,7 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
 const EXACT: Approximation = Approximation {
     neighbours: None,
     scales: None,
+    components: None,
     step_scale: 1.0,
     min_weight: None,
     min_transmittance: None,
@@ -53,6 +54,7 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
     for option in [
         Approximation { neighbours: Some(4), ..EXACT },
         Approximation { scales: Some(3), ..EXACT },
+        Approximation { components: Some(1.0), ..EXACT },
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
         Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
         Approximation { decoder: Some(scene.decoder.mode), ..EXACT },
@@ -69,6 +71,7 @@ fn a_strong_option_shows() {
     for option in [
         Approximation { neighbours: Some(1), ..EXACT },
         Approximation { scales: Some(1), ..EXACT },
+        Approximation { components: Some(0.4), ..EXACT },
         Approximation { step_scale: 8.0, ..EXACT },
         Approximation { min_weight: Some(0.05), ..EXACT },
         Approximation { min_transmittance: Some(0.9), ..EXACT },
@@ -127,7 +130,7 @@ fn everywhere(bounds: Aabb) -> Occupancy {
 fn the_density_cache_says_what_it_takes() {
     let bytes = |cells| {
         let option = Approximation { density_cache: Some(cells), ..EXACT };
-        CpuRenderer::with_approximation(scene(), &option).unwrap().density_cache_bytes().unwrap()
+        CpuRenderer::<f32>::with_approximation(scene(), &option).unwrap().density_cache_bytes().unwrap()
     };
     // 8³ cells to a brick, 9³ vertices of 4 bytes.
     assert_eq!(bytes(8), 4 * (1 + 729));
@@ -144,6 +147,8 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { neighbours: Some(5), ..EXACT }, "neighbours", "1 to 4"),
         (Approximation { scales: Some(0), ..EXACT }, "scales", "1 to 3"),
         (Approximation { scales: Some(4), ..EXACT }, "scales", "1 to 3"),
+        (Approximation { components: Some(0.0), ..EXACT }, "components", "a number in (0, 1]"),
+        (Approximation { components: Some(nan), ..EXACT }, "components", "a number in (0, 1]"),
         (Approximation { step_scale: 0.0, ..EXACT }, "step_scale", "0.25 to 64"),
         (Approximation { step_scale: nan, ..EXACT }, "step_scale", "0.25 to 64"),
         (Approximation { step_scale: infinite, ..EXACT }, "step_scale", "0.25 to 64"),
@@ -153,7 +158,7 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { density_cache: Some(7), ..EXACT }, "density_cache", "8 to 2048"),
         (Approximation { density_cache: Some(2049), ..EXACT }, "density_cache", "8 to 2048"),
     ] {
-        let error = CpuRenderer::with_approximation(scene.clone(), &option).err().expect("a refusal");
+        let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).err().expect("a refusal");
         assert_eq!((error.option, error.expected.as_str()), (name, expected), "{error}");
     }
 }

@@ -1,10 +1,13 @@
 //! The arguments that trade exactness for speed, of every command that renders.
 
+use std::path::Path;
+
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Error;
+use crate::container::Document;
 use crate::model::DecoderMode;
-use crate::render::{Approximation, ApproximationError};
+use crate::render::{ApproximationError, Choice, Trade, TradeError, Wish};
 
 /// What may be left out. Nothing is by default.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -16,6 +19,9 @@ pub(super) struct Approximations {
     /// Only the N coarsest scales
     #[arg(long, value_name = "N")]
     scales: Option<u32>,
+    /// Only this share of each tensor's components, the largest
+    #[arg(long, value_name = "SHARE")]
+    components: Option<f64>,
     /// Steps longer by this factor
     #[arg(long, value_name = "FACTOR")]
     step_scale: Option<f64>,
@@ -31,20 +37,76 @@ pub(super) struct Approximations {
     /// Density baked on a grid of N cells along the longest edge; its memory is in --json
     #[arg(long, value_name = "N")]
     density_cache: Option<u32>,
+    /// Pictures rendered N times smaller, and enlarged
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    divisor: Option<u32>,
+    #[command(flatten)]
+    wish: WishArgs,
+}
+
+/// A point of what `strivec trade --store` wrote into the file; the options above go before it.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[group(multiple = false)]
+struct WishArgs {
+    /// As the file's point of this name: fast, balanced or best
+    #[arg(long, value_name = "NAME")]
+    quality: Option<String>,
+    /// As the file's best point that renders so many pictures a second, on the machine that it was measured on
+    #[arg(long, value_name = "N", value_parser = positive)]
+    min_fps: Option<f64>,
+    /// As the file's fastest point of at least so many dB
+    #[arg(long, value_name = "DB", value_parser = positive)]
+    min_psnr: Option<f64>,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err(format!("expected a positive number, found {text:?}")),
+    }
 }
 
 impl Approximations {
-    /// As the renderer takes them.
-    pub(super) fn chosen(&self) -> Approximation {
-        Approximation {
-            neighbours: self.neighbours,
-            scales: self.scales,
-            step_scale: self.step_scale.unwrap_or(1.0),
-            min_weight: self.min_weight,
-            min_transmittance: self.min_transmittance,
-            decoder: self.decoder,
-            density_cache: self.density_cache,
-        }
+    /// As the renderer takes them, for pictures of `size` of the document in the file `path`.
+    ///
+    /// Fails where a point is wished for that the file has not.
+    pub(super) fn chosen(&self, document: &Document, path: &Path, size: [u32; 2]) -> Result<Choice, Error> {
+        let mut choice = match self.wish.wish() {
+            Some(wish) => granted(&wish, document, path, size)?,
+            None => Choice::default(),
+        };
+        let approximation = &mut choice.approximation;
+        approximation.neighbours = self.neighbours.or(approximation.neighbours);
+        approximation.scales = self.scales.or(approximation.scales);
+        approximation.components = self.components.or(approximation.components);
+        approximation.step_scale = self.step_scale.unwrap_or(approximation.step_scale);
+        approximation.min_weight = self.min_weight.or(approximation.min_weight);
+        approximation.min_transmittance = self.min_transmittance.or(approximation.min_transmittance);
+        approximation.decoder = self.decoder.or(approximation.decoder);
+        approximation.density_cache = self.density_cache.or(approximation.density_cache);
+        choice.divisor = self.divisor.unwrap_or(choice.divisor);
+        choice.approximation.check(&document.scene)?;
+        Ok(choice)
+    }
+}
+
+/// What `wish` means for pictures of `size` of the document in the file `path`.
+///
+/// Fails where the file has nothing of the kind.
+pub(super) fn granted(wish: &Wish, document: &Document, path: &Path, size: [u32; 2]) -> Result<Choice, Error> {
+    let named = |e: TradeError| Error::Usage(format!("{}: {e}", path.display()));
+    let trade = Trade::of_notes(&document.extras.notes).ok_or_else(|| {
+        let message = "expected what `strivec trade --store` writes, found no such note";
+        Error::Usage(format!("{}: {message}", path.display()))
+    })?;
+    Ok(trade.map_err(named)?.pick(wish, size).map_err(named)?.choice)
+}
+
+impl WishArgs {
+    fn wish(&self) -> Option<Wish> {
+        let Self { quality, min_fps, min_psnr } = self;
+        let name = quality.clone().map(Wish::Name);
+        name.or(min_fps.map(Wish::FramesPerSecond)).or(min_psnr.map(Wish::Psnr))
     }
 }
 

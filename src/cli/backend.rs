@@ -4,7 +4,7 @@
 use std::cell::{OnceCell, RefCell};
 
 use clap::ValueEnum;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Error;
 use super::console::Console;
@@ -20,12 +20,17 @@ use crate::{
 };
 
 /// The renderers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+#[value(rename_all = "kebab-case")]
 pub(super) enum Backend {
     /// Fast, in 32-bit floating point
     #[default]
     Cpu,
+    /// The same in 64-bit floating point
+    #[value(name = "cpu-f64")]
+    #[serde(rename = "cpu-f64")]
+    CpuF64,
     /// On a graphics processor, in 32-bit floating point; in builds with the feature `gpu`
     Gpu,
     /// Slow, in 64-bit floating point: what the numbers mean
@@ -45,6 +50,11 @@ pub(super) struct BackendOptions {
 }
 
 impl BackendOptions {
+    /// This backend; `half` is the graphics device's.
+    pub(super) fn new(backend: Backend, half: bool) -> Self {
+        Self { backend, half }
+    }
+
     /// What takes `scene`'s pictures with `approximation`.
     ///
     /// Fails where an approximation does not go with the renderer, this build lacks it, or there is no device for it.
@@ -56,6 +66,7 @@ impl BackendOptions {
     ) -> Result<Prepared, Error> {
         let drawing = match self.backend {
             Backend::Cpu => Drawing::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
+            Backend::CpuF64 => Drawing::CpuF64(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
             Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
             Backend::Reference => {
                 return Err(Error::Usage("--backend reference: expected no approximations, found some".into()));
@@ -69,7 +80,7 @@ impl BackendOptions {
     pub(super) fn check(&self) -> Result<(), Error> {
         match self.backend {
             Backend::Gpu if cfg!(not(feature = "gpu")) => Err(no_gpu()),
-            Backend::Cpu | Backend::Reference if self.half => {
+            Backend::Cpu | Backend::CpuF64 | Backend::Reference if self.half => {
                 Err(Error::Usage("--half: expected --backend gpu, found another".into()))
             }
             _ => Ok(()),
@@ -126,6 +137,8 @@ pub(super) struct Prepared {
 enum Drawing {
     /// The fast one.
     Cpu(Box<CpuRenderer>),
+    /// The fast one's code in 64 bits.
+    CpuF64(Box<CpuRenderer<f64>>),
     /// The one on a graphics device.
     #[cfg(feature = "gpu")]
     Gpu { renderer: Box<GpuRenderer>, adapter: String },
@@ -160,6 +173,7 @@ impl Prepared {
         self.pictures += 1;
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(renderer.render(camera)),
+            Drawing::CpuF64(renderer) => Ok(renderer.render(camera)),
             Drawing::Reference(scene) => Ok(ReferenceRenderer::new(scene).render(camera)),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => {
@@ -181,6 +195,7 @@ impl Prepared {
     pub(super) fn parity(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<Parity, Error> {
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
+            Drawing::CpuF64(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
             Drawing::Reference(_) => Ok(measure::parity(scene, &CpuRenderer::new(scene), cameras, F32_POSITION_ERROR)),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => {
@@ -192,15 +207,27 @@ impl Prepared {
         }
     }
 
+    /// Bytes of the model's numbers as it holds them, with what was made for it; on a graphics device with its work.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        match &self.drawing {
+            Drawing::Cpu(renderer) => renderer.memory_bytes(),
+            Drawing::CpuF64(renderer) => renderer.memory_bytes(),
+            Drawing::Reference(scene) => 4 * scene.parameter_count(),
+            #[cfg(feature = "gpu")]
+            Drawing::Gpu { renderer, .. } => renderer.memory_bytes().iter().sum(),
+        }
+    }
+
     /// What drew, and what it took.
     pub(super) fn drawn(self) -> Drawn {
         let adapter = match &self.drawing {
             #[cfg(feature = "gpu")]
             Drawing::Gpu { adapter, .. } => Some(adapter.clone()),
-            Drawing::Cpu(_) | Drawing::Reference(_) => None,
+            Drawing::Cpu(_) | Drawing::CpuF64(_) | Drawing::Reference(_) => None,
         };
         let density_cache_bytes = match &self.drawing {
             Drawing::Cpu(renderer) => renderer.density_cache_bytes(),
+            Drawing::CpuF64(renderer) => renderer.density_cache_bytes(),
             _ => None,
         };
         let pictures = f64::from(self.pictures.max(1));

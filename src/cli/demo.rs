@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
-use super::train::{encode, train_through};
+use super::train::{encode, interrupts, train_through};
 use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let load = |split| dataset::load(&folder, split, &LoadOptions::default());
     let (training, held_out) = (load("train")?, load("test")?);
     let start = Instant::now();
-    let scene = train_through(config, &training, session)?;
+    let scene = train_through(config, &training, &*interrupts()?, session)?;
     let seconds_training = start.elapsed().as_secs_f64();
     let bytes = encode(&scene, Encoding::F16, &file)?;
     write_atomically(&file, &bytes, session.force)?;

@@ -17,7 +17,7 @@ use crate::dataset::{self, Dataset, View};
 use crate::measure::{
     self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map, side_by_side,
 };
-use crate::render::Approximation;
+use crate::render::{Choice, enlarged};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -67,7 +67,8 @@ struct Evaluation<'a> {
     downscale: u32,
     #[serde(flatten)]
     drawn: Drawn,
-    approximation: Approximation,
+    #[serde(flatten)]
+    choice: Choice,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     /// Rendering alone, the mean of all views.
@@ -83,10 +84,8 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (scene, bytes) = scene_file::read(&args.file)?;
+    let (document, bytes) = scene_file::read_document(&args.file)?;
     let bytes = bytes.len() as u64;
-    let approximation = args.approximations.chosen();
-    approximation.check(&scene)?;
     let options = args.selection.options(args.downscale);
     let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
@@ -96,10 +95,13 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         check_outputs(&planned, session.force)?;
     }
 
+    let size = views.first().map_or([0, 0], |view| [view.camera.width, view.camera.height]);
+    let choice = args.approximations.chosen(&document, &args.file, size)?;
+    let scene = scene_file::with_scales_of(document, &choice.approximation);
     let frame = scene.frame.clone();
     let whole = args.parity.then(|| scene.clone());
     let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &approximation, &session.console)?;
+    let mut renderer = args.backend.prepare(scene, &choice.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "eval", views.len() as u64);
     let mut reports: Vec<ViewReport> = Vec::new();
@@ -107,9 +109,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut seconds = 0.0;
     for view in &views {
         let start = Instant::now();
-        let picture = renderer.render(&view.camera.mapped(&frame.model_from_dataset))?;
+        let camera = view.camera.mapped(&frame.model_from_dataset);
+        let size = [camera.width, camera.height];
+        let picture = enlarged(&renderer.render(&camera.downscaled(choice.divisor))?, size);
         seconds += start.elapsed().as_secs_f64();
-        let size = [picture.width, picture.height];
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
         errors.add(&Region::of_photograph(size, &photograph, &view.pixels.opacities())?, &rendered, &photograph)?;
@@ -145,7 +148,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         split: &args.split,
         downscale: args.downscale,
         drawn: renderer.drawn(),
-        approximation,
+        choice,
         seconds_preparing,
         seconds_per_view,
         report,

@@ -26,6 +26,7 @@ mod scene_file;
 mod settings;
 mod synth;
 mod table;
+mod trade;
 mod train;
 mod video;
 mod view_selection;
@@ -85,6 +86,8 @@ enum Command {
     Prior(prior::Args),
     /// Compare a scene's pictures with photographs
     Eval(eval::Args),
+    /// Measure what speed costs, and store the choices in the file
+    Trade(trade::Args),
     /// Say what is in a scene file
     Info(info::Args),
     /// Make a synthetic dataset whose geometry is known exactly
@@ -109,6 +112,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),
         Command::Eval(args) => eval::run(args, session),
+        Command::Trade(args) => trade::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
         Command::Bench(args) => bench::run(args, session),

@@ -14,7 +14,7 @@ use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::measure::{color_png, depth_png, opacity_png};
-use crate::render::{Approximation, Picture};
+use crate::render::{Choice, Picture, enlarged};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -60,7 +60,8 @@ pub(super) struct Args {
 struct Report {
     #[serde(flatten)]
     drawn: Drawn,
-    approximation: Approximation,
+    #[serde(flatten)]
+    choice: Choice,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     seconds: f64,
@@ -81,11 +82,11 @@ struct DepthScale {
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (scene, _) = scene_file::read(&args.file)?;
-    let approximation = args.approximations.chosen();
-    approximation.check(&scene)?;
-    let cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds)?;
+    let (document, _) = scene_file::read_document(&args.file)?;
+    let cameras = args.viewpoints.cameras(&document.scene.frame, &document.scene.bounds)?;
     let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
+    let choice = args.approximations.chosen(&document, &args.file, size)?;
+    let scene = scene_file::with_scales_of(document, &choice.approximation);
     let video = args.video.as_deref().map(|file| Video::plan(file, size)).transpose()?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 
@@ -102,7 +103,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
     let frame = scene.frame.clone();
     let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &approximation, &session.console)?;
+    let mut renderer = args.backend.prepare(scene, &choice.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     if let Some(unit) = depth_unit {
         let depth = "distance along the ray in the dataset's units is grey value times unit; 0 where there is nothing";
@@ -118,8 +119,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Ok(())
     };
     for (done, named) in cameras.iter().enumerate() {
-        let picture = renderer.render(&named.camera.mapped(&frame.model_from_dataset))?;
-        let size = [picture.width, picture.height];
+        let camera = named.camera.mapped(&frame.model_from_dataset);
+        let size = [camera.width, camera.height];
+        let picture = enlarged(&renderer.render(&camera.downscaled(choice.divisor))?, size);
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
         if let Some(unit) = depth_unit {
             let scale = frame.model_from_dataset.scale;
@@ -142,7 +144,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let report = Report {
         drawn: renderer.drawn(),
-        approximation,
+        choice,
         seconds_preparing,
         seconds,
         depth_unit,

@@ -4,12 +4,29 @@ use std::fs;
 use std::path::Path;
 
 use super::Error;
-use crate::container;
+use crate::container::{self, Document, Limits};
 use crate::model::Scene;
+use crate::render::Approximation;
 
 /// The scene in the file `path`, and the file's bytes.
 pub(super) fn read(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
     let bytes = fs::read(path).map_err(Error::io("read", path))?;
     let scene = container::decode(&bytes).map_err(Error::malformed(path))?;
     Ok((scene, bytes))
+}
+
+/// All that is in the file `path`, and its bytes.
+pub(super) fn read_document(path: &Path) -> Result<(Document, Vec<u8>), Error> {
+    let bytes = fs::read(path).map_err(Error::io("read", path))?;
+    let document = container::decode_document(&bytes, Limits::default()).map_err(|e| Error::container(path, e))?;
+    Ok((document, bytes))
+}
+
+/// The scene without the scales that `approximation` leaves out, corrected where the file says how.
+pub(super) fn with_scales_of(document: Document, approximation: &Approximation) -> Scene {
+    container::beginning(
+        document.scene,
+        &document.extras.prefixes,
+        approximation.scales.map_or(usize::MAX, |n| n as usize),
+    )
 }

@@ -280,10 +280,15 @@ pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Ve
     container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
 }
 
-/// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints.
-pub(super) fn train_through(config: TrainConfig, dataset: &Dataset, session: &Session) -> Result<Scene, Error> {
-    let interrupted = interrupts()?;
-    let mut trainer = begin(config, dataset, &interrupted, session)?;
+/// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints; ends early where it
+/// is `interrupted`.
+pub(super) fn train_through(
+    config: TrainConfig,
+    dataset: &Dataset,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Scene, Error> {
+    let mut trainer = begin(config, dataset, interrupted, session)?;
     let mut meter = Meter::start(&session.console, &trainer);
     while trainer.steps_done() < trainer.config().steps {
         if interrupted.load(Ordering::SeqCst) {

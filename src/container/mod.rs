@@ -43,7 +43,7 @@ pub use extras::{
 };
 pub use header::{MAGIC, VERSION, Version};
 pub use limits::Limits;
-pub use prefix::Prefix;
+pub use prefix::{Prefix, beginning};
 pub use reader::{Document, Part, Reader, decode, decode_document};
 pub use section::{Section, SectionKind};
 pub use source::{Fetch, Seekable, Source};

@@ -38,6 +38,17 @@ impl Prefix {
     }
 }
 
+/// The first `scales` scales of `scene`, corrected where the file's `prefixes` say how; all of it where it has no more.
+pub fn beginning(mut scene: Scene, prefixes: &[Option<Prefix>], scales: usize) -> Scene {
+    if scales < scene.scales.len() {
+        scene.scales.truncate(scales);
+        if let Some(Some(prefix)) = scales.checked_sub(1).and_then(|last| prefixes.get(last)) {
+            prefix.apply(&mut scene);
+        }
+    }
+    scene
+}
+
 pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: ArrayOptions) -> Result<(), Error> {
     let name = format!("PREFIX of scale {scale}");
     let features = prefix.features as usize;

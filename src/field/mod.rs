@@ -144,6 +144,13 @@ impl<T: Real> Field<T> {
         self.scales.iter().map(FieldScale::len).sum()
     }
 
+    /// Bytes of the factors, matrices and networks.
+    pub fn parameter_bytes(&self) -> u64 {
+        let factors = self.scales.iter().map(|s| s.density.len() + s.appearance.len()).sum::<usize>();
+        let layers = self.decoder.layers.iter().map(|l| l.weights.len() + l.bias.len()).sum::<usize>();
+        ((factors + layers + self.decoder.appearance.len()) * size_of::<T>()) as u64
+    }
+
     /// ΣR, the appearance components over all scales: a sample's row in the decoder's first product.
     pub fn component_count(&self) -> usize {
         self.scales.iter().map(|s| s.appearance_rank).sum()

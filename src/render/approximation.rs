@@ -1,5 +1,6 @@
 //! Named ways to trade a picture's exactness for speed. None is taken unless asked for.
 
+use super::components::keep_components;
 use crate::model::{DecoderMode, Scene};
 
 /// What a renderer may leave out. The default leaves out nothing: the picture is the reference's, within tolerance.
@@ -10,6 +11,8 @@ pub struct Approximation {
     pub neighbours: Option<u32>,
     /// How many scales are used, the coarsest first; all where there is none.
     pub scales: Option<u32>,
+    /// The share of each tensor's components that are used, the largest; all where there is none.
+    pub components: Option<f64>,
     /// Steps are longer than the scene's by this factor; each then stands for its longer interval.
     pub step_scale: f64,
     /// Samples of at most this weight add no colour; the scene's where there is none.
@@ -28,6 +31,7 @@ impl Default for Approximation {
         Self {
             neighbours: None,
             scales: None,
+            components: None,
             step_scale: 1.0,
             min_weight: None,
             min_transmittance: None,
@@ -81,6 +85,12 @@ impl Approximation {
             ("step_scale", Some(self.step_scale), (0.25..=64.0).contains(&self.step_scale), "0.25 to 64"),
             ("min_weight", self.min_weight, self.min_weight.is_none_or(fraction), "a number in [0, 1)"),
             (
+                "components",
+                self.components,
+                self.components.is_none_or(|share| share > 0.0 && share <= 1.0),
+                "a number in (0, 1]",
+            ),
+            (
                 "min_transmittance",
                 self.min_transmittance,
                 self.min_transmittance.is_none_or(fraction),
@@ -94,6 +104,13 @@ impl Approximation {
         Ok(())
     }
 
+    /// `scene`, which must have passed [`Scene::check`] and [`Self::check`], with everything left out that is a part of scenes: all but the
+    /// density cache.
+    pub fn applied(&self, mut scene: Scene) -> Scene {
+        self.reduce(&mut scene);
+        scene
+    }
+
     /// `scene` with everything left out that is a part of scenes: all but the density cache.
     pub(super) fn reduce(&self, scene: &mut Scene) {
         if let Some(scales) = self.scales {
@@ -101,6 +118,9 @@ impl Approximation {
         }
         for scale in &mut scene.scales {
             scale.top_k = self.neighbours.map_or(scale.top_k, |n| n.min(scale.top_k));
+            if let Some(share) = self.components {
+                keep_components(scale, share);
+            }
         }
         let rules = &mut scene.rules;
         rules.step *= self.step_scale;

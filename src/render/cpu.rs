@@ -47,7 +47,9 @@ impl CpuRenderer<f32> {
     pub fn new(scene: &Scene) -> Self {
         Self { field: Field::new(scene) }
     }
+}
 
+impl<T: Real> CpuRenderer<T> {
     /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`. Takes the scene, so that its
     /// factors are in memory once.
     ///
@@ -63,9 +65,7 @@ impl CpuRenderer<f32> {
         }
         Ok(Self { field })
     }
-}
 
-impl<T: Real> CpuRenderer<T> {
     /// Renders with `field`.
     pub fn of_field(field: Field<T>) -> Self {
         Self { field }
@@ -74,6 +74,11 @@ impl<T: Real> CpuRenderer<T> {
     /// The memory that cached density features take, in bytes; `None` where they are not cached.
     pub fn density_cache_bytes(&self) -> Option<u64> {
         self.field.density_cache_bytes()
+    }
+
+    /// Bytes of the factors, matrices and networks, and of cached density features.
+    pub fn memory_bytes(&self) -> u64 {
+        self.field.parameter_bytes() + self.density_cache_bytes().unwrap_or(0)
     }
 
     /// As [`Renderer::trace`], and what it took.

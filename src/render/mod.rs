@@ -1,16 +1,19 @@
 //! Pictures of a scene, behind one small trait, and the paths of cameras that take many.
 
 mod approximation;
+mod components;
 mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod keyframes;
 mod reference;
+mod trade;
 
 pub use approximation::{Approximation, ApproximationError};
 pub use cpu::{CpuRenderer, Look};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use reference::{ReferenceRenderer, Trace};
+pub use trade::{Choice, TRADE_NOTE, Trade, TradeError, TradePoint, Wish, enlarged};
 
 use crate::geometry::{Camera, Ray};
 

@@ -1,14 +1,16 @@
 //! `strivec-pack convert`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::encoding::{LayoutArgs, Plain, lossless};
 use super::input::{self, Inputs, Outputs};
+use crate::cli::approximations::granted;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session};
-use crate::container::{self, EncodeOptions, VERSION};
+use crate::container::{self, Document, EncodeOptions, Extras, VERSION};
+use crate::render::{Choice, TRADE_NOTE, Trade, Wish};
 
 /// Arguments of `strivec-pack convert`.
 #[derive(Debug, clap::Args)]
@@ -24,6 +26,10 @@ pub(super) struct Args {
     encoding: Plain,
     #[command(flatten)]
     layout: LayoutArgs,
+    /// Leave out what the file's point of this name leaves out, as `strivec trade --store` has written it: fast, balanced
+    /// or best
+    #[arg(long, value_name = "NAME")]
+    quality: Option<String>,
     /// The version of the format to write
     #[arg(long, value_name = "MAJOR.MINOR", default_value_t = VERSION.to_string())]
     target_version: String,
@@ -63,25 +69,53 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         other => EncodeOptions::uniform(other.encoding()),
     };
     let options = args.layout.apply(options)?;
-    rewrite(&args.inputs, &args.output, args.dry_run, session, |document| {
-        container::encode_document(&document.scene, &document.extras, &options)
+    rewrite(&args.inputs, &args.output, args.dry_run, session, |mut document, path| {
+        if let Some(name) = &args.quality {
+            bake(&mut document, path, name, session)?;
+        }
+        let bytes = container::encode_document(&document.scene, &document.extras, &options);
+        bytes.map_err(|e| Error::container(path, e))
     })
+}
+
+/// Makes the scene what the file's point `name` renders, as far as scenes can be.
+fn bake(document: &mut Document, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
+    let size = Trade::of_notes(&document.extras.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
+    let Choice { approximation, divisor } = granted(&Wish::Name(name.to_owned()), document, path, size)?;
+    approximation.check(&document.scene)?;
+    let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
+    let scene = container::beginning(document.scene.clone(), &document.extras.prefixes, scales);
+    document.scene = approximation.applied(scene);
+    forget_measurements(&mut document.extras);
+    if approximation.density_cache.is_some() || divisor != 1 {
+        let message = "a density cache and smaller pictures are the renderer's: the file cannot have them";
+        session.console.say(&format!("{}: {message}", path.display()));
+    }
+    Ok(())
+}
+
+/// Forgets what was of the scene as it was.
+pub(super) fn forget_measurements(extras: &mut Extras) {
+    extras.probes = None;
+    extras.prefixes.clear();
+    extras.quality = None;
+    extras.notes.remove(TRADE_NOTE);
 }
 
 /// Writes what `change` makes of each input.
 pub(super) fn rewrite(
     inputs: &Inputs,
-    output: &std::path::Path,
+    output: &Path,
     dry_run: bool,
     session: &Session,
-    change: impl Fn(container::Document) -> Result<Vec<u8>, container::Error>,
+    change: impl Fn(container::Document, &Path) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
     let paths = inputs.paths()?;
     let outputs = Outputs::new(&paths, output, dry_run, session)?;
     let mut rows = Vec::new();
     for path in &paths {
         let (document, before) = input::read(path, inputs.limits.limits())?;
-        let bytes = change(document).map_err(|e| Error::container(path, e))?;
+        let bytes = change(document, path)?;
         let written = outputs.write(path, &bytes)?;
         let (bytes_before, bytes) = (before.len() as u64, bytes.len() as u64);
         rows.push(Written { input: path.clone(), output: written, bytes_before, bytes });

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use glam::DQuat;
 
-use super::convert::rewrite;
+use super::convert::{forget_measurements, rewrite};
 use super::encoding::{LayoutArgs, lossless};
 use super::input::Inputs;
 use super::package::{JUDGED, PROBED};
@@ -36,13 +36,13 @@ impl Target {
         change: impl Fn(Document) -> Result<Document, container::Error>,
     ) -> Result<(), Error> {
         let options: EncodeOptions = self.layout.apply(lossless(&self.layout))?;
-        rewrite(&self.inputs, &self.output, self.dry_run, session, |document| {
-            let mut document = change(document)?;
-            // They were of the scene as it was.
-            document.extras.probes = None;
-            document.extras.prefixes.clear();
-            document.extras.quality = None;
-            container::encode_document(&document.scene, &document.extras, &options)
+        rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
+            let changed = || {
+                let mut document = change(document)?;
+                forget_measurements(&mut document.extras);
+                container::encode_document(&document.scene, &document.extras, &options)
+            };
+            changed().map_err(|e| Error::container(path, e))
         })
     }
 }

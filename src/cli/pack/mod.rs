@@ -17,6 +17,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+pub(super) use package::{JUDGED, PROBED};
+
 use super::{Globals, run_command};
 
 const EXIT_CODES: &str = "\

@@ -19,9 +19,9 @@ use crate::pack::{
 };
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
-pub(super) const JUDGED: (usize, u32) = (12, 320);
+pub(in crate::cli) const JUDGED: (usize, u32) = (12, 320);
 /// Cameras and, at the usual effort, batches of rays that sensitivities are estimated from.
-pub(super) const PROBED: (usize, usize) = (64, 48);
+pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 /// Steps of fitting a prefix, at the usual effort.
 const PREFIX_STEPS: usize = 150;
 /// A first guess at what is beside the scene: probes, prefixes, a thumbnail.

@@ -1,0 +1,42 @@
+//! The same scene in other encodings, as readers get it.
+
+use super::sweep::Source;
+use crate::cli::pack::{JUDGED, PROBED};
+use crate::cli::{Error, Session};
+use crate::container::{EncodeOptions, Encoding, Extras, Limits, decode_document, encode_document};
+use crate::model::Scene;
+use crate::pack::{Goal, Judge, probe_views, search, sensitivity};
+
+/// Encodings by number.
+const PLAIN: [(&str, Encoding); 3] =
+    [("f16", Encoding::F16), ("grid8", Encoding::Grid(8)), ("grid6", Encoding::Grid(6))];
+/// PSNR in dB of the pictures to the scene's own, of encodings that spend bytes where they show.
+const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
+
+/// What readers get of `scene` in each encoding.
+pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, Error> {
+    let failed = |e: crate::container::Error| Error::Runtime(e.to_string());
+    let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
+        let bytes = encode_document(scene, &Extras::default(), options).map_err(failed)?;
+        let scene = decode_document(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;
+        Ok(Source { name, scene, prefixes: Vec::new(), bytes: bytes.len() as u64 })
+    };
+    let mut sources = Vec::new();
+    for (name, encoding) in PLAIN {
+        session.console.say(&format!("encoding {name}"));
+        sources.push(source(name.to_owned(), scene, &EncodeOptions::uniform(encoding))?);
+    }
+    session.console.say("what each number is worth");
+    let views = probe_views(scene, &[], PROBED.0, JUDGED.1);
+    let sensitivity = sensitivity(scene, &views, PROBED.1, 0);
+    let judge = Judge::new(scene, probe_views(scene, &[], JUDGED.0, JUDGED.1));
+    for psnr in LOSSY {
+        session.console.say(&format!("encoding within {psnr} dB"));
+        let goal = Goal::Error { before: 0.0, more: 10f64.powf(-psnr / 10.0) };
+        if let Some(found) = search(scene, &sensitivity, &judge, goal, 0, &mut |_| {}).map_err(failed)? {
+            let options = EncodeOptions { zstd_level: Some(19), ..found.options };
+            sources.push(source(format!("lossy {psnr} dB"), &found.scene, &options)?);
+        }
+    }
+    Ok(sources)
+}

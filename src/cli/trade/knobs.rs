@@ -1,0 +1,195 @@
+//! What is swept: one thing at a time, and then the combinations that could lie on the front.
+
+use super::candidate::{Candidate, Engine};
+use super::measured::Measured;
+use crate::model::{DecoderMode, Scene};
+use crate::render::{Approximation, Choice};
+
+/// One thing that can be traded, and its values besides the exact one.
+pub(super) struct Knob {
+    pub(super) name: &'static str,
+    pub(super) candidates: Vec<Candidate>,
+}
+
+/// What a sweep may use.
+pub(super) struct Room<'a> {
+    /// What everything is compared with: the file as it is, on all threads.
+    pub(super) base: Candidate,
+    pub(super) scene: &'a Scene,
+    /// Scenes of other files, and of other encodings, from number 1 on.
+    pub(super) sources: usize,
+    pub(super) engines: Vec<Engine>,
+    pub(super) threads: Vec<usize>,
+}
+
+/// Everything that can be traded, one thing at a time.
+pub(super) fn knobs(room: &Room<'_>) -> Vec<Knob> {
+    let Room { base, scene, sources, engines, threads } = room;
+    let approximations = |name, values: Vec<Approximation>| Knob {
+        name,
+        candidates: (values.into_iter())
+            .map(|approximation| Candidate { choice: Choice { approximation, divisor: 1 }, ..base.clone() })
+            .collect(),
+    };
+    let exact = Approximation::default();
+    let most_neighbours = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
+    let mut all = vec![
+        approximations(
+            "neighbours",
+            (1..most_neighbours).map(|n| Approximation { neighbours: Some(n), ..exact }).collect(),
+        ),
+        approximations(
+            "scales",
+            (1..scene.scales.len() as u32).map(|n| Approximation { scales: Some(n), ..exact }).collect(),
+        ),
+        approximations(
+            "components",
+            [0.75, 0.5, 0.25].map(|share| Approximation { components: Some(share), ..exact }).into(),
+        ),
+        approximations("step", [1.5, 2.0, 3.0, 4.0].map(|by| Approximation { step_scale: by, ..exact }).into()),
+        approximations(
+            "colour threshold",
+            [1e-3, 3e-3, 1e-2, 3e-2].map(|w| Approximation { min_weight: Some(w), ..exact }).into(),
+        ),
+        approximations(
+            "termination",
+            [1e-2, 3e-2, 1e-1].map(|t| Approximation { min_transmittance: Some(t), ..exact }).into(),
+        ),
+        approximations(
+            "decoder",
+            (DecoderMode::ALL.into_iter())
+                .filter(|mode| *mode != scene.decoder.mode && scene.features() >= mode.min_features())
+                .map(|mode| Approximation { decoder: Some(mode), ..exact })
+                .collect(),
+        ),
+        approximations(
+            "density cache",
+            [128, 192, 256].map(|cells| Approximation { density_cache: Some(cells), ..exact }).into(),
+        ),
+    ];
+    let others = |name, candidates: Vec<Candidate>| Knob { name, candidates };
+    all.push(others(
+        "resolution",
+        [2, 4].map(|divisor| Candidate { choice: Choice { divisor, ..Choice::default() }, ..base.clone() }).into(),
+    ));
+    all.push(others("file", (1..*sources).map(|source| Candidate { source, ..base.clone() }).collect()));
+    all.push(others("arithmetic", engines.iter().map(|&engine| Candidate { engine, ..base.clone() }).collect()));
+    all.push(others("threads", threads.iter().map(|&threads| Candidate { threads, ..base.clone() }).collect()));
+    all.retain(|knob| !knob.candidates.is_empty());
+    all
+}
+
+/// Values of one knob that may be combined, and what each does alone.
+struct Value {
+    candidate: Candidate,
+    /// Times the base's time.
+    time: f64,
+    /// Mean squared error above the base's.
+    error: f64,
+}
+
+/// Values that make pictures faster by less are not worth their loss in a combination.
+const LEAST_GAIN: f64 = 0.97;
+/// Decibels that a value may lose on its own.
+const MOST_LOSS: f64 = 6.0;
+/// Values of a knob that are combined.
+const VALUES: usize = 3;
+
+/// Up to `most` combinations of values that might lie on the front, if what each does alone multiplied and added up; the
+/// likeliest first.
+pub(super) fn combinations(
+    knobs: &[Knob],
+    base: &Measured,
+    alone: &[(Candidate, Measured)],
+    most: usize,
+) -> Vec<Candidate> {
+    // Threads and arithmetic are the machine's, and are swept alone.
+    let combined = knobs.iter().filter(|knob| !matches!(knob.name, "threads" | "arithmetic"));
+    let values: Vec<Vec<Value>> = combined
+        .map(|knob| {
+            let measured = |c: &Candidate| alone.iter().find(|(other, _)| other == c).map(|(_, m)| m);
+            let mut values: Vec<Value> = (knob.candidates.iter())
+                .filter_map(|candidate| {
+                    let found = measured(candidate)?;
+                    let (time, error) = (found.ratio, found.error - base.error);
+                    let is_useful = time < LEAST_GAIN && found.psnr > base.psnr - MOST_LOSS;
+                    is_useful.then(|| Value { candidate: candidate.clone(), time, error })
+                })
+                .collect();
+            // Those that save most for what they lose.
+            let worth = |value: &Value| -value.time.ln() / value.error.max(1e-9);
+            values.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+            values.truncate(VALUES);
+            values
+        })
+        .filter(|values| !values.is_empty())
+        .collect();
+
+    let mut found: Vec<(Candidate, f64, f64, usize)> = Vec::new();
+    for values in &values {
+        let mut more = Vec::new();
+        for value in values {
+            more.push((value.candidate.clone(), value.time, value.error, 1));
+            more.extend(found.iter().filter_map(|(c, time, error, parts)| {
+                Some((joined(c, &value.candidate)?, time * value.time, error + value.error, parts + 1))
+            }));
+        }
+        found.extend(more);
+    }
+    // Single values have been measured.
+    found.retain(|(_, _, _, parts)| *parts > 1);
+    let mut chosen = Vec::new();
+    // Front after front of what is expected.
+    while chosen.len() < most && !found.is_empty() {
+        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)));
+        let (mut front, mut rest) = (Vec::new(), Vec::new());
+        let mut least = f64::INFINITY;
+        for entry in found {
+            if entry.2 < least {
+                least = entry.2;
+                front.push(entry);
+            } else {
+                rest.push(entry);
+            }
+        }
+        // Evenly along the front where it is longer than what is wanted.
+        let wanted = most - chosen.len();
+        let step = (front.len() as f64 / wanted as f64).max(1.0);
+        let picked = (0..front.len().min(wanted)).map(|n| front[(n as f64 * step) as usize].0.clone());
+        chosen.extend(picked);
+        found = rest;
+    }
+    chosen
+}
+
+/// Both choices in one; `None` where they are about the same thing.
+fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
+    let (p, q) = (a.choice.approximation, b.choice.approximation);
+    fn either<T>(a: Option<T>, b: Option<T>) -> Option<Option<T>> {
+        match (a, b) {
+            (Some(_), Some(_)) => None,
+            (a, b) => Some(a.or(b)),
+        }
+    }
+    let one = |a: f64, b: f64| if a != 1.0 && b != 1.0 { None } else { Some(a * b) };
+    let approximation = Approximation {
+        neighbours: either(p.neighbours, q.neighbours)?,
+        scales: either(p.scales, q.scales)?,
+        components: either(p.components, q.components)?,
+        step_scale: one(p.step_scale, q.step_scale)?,
+        min_weight: either(p.min_weight, q.min_weight)?,
+        min_transmittance: either(p.min_transmittance, q.min_transmittance)?,
+        decoder: either(p.decoder, q.decoder)?,
+        density_cache: either(p.density_cache, q.density_cache)?,
+    };
+    let divisor = one(f64::from(a.choice.divisor), f64::from(b.choice.divisor))? as u32;
+    let source = match (a.source, b.source) {
+        (0, source) | (source, 0) => source,
+        _ => return None,
+    };
+    // The decoder's mode belongs to the file.
+    if source != 0 && approximation.decoder.is_some() {
+        return None;
+    }
+    Some(Candidate { source, choice: Choice { approximation, divisor }, ..a.clone() })
+}

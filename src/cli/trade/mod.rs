@@ -1,0 +1,243 @@
+//! `strivec trade`: what speed costs, in one's own scene and on one's own machine.
+
+mod candidate;
+mod encodings;
+mod front;
+mod knobs;
+mod measured;
+mod plot;
+mod report;
+mod sweep;
+mod training;
+mod views;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use candidate::{Candidate, Engine};
+use knobs::{Room, combinations, knobs};
+use measured::{Belongs, Log};
+use report::{Report, Row, stored_front};
+use sweep::{Source, Sweep};
+use training::Training;
+use views::Views;
+
+use super::backend::Backend;
+use super::output::make_folder;
+use super::{Error, Session, scene_file, write_atomically};
+use crate::container::{self, Document};
+use crate::render::{Choice, TRADE_NOTE, Trade};
+use crate::train::TrainConfig;
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec trade lego.strivec --data lego
+  strivec trade lego.strivec --data lego --also per-ray.strivec --encodings --store
+  strivec trade --train --data lego --downscale 4 --config quarter.toml --steps 1500
+  strivec trade lego.strivec --size 400 --backend cpu,gpu --out trade-lego
+  strivec render lego.strivec --quality fast --path turntable --out frames
+
+Every point draws the same views by turns, so that a machine that is slow for a while decides nothing. A sweep that is \
+stopped goes on where it was when it is started again. --store writes the points that no other beats into the file; then \
+render, eval, the players and strivec-pack convert take --quality fast, balanced or best, and render takes --min-fps 30 \
+or --min-psnr 35.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// The scene
+    #[arg(required_unless_present = "train")]
+    file: Option<PathBuf>,
+    /// Folder of a dataset: pictures are compared with its photographs, else with the scene's own exact pictures
+    #[arg(long, value_name = "DATASET")]
+    data: Option<PathBuf>,
+    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    #[arg(long, value_name = "S", default_value = "test", requires = "data")]
+    split: String,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
+    downscale: u32,
+    /// Width of the pictures, where there is no dataset
+    #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096), conflicts_with = "data")]
+    size: u32,
+    /// Views that are drawn, at equal distances of all there are
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    views: u16,
+    /// Pictures of each point: each round draws one view by every point
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    rounds: u16,
+    /// Other files of the same scene, as of one that was trained for another decoder mode
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    also: Vec<PathBuf>,
+    /// Also the scene in other encodings: what bytes cost
+    #[arg(long)]
+    encodings: bool,
+    /// What computes; the first is what is stored
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Backend::Cpu])]
+    backend: Vec<Backend>,
+    /// Numbers of threads [default: all, half of them, …, 1]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4096))]
+    threads_list: Vec<u16>,
+    /// Combinations that are looked at; a few of them are measured as the single points are
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(0..=256))]
+    combinations: u16,
+    /// Folder for trade.json, trade.csv, plots and pictures, and the log of a sweep that is not finished
+    #[arg(long, value_name = "DIR", default_value = "trade")]
+    out: PathBuf,
+    /// Write the points that no other beats into FILE
+    #[arg(long)]
+    store: bool,
+    /// Instead: train with other scales, numbers of components and of neighbours, and with the dataset turned, as the paper's
+    /// tables do
+    #[arg(long, requires = "data", conflicts_with_all = ["file", "also", "encodings", "store"])]
+    train: bool,
+    /// Settings that every training changes one thing of [default: the preset 48]
+    #[arg(long, value_name = "TOML", requires = "train")]
+    config: Option<PathBuf>,
+    /// Steps of each training; the whole schedule scales along
+    #[arg(long, value_name = "N", default_value_t = 1500, requires = "train", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: u64,
+    /// Of every random choice of the trainings
+    #[arg(long, value_name = "S", default_value_t = 0, requires = "train")]
+    seed: u64,
+}
+
+/// Sweeps, reports, and stores.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    match (&args.file, &args.data) {
+        (Some(file), _) => sweep_file(file, args, session),
+        (None, Some(folder)) => train(folder, args, session),
+        (None, None) => Err(Error::Usage("expected a file, or --train and --data".into())),
+    }
+}
+
+/// Trains the paper's tables.
+fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
+    let config = match &args.config {
+        Some(path) => {
+            let text = fs::read_to_string(path).map_err(Error::io("read", path))?;
+            TrainConfig::from_toml(&text, None).map_err(Error::malformed(path))?
+        }
+        None => TrainConfig::preset("48").map_err(|e| Error::Usage(e.to_string()))?,
+    };
+    let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
+    config.check().map_err(|e| Error::Usage(e.to_string()))?;
+    make_folder(&args.out)?;
+    let (split, downscale, views) = (args.split.as_str(), args.downscale, usize::from(args.views));
+    training::run(&Training { folder, split, downscale, views, config, out: &args.out }, session)
+}
+
+/// Sweeps what can be traded in the scene of `file`.
+fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
+    let console = &session.console;
+    let (document, bytes) = scene_file::read_document(file)?;
+    let mut checksums = vec![crc32fast::hash(&bytes)];
+    let Document { scene, extras } = document;
+    let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let views = match &args.data {
+        Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
+        None => Views::own(&scene, &extras.cameras, args.views.into(), args.size, console)?,
+    };
+    let mut sources =
+        vec![Source { name: name.clone(), scene: scene.clone(), prefixes: extras.prefixes, bytes: bytes.len() as u64 }];
+    for path in &args.also {
+        let (Document { scene, extras }, bytes) = scene_file::read_document(path)?;
+        checksums.push(crc32fast::hash(&bytes));
+        let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        sources.push(Source { name, scene, prefixes: extras.prefixes, bytes: bytes.len() as u64 });
+    }
+    if args.encodings {
+        sources.extend(encodings::encoded(&scene, session)?);
+    }
+
+    let all_threads = rayon::current_num_threads();
+    let first = *args.backend.first().unwrap_or(&Backend::Cpu);
+    let base = Candidate {
+        source: 0,
+        choice: Choice::default(),
+        engine: Engine { backend: first, half: false },
+        threads: all_threads,
+    };
+    let room = Room {
+        base: base.clone(),
+        scene: &scene,
+        sources: sources.len(),
+        engines: engines(&args.backend, base.engine),
+        threads: threads(&args.threads_list, all_threads, first),
+    };
+    let knobs = knobs(&room);
+    make_folder(&args.out)?;
+    let belongs = Belongs { version: 1, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
+    let log = Log::open(&args.out.join("visits.jsonl"), &belongs, session.force)?;
+    let rounds = usize::from(args.rounds);
+    let mut sweep = Sweep { sources: &sources, views: &views, base: base.clone(), log, session };
+
+    let singles: Vec<Candidate> = knobs.iter().flat_map(|knob| knob.candidates.iter().cloned()).collect();
+    sweep.measure("one at a time", &singles, 1, rounds)?;
+    let alone = sweep.known(&singles, 1);
+    let of_base = sweep.known(std::slice::from_ref(&base), 1).pop().map(|(_, m)| m);
+    let of_base = of_base.ok_or_else(|| Error::Runtime("nothing was measured".into()))?;
+    let likely = combinations(&knobs, &of_base, &alone, args.combinations.into());
+    let finalists = sweep.halve(likely, usize::from(args.combinations).div_ceil(4), rounds)?;
+    sweep.measure("finalists", &finalists, 1, rounds)?;
+
+    let mut rows = vec![("exact", base.clone(), of_base)];
+    for knob in &knobs {
+        rows.extend(sweep.known(&knob.candidates, 1).into_iter().map(|(c, m)| (knob.name, c, m)));
+    }
+    rows.extend(sweep.known(&finalists, 1).into_iter().map(|(c, m)| ("several", c, m)));
+    let rows = Row::all(rows, &base, &sources);
+    let machine = machine(all_threads);
+    let front = Trade::new(
+        machine.clone(),
+        base.engine.name().to_owned(),
+        views.size(),
+        views.what.clone(),
+        stored_front(&rows, &base),
+    );
+    let report = Report { file: name, against: views.what.clone(), size: views.size(), machine, rows, front };
+    report.write(&args.out)?;
+    report.write_pictures(&args.out, &sources[0], &base, &views, session)?;
+    if args.store {
+        let mut notes = extras.notes;
+        notes.insert(TRADE_NOTE.to_owned(), report.front.to_note());
+        let with_notes = container::with_notes(&bytes, &notes).map_err(|e| Error::container(file, e))?;
+        write_atomically(file, &with_notes, true)?;
+        console.say(&format!("{}: {} points stored", file.display(), report.front.points.len()));
+    }
+    console.result(&report, Report::text)
+}
+
+/// What else than `base` computes.
+fn engines(backends: &[Backend], base: Engine) -> Vec<Engine> {
+    let mut engines = vec![Engine { backend: Backend::CpuF64, half: false }];
+    for &backend in backends {
+        engines.push(Engine { backend, half: false });
+        if backend == Backend::Gpu {
+            engines.push(Engine { backend, half: true });
+        }
+    }
+    engines.retain(|engine| *engine != base);
+    engines
+}
+
+/// Numbers of threads besides `all`, which do not matter to a graphics device.
+fn threads(wanted: &[u16], all: usize, backend: Backend) -> Vec<usize> {
+    if backend == Backend::Gpu {
+        return Vec::new();
+    }
+    let halves = || std::iter::successors(Some(all / 2), |n| Some(n / 2)).take_while(|n| *n > 0).collect();
+    let mut threads: Vec<usize> =
+        if wanted.is_empty() { halves() } else { wanted.iter().map(|n| usize::from(*n)).collect() };
+    threads.retain(|n| *n != all);
+    threads
+}
+
+/// The processor's name, where the system tells, and the threads.
+fn machine(threads: usize) -> String {
+    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name =
+        text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':')).map(|(_, name)| name.trim());
+    format!("{}, {threads} threads", name.unwrap_or(std::env::consts::ARCH))
+}

@@ -1,0 +1,226 @@
+//! What a sweep found, as a table, JSON, CSV, plots and pictures.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::candidate::Candidate;
+use super::front::front;
+use super::measured::{Measured, SAME};
+use super::plot::{self, Plot};
+use super::sweep::Source;
+use super::views::Views;
+use crate::cli::render::colors;
+use crate::cli::table::Table;
+use crate::cli::{Error, Session, write_atomically};
+use crate::measure::{Canvas, color_png, error_map, side_by_side, stacked};
+use crate::render::{Trade, TradePoint, enlarged};
+
+/// The difference that is brightest in an error picture.
+const ERROR_FULL: f32 = 0.2;
+
+/// Everything that was measured.
+#[derive(Serialize)]
+pub(super) struct Report {
+    pub(super) file: String,
+    /// What pictures were compared with.
+    pub(super) against: String,
+    pub(super) size: [u32; 2],
+    pub(super) machine: String,
+    pub(super) rows: Vec<Row>,
+    /// The front of the file's own backend, as `--store` writes it.
+    pub(super) front: Trade,
+}
+
+/// A candidate.
+#[derive(Serialize)]
+pub(super) struct Row {
+    /// What it was swept for.
+    knob: &'static str,
+    name: String,
+    /// Of the file that it is in.
+    bytes: u64,
+    /// Whether no other is both faster and better.
+    is_on_time_front: bool,
+    /// Whether no other is both smaller and better.
+    is_on_size_front: bool,
+    #[serde(flatten)]
+    measured: Measured,
+    candidate: Candidate,
+}
+
+impl Row {
+    /// Of what was measured under each knob; `sources` are the scenes.
+    pub(super) fn all(
+        measured: Vec<(&'static str, Candidate, Measured)>,
+        base: &Candidate,
+        sources: &[Source],
+    ) -> Vec<Self> {
+        let names: Vec<String> = sources.iter().map(|source| source.name.clone()).collect();
+        let front_by = |x: &dyn Fn(&(&'static str, Candidate, Measured)) -> f64| {
+            front(&measured.iter().map(|row| [x(row), row.2.psnr]).collect::<Vec<_>>())
+        };
+        let by_time = front_by(&|row| row.2.ratio);
+        let by_size = front_by(&|row| sources[row.1.source].bytes as f64);
+        (measured.into_iter().enumerate())
+            .map(|(n, (knob, candidate, measured))| Self {
+                knob,
+                name: candidate.name(base, &names),
+                bytes: sources[candidate.source].bytes,
+                is_on_time_front: by_time.contains(&n),
+                is_on_size_front: by_size.contains(&n),
+                measured,
+                candidate,
+            })
+            .collect()
+    }
+}
+
+/// The front of what `base`'s engine and scene do on its threads, the fastest first.
+pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<TradePoint> {
+    let own: Vec<&Row> = (rows.iter())
+        .filter(|row| {
+            let c = &row.candidate;
+            c.source == base.source && c.engine == base.engine && c.threads == base.threads
+        })
+        .collect();
+    let points: Vec<[f64; 2]> = own.iter().map(|row| [row.measured.ratio, row.measured.psnr]).collect();
+    // Medians of different views' times are not compared: ratios to the base's time in the same rounds are.
+    let whole = own.iter().find(|row| row.candidate == *base).map_or(1.0, |row| row.measured.milliseconds.median);
+    (front(&points).into_iter())
+        .map(|n| TradePoint {
+            names: Vec::new(),
+            choice: own[n].candidate.choice,
+            milliseconds: whole * own[n].measured.ratio,
+            psnr: own[n].measured.psnr,
+        })
+        .collect()
+}
+
+impl Report {
+    /// A line a candidate, those of the front marked.
+    pub(super) fn text(&self) -> String {
+        let mut table = Table::new([
+            "",
+            "traded",
+            "how",
+            "ms",
+            "quartiles",
+            "time",
+            "PSNR",
+            "SSIM",
+            "largest",
+            "file MB",
+            "memory MB",
+        ]);
+        for row in &self.rows {
+            let m = &row.measured;
+            let mark = if row.is_on_time_front { "*" } else { "" };
+            let psnr = if m.psnr >= SAME { "same".to_owned() } else { format!("{:.2}", m.psnr) };
+            table.row([
+                mark.to_owned(),
+                row.knob.to_owned(),
+                row.name.clone(),
+                format!("{:.0}", m.milliseconds.median),
+                format!("{:.0}-{:.0}", m.milliseconds.quartiles[0], m.milliseconds.quartiles[1]),
+                format!("{:.2}", m.ratio),
+                psnr,
+                m.ssim.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}")),
+                format!("{:.3}", m.largest),
+                format!("{:.2}", row.bytes as f64 / 1e6),
+                format!("{:.0}", m.memory_bytes as f64 / 1e6),
+            ]);
+        }
+        let mut text = format!("{}, {}x{}, {}\n", self.against, self.size[0], self.size[1], self.machine);
+        text += &table.text();
+        text += "\n* nothing is both faster and better. time: of the exact picture's, median over rounds\n";
+        for point in self.front.points.iter().filter(|p| !p.names.is_empty()) {
+            let names = point.names.join(", ");
+            text += &format!("{names}: {:.0} ms, {:.2} dB\n", point.milliseconds, point.psnr);
+        }
+        text
+    }
+
+    /// The rows as comma-separated values.
+    fn csv(&self) -> String {
+        let mut text = "knob,name,milliseconds,first_quartile,third_quartile,time_ratio,psnr,ssim,largest_error,file_bytes,memory_bytes,on_front\n".to_owned();
+        for row in &self.rows {
+            let m = &row.measured;
+            let ssim = m.ssim.map_or_else(String::new, |v| v.to_string());
+            let [first, third] = m.milliseconds.quartiles;
+            text += &format!(
+                "{},\"{}\",{},{first},{third},{},{},{ssim},{},{},{},{}\n",
+                row.knob,
+                row.name,
+                m.milliseconds.median,
+                m.ratio,
+                m.psnr,
+                m.largest,
+                row.bytes,
+                m.memory_bytes,
+                row.is_on_time_front
+            );
+        }
+        text
+    }
+
+    /// Writes `trade.json`, `trade.csv`, and the plots of time and of size, into `folder`.
+    pub(super) fn write(&self, folder: &Path) -> Result<(), Error> {
+        let json = serde_json::to_string_pretty(self).expect("plain data") + "\n";
+        write_atomically(&folder.join("trade.json"), json.as_bytes(), true)?;
+        write_atomically(&folder.join("trade.csv"), self.csv().as_bytes(), true)?;
+        type Of<T> = fn(&Row) -> T;
+        let plots: [(&str, &'static str, Of<f64>, Of<bool>); 2] = [
+            ("time", "milliseconds a picture", |row| row.measured.milliseconds.median, |row| row.is_on_time_front),
+            ("size", "megabytes of the file", |row| row.bytes as f64 / 1e6, |row| row.is_on_size_front),
+        ];
+        for (name, axis, value, is_on_front) in plots {
+            let points = self.rows.iter().filter(|row| name == "time" || row.knob == "file" || row.knob == "exact");
+            let plot = Plot {
+                title: format!("{}: {name} against PSNR, {}", self.file, self.against),
+                axes: [axis, "PSNR, dB"],
+                points: points
+                    .map(|row| plot::Point {
+                        at: [value(row), row.measured.psnr],
+                        name: row.name.clone(),
+                        is_on_front: is_on_front(row),
+                    })
+                    .collect(),
+            };
+            write_atomically(
+                &folder.join(format!("{name}.svg")),
+                plot.svg().map_err(Error::Runtime)?.as_bytes(),
+                true,
+            )?;
+            let (size, colors) = plot.picture().map_err(Error::Runtime)?;
+            write_atomically(&folder.join(format!("{name}.png")), &color_png(size, &colors)?, true)?;
+        }
+        Ok(())
+    }
+
+    /// Writes `pictures.png`: a row for each of the named points, with what was drawn, what it should be, and where they differ.
+    pub(super) fn write_pictures(
+        &self,
+        folder: &Path,
+        source: &Source,
+        base: &Candidate,
+        views: &Views,
+        session: &Session,
+    ) -> Result<(), Error> {
+        let view = &views.views[0];
+        let size = [view.camera.width, view.camera.height];
+        let mut rows = Vec::new();
+        for point in self.front.points.iter().filter(|p| !p.names.is_empty()) {
+            let approximation = &point.choice.approximation;
+            let scene = source.with_scales_of(approximation);
+            let mut renderer = base.engine.prepare(scene, approximation, &session.console)?;
+            let small = renderer.render(&view.camera.downscaled(point.choice.divisor))?;
+            let drawn = colors(&enlarged(&small, size));
+            let difference = error_map(&drawn, &view.truth, ERROR_FULL)?;
+            let pictures = [drawn, view.truth.clone(), difference].map(|colors| Canvas { size, colors });
+            rows.push(side_by_side(&pictures));
+        }
+        let sheet = stacked(&rows);
+        write_atomically(&folder.join("pictures.png"), &color_png(sheet.size, &sheet.colors)?, true)
+    }
+}

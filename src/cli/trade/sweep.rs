@@ -1,0 +1,172 @@
+//! Measuring candidates by turns, so that a machine that is slow for a while meets all of them alike.
+
+use std::time::Instant;
+
+use super::candidate::{Candidate, Engine};
+use super::front::below_front;
+use super::measured::{Log, Measured, Visit};
+use super::views::{View, Views};
+use crate::cli::backend::{BackendOptions, Prepared};
+use crate::cli::console::Console;
+use crate::cli::progress::Progress;
+use crate::cli::render::colors;
+use crate::cli::{Error, Session};
+use crate::container::{Prefix, beginning};
+use crate::measure::{Error as MeasureError, mse, ssim};
+use crate::model::Scene;
+use crate::render::{Approximation, enlarged};
+
+/// A scene that candidates draw.
+pub(super) struct Source {
+    pub(super) name: String,
+    pub(super) scene: Scene,
+    /// \[scale\] what makes up for the scales behind it.
+    pub(super) prefixes: Vec<Option<Prefix>>,
+    /// Of its file.
+    pub(super) bytes: u64,
+}
+
+impl Source {
+    /// The scene without what `approximation` leaves out of its scales.
+    pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
+        let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
+        beginning(self.scene.clone(), &self.prefixes, scales)
+    }
+}
+
+impl Engine {
+    /// What draws `scene`.
+    pub(super) fn prepare(
+        self,
+        scene: Scene,
+        approximation: &Approximation,
+        console: &Console,
+    ) -> Result<Prepared, Error> {
+        BackendOptions::new(self.backend, self.half).prepare(scene, approximation, console)
+    }
+}
+
+/// A sweep that is being made.
+pub(super) struct Sweep<'a> {
+    pub(super) sources: &'a [Source],
+    pub(super) views: &'a Views,
+    pub(super) base: Candidate,
+    pub(super) log: Log,
+    pub(super) session: &'a Session,
+}
+
+impl Sweep<'_> {
+    /// Draws `rounds` pictures of each of `candidates`, `shrunk` times smaller: a round is one view by every candidate, the
+    /// base's picture first. What the log has is not drawn again.
+    pub(super) fn measure(
+        &mut self,
+        task: &str,
+        candidates: &[Candidate],
+        shrunk: u32,
+        rounds: usize,
+    ) -> Result<(), Error> {
+        let mut all = vec![self.base.clone()];
+        all.extend(candidates.iter().filter(|c| **c != self.base).cloned());
+        let session = self.session;
+        let progress = Progress::start(&session.console, task, (all.len() * rounds) as u64);
+        // Its own word on each of many renderers would drown the rest.
+        let quiet = Console::new("strivec", true, false);
+        let mut done = 0;
+        for round in 0..rounds {
+            let whole = &self.views.views[round % self.views.views.len()];
+            let view = whole.shrunk(shrunk);
+            for candidate in &all {
+                if !self.log.has(candidate, shrunk, round) {
+                    let visit = self.visit(candidate, shrunk, round, &view, &quiet)?;
+                    self.log.add(visit)?;
+                }
+                done += 1;
+                let name = candidate.name(&self.base, &self.names());
+                progress.set(done, || format!("round {}, {name}", round + 1));
+            }
+        }
+        progress.finish(&format!("{} pictures", all.len() * rounds));
+        Ok(())
+    }
+
+    fn names(&self) -> Vec<String> {
+        self.sources.iter().map(|source| source.name.clone()).collect()
+    }
+
+    fn visit(
+        &self,
+        candidate: &Candidate,
+        shrunk: u32,
+        round: usize,
+        view: &View,
+        quiet: &Console,
+    ) -> Result<Visit, Error> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(candidate.threads).build();
+        let pool = pool.map_err(|e| Error::Runtime(format!("threads: {e}")))?;
+        pool.install(|| {
+            let approximation = &candidate.choice.approximation;
+            let scene = self.sources[candidate.source].with_scales_of(approximation);
+            let start = Instant::now();
+            let mut renderer = candidate.engine.prepare(scene, approximation, quiet)?;
+            let preparing_ms = 1e3 * start.elapsed().as_secs_f64();
+            let camera = view.camera.downscaled(candidate.choice.divisor);
+            // What is touched for the first time is not what a second picture waits for.
+            renderer.render(&camera.downscaled(8.min(camera.width.min(camera.height))))?;
+            let start = Instant::now();
+            let small = renderer.render(&camera)?;
+            let size = [view.camera.width, view.camera.height];
+            let picture = colors(&enlarged(&small, size));
+            let milliseconds = 1e3 * start.elapsed().as_secs_f64();
+            let differences = picture.iter().zip(&view.exact).flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()));
+            Ok(Visit {
+                candidate: candidate.clone(),
+                shrunk,
+                round,
+                milliseconds,
+                preparing_ms,
+                error: mse(&picture, &view.truth)?,
+                ssim: match ssim(size, &picture, &view.truth) {
+                    Err(MeasureError::SmallerThanWindow { .. }) => None,
+                    other => Some(other?),
+                },
+                largest: f64::from(differences.fold(0.0, f32::max)),
+                memory_bytes: renderer.memory_bytes(),
+            })
+        })
+    }
+
+    /// What is known of `candidates`, of those of which something is.
+    pub(super) fn known(&self, candidates: &[Candidate], shrunk: u32) -> Vec<(Candidate, Measured)> {
+        let measured = |c: &Candidate| Some((c.clone(), self.log.measured(c, &self.base, shrunk)?));
+        candidates.iter().filter_map(measured).collect()
+    }
+
+    /// The `keep` of `candidates` that come closest to the front, after ever more and larger pictures of ever fewer of them.
+    pub(super) fn halve(
+        &mut self,
+        mut candidates: Vec<Candidate>,
+        keep: usize,
+        rounds: usize,
+    ) -> Result<Vec<Candidate>, Error> {
+        let mut shrunk = FIRST_LOOK;
+        let mut looks = 1;
+        while candidates.len() > keep && shrunk > 1 {
+            self.measure("combinations", &candidates, shrunk, looks.min(rounds))?;
+            let mut known = self.known(&candidates, shrunk);
+            let points: Vec<[f64; 2]> = known.iter().map(|(_, m)| [m.ratio, m.psnr]).collect();
+            let below = below_front(&points);
+            let mut order: Vec<usize> = (0..known.len()).collect();
+            order.sort_by(|&a, &b| below[a].total_cmp(&below[b]));
+            order.truncate((known.len() / 2).max(keep));
+            order.sort_unstable();
+            candidates = order.into_iter().map(|n| known[n].0.clone()).collect();
+            known.clear();
+            (shrunk, looks) = (shrunk / 2, looks * 2);
+        }
+        candidates.truncate(keep);
+        Ok(candidates)
+    }
+}
+
+/// How much smaller the first pictures of combinations are.
+const FIRST_LOOK: u32 = 4;

@@ -1,0 +1,123 @@
+//! What the sweep's pictures are compared with.
+
+use std::path::Path;
+
+use crate::cli::Error;
+use crate::cli::console::Console;
+use crate::cli::render::colors;
+use crate::container::TrainingCamera;
+use crate::dataset::{self, Dataset, LoadOptions};
+use crate::geometry::Camera;
+use crate::model::Scene;
+use crate::pack::probe_views;
+use crate::render::Approximation;
+
+use super::candidate::Engine;
+
+/// A picture that is to be drawn, and what it should be.
+pub(super) struct View {
+    pub(super) camera: Camera,
+    /// A photograph; of a sweep without a dataset the exact picture.
+    pub(super) truth: Vec<[f32; 3]>,
+    /// The scene's own, drawn exactly.
+    pub(super) exact: Vec<[f32; 3]>,
+}
+
+/// All of them, and what they are called.
+pub(super) struct Views {
+    pub(super) views: Vec<View>,
+    pub(super) what: String,
+}
+
+impl Views {
+    /// `count` photographs of the dataset's `split`, at equal distances.
+    pub(super) fn of_dataset(
+        folder: &Path,
+        split: &str,
+        downscale: u32,
+        count: usize,
+        scene: &Scene,
+        console: &Console,
+    ) -> Result<Self, Error> {
+        let all = dataset::load_cameras(folder, split, None, downscale)?.len();
+        let options = LoadOptions { downscale, views: None, every: all.div_ceil(count).max(1) };
+        let Dataset { name, views, .. } = dataset::load(folder, split, &options)?;
+        let photographs = views.iter().map(|view| {
+            let camera = view.camera.mapped(&scene.frame.model_from_dataset);
+            (camera, Some(view.pixels.colors(scene.frame.background)))
+        });
+        let what = format!("{name}, {} views of {split}", views.len());
+        Self::of(photographs.collect(), what, scene, console)
+    }
+
+    /// The scene's own pictures from `count` places: those of `known` cameras, or around it.
+    pub(super) fn own(
+        scene: &Scene,
+        known: &[TrainingCamera],
+        count: usize,
+        size: u32,
+        console: &Console,
+    ) -> Result<Self, Error> {
+        let cameras = probe_views(scene, known, count, size).cameras;
+        let what = format!("{} of its own pictures", cameras.len());
+        Self::of(cameras.into_iter().map(|camera| (camera, None)).collect(), what, scene, console)
+    }
+
+    fn of(
+        pictures: Vec<(Camera, Option<Vec<[f32; 3]>>)>,
+        what: String,
+        scene: &Scene,
+        console: &Console,
+    ) -> Result<Self, Error> {
+        if pictures.is_empty() {
+            return Err(Error::Malformed("the sweep's views: expected some, found none".into()));
+        }
+        let mut renderer = Engine::CPU.prepare(scene.clone(), &Approximation::default(), console)?;
+        let mut views = Vec::new();
+        for (camera, photograph) in pictures {
+            let exact = colors(&renderer.render(&camera)?);
+            views.push(View { camera, truth: photograph.unwrap_or_else(|| exact.clone()), exact });
+        }
+        Ok(Self { views, what })
+    }
+
+    /// Columns and rows of the first view's picture.
+    pub(super) fn size(&self) -> [u32; 2] {
+        [self.views[0].camera.width, self.views[0].camera.height]
+    }
+}
+
+impl View {
+    /// The view with pictures `by` times smaller.
+    pub(super) fn shrunk(&self, by: u32) -> Self {
+        let size = [self.camera.width, self.camera.height];
+        let camera = self.camera.downscaled(by);
+        Self { truth: averaged(&self.truth, size, by), exact: averaged(&self.exact, size, by), camera }
+    }
+}
+
+/// The mean of each block of `by` × `by` pixels; columns and rows that fill none are dropped.
+fn averaged(colors: &[[f32; 3]], [width, height]: [u32; 2], by: u32) -> Vec<[f32; 3]> {
+    let (columns, rows, by) = ((width / by) as usize, (height / by) as usize, by as usize);
+    let mut small = vec![[0.0; 3]; columns * rows];
+    for y in 0..rows * by {
+        for x in 0..columns * by {
+            let to = &mut small[y / by * columns + x / by];
+            let from = &colors[y * width as usize + x];
+            (0..3).for_each(|c| to[c] += from[c] / (by * by) as f32);
+        }
+    }
+    small
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_averaged_and_what_fills_none_is_dropped() {
+        let colors: Vec<[f32; 3]> = (0..15).map(|n| [n as f32; 3]).collect();
+        let found: Vec<f32> = averaged(&colors, [5, 3], 2).iter().map(|c| c[0]).collect();
+        assert_eq!(found, [3.0, 5.0]);
+    }
+}

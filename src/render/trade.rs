@@ -1,0 +1,295 @@
+//! What a scene's pictures cost and what they are worth, by how they are rendered: what `strivec trade` measured and a file may
+//! carry in its notes.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Approximation, Picture, Pixel};
+
+/// The key of the note.
+pub const TRADE_NOTE: &str = "trade";
+/// How the note is written.
+const VERSION: u32 = 1;
+/// Decibels: what is worse than the best by more is not called fast but bad.
+const FAST_LOSS: f64 = 2.0;
+/// More points than anybody measures.
+const MOST_POINTS: usize = 256;
+
+/// A way to render.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Choice {
+    /// What is left out.
+    pub approximation: Approximation,
+    /// Pictures are rendered this many times smaller, and enlarged.
+    pub divisor: u32,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self { approximation: Approximation::default(), divisor: 1 }
+    }
+}
+
+/// A way to render, and what it gave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TradePoint {
+    /// Of `fast`, `balanced` and `best`, each of which is one point.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub names: Vec<String>,
+    /// What was rendered with.
+    pub choice: Choice,
+    /// The median of a picture's milliseconds.
+    pub milliseconds: f64,
+    /// In dB, the mean over the views.
+    pub psnr: f64,
+}
+
+/// The points that no other beats in both time and PSNR, the fastest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trade {
+    /// How this is written: 1.
+    pub version: u32,
+    /// What it was measured on, and with how many threads or what device.
+    pub machine: String,
+    /// `cpu`, `gpu` or `gpu-half`.
+    pub backend: String,
+    /// Of the pictures, in pixels.
+    pub size: [u32; 2],
+    /// What pictures were compared with: a dataset and split, or the scene's own pictures.
+    pub against: String,
+    /// The points.
+    pub points: Vec<TradePoint>,
+}
+
+/// Which point of a [`Trade`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wish {
+    /// The one of this name.
+    Name(String),
+    /// The best that renders so many pictures a second.
+    FramesPerSecond(f64),
+    /// The fastest of at least so many dB.
+    Psnr(f64),
+}
+
+/// Why there is no [`Trade`], or none of its points is meant.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}: expected {expected}, found {found}")]
+pub struct TradeError {
+    /// What is wrong.
+    pub what: String,
+    /// What it should be.
+    pub expected: String,
+    /// What it is.
+    pub found: String,
+}
+
+impl TradeError {
+    fn new(what: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
+        Self { what: what.into(), expected: expected.into(), found: found.to_string() }
+    }
+}
+
+impl Trade {
+    /// The one in a file's `notes`; `None` where there is none.
+    ///
+    /// # Errors
+    ///
+    /// Where the note is not as this version writes it.
+    pub fn of_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, TradeError>> {
+        notes.get(TRADE_NOTE).map(|text| Self::parse(text))
+    }
+
+    fn parse(text: &str) -> Result<Self, TradeError> {
+        let note = format!("note {TRADE_NOTE}");
+        let trade: Self = serde_json::from_str(text).map_err(|e| TradeError::new(&note, "a trade as JSON", e))?;
+        if trade.version != VERSION {
+            return Err(TradeError::new(note + " version", VERSION.to_string(), trade.version));
+        }
+        if !(1..=MOST_POINTS).contains(&trade.points.len()) {
+            return Err(TradeError::new(note + " points", format!("1 to {MOST_POINTS}"), trade.points.len()));
+        }
+        for (n, point) in trade.points.iter().enumerate() {
+            let TradePoint { choice: Choice { divisor, .. }, milliseconds, psnr, .. } = *point;
+            if !(milliseconds > 0.0 && milliseconds.is_finite() && psnr.is_finite() && (1..=16).contains(&divisor)) {
+                let found = format!("{milliseconds} ms, {psnr} dB, {divisor}");
+                return Err(TradeError::new(
+                    format!("{note} point {n}"),
+                    "a time, a PSNR, a divisor of 1 to 16",
+                    found,
+                ));
+            }
+        }
+        Ok(trade)
+    }
+
+    /// As a note.
+    pub fn to_note(&self) -> String {
+        serde_json::to_string(self).expect("plain data")
+    }
+
+    /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the fast, the
+    /// fastest that is not more than [`FAST_LOSS`] worse; as balanced, the one farthest above the line from that to the best.
+    pub fn new(machine: String, backend: String, size: [u32; 2], against: String, mut points: Vec<TradePoint>) -> Self {
+        points.truncate(MOST_POINTS);
+        if let Some(chosen) = named(&points) {
+            for (name, n) in ["fast", "balanced", "best"].into_iter().zip(chosen) {
+                points[n].names.push(name.to_owned());
+            }
+        }
+        Self { version: VERSION, machine, backend, size, against, points }
+    }
+
+    /// The point that is wished for, for pictures of `size` pixels.
+    ///
+    /// # Errors
+    ///
+    /// Where no point is as wished.
+    pub fn pick(&self, wish: &Wish, size: [u32; 2]) -> Result<&TradePoint, TradeError> {
+        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+        // Time is in proportion to pixels.
+        let scale = pixels(size) / pixels(self.size).max(1.0);
+        let all = || {
+            let points = self.points.iter();
+            points
+                .map(|p| format!("{:.1} ms at {:.2} dB", scale * p.milliseconds, p.psnr))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        match wish {
+            Wish::Name(name) => {
+                let names = || self.points.iter().flat_map(|p| p.names.clone()).collect::<Vec<_>>().join(", ");
+                let found = self.points.iter().find(|p| p.names.contains(name));
+                found.ok_or_else(|| TradeError::new("quality", names(), name))
+            }
+            Wish::FramesPerSecond(fps) => {
+                let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
+                let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
+                best.ok_or_else(|| TradeError::new("frames per second", format!("what a point gives: {}", all()), fps))
+            }
+            Wish::Psnr(least) => {
+                let good = self.points.iter().filter(|p| p.psnr >= *least);
+                let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+                fastest.ok_or_else(|| TradeError::new("PSNR", format!("what a point gives: {}", all()), least))
+            }
+        }
+    }
+}
+
+/// The points of a front that are called fast, balanced and best; `None` where there are no points.
+fn named(points: &[TradePoint]) -> Option<[usize; 3]> {
+    let best = points.iter().enumerate().max_by(|a, b| a.1.psnr.total_cmp(&b.1.psnr))?.0;
+    let fast = points.iter().position(|p| p.psnr >= points[best].psnr - FAST_LOSS)?;
+    let (from, to) = (&points[fast], &points[best]);
+    let part = |v: f64, from: f64, to: f64| if to > from { (v - from) / (to - from) } else { 0.0 };
+    let above = |n: usize| {
+        let p = &points[n];
+        part(p.psnr, from.psnr, to.psnr) - part(p.milliseconds.ln(), from.milliseconds.ln(), to.milliseconds.ln())
+    };
+    let balanced = (fast..=best).max_by(|&a, &b| above(a).total_cmp(&above(b)))?;
+    Some([fast, balanced, best])
+}
+
+/// `small` made `size` pixels large, linear between its pixels.
+pub fn enlarged(small: &Picture, size: [u32; 2]) -> Picture {
+    let [width, height] = size;
+    if [small.width, small.height] == size {
+        return small.clone();
+    }
+    // Of each column or row: the two to mix, and the second's part.
+    let along = |count: u32, of: u32| -> Vec<(usize, usize, f32)> {
+        let last = of as usize - 1;
+        (0..count)
+            .map(|n| {
+                let at = ((f64::from(n) + 0.5) * f64::from(of) / f64::from(count) - 0.5).clamp(0.0, last as f64);
+                (at.floor() as usize, (at.floor() as usize + 1).min(last), at.fract() as f32)
+            })
+            .collect()
+    };
+    let (columns, rows) = (along(width, small.width), along(height, small.height));
+    let mix = |a: &Pixel, b: &Pixel, part: f32| Pixel {
+        color: [0, 1, 2].map(|c| a.color[c] + part * (b.color[c] - a.color[c])),
+        opacity: a.opacity + part * (b.opacity - a.opacity),
+        depth: a.depth + part * (b.depth - a.depth),
+    };
+    let pixel = |row: usize, column: usize| &small.pixels[row * small.width as usize + column];
+    let pixels = rows.iter().flat_map(|&(above, below, y)| {
+        columns.iter().map(move |&(left, right, x)| {
+            mix(&mix(pixel(above, left), pixel(above, right), x), &mix(pixel(below, left), pixel(below, right), x), y)
+        })
+    });
+    Picture { width, height, pixels: pixels.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trade() -> Trade {
+        let point =
+            |milliseconds, psnr| TradePoint { names: Vec::new(), choice: Choice::default(), milliseconds, psnr };
+        let points =
+            vec![point(10.0, 20.0), point(20.0, 33.0), point(30.0, 34.5), point(90.0, 34.6), point(100.0, 35.0)];
+        Trade::new("a machine".into(), "cpu".into(), [80, 60], "lego, test".into(), points)
+    }
+
+    #[test]
+    fn points_get_their_names_and_come_back_from_a_note() {
+        let trade = trade();
+        let names: Vec<_> = trade.points.iter().map(|p| p.names.join(" ")).collect();
+        assert_eq!(names, ["", "fast", "balanced", "", "best"]);
+        let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
+        assert_eq!(Trade::of_notes(&notes), Some(Ok(trade)));
+        assert_eq!(Trade::of_notes(&BTreeMap::new()), None);
+        let alone = Trade::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()]);
+        assert_eq!(alone.points[0].names, ["fast", "balanced", "best"]);
+    }
+
+    fn notes_point() -> TradePoint {
+        trade().points.swap_remove(0)
+    }
+
+    #[test]
+    fn wishes_are_granted_or_refused_with_what_there_is() {
+        let trade = trade();
+        let pick = |wish: Wish, size| trade.pick(&wish, size).map(|p| p.milliseconds);
+        assert_eq!(pick(Wish::Name("fast".into()), [80, 60]), Ok(20.0));
+        assert_eq!(pick(Wish::FramesPerSecond(30.0), [80, 60]), Ok(30.0));
+        assert_eq!(pick(Wish::FramesPerSecond(30.0), [160, 60]), Ok(10.0), "twice as many pixels take twice as long");
+        assert_eq!(pick(Wish::Psnr(34.0), [160, 60]), Ok(30.0));
+        for wish in [Wish::Name("wild".into()), Wish::FramesPerSecond(200.0), Wish::Psnr(40.0)] {
+            let error = pick(wish, [80, 60]).unwrap_err();
+            assert!(error.expected.contains("fast, balanced, best") || error.expected.contains("35.00 dB"), "{error}");
+        }
+    }
+
+    #[test]
+    fn notes_that_are_no_trade_are_named() {
+        let note = trade().to_note();
+        for (from, to) in [
+            ("\"version\":1", "\"version\":2"),
+            ("\"milliseconds\":10.0", "\"milliseconds\":-1.0"),
+            ("\"divisor\":1", "\"divisor\":99"),
+            ("\"points\":[", "\"points\":[[]"),
+            ("\"backend\"", "\"backhand\""),
+        ] {
+            assert!(note.contains(from), "{from} in {note}");
+            let error = Trade::parse(&note.replacen(from, to, 1)).unwrap_err();
+            assert!(error.what.starts_with("note trade"), "{error}");
+        }
+    }
+
+    #[test]
+    fn enlarging_keeps_flat_parts_and_the_mean() {
+        let pixel = |v: f32| Pixel { color: [v; 3], opacity: v, depth: v };
+        let small = Picture { width: 2, height: 1, pixels: vec![pixel(0.0), pixel(1.0)] };
+        let large = enlarged(&small, [4, 2]);
+        let values: Vec<f32> = large.pixels.iter().map(|p| p.opacity).collect();
+        assert_eq!(values, [0.0, 0.25, 0.75, 1.0, 0.0, 0.25, 0.75, 1.0]);
+        assert_eq!(enlarged(&small, [2, 1]), small);
+    }
+}
