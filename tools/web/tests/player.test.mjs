@@ -199,7 +199,7 @@ test("what cannot be opened is said, and the player lives", async () => {
 });
 
 test("a large file is on the screen before the rest of it is asked for", async () => {
-  const file = levels();
+  const { file } = levels();
   const size = readFileSync(file).length;
   const path = `/${basename(file)}`;
   const own = await serve(dist, [file]);
