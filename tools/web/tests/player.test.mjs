@@ -150,7 +150,7 @@ test("the panel shows facts, and its controls work by keyboard", async () => {
   await page.keyboard.press("i");
   const panel = page.getByRole("complementary");
   await panel.waitFor({ state: "visible" });
-  const facts = await panel.locator("dl").innerText();
+  const facts = await panel.locator("#facts").innerText();
   for (const expected of ["0.01 MB", "tensors\n6", "scale 1", "30 000", "lego"]) {
     assert.ok(facts.includes(expected), `${expected}: ${facts}`);
   }
