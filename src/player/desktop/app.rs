@@ -199,7 +199,11 @@ impl App {
             self.boxes.resize(opened.document.scene.scales.len(), true);
         }
         match SceneSlot::new(opened, &self.device, &self.approximation) {
-            Ok(scene) => self.slots[slot] = Some(scene),
+            Ok(scene) => {
+                self.slots[slot] = Some(scene);
+                // The photograph was on the screen that is gone.
+                self.photograph.is_loaded &= slot != 0;
+            }
             Err(text) => self.say(text),
         }
         self.changed();
