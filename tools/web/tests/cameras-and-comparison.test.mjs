@@ -76,6 +76,7 @@ test("a path is recorded, kept and played", async () => {
   await keyboard.press("ArrowRight");
   await keyboard.press("ArrowUp");
   const last = await camera();
+  await viewer.rest();
   await viewer.page.waitForTimeout(600);
   const download = viewer.page.waitForEvent("download");
   await keyboard.press("c");
