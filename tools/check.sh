@@ -4,9 +4,10 @@
 #   tools/check.sh            run them all; the first that fails ends the run
 #
 # Needs Rust (version: rust-version in Cargo.toml) with rustfmt and clippy, a C compiler, a Vulkan driver (Mesa's lavapipe will
-# do), Xvfb, and Python 3 ($PYTHON, else python3) with numpy and zstandard for the second reader and Xlib for the window's
-# events. Installs nothing; what is built lies in target/. All builds share
-# the release profile, so that each dependency is compiled once to run and once to be checked.
+# do), Xvfb, Python 3 ($PYTHON, else python3) with numpy and zstandard for the second reader and Xlib for the window's
+# events, and for the page Node (20.19 or later) with npm and Chromium ($CHROMIUM, else /usr/bin/chromium). Installs nothing;
+# what is built lies in target/ and tools/web/, what the page's build fetches too. All builds share the release profile, so
+# that each dependency is compiled once to run and once to be checked.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -29,6 +30,8 @@ python=${PYTHON:-python3}
 command -v Xvfb >/dev/null || fail "Xvfb is missing: apt-get install xvfb"
 ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] ||
     fail "no Vulkan driver was found: apt-get install mesa-vulkan-drivers"
+tools/web/node-version.sh || fail "Node, which the page is built with, is missing or too old"
+[[ -x ${CHROMIUM:-/usr/bin/chromium} ]] || fail "Chromium is missing: apt-get install chromium, or set CHROMIUM"
 
 step() {
     local start=$SECONDS
@@ -54,5 +57,7 @@ for renderer in gpu cpu memory; do
 done
 step cargo test --locked --release "${light[@]}"
 step env PYTHONPATH=tools/python PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/python/tests
+step tools/web/build.sh
+step npm --prefix tools/web test
 
 printf '\nAll checks passed in %d s.\n' "$SECONDS"

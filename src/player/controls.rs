@@ -42,6 +42,10 @@ pub enum Action {
     Record,
     /// Play the recorded path, or stop.
     Play,
+    /// To the next training camera.
+    NextCamera,
+    /// To the training camera before.
+    CameraBefore,
     /// Show or hide tensor boxes.
     Boxes,
     /// Show or hide the panel.
@@ -62,6 +66,8 @@ pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
         "KeyP" | "F12" => Some(Action::Screenshot),
         "KeyC" => Some(Action::Record),
         "Space" => Some(Action::Play),
+        "PageDown" => Some(Action::NextCamera),
+        "PageUp" => Some(Action::CameraBefore),
         "KeyB" => Some(Action::Boxes),
         "KeyI" => Some(Action::Panel),
         _ => None,

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles as _, Vec3};
 
 use crate::geometry::Camera;
+use crate::model::Scene;
 use crate::render::Look;
 use crate::render::gpu::{Gpu, GpuRenderer};
 
@@ -65,6 +66,24 @@ pub struct Show {
     pub photograph_share: f32,
     /// The photograph's corner and size, in parts of the picture's place.
     pub photograph: [f32; 4],
+}
+
+impl Show {
+    /// The picture of `scene` that `camera` took, as `view`, on `background` or else the scene's own; without a photograph.
+    pub fn of(scene: &Scene, camera: Option<&Camera>, view: View, background: Option<[f32; 3]>) -> Self {
+        let (own, bounds) = (scene.frame.background, &scene.bounds);
+        let distance = camera.map_or(1.0, |camera| (camera.position - bounds.center()).length());
+        let reach = 0.5 * bounds.size().length();
+        Self {
+            view,
+            scene_background: own,
+            background: background.unwrap_or(own),
+            depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
+            most_samples: (bounds.size().max_element() / scene.rules.step).min(256.0) as f32,
+            photograph_share: 0.0,
+            photograph: [0.0, 0.0, 1.0, 1.0],
+        }
+    }
 }
 
 /// `Display` of `shaders/display.wgsl`.

@@ -7,17 +7,16 @@ use wasm_bindgen::Clamped;
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 use web_sys::HtmlCanvasElement;
 
-use super::app::App;
+use super::app::{App, rgba};
 use super::canvas::Canvas;
 use super::download::Download;
 use crate::container::{Limits, decode_document, sections};
 use crate::geometry::Camera;
-use crate::player::Drag;
-use crate::player::{Action, Step, View, scale_count};
+use crate::player::{Action, Comparison, Drag, Step, View, scale_count};
+use crate::render::Approximation;
 use crate::render::gpu::{Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, Pixel};
 
-/// A canvas that shows a scene.
+/// A canvas that shows a scene, or two: where a place is asked for, 0 is the first scene and 1 the one that it is compared with.
 ///
 /// After every call that changes something, ask for frames until [`Player::frame`] says that none is needed.
 #[wasm_bindgen]
@@ -36,32 +35,103 @@ impl Player {
         Ok(Self { app: Rc::new(RefCell::new(App::new(Canvas::new(canvas).await?))) })
     }
 
-    /// Opens the `.strivec` file of these bytes in place of what is shown.
+    /// Opens the `.strivec` file of these bytes in place of what is shown at `place`.
     ///
     /// # Errors
     ///
     /// Where the bytes are no such file, and where the device is too small for it; what is shown then stays.
-    pub fn open(&self, bytes: Vec<u8>) -> Result<(), JsError> {
+    pub fn open(&self, bytes: Vec<u8>, place: usize) -> Result<(), JsError> {
         let document = decode_document(&bytes, Limits::default())?;
         let contents = sections(&bytes)?;
         drop(bytes);
         let step = Step { document, scales: scale_count(&contents), contents, is_whole: true };
-        Ok(self.app.borrow_mut().take(step, false)?)
+        Ok(self.app.borrow_mut().take(step, false, place.min(1))?)
     }
 
-    /// Shows what has arrived of a file, whose wanted bytes must all be there. Whether that is all of it.
+    /// Shows at `place` what has arrived of a file, whose wanted bytes must all be there. Whether that is all of it.
     ///
     /// # Errors
     ///
     /// As [`Player::open`]'s.
-    pub fn take(&self, download: &mut Download) -> Result<bool, JsError> {
+    pub fn take(&self, download: &mut Download, place: usize) -> Result<bool, JsError> {
         let is_more_of_the_same = download.is_shown;
         let (step, is_done) = download.step()?;
         if let Some(step) = step {
-            self.app.borrow_mut().take(step, is_more_of_the_same)?;
+            self.app.borrow_mut().take(step, is_more_of_the_same, place.min(1))?;
             download.is_shown = true;
         }
         Ok(is_done)
+    }
+
+    /// Closes the second scene.
+    pub fn close_second(&self) {
+        self.app.borrow_mut().close_second();
+    }
+
+    /// Shows the first scene left of this part of the width and the second right of it; where it is absent, each in a half of
+    /// the canvas.
+    pub fn set_divider(&self, at: Option<f32>) {
+        let comparison = at.filter(|v| v.is_finite()).map_or(Comparison::SideBySide, Comparison::Slider);
+        self.app.borrow_mut().set_comparison(comparison);
+    }
+
+    /// Puts the camera where training camera `number` of the file was, from 0.
+    pub fn go_to_camera(&self, number: usize) {
+        self.app.borrow_mut().go_to_camera(number);
+    }
+
+    /// Where training camera `number` of the file was: 16 numbers, a row-major camera-to-world matrix in the dataset's space.
+    pub fn training_camera(&self, number: usize) -> Option<Vec<f64>> {
+        self.app.borrow().training_camera(number)
+    }
+
+    /// Shows this much of the photograph, from 0 to 1, once there is one.
+    pub fn set_photograph_share(&self, share: f32) {
+        self.app.borrow_mut().set_photograph_share(share);
+    }
+
+    /// Takes the photograph of training camera `number`: red, green, blue and opacity of each pixel. Where another camera was
+    /// gone to since, it is too late.
+    ///
+    /// # Errors
+    ///
+    /// Where the bytes are not those of so many pixels.
+    pub fn set_photograph(&self, number: usize, width: u32, height: u32, rgba: Vec<u8>) -> Result<(), JsError> {
+        if rgba.is_empty() || rgba.len() as u64 != 4 * u64::from(width) * u64::from(height) {
+            return Err(JsError::new(&format!(
+                "photograph: expected {width} x {height} pixels, found {} bytes",
+                rgba.len()
+            )));
+        }
+        self.app.borrow_mut().set_photograph(number, [width, height], &rgba);
+        Ok(())
+    }
+
+    /// Begins to record the camera's path, or ends that: then whether there is a new path.
+    pub fn record(&self) -> bool {
+        let mut app = self.app.borrow_mut();
+        app.slots[0].is_some() && app.recorder.record()
+    }
+
+    /// Plays the path that was recorded or opened last, or stops. Where one is being recorded, that ends first: then whether
+    /// there is a new path.
+    pub fn play(&self) -> bool {
+        self.app.borrow_mut().recorder.play()
+    }
+
+    /// The file of that path, if there is one.
+    #[wasm_bindgen(getter)]
+    pub fn path(&self) -> Option<String> {
+        self.app.borrow().recorder.file()
+    }
+
+    /// Plays the path of this file's bytes.
+    ///
+    /// # Errors
+    ///
+    /// Where they are no camera path.
+    pub fn open_path(&self, bytes: &[u8]) -> Result<(), JsError> {
+        Ok(self.app.borrow_mut().recorder.open(bytes)?)
     }
 
     /// Moves the camera, draws, and shows what is drawn on the canvas, which is now `width` by `height` pixels large; `now` is
@@ -141,6 +211,7 @@ impl Player {
             Action::Screenshot => "screenshot",
             Action::Record => "record",
             Action::Play => "play",
+            Action::NextCamera | Action::CameraBefore => "camera",
             Action::Boxes => "boxes",
             Action::Panel => "panel",
         };
@@ -235,18 +306,19 @@ impl Player {
     ///
     /// Where no scene is open, where the picture is too large, and where the device fails.
     pub async fn screenshot(&self, width: u32, height: u32) -> Result<Clamped<Vec<u8>>, JsError> {
-        let camera = {
-            let app = self.app.borrow();
-            app.controls.as_ref().filter(|_| app.slot.is_some()).map(|c| c.camera([width, height]))
-        };
-        let camera = camera.ok_or_else(no_scene)?;
-        let gpu = self.app.borrow().canvas.gpu.clone();
-        let draw = async |renderer: &mut GpuRenderer| complaints_of(&gpu, renderer.render_async(&camera)).await;
-        let picture = with_renderer(&self.app, draw).await.ok_or_else(no_scene)??;
-        let app = self.app.borrow();
-        let own = app.slot.as_ref().map_or([0.0; 3], |s| s.scene.frame.background);
-        let wanted = app.background.unwrap_or(own);
-        Ok(Clamped(rgba(&picture.pixels, [0, 1, 2].map(|c| wanted[c] - own[c]))))
+        let mut pictures = [None, None];
+        for n in 0..2 {
+            let Some(camera) = self.app.borrow().camera_of(n, [width, height]) else { continue };
+            let gpu = self.app.borrow().canvas.gpu.clone();
+            let draw = async |renderer: &mut GpuRenderer| complaints_of(&gpu, renderer.render_async(&camera)).await;
+            if let Some(picture) = with_renderer(&self.app, n, draw).await {
+                pictures[n] = Some(picture?.pixels);
+            }
+        }
+        if pictures[0].is_none() {
+            return Err(no_scene());
+        }
+        Ok(Clamped(self.app.borrow().composed(&pictures, [width, height])))
     }
 
     /// The picture that `strivec render` makes of the scene, exact and with rays that begin and end where the scene says: of
@@ -267,7 +339,7 @@ impl Player {
         }
         let (mut scene, gpu) = {
             let app = self.app.borrow();
-            let slot = app.slot.as_ref().ok_or_else(no_scene)?;
+            let slot = app.slots[0].as_ref().ok_or_else(no_scene)?;
             let mut scene = slot.scene.clone();
             [scene.frame.near, scene.frame.far] = slot.near_far;
             (Some(scene), app.canvas.gpu.clone())
@@ -311,14 +383,18 @@ fn wait_for_device(app: &Rc<RefCell<App>>) {
     });
 }
 
-/// What `work` makes of the renderer, which the app has to do without for as long; `None` where no scene is open. Waits for
+/// What `work` makes of scene `n`'s renderer, which the app has to do without for as long; `None` where there is no such scene. Waits for
 /// whoever has it now.
-async fn with_renderer<T>(app: &Rc<RefCell<App>>, work: impl AsyncFnOnce(&mut GpuRenderer) -> T) -> Option<T> {
+async fn with_renderer<T>(
+    app: &Rc<RefCell<App>>,
+    n: usize,
+    work: impl AsyncFnOnce(&mut GpuRenderer) -> T,
+) -> Option<T> {
     let (mut renderer, number) = loop {
         let idle = {
             let mut app = app.borrow_mut();
-            app.slot.as_ref()?;
-            match app.lend() {
+            app.slots[n].as_ref()?;
+            match app.lend(n) {
                 Some(lent) => break lent,
                 None => app.canvas.idle(),
             }
@@ -326,20 +402,15 @@ async fn with_renderer<T>(app: &Rc<RefCell<App>>, work: impl AsyncFnOnce(&mut Gp
         idle.await;
     };
     let result = work(&mut renderer).await;
-    app.borrow_mut().take_back(renderer, number);
+    app.borrow_mut().take_back(renderer, n, number);
     Some(result)
 }
 
 /// Turns around what is under the pointer from now on.
 async fn focus(app: &Rc<RefCell<App>>) {
-    let ray = {
-        let app = app.borrow();
-        let Some(controls) = &app.controls else { return };
-        let camera = controls.camera(app.canvas.size());
-        let [x, y] = app.pointer_in_picture();
-        camera.ray_through(x * f64::from(camera.width), y * f64::from(camera.height))
-    };
-    let traced = with_renderer(app, async |renderer| renderer.trace_async(&[ray]).await).await;
+    let Some((camera, [x, y])) = app.borrow().pointed_at() else { return };
+    let ray = camera.ray_through(x, y);
+    let traced = with_renderer(app, 0, async |renderer| renderer.trace_async(&[ray]).await).await;
     let Some(Ok(pixels)) = traced else { return };
     let mut app = app.borrow_mut();
     if let (Some(pixel), Some(controls)) = (pixels.first().filter(|p| p.opacity > 0.1), &mut app.controls) {
@@ -362,12 +433,4 @@ async fn complaints_of<T>(gpu: &Gpu, work: impl Future<Output = Result<T, GpuErr
         Some(complaint) => Err(GpuError::Device(complaint.to_string())),
         None => result,
     }
-}
-
-/// A byte for red, green, blue and opacity of each pixel, on a background that differs from the scene's by `shift`.
-fn rgba(pixels: &[Pixel], shift: [f32; 3]) -> Vec<u8> {
-    // In 64 bits, as PNG files are written: halves then fall the same way.
-    let byte = |value: f32| (f64::from(value).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    let color = |p: &Pixel| [0, 1, 2].map(|c| byte(p.color[c] + (1.0 - p.opacity) * shift[c]));
-    pixels.iter().map(color).flat_map(|[r, g, b]| [r, g, b, 255]).collect()
 }

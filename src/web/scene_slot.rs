@@ -1,10 +1,10 @@
 //! A scene that is open, and what draws it.
 
 use super::clock;
-use crate::container::{Contents, Document};
+use crate::container::{Document, TrainingCamera};
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::player::{BoxLines, Fact, Screen, Show, Step, View, facts};
+use crate::player::{BoxLines, Fact, Screen, Step, facts, scale_count};
 use crate::render::Approximation;
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
 
@@ -14,11 +14,13 @@ pub(super) struct SceneSlot {
     pub(super) scene: Scene,
     /// Those of the file.
     pub(super) near_far: [f64; 2],
-    pub(super) contents: Contents,
-    /// Scales that are there.
+    /// Scales of the file, and those that are there.
+    pub(super) all_scales: usize,
     pub(super) scales: usize,
     pub(super) is_whole: bool,
     pub(super) facts: Vec<Fact>,
+    /// Those that the scene was trained from, as far as the file tells.
+    pub(super) cameras: Vec<TrainingCamera>,
     pub(super) screen: Screen,
     pub(super) boxes: BoxLines,
     /// Absent while it is lent: to something that waits for the device.
@@ -26,9 +28,9 @@ pub(super) struct SceneSlot {
     /// The camera of the picture that is being drawn.
     drawing: Option<Camera>,
     begun: f64,
-    /// Rays of the batch that was begun last, and when that was.
+    /// Rays that are done, and since when the device is at the next; absent before the first.
     done: u32,
-    done_at: f64,
+    done_at: Option<f64>,
 }
 
 impl SceneSlot {
@@ -41,7 +43,7 @@ impl SceneSlot {
     ) -> Result<Self, GpuError> {
         let Step { document, contents, scales, is_whole } = step;
         let facts = facts(&document, &contents, contents.file_length);
-        let Document { mut scene, .. } = document;
+        let Document { mut scene, extras } = document;
         let near_far = [scene.frame.near, scene.frame.far];
         // A viewer goes where no photograph was taken from; the bounds say where the scene is.
         scene.frame.near = 0.0;
@@ -51,17 +53,18 @@ impl SceneSlot {
         Ok(Self {
             scene,
             near_far,
-            contents,
+            all_scales: scale_count(&contents),
             scales,
             is_whole,
             facts,
+            cameras: extras.cameras,
             screen,
             boxes,
             renderer: Some(renderer),
             drawing: None,
             begun: 0.0,
             done: 0,
-            done_at: 0.0,
+            done_at: None,
         })
     }
 
@@ -78,7 +81,7 @@ impl SceneSlot {
         renderer.set_normals(has_normals);
         renderer.begin(camera)?;
         self.drawing = Some(*camera);
-        (self.begun, self.done, self.done_at) = (clock::now(), 0, clock::now());
+        (self.begun, self.done, self.done_at) = (clock::now(), 0, None);
         Ok(())
     }
 
@@ -95,6 +98,7 @@ impl SceneSlot {
         mut measured: impl FnMut(u32, f64),
     ) -> Result<Option<f64>, GpuError> {
         let (Some(camera), Some(renderer)) = (self.drawing, &mut self.renderer) else { return Ok(None) };
+        let done_at = *self.done_at.get_or_insert_with(clock::now);
         let rays = camera.width * camera.height;
         let (now_done, is_finished) = match renderer.advance(most_rays)? {
             Drawing::Unfinished { done, .. } => (done.min(rays), false),
@@ -102,8 +106,8 @@ impl SceneSlot {
         };
         let now = clock::now();
         if now_done > self.done {
-            measured(now_done - self.done, now - self.done_at);
-            (self.done, self.done_at) = (now_done, now);
+            measured(now_done - self.done, now - done_at);
+            (self.done, self.done_at) = (now_done, Some(now));
         }
         if !is_finished {
             return Ok(None);
@@ -113,27 +117,9 @@ impl SceneSlot {
         Ok(Some(now - self.begun))
     }
 
-    /// Lends the renderer; what it was drawing is forgotten.
-    pub(super) fn lend(&mut self) -> Option<GpuRenderer> {
+    /// Forgets the picture that is being drawn.
+    pub(super) fn stop(&mut self) {
         self.drawing = None;
-        self.renderer.take()
-    }
-
-    /// How the picture is shown: as `view`, on `background` or its own.
-    pub(super) fn show(&self, view: View, background: Option<[f32; 3]>) -> Show {
-        let own = self.scene.frame.background;
-        let bounds = &self.scene.bounds;
-        let distance = self.screen.camera().map_or(1.0, |camera| (camera.position - bounds.center()).length());
-        let reach = 0.5 * bounds.size().length();
-        Show {
-            view,
-            scene_background: own,
-            background: background.unwrap_or(own),
-            depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
-            most_samples: (bounds.size().max_element() / self.scene.rules.step).min(256.0) as f32,
-            photograph_share: 0.0,
-            photograph: [0.0, 0.0, 1.0, 1.0],
-        }
     }
 
     /// The most neighbours that a scale asks for.

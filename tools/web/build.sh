@@ -12,13 +12,7 @@ folder=$PWD
 # Compressed bytes of wasm that a page may load.
 most=1500000
 
-fail() {
-    printf 'build: %s\n' "$*" >&2
-    exit 1
-}
-for program in node npm; do
-    command -v "$program" >/dev/null || fail "$program is missing: install Node 20.19 or later, see https://nodejs.org"
-done
+./node-version.sh
 exports=$(./toolchain.sh)
 eval "$exports"
 [[ -d node_modules && node_modules/.package-lock.json -nt package-lock.json ]] || npm ci --no-audit --no-fund

@@ -24,12 +24,16 @@ command -v cargo >/dev/null || fail "cargo is missing: install Rust, see https:/
 
 has_target() { compgen -G "$("${RUSTC:-rustc}" --print target-libdir --target "$target" 2>/dev/null)/libstd-*.rlib" >/dev/null; }
 
+debian_version() { apt-cache policy rustc-web | sed -n 's/^ *Candidate: \([0-9]*\.[0-9]*\)\..*/\1/p'; }
+
 # Debian's rustc for browsers: its programs need its own libraries, and its std is built from its source.
 unpack_debian() {
     local debian=$tools/debian list="rustc-web rust-web-src libstd-rust-web-dev" version package library
     if [[ ! -x $debian/rustc ]]; then
         command -v apt-get >/dev/null && command -v dpkg >/dev/null || return 1
-        version=$(apt-cache policy rustc-web | sed -n 's/^ *Candidate: \([0-9]*\.[0-9]*\)\..*/\1/p')
+        version=$(debian_version)
+        # Whoever may, gets the lists of packages that images are made without.
+        [[ -n $version ]] || { apt-get update -qq >&2 && version=$(debian_version); }
         [[ -n $version ]] || return 1
         say "fetching Debian's rustc-web $version into $debian"
         library=$(apt-cache depends "libstd-rust-web-$version" | sed -n '/libllvm[0-9]/{s/.*Depends: //p;q}')

@@ -7,49 +7,12 @@ use std::time::{Duration, Instant};
 use super::opening::{self, News, Opened};
 use super::recent;
 use super::scene_slot::{Device, SceneSlot};
-use crate::container::Pose;
 use crate::dataset::{self, LoadOptions};
-use crate::geometry::{Camera, CameraPath, Keyframe, Viewpoint};
+use crate::geometry::Camera;
 use crate::measure::color_png;
-use crate::player::{Action, Controls, Pace, Show, View};
+use crate::player::{Action, Comparison, Controls, Pace, Photograph, Recorder, Show, View};
+use crate::render::Approximation;
 use crate::render::gpu::GpuError;
-use crate::render::{Approximation, MAX_KEYFRAMES, read_keyframes, write_keyframes};
-
-/// Seconds between the keyframes of a recorded path.
-const RECORDED_EVERY: f64 = 0.25;
-
-/// How two scenes are seen together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Compare {
-    /// Half of the window each.
-    SideBySide,
-    /// The first left of this part of the width, the second right of it.
-    Slider(f32),
-}
-
-/// A path of the camera, in the dataset's space.
-#[derive(Default)]
-pub(super) struct Recorded {
-    /// What was recorded or dropped on the window last.
-    pub(super) path: Option<CameraPath>,
-    /// While it is being recorded.
-    pub(super) recording: Option<Vec<Keyframe>>,
-    /// Seconds into the path: while it is recorded, and while it is played.
-    pub(super) seconds: f64,
-    pub(super) is_playing: bool,
-}
-
-/// Photographs that the scene was trained on.
-#[derive(Default)]
-pub(super) struct Photographs {
-    /// The dataset's folder.
-    pub(super) folder: Option<PathBuf>,
-    /// Which of the file's training cameras is shown.
-    pub(super) camera: usize,
-    /// How much of the photograph is seen; 0 where none is loaded.
-    pub(super) share: f32,
-    pub(super) is_loaded: bool,
-}
 
 /// The player.
 pub(super) struct App {
@@ -67,12 +30,14 @@ pub(super) struct App {
     pub(super) view: View,
     /// In place of the scene's.
     pub(super) background: Option<[f32; 3]>,
-    pub(super) compare: Compare,
+    pub(super) comparison: Comparison,
     /// \[scale\] whether its boxes are shown.
     pub(super) boxes: Vec<bool>,
     pub(super) has_boxes: bool,
-    pub(super) photographs: Photographs,
-    pub(super) recorded: Recorded,
+    /// The folder of the photographs that the scene was trained on.
+    pub(super) data: Option<PathBuf>,
+    pub(super) photograph: Photograph,
+    pub(super) recorder: Recorder,
     pub(super) message: Option<String>,
     /// What is typed into the panel.
     pub(super) address: String,
@@ -113,11 +78,12 @@ impl App {
             finest: 1,
             view: View::Color,
             background: None,
-            compare: Compare::Slider(0.5),
+            comparison: Comparison::Slider(0.5),
             boxes: Vec::new(),
             has_boxes: false,
-            photographs: Photographs { folder: data, ..Photographs::default() },
-            recorded: Recorded::default(),
+            data,
+            photograph: Photograph::default(),
+            recorder: Recorder::default(),
             message: None,
             address: String::new(),
             recent: recent::load(),
@@ -196,7 +162,7 @@ impl App {
         }
         let is_drawing = self.slots.iter().flatten().any(SceneSlot::is_drawing);
         let is_unfinished = self.slots[0].is_some() && !self.is_fine_enough();
-        is_drawing || is_unfinished || is_flying || is_playing || self.recorded.recording.is_some()
+        is_drawing || is_unfinished || is_flying || is_playing || self.recorder.is_recording()
     }
 
     fn is_fine_enough(&self) -> bool {
@@ -227,13 +193,17 @@ impl App {
             self.approximation = Approximation::default();
             self.background = None;
             (self.seconds, self.seconds_before) = (None, None);
-            (self.photographs.camera, self.photographs.share, self.photographs.is_loaded) = (0, 0.0, false);
+            self.photograph = Photograph::default();
         }
         if slot == 0 {
             self.boxes.resize(opened.document.scene.scales.len(), true);
         }
         match SceneSlot::new(opened, &self.device, &self.approximation) {
-            Ok(scene) => self.slots[slot] = Some(scene),
+            Ok(scene) => {
+                self.slots[slot] = Some(scene);
+                // The photograph was on the screen that is gone.
+                self.photograph.is_loaded &= slot != 0;
+            }
             Err(text) => self.say(text),
         }
         self.changed();
@@ -242,35 +212,12 @@ impl App {
     /// Records the camera's path, or moves the camera along one; whether it has moved.
     fn follow_path(&mut self, elapsed: f64) -> bool {
         let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return false };
-        let recorded = &mut self.recorded;
-        let model_from_dataset = slot.scene.frame.model_from_dataset;
-        recorded.seconds += elapsed;
-        if let Some(keyframes) = &mut recorded.recording {
-            let is_due = keyframes.last().is_none_or(|last| recorded.seconds - last.seconds >= RECORDED_EVERY);
-            if is_due && keyframes.len() < MAX_KEYFRAMES {
-                let seen = controls.camera([2, 2]).mapped(&model_from_dataset.inverse());
-                keyframes.push(Keyframe { seconds: recorded.seconds, viewpoint: Viewpoint::of_camera(&seen) });
-            }
-            return false;
-        }
-        let Some(path) = recorded.path.as_ref().filter(|_| recorded.is_playing) else { return false };
-        let at = path.at(path.start() + recorded.seconds);
-        let camera = at.camera([2, 2]).mapped(&model_from_dataset);
-        let pose = Pose { position: camera.position, rotation: glam::DQuat::from_mat3(&camera.world_from_camera) };
-        controls.place_with_angle(pose, at.vertical_angle);
-        recorded.is_playing = recorded.seconds <= path.end() - path.start();
-        true
+        self.recorder.follow(elapsed, controls, &slot.scene.frame.model_from_dataset)
     }
 
-    /// Begins to record the camera's path, or ends that and writes it to a new file in the current folder.
-    fn record(&mut self) {
-        let Some(keyframes) = self.recorded.recording.take() else {
-            self.recorded = Recorded { recording: Some(Vec::new()), ..Recorded::default() };
-            return;
-        };
-        let Ok(path) = CameraPath::new(keyframes) else { return };
-        let text = write_keyframes(&path);
-        self.recorded.path = Some(path);
+    /// Writes the recorded path to a new file in the current folder.
+    fn write_path(&mut self) {
+        let Some(text) = self.recorder.file() else { return };
         let stem = self.slots[0].as_ref().map_or("camera", |s| s.opened.name.trim_end_matches(".strivec")).to_owned();
         match write_new(&format!("{stem}-path"), "json", text.as_bytes()) {
             Ok(name) => self.say(format!("wrote {name}: strivec render --path takes it")),
@@ -281,20 +228,14 @@ impl App {
     /// Takes the camera path in the file `place`, and plays it.
     pub(super) fn open_path(&mut self, place: &str) {
         let read = std::fs::read(place).map_err(|e| e.to_string());
-        match read.and_then(|bytes| read_keyframes(&bytes).map_err(|e| e.to_string())) {
-            Ok(path) => self.recorded = Recorded { path: Some(path), is_playing: true, ..Recorded::default() },
-            Err(text) => self.say(format!("{place}: {text}")),
+        if let Err(text) = read.and_then(|bytes| self.recorder.open(&bytes).map_err(|e| e.to_string())) {
+            self.say(format!("{place}: {text}"));
         }
     }
 
     /// The size of each scene's picture at full resolution.
     fn picture_size(&self) -> [u32; 2] {
-        let [width, height] = self.size;
-        if self.slots[1].is_some() && self.compare == Compare::SideBySide {
-            [width / 2, height]
-        } else {
-            [width, height]
-        }
+        if self.slots[1].is_some() { self.comparison.picture_size(self.size) } else { self.size }
     }
 
     fn draw(&mut self) -> Result<(), GpuError> {
@@ -309,8 +250,10 @@ impl App {
             {
                 let Some(controls) = &self.controls else { return Ok(()) };
                 let camera = controls.camera(size.map(|v| v.div_ceil(divisor).max(1)));
+                let frame = self.slots[0].as_ref().map(|slot| slot.scene.frame.clone());
                 for slot in self.slots.iter_mut().flatten() {
-                    slot.begin(&camera, self.view == View::Normals)?;
+                    let own = frame.as_ref().map(|f| Comparison::camera_of_second(&camera, f, &slot.scene.frame));
+                    slot.begin(&own.unwrap_or(camera), self.view == View::Normals)?;
                 }
                 self.pace.begun(divisor);
             }
@@ -379,13 +322,15 @@ impl App {
             Action::NextView => self.set_view(self.view.next()),
             Action::Screenshot => self.take_screenshot(),
             Action::Boxes => self.has_boxes = !self.has_boxes,
-            Action::Record => self.record(),
-            Action::Play => {
-                if self.recorded.recording.is_some() {
-                    self.record();
+            Action::Record | Action::Play => {
+                let is_new = if action == Action::Record { self.recorder.record() } else { self.recorder.play() };
+                if is_new {
+                    self.write_path();
                 }
-                self.recorded.is_playing = !self.recorded.is_playing && self.recorded.path.is_some();
-                self.recorded.seconds = 0.0;
+            }
+            Action::NextCamera | Action::CameraBefore => {
+                let count = self.slots[0].as_ref().map_or(0, |s| s.opened.document.extras.cameras.len());
+                self.go_to_camera(self.photograph.neighbour(count, action == Action::NextCamera));
             }
         }
         if matches!(action, Action::Reset | Action::Recall(_)) {
@@ -455,18 +400,15 @@ impl App {
     /// Puts the camera where training camera number `n` of the file was.
     pub(super) fn go_to_camera(&mut self, n: usize) {
         let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return };
-        if let Some(camera) = slot.opened.document.extras.cameras.get(n) {
-            let angle = 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan();
-            controls.place_with_angle(camera.pose, angle);
-            self.photographs.camera = n;
-            self.photographs.is_loaded = false;
+        if self.photograph.go_to(n, &slot.opened.document.extras.cameras, controls) {
             self.changed();
         }
     }
 
     /// Loads the photograph that training camera took whose number is chosen, where it is wanted and not there yet.
     pub(super) fn load_photograph(&mut self) {
-        let Photographs { folder: Some(folder), camera: n, share, is_loaded: false } = &self.photographs else {
+        let (Some(folder), Photograph { camera: Some(n), share, is_loaded: false }) = (&self.data, &self.photograph)
+        else {
             return;
         };
         if *share == 0.0 {
@@ -481,44 +423,24 @@ impl App {
                 let byte = |v: f32| (255.0 * v.clamp(0.0, 1.0)).round() as u8;
                 let rgba: Vec<u8> = colors.iter().flat_map(|c| [byte(c[0]), byte(c[1]), byte(c[2]), 255]).collect();
                 slot.painter.set_photograph([view.camera.width, view.camera.height], rgba);
-                self.photographs.is_loaded = true;
+                self.photograph.is_loaded = true;
             }
             Ok(None) => {}
             Err(error) => {
-                self.photographs.share = 0.0;
+                self.photograph.share = 0.0;
                 self.say(error.to_string());
             }
         }
     }
 
-    /// Where the photograph is in the picture, in parts of its size.
-    fn photograph_place(&self, slot: &SceneSlot) -> Option<[f32; 4]> {
-        let taken = slot.opened.document.extras.cameras.get(self.photographs.camera)?;
-        let shown = slot.shown()?;
-        let along = |axis: usize, size: u32| {
-            let scale = shown.focal[axis] / taken.focal[axis];
-            let corner = shown.principal[axis] - scale * taken.principal[axis];
-            [corner, scale * f64::from(taken.size[axis])].map(|v| (v / f64::from(size)) as f32)
-        };
-        let ([x, width], [y, height]) = (along(0, shown.width), along(1, shown.height));
-        Some([x, y, width, height])
-    }
-
     /// How slot `n` is shown.
     pub(super) fn show(&self, n: usize) -> Option<Show> {
         let slot = self.slots[n].as_ref()?;
-        let own = slot.scene.frame.background;
-        let distance = slot.shown().map_or(1.0, |camera| (camera.position - slot.scene.bounds.center()).length());
-        let reach = 0.5 * slot.scene.bounds.size().length();
-        let samples = (slot.scene.bounds.size().max_element() / slot.scene.rules.step).min(256.0);
-        Some(Show {
-            view: self.view,
-            scene_background: own,
-            background: self.background.unwrap_or(own),
-            depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
-            most_samples: samples as f32,
-            photograph_share: if self.photographs.is_loaded && n == 0 { self.photographs.share } else { 0.0 },
-            photograph: self.photograph_place(slot).unwrap_or([0.0, 0.0, 1.0, 1.0]),
+        let show = Show::of(&slot.scene, slot.shown(), self.view, self.background);
+        let place = slot.shown().and_then(|shown| self.photograph.place(&slot.opened.document.extras.cameras, shown));
+        Some(match place.filter(|_| n == 0) {
+            Some(photograph) => Show { photograph_share: self.photograph.shown_share(), photograph, ..show },
+            None => show,
         })
     }
 

@@ -6,9 +6,9 @@ use glam::{DVec2, Vec2, Vec3};
 use super::app::App;
 use super::scene_slot::{Artist, Photograph};
 use super::software::Canvas;
-use super::surface::Place;
+use super::surface::rectangle;
 use crate::geometry::Camera;
-use crate::player::{Show, View, each_line};
+use crate::player::{Place, Show, View, each_line};
 use crate::render::Look;
 
 /// Paints slot `n` as `place` says, if it has a picture.
@@ -17,15 +17,15 @@ pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas)
     let Artist::Cpu(painter) = &slot.painter.artist else { return };
     let Some((camera, looks)) = &painter.kept else { return };
     let picture = Shown { camera, looks, show: &show, photograph: slot.painter.photograph.as_ref() };
-    canvas.fill(place.seen, place.whole, |at| {
+    let [whole, seen] = [place.whole, place.seen].map(rectangle);
+    canvas.fill(seen, whole, |at| {
         let [r, g, b] = picture.color_at(at.into()).to_array().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8);
         Color32::from_rgb(r, g, b)
     });
     if app.has_boxes {
-        let [corner, size] =
-            [place.whole.min.to_vec2(), place.whole.size()].map(|v| DVec2::new(v.x.into(), v.y.into()));
+        let [corner, size] = [whole.min.to_vec2(), whole.size()].map(|v| DVec2::new(v.x.into(), v.y.into()));
         each_line(&slot.scene, camera, &app.boxes, |ends, color| {
-            canvas.line(place.seen, ends.map(|p| corner + p * size), color);
+            canvas.line(seen, ends.map(|p| corner + p * size), color);
         });
     }
 }

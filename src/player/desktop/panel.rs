@@ -2,11 +2,11 @@
 
 use egui::{Color32, RichText, Slider, Ui};
 
-use super::app::{App, Compare};
+use super::app::App;
 use super::opening;
-use crate::player::{Action, View, scale_count};
+use crate::player::{Action, Comparison, View, scale_count};
 
-const KEYS: [(&str, &str); 15] = [
+const KEYS: [(&str, &str); 16] = [
     ("left drag, one finger", "turn around the scene"),
     ("right drag, two fingers", "move"),
     ("Ctrl + drag", "look around"),
@@ -19,6 +19,7 @@ const KEYS: [(&str, &str); 15] = [
     ("B", "tensor boxes"),
     ("P", "screenshot"),
     ("C, Space", "record a path, play it"),
+    ("Page Down, Page Up", "the next training camera, the one before"),
     ("I", "this panel"),
     ("H", "this help"),
     ("drop a file", "open it, a scene or a path; with Ctrl compare with it"),
@@ -167,20 +168,20 @@ fn views(app: &mut App, ui: &mut Ui) {
     });
     if app.slots[1].is_some() {
         ui.horizontal_wrapped(|ui| {
-            let is_side = app.compare == Compare::SideBySide;
+            let is_side = app.comparison == Comparison::SideBySide;
             if ui.selectable_label(is_side, "side by side").clicked() {
-                app.compare = Compare::SideBySide;
+                app.comparison = Comparison::SideBySide;
                 app.changed();
             }
             if ui.selectable_label(!is_side, "slider").clicked() && is_side {
-                app.compare = Compare::Slider(0.5);
+                app.comparison = Comparison::Slider(0.5);
                 app.changed();
             }
             if ui.button("close the second").clicked() {
                 app.close_second();
             }
         });
-        if let Compare::Slider(at) = &mut app.compare {
+        if let Comparison::Slider(at) = &mut app.comparison {
             ui.add(Slider::new(at, 0.0..=1.0).text("split"));
         }
     }
@@ -230,8 +231,8 @@ fn cameras(app: &mut App, ui: &mut Ui) {
         for (text, action) in [
             ("reset", Action::Reset),
             ("screenshot", Action::Screenshot),
-            (if app.recorded.recording.is_some() { "stop" } else { "record" }, Action::Record),
-            (if app.recorded.is_playing { "stop" } else { "play" }, Action::Play),
+            (if app.recorder.is_recording() { "stop" } else { "record" }, Action::Record),
+            (if app.recorder.is_playing() { "stop" } else { "play" }, Action::Play),
             ("help", Action::Help),
         ] {
             if ui.button(text).clicked() {
@@ -241,12 +242,15 @@ fn cameras(app: &mut App, ui: &mut Ui) {
     });
     let count = app.slots[0].as_ref().map_or(0, |s| s.opened.document.extras.cameras.len());
     if count > 0 {
-        let mut n = app.photographs.camera;
+        let mut n = app.photograph.camera.unwrap_or(0);
         if ui.add(Slider::new(&mut n, 0..=count - 1).text("training camera")).changed() {
             app.go_to_camera(n);
         }
-        if app.photographs.folder.is_some() {
-            ui.add(Slider::new(&mut app.photographs.share, 0.0..=1.0).text("photograph"));
+        if app.data.is_some() {
+            let is_moved = ui.add(Slider::new(&mut app.photograph.share, 0.0..=1.0).text("photograph")).changed();
+            if is_moved && app.photograph.camera.is_none() {
+                app.go_to_camera(0);
+            }
             app.load_photograph();
         }
     }

@@ -73,9 +73,9 @@ pub(super) struct SceneSlot {
     /// The camera of the picture that is being drawn.
     drawing: Option<Camera>,
     begun: Instant,
-    /// Rays of the batch that was begun last, and when that was.
+    /// Rays that are done, and since when the next are being drawn; absent before the first.
     done: u32,
-    done_at: Instant,
+    done_at: Option<Instant>,
 }
 
 impl SceneSlot {
@@ -87,8 +87,7 @@ impl SceneSlot {
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
         let painter = Painter::new(&scene, device, approximation)?;
         let facts = facts(&opened.document, &opened.contents, opened.contents.file_length);
-        let now = Instant::now();
-        Ok(Self { scene, opened, facts, painter, drawing: None, begun: now, done: 0, done_at: now })
+        Ok(Self { scene, opened, facts, painter, drawing: None, begun: Instant::now(), done: 0, done_at: None })
     }
 
     /// Draws with `approximation` from now on.
@@ -114,7 +113,7 @@ impl SceneSlot {
             Artist::Cpu(painter) => painter.begin(camera, has_normals),
         }
         self.drawing = Some(*camera);
-        (self.begun, self.done, self.done_at) = (Instant::now(), 0, Instant::now());
+        (self.begun, self.done, self.done_at) = (Instant::now(), 0, None);
         Ok(())
     }
 
@@ -134,6 +133,8 @@ impl SceneSlot {
     ) -> Result<Option<f64>, GpuError> {
         let Some(camera) = self.drawing else { return Ok(None) };
         loop {
+            // The second of two scenes waits for the first.
+            let done_at = *self.done_at.get_or_insert_with(Instant::now);
             let now_done = match &mut self.painter.artist {
                 Artist::Gpu(renderer) => match renderer.advance(most_rays)? {
                     Drawing::Unfinished { done, .. } => done,
@@ -144,8 +145,8 @@ impl SceneSlot {
             let rays = camera.width * camera.height;
             let new = now_done.min(rays).saturating_sub(self.done);
             if new > 0 {
-                measured(new, self.done_at.elapsed().as_secs_f64());
-                (self.done, self.done_at) = (now_done.min(rays), Instant::now());
+                measured(new, done_at.elapsed().as_secs_f64());
+                (self.done, self.done_at) = (now_done.min(rays), Some(Instant::now()));
             }
             if now_done == u32::MAX {
                 self.painter.keep(&camera);

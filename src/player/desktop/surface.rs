@@ -7,9 +7,10 @@ use egui::epaint::ClippedPrimitive;
 use egui::{Color32, Pos2, Rect, TexturesDelta};
 use winit::window::Window;
 
-use super::app::{App, Compare};
+use super::app::App;
 use super::memory::fill_slot;
 use super::software::{Canvas, Textures};
+use crate::player::Place;
 use crate::render::gpu::{Gpu, GpuError};
 
 /// Behind everything.
@@ -142,20 +143,11 @@ impl GpuSurface {
     fn paint_slot(&self, app: &App, n: usize, place: Place, pass: &mut wgpu::RenderPass<'static>) {
         let (Some(show), Some(camera)) = (app.show(n), app.shown_camera(n)) else { return };
         let Some((screen, boxes)) = app.slots[n].as_ref().and_then(|s| s.painter.screen.as_ref()) else { return };
-        let window = Rect::from_min_max(
-            Pos2::ZERO,
-            Pos2::new(self.configuration.width as f32, self.configuration.height as f32),
-        );
-        let seen = place.seen.intersect(window);
-        let [left, top, right, bottom] =
-            [seen.left(), seen.top(), seen.right(), seen.bottom()].map(|v| v.round() as u32);
-        if left >= right || top >= bottom || !window.contains_rect(place.whole) {
+        if !place.enter(pass, [self.configuration.width, self.configuration.height]) {
             return;
         }
-        let whole = place.whole;
-        pass.set_viewport(whole.left(), whole.top(), whole.width(), whole.height(), 0.0, 1.0);
-        pass.set_scissor_rect(left, top, right - left, bottom - top);
-        screen.draw(pass, whole.min.into(), whole.size().into(), &show);
+        let [left, top, right, bottom] = place.whole;
+        screen.draw(pass, [left, top], [right - left, bottom - top], &show);
         if app.has_boxes {
             boxes.draw(&self.gpu, pass, camera, &app.boxes);
         }
@@ -178,32 +170,15 @@ impl GpuSurface {
     }
 }
 
-/// Where a slot's picture lies, and what of it is seen, in pixels.
-pub(super) struct Place {
-    pub(super) whole: Rect,
-    pub(super) seen: Rect,
-}
-
 /// The places of both slots.
 fn places(app: &App, picture: Rect) -> [Place; 2] {
-    let alone = || Place { whole: picture, seen: picture };
-    if app.slots[1].is_none() {
-        return [alone(), alone()];
-    }
-    match app.compare {
-        Compare::SideBySide => {
-            let middle = (picture.left() + 0.5 * picture.width()).floor();
-            let left = Rect::from_min_max(picture.min, Pos2::new(middle, picture.bottom()));
-            let right = Rect::from_min_max(Pos2::new(middle, picture.top()), picture.max);
-            [left, right].map(|half| Place { whole: half, seen: half })
-        }
-        Compare::Slider(at) => {
-            let x = picture.left() + at * picture.width();
-            let left = Rect::from_min_max(picture.min, Pos2::new(x, picture.bottom()));
-            let right = Rect::from_min_max(Pos2::new(x, picture.top()), picture.max);
-            [left, right].map(|seen| Place { whole: picture, seen })
-        }
-    }
+    let area = [picture.left(), picture.top(), picture.right(), picture.bottom()];
+    if app.slots[1].is_some() { app.comparison.places(area) } else { [Place::of(area); 2] }
+}
+
+/// As egui has it.
+pub(super) fn rectangle([left, top, right, bottom]: [f32; 4]) -> Rect {
+    Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom))
 }
 
 fn paint_memory(

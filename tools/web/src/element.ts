@@ -3,9 +3,12 @@
 //   src       the file; loaded in pieces, the coarse scale first, where the server answers ranges
 //   camera    where to begin: what the property `camera` has said, comma-separated
 //   controls  whether the panel is shown
+//   compare   a file to compare it with
+//   data      the dataset's list of training cameras (transforms_train.json), for its photographs
 //
 // Fires `open` when the first picture of a file can be drawn, `load` when all of it is there, and `error` with a message.
 
+import { Divider } from "./divider";
 import { element } from "./dom";
 import css from "./element.css?inline";
 import initialize, { Download, Player } from "./generated/strivec";
@@ -13,6 +16,7 @@ import { help } from "./help";
 import { listen } from "./input";
 import { load } from "./loading";
 import { Panel } from "./panel";
+import { Photographs } from "./photographs";
 import type { State } from "./state";
 
 const NO_WEBGPU =
@@ -29,10 +33,13 @@ const MEGABYTE = 1e6;
 /** One for all viewers of a page: the library. */
 let library: Promise<unknown> | undefined;
 
+/** Where a file is shown: 0 is the scene, 1 what it is compared with. */
+type Place = 0 | 1;
+
 const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
 
 export class StrivecViewer extends HTMLElement {
-  static readonly observedAttributes = ["src", "camera", "controls"];
+  static readonly observedAttributes = ["src", "camera", "controls", "compare", "data"];
 
   readonly #canvas = element("canvas", { tabIndex: 0 });
   readonly #stage = element("div", { id: "stage" });
@@ -42,9 +49,13 @@ export class StrivecViewer extends HTMLElement {
   readonly #panel: Panel;
   #player: Player | undefined;
   #starting: Promise<Player> | undefined;
-  #name = "";
-  /** Of the file that is being opened. */
-  #opening: AbortController | undefined;
+  readonly #divider = new Divider((at) => (this.divider = at));
+  readonly #names: [string, string] = ["", ""];
+  /** Of the files that are being opened. */
+  readonly #opening: [AbortController?, AbortController?] = [];
+  #photographs: Photographs | undefined;
+  /** Whether a photograph is on its way. */
+  #isFetching = false;
   #frame = 0;
   #panelAt = 0;
   #frames = 0;
@@ -55,6 +66,9 @@ export class StrivecViewer extends HTMLElement {
       player: () => this.#player,
       wake: () => this.#wake(),
       open: (file) => void this.open(file),
+      compare: (file) => void this.compare(file),
+      photographs: (files) => void this.photographs(files),
+      hasPhotographs: () => this.#photographs !== undefined,
       act: (action) => this.#act(action),
       fail: (error) => this.#fail(error),
     });
@@ -62,7 +76,7 @@ export class StrivecViewer extends HTMLElement {
     this.#canvas.setAttribute("aria-label", "Scene: drag or use the arrow keys to turn around it, H for help");
     this.#message.setAttribute("role", "status");
     this.#message.setAttribute("aria-live", "polite");
-    this.#stage.append(this.#canvas, this.#welcome, this.#message);
+    this.#stage.append(this.#canvas, this.#divider.root, this.#welcome, this.#message);
     this.#panel.root.hidden = true;
     const body = element("div", { id: "body" }, this.#stage, this.#panel.root);
     const root = this.attachShadow({ mode: "open" });
@@ -84,20 +98,22 @@ export class StrivecViewer extends HTMLElement {
   }
 
   disconnectedCallback(): void {
-    this.#opening?.abort();
+    for (const opening of this.#opening) opening?.abort();
     cancelAnimationFrame(this.#frame);
     this.#frame = 0;
   }
 
   attributeChangedCallback(name: string, _: string | null, value: string | null): void {
     if (name === "src" && value) void this.openUrl(value);
+    if (name === "compare") void this.compare(value ?? undefined);
+    if (name === "data" && value) void this.photographs(value);
     if (name === "controls") this.#panel.root.hidden = value === null;
     if (name === "camera" && value && this.state) this.#applyCamera();
   }
 
   /** The open file's name. */
   get name(): string {
-    return this.#name;
+    return this.#names[0];
   }
 
   /** What is set and known; nothing where no file is open. */
@@ -119,22 +135,94 @@ export class StrivecViewer extends HTMLElement {
     this.#wake();
   }
 
-  /** Opens a file that is here. Whether it could be; a message says why not. */
+  /** Left of this part of the width the scene is seen, right of it the one that it is compared with; nothing: side by side. */
+  get divider(): number | undefined {
+    return this.state?.divider ?? undefined;
+  }
+
+  set divider(at: number | undefined) {
+    this.#player?.set_divider(at);
+    this.#changed();
+  }
+
+  /** The number of the file's training camera that was gone to, from 0; one that is set is gone to. */
+  get trainingCamera(): number | undefined {
+    return this.state?.camera ?? undefined;
+  }
+
+  set trainingCamera(number: number) {
+    this.#player?.go_to_camera(number);
+    this.#changed();
+  }
+
+  /** How much is seen of its photograph, from 0 to 1. */
+  get photographShare(): number {
+    return this.state?.photograph ?? 0;
+  }
+
+  set photographShare(share: number) {
+    this.#player?.set_photograph_share(share);
+    this.#changed();
+  }
+
+  /** The camera path that was recorded or opened last, as JSON (docs/camera-paths.md); one that is set is played. */
+  get path(): string | undefined {
+    return this.#player?.path;
+  }
+
+  set path(text: string) {
+    this.#player?.open_path(new TextEncoder().encode(text));
+    this.#changed();
+  }
+
+  /** Opens a file that is here, a scene or a camera path. Whether it could be; a message says why not. */
   async open(file: File): Promise<boolean> {
-    const { signal } = this.#begin(file.name);
-    return this.#tried(signal, async () => {
-      const [player, bytes] = await Promise.all([this.#start(), file.arrayBuffer()]);
-      if (signal.aborted) return;
-      player.open(new Uint8Array(bytes));
-      this.#opened(file.name, true);
-      this.#loaded();
-    });
+    return isJson(file) ? this.#openPath(file) : this.#openFile(file, 0);
   }
 
   /** Opens the file at `url`. Whether it could be; a message says why not. */
   async openUrl(url: string): Promise<boolean> {
+    return this.#openUrl(url, 0);
+  }
+
+  /** Compares the scene with this file, or with the one at this address; with none where it is absent. Whether that worked. */
+  async compare(file?: File | string): Promise<boolean> {
+    if (typeof file === "string") return this.#openUrl(file, 1);
+    if (file) return this.#openFile(file, 1);
+    this.#opening[1]?.abort();
+    this.#player?.close_second();
+    this.#say("");
+    this.#changed();
+    return true;
+  }
+
+  /**
+   * Takes photographs from the address of a dataset's `transforms` file, from the files of its folder, or from the folder that
+   * was dropped. Whether that worked; a message says why not.
+   */
+  async photographs(from: string | Iterable<File> | FileSystemDirectoryEntry): Promise<boolean> {
+    return this.#tried(undefined, async () => {
+      if (typeof from === "string") this.#photographs = await Photographs.ofUrl(from);
+      else if (Symbol.iterator in from) this.#photographs = await Photographs.ofFiles(from);
+      else this.#photographs = await Photographs.ofFolder(from);
+      this.#changed();
+    });
+  }
+
+  async #openFile(file: File, place: Place): Promise<boolean> {
+    const { signal } = this.#begin(file.name, place);
+    return this.#tried(signal, async () => {
+      const [player, bytes] = await Promise.all([this.#start(), file.arrayBuffer()]);
+      if (signal.aborted) return;
+      player.open(new Uint8Array(bytes), place);
+      this.#opened(file.name, place, true);
+      this.#loaded(place);
+    });
+  }
+
+  async #openUrl(url: string, place: Place): Promise<boolean> {
     const name = decodeURIComponent(new URL(url, document.baseURI).pathname.split("/").pop() ?? url);
-    const { signal } = this.#begin(name);
+    const { signal } = this.#begin(name, place);
     return this.#tried(signal, async () => {
       const player = await this.#start();
       const download = new Download();
@@ -142,16 +230,29 @@ export class StrivecViewer extends HTMLElement {
         for (let isDone = false, isFirst = true; !isDone; ) {
           await load(url, download, (done, all) => this.#sayLoading(name, done, all), signal);
           signal.throwIfAborted();
-          isDone = player.take(download);
+          isDone = player.take(download, place);
           // A prefix that there is nothing to make up for is not shown.
           if (!download.has_scene) continue;
-          this.#opened(name, isFirst);
+          this.#opened(name, place, isFirst);
           isFirst = false;
         }
-        this.#loaded();
+        this.#loaded(place);
       } finally {
         download.free();
       }
+    });
+  }
+
+  async #openPath(file: File): Promise<boolean> {
+    return this.#tried(undefined, async () => {
+      const [player, bytes] = await Promise.all([this.#start(), file.arrayBuffer()]);
+      try {
+        player.open_path(new Uint8Array(bytes));
+      } catch (error) {
+        throw new Error(`${file.name}: ${textOf(error)}`);
+      }
+      this.#say("");
+      this.#changed();
     });
   }
 
@@ -172,39 +273,38 @@ export class StrivecViewer extends HTMLElement {
     return player.render(width, height, new Float64Array(pose), degrees);
   }
 
-  #begin(name: string): AbortController {
-    this.#opening?.abort();
-    this.#opening = new AbortController();
+  #begin(name: string, place: Place): AbortController {
+    this.#opening[place]?.abort();
+    const opening = (this.#opening[place] = new AbortController());
     this.#say(`Opening ${name}…`);
-    return this.#opening;
+    return opening;
   }
 
-  async #tried(signal: AbortSignal, work: () => Promise<void>): Promise<boolean> {
+  async #tried(signal: AbortSignal | undefined, work: () => Promise<void>): Promise<boolean> {
     try {
       await work();
-      return !signal.aborted;
+      return !signal?.aborted;
     } catch (error) {
       // Whoever opens something else does not care.
-      if (!signal.aborted) this.#fail(error);
+      if (!signal?.aborted) this.#fail(error);
       return false;
     }
   }
 
-  #opened(name: string, isFirst: boolean): void {
-    this.#name = name;
-    this.#welcome.hidden = true;
+  #opened(name: string, place: Place, isFirst: boolean): void {
+    this.#names[place] = name;
     this.#say("");
-    if (isFirst) {
+    if (place === 0) this.#welcome.hidden = true;
+    if (place === 0 && isFirst) {
       this.#applyCamera();
       this.dispatchEvent(new CustomEvent("open"));
     }
-    this.#panelAt = 0;
-    this.#wake();
+    this.#changed();
   }
 
-  #loaded(): void {
+  #loaded(place: Place): void {
     this.#say("");
-    this.dispatchEvent(new CustomEvent("load"));
+    if (place === 0) this.dispatchEvent(new CustomEvent("load"));
     this.#wake();
   }
 
@@ -229,6 +329,12 @@ export class StrivecViewer extends HTMLElement {
     return this.#starting;
   }
 
+  /** Has the panel say at once what has changed. */
+  #changed(): void {
+    this.#panelAt = 0;
+    this.#wake();
+  }
+
   /** Sees to it that frames are drawn until nothing changes. */
   #wake(): void {
     if (this.#frame || !this.#player || !this.isConnected) return;
@@ -250,7 +356,10 @@ export class StrivecViewer extends HTMLElement {
     }
     if (!hasMore || now - this.#panelAt > PANEL_EVERY) {
       this.#panelAt = now;
-      this.#panel.show(this.state, this.#name);
+      const { state } = this;
+      this.#panel.show(state, this.#names);
+      this.#divider.show(state?.second ? state.divider : null);
+      void this.#fetchPhotograph(state);
     }
     this.dataset.frames = `${++this.#frames}`;
     if (hasMore) this.#wake();
@@ -259,20 +368,49 @@ export class StrivecViewer extends HTMLElement {
   #act(action: string): void {
     if (action === "help") this.#help.showModal();
     if (action === "panel") this.toggleAttribute("controls");
-    if (action === "screenshot") void this.#save();
-    if (action === "record" || action === "play") this.#say("Paths are recorded and played by the desktop's player.");
-    this.#panelAt = 0;
-    this.#wake();
+    if (action === "screenshot") void this.#saveScreenshot();
+    if (action === "record" && this.#player?.record()) this.#savePath();
+    if (action === "play" && this.#player?.play()) this.#savePath();
+    this.#changed();
   }
 
-  async #save(): Promise<void> {
+  /** Gets the photograph of the training camera that was gone to, where it is to be seen and not there yet. */
+  async #fetchPhotograph(state: State | undefined): Promise<void> {
+    const number = state?.camera;
+    if (!this.#photographs || this.#isFetching || !state?.photograph || state.has_photograph) return;
+    const [player, pose, [name]] = [this.#player, this.#player?.training_camera(number ?? NaN), this.#names];
+    if (!player || typeof number !== "number" || !pose) return;
+    this.#isFetching = true;
     try {
-      const file = URL.createObjectURL(await this.screenshot());
-      element("a", { href: file, download: `${this.#name.replace(/\.strivec$/, "") || "scene"}.png` }).click();
-      setTimeout(() => URL.revokeObjectURL(file), 10_000);
+      const { width, height, bytes } = await this.#photographs.at(pose, state.own_background);
+      // Another file has other cameras.
+      if (name === this.#names[0]) player.set_photograph(number, width, height, bytes);
+    } catch (error) {
+      player.set_photograph_share(0);
+      this.#fail(error);
+    } finally {
+      this.#isFetching = false;
+      this.#changed();
+    }
+  }
+
+  async #saveScreenshot(): Promise<void> {
+    try {
+      this.#save(await this.screenshot(), ".png");
     } catch (error) {
       this.#fail(error);
     }
+  }
+
+  #savePath(): void {
+    if (this.path) this.#save(new Blob([this.path], { type: "application/json" }), "-path.json");
+  }
+
+  /** Has the browser keep a file that is called as the scene is, with this ending. */
+  #save(file: Blob, ending: string): void {
+    const href = URL.createObjectURL(file);
+    element("a", { href, download: `${this.name.replace(/\.strivec$/, "") || "scene"}${ending}` }).click();
+    setTimeout(() => URL.revokeObjectURL(href), 10_000);
   }
 
   #listenForFiles(): void {
@@ -284,9 +422,22 @@ export class StrivecViewer extends HTMLElement {
     this.addEventListener("dragleave", (event) => over(event, false));
     this.addEventListener("drop", (event) => {
       over(event, false);
-      const file = event.dataTransfer?.files[0];
-      if (file) void this.open(file);
+      if (event.dataTransfer) this.#dropped(event.dataTransfer, event.ctrlKey || event.metaKey);
     });
+  }
+
+  /** Opens what was dropped: a scene, one to compare with, a camera path, or a dataset. */
+  #dropped({ items, files }: DataTransfer, isCompared: boolean): void {
+    const folder = [...items].map((item) => item.webkitGetAsEntry()).find((entry) => entry?.isDirectory);
+    if (folder) {
+      void this.photographs(folder as FileSystemDirectoryEntry);
+    } else if (files.length > 1 && [...files].some((file) => /^transforms.*\.json$/.test(file.name))) {
+      void this.photographs(files);
+    } else {
+      const [first, second] = files;
+      if (first) void (isCompared && !isJson(first) ? this.compare(first) : this.open(first));
+      if (second) void this.compare(second);
+    }
   }
 
   #sayLoading(name: string, done: number, all: number | undefined): void {
@@ -310,6 +461,8 @@ export class StrivecViewer extends HTMLElement {
     this.dispatchEvent(new CustomEvent("error", { detail: text }));
   }
 }
+
+const isJson = (file: File): boolean => /\.json$/i.test(file.name);
 
 async function png(pixels: Uint8ClampedArray<ArrayBuffer>, width: number, height: number): Promise<Blob> {
   const canvas = new OffscreenCanvas(width, height);

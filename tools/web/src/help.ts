@@ -15,9 +15,12 @@ const KEYS: [string, string][] = [
   ["V", "colour, depth, opacity, normals, samples"],
   ["B", "tensor boxes"],
   ["P", "screenshot"],
+  ["C, Space", "record a path, play it"],
+  ["Page Down, Page Up", "the next training camera, the one before"],
   ["I", "the panel"],
   ["H, Escape", "this help, close it"],
-  ["drop a file", "open it"],
+  ["drop a file", "open it, a scene or a path; with Ctrl compare with it"],
+  ["drop a dataset's folder", "its photographs"],
 ];
 
 /** The help, closed. */

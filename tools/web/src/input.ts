@@ -20,7 +20,7 @@ export interface Listener {
   player(): Player | undefined;
   /** Something may have changed. */
   wake(): void;
-  /** A key asked for what the page has to do: help, panel, screenshot. */
+  /** A key asked for what the page has to do: help, panel, screenshot, paths. */
   act(action: string): void;
 }
 

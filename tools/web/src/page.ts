@@ -2,15 +2,23 @@
 //
 //   ?url=ADDRESS              the .strivec file; elsewhere than here, its server must allow it (CORS)
 //   &camera=16[,1] NUMBERS    a row-major camera-to-world matrix in the dataset's space, and the degrees from top to bottom
+//   &compare=ADDRESS          a file to compare it with
+//   &data=ADDRESS             the dataset's transforms_train.json, for its photographs
 
 import { StrivecViewer } from "./index";
 
 const viewer = document.querySelector("strivec-viewer");
 if (viewer instanceof StrivecViewer) {
   const search = new URLSearchParams(location.search);
-  const [url, camera] = [search.get("url"), search.get("camera")];
-  if (camera) viewer.setAttribute("camera", camera);
-  if (url) viewer.setAttribute("src", url);
+  for (const [parameter, attribute] of [
+    ["camera", "camera"],
+    ["url", "src"],
+    ["compare", "compare"],
+    ["data", "data"],
+  ] as const) {
+    const value = search.get(parameter);
+    if (value) viewer.setAttribute(attribute, value);
+  }
   viewer.addEventListener("open", () => {
     document.title = `${viewer.name} – Strivec`;
   });

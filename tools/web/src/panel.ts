@@ -2,7 +2,7 @@
 
 import { element } from "./dom";
 import type { Player } from "./generated/strivec";
-import type { State } from "./state";
+import type { Opened, State } from "./state";
 
 /** Milliseconds that a picture may take while the camera moves, at first. */
 const FRAME_TIME = 33;
@@ -13,6 +13,11 @@ export interface Owner {
   /** Something was changed. */
   wake(): void;
   open(file: File): void;
+  /** Compares with `file`, or with nothing. */
+  compare(file?: File): void;
+  /** Takes the files of a dataset's folder. */
+  photographs(files: FileList): void;
+  hasPhotographs(): boolean;
   act(action: string): void;
   fail(error: unknown): void;
 }
@@ -51,6 +56,30 @@ function hex(color: number[]): string {
   return "#" + color.map((v) => Math.round(255 * Math.min(Math.max(v, 0), 1)).toString(16).padStart(2, "0")).join("");
 }
 
+/** A button that lets people choose files. */
+function chooser(text: string, properties: Partial<HTMLInputElement>, choose: (files: FileList) => void): HTMLElement {
+  const input = element("input", { type: "file", ...properties });
+  input.addEventListener("change", () => {
+    if (input.files?.length) choose(input.files);
+    input.value = "";
+  });
+  return element("label", { className: "file" }, text, input);
+}
+
+function showFacts(list: HTMLElement, { facts }: Opened): void {
+  const text = JSON.stringify(facts);
+  if (text === list.dataset.facts) return;
+  list.dataset.facts = text;
+  list.replaceChildren(
+    ...facts.map(({ name, value }) =>
+      element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })),
+    ),
+  );
+}
+
+const soFar = ({ scales, all_scales, is_whole }: Opened): string =>
+  is_whole ? "" : `${scales} of ${all_scales} scales so far`;
+
 function section(title: string, ...children: Node[]): HTMLElement {
   return element("section", {}, element("h2", { textContent: title }), ...children);
 }
@@ -72,19 +101,22 @@ export class Panel {
   readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
   readonly #finest = slider("resolution", 0, 4, 1, (v) => `1/${2 ** v}`);
   readonly #frameTime = slider("moving, ms", 5, 500, 1, (v) => `${v}`);
+  readonly #record: HTMLButtonElement;
+  readonly #play: HTMLButtonElement;
+  readonly #camera = slider("training camera", 1, 1, 1, (v) => `${v}`);
+  readonly #photograph = slider("photograph", 0, 1, 0.05, (v) => `${Math.round(100 * v)} %`);
+  readonly #folder: HTMLElement;
+  readonly #second = element("div");
+  readonly #secondName = element("p");
+  readonly #secondFacts = element("dl");
+  readonly #sideBySide = element("input", { type: "checkbox" });
   readonly #scene: HTMLElement;
   #state: State | undefined;
-  #factsShown = "";
 
   constructor(owner: Owner) {
     this.#owner = owner;
     this.root.setAttribute("aria-label", "Scene and settings");
-    const file = element("input", { type: "file", accept: ".strivec", id: "file" });
-    file.addEventListener("change", () => {
-      const chosen = file.files?.[0];
-      if (chosen) owner.open(chosen);
-      file.value = "";
-    });
+    const open = chooser("open", { accept: ".strivec,.json", id: "file" }, ([file]) => file && owner.open(file));
     this.#views.setAttribute("role", "radiogroup");
     this.#views.setAttribute("aria-label", "View");
 
@@ -102,6 +134,26 @@ export class Panel {
     this.#frameTime.show(FRAME_TIME);
     this.#frameTime.input.addEventListener("change", () =>
       this.#do((player) => player.set_frame_time(this.#frameTime.input.valueAsNumber)),
+    );
+
+    this.#record = this.#key("record", "KeyC");
+    this.#play = this.#key("play", "Space");
+    this.#camera.input.addEventListener("input", () =>
+      this.#do((player) => player.go_to_camera(this.#camera.input.valueAsNumber - 1)),
+    );
+    this.#photograph.input.addEventListener("input", () =>
+      this.#do((player) => player.set_photograph_share(this.#photograph.input.valueAsNumber)),
+    );
+    this.#folder = chooser("photographs' folder", { webkitdirectory: true }, (files) => owner.photographs(files));
+    const compare = chooser("compare with", { accept: ".strivec" }, ([file]) => file && owner.compare(file));
+    this.#sideBySide.addEventListener("change", () =>
+      this.#do((player) => player.set_divider(this.#sideBySide.checked ? undefined : 0.5)),
+    );
+    const close = this.#button("close", () => owner.compare());
+    this.#second.append(
+      element("div", { className: "row" }, element("label", {}, this.#sideBySide, " side by side"), close),
+      this.#secondName,
+      this.#secondFacts,
     );
 
     this.#scene = element(
@@ -124,20 +176,19 @@ export class Panel {
         this.#frameTime.row,
         exact,
       ),
+      section(
+        "Camera",
+        element("div", { className: "row" }, this.#record, this.#play),
+        this.#camera.row,
+        this.#photograph.row,
+        this.#folder,
+      ),
       section("File", this.#facts),
+      section("Comparison", compare, this.#second),
     );
-    const buttons = [
-      ["reset", "KeyR"],
-      ["screenshot", "KeyP"],
-      ["help", "KeyH"],
-    ].map(([text = "", code = ""]) =>
-      this.#button(text, (player) => {
-        const action = player.key(code, true, false);
-        if (action) owner.act(action);
-      }),
-    );
+    const buttons = [this.#key("reset", "KeyR"), this.#key("screenshot", "KeyP"), this.#key("help", "KeyH")];
     this.root.append(
-      element("div", { className: "row" }, element("label", { className: "file" }, "open", file), ...buttons),
+      element("div", { className: "row" }, open, ...buttons),
       this.#name,
       this.#arrived,
       this.#speed,
@@ -146,14 +197,14 @@ export class Panel {
   }
 
   /** Shows what there is to know. */
-  show(state: State | undefined, name: string): void {
+  show(state: State | undefined, names: [string, string]): void {
     this.#state = state;
     this.#scene.hidden = !state;
-    this.#name.textContent = state ? name : "";
+    this.#name.textContent = state ? names[0] : "";
     this.#arrived.hidden = !state || state.is_whole;
     this.#speed.hidden = !state;
     if (!state) return;
-    this.#arrived.textContent = `${state.scales} of ${state.all_scales} scales so far`;
+    this.#arrived.textContent = soFar(state);
     this.#showSpeed(state);
     this.#showViews(state);
     this.#background.value = hex(state.background);
@@ -167,7 +218,24 @@ export class Panel {
     this.#step.show(Math.log2(quality.step));
     this.#threshold.show(Math.log2(Math.max(quality.threshold, 2 ** -20)));
     this.#finest.show(Math.log2(quality.finest));
-    this.#showFacts(state);
+    showFacts(this.#facts, state);
+    this.#showCamera(state);
+    this.#second.hidden = !state.second;
+    if (!state.second) return;
+    this.#secondName.textContent = [names[1], soFar(state.second)].filter(Boolean).join(", ");
+    this.#sideBySide.checked = state.divider === null;
+    showFacts(this.#secondFacts, state.second);
+  }
+
+  #showCamera(state: State): void {
+    this.#record.textContent = state.is_recording ? "stop recording" : "record";
+    this.#play.textContent = state.is_playing ? "stop" : "play";
+    this.#camera.row.hidden = state.cameras === 0;
+    this.#camera.input.max = `${state.cameras}`;
+    this.#camera.show((state.camera ?? 0) + 1);
+    this.#photograph.row.hidden = state.cameras === 0 || !this.#owner.hasPhotographs();
+    this.#photograph.show(state.photograph);
+    this.#folder.hidden = state.cameras === 0;
   }
 
   #showSpeed(state: State): void {
@@ -207,17 +275,6 @@ export class Panel {
     this.#boxesOf.querySelectorAll("input").forEach((input, scale) => (input.checked = state.boxes[scale] ?? false));
   }
 
-  #showFacts(state: State): void {
-    const text = JSON.stringify(state.facts);
-    if (text === this.#factsShown) return;
-    this.#factsShown = text;
-    this.#facts.replaceChildren(
-      ...state.facts.map(({ name, value }) =>
-        element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })),
-      ),
-    );
-  }
-
   #setQuality(): void {
     const state = this.#state;
     if (!state) return;
@@ -237,6 +294,14 @@ export class Panel {
         2 ** value(this.#finest),
       ),
     );
+  }
+
+  /** A button that does what the key of W3C code `code` does. */
+  #key(text: string, code: string): HTMLButtonElement {
+    return this.#button(text, (player) => {
+      const action = player.key(code, true, false);
+      if (action) this.#owner.act(action);
+    });
   }
 
   #button(text: string, press: (player: Player) => void): HTMLButtonElement {

@@ -1,7 +1,7 @@
 // Chromium with WebGPU, and what the tests need besides.
 //
-// Needs dist/ (build.sh), Chromium ($CHROMIUM, default /usr/bin/chromium) and the command ($STRIVEC, default: the one in the
-// build folder). Works without a graphics processor: Chromium then computes by SwiftShader, slowly, so pictures are small.
+// Needs dist/ (build.sh), Chromium ($CHROMIUM, default /usr/bin/chromium) and the commands ($STRIVEC, default: the one in the
+// build folder, and strivec-pack beside it). Works without a graphics processor: Chromium then computes by SwiftShader, slowly, so pictures are small.
 // Leaves pictures in $STRIVEC_WEB_OUT, default a new folder in the system's own.
 
 import { execFileSync } from "node:child_process";
@@ -13,10 +13,11 @@ import { chromium } from "playwright-core";
 const web = resolve(import.meta.dirname, "..");
 export const root = resolve(web, "../..");
 export const dist = join(web, "dist");
-const build = process.env.CARGO_TARGET_DIR ?? join(root, "target");
+const build = resolve(root, process.env.CARGO_TARGET_DIR ?? "target");
 export const strivec = process.env.STRIVEC ?? join(build, "release/strivec");
 const pack = process.env.STRIVEC_PACK ?? join(strivec, "../strivec-pack");
-export const out = process.env.STRIVEC_WEB_OUT ?? mkdtempSync(join(tmpdir(), "strivec-web-"));
+export const out = resolve(process.env.STRIVEC_WEB_OUT ?? mkdtempSync(join(tmpdir(), "strivec-web-")));
+mkdirSync(out, { recursive: true });
 const chrome = process.env.CHROMIUM ?? "/usr/bin/chromium";
 for (const [path, what] of [
   [join(dist, "index.html"), "run tools/web/build.sh first"],
@@ -47,20 +48,24 @@ const flags = [
 
 export const launch = () => chromium.launch({ executablePath: chrome, args: flags });
 
-/** A file of two scales, large enough to be loaded in pieces: $STRIVEC_WEB_SCENE, or one that is trained here once. */
+let made;
+
+/**
+ * A scene that is trained here in some seconds: `file`, of two scales, large enough to be loaded in pieces, with its training
+ * cameras, and `data`, the dataset's folder.
+ */
 export function levels() {
-  if (process.env.STRIVEC_WEB_SCENE) return resolve(process.env.STRIVEC_WEB_SCENE);
-  const folder = join(build, "web-tests");
-  const made = join(folder, "levels.strivec");
-  if (existsSync(made)) return made;
+  if (made) return made;
   if (!existsSync(pack)) throw new Error(`${pack} is missing: build it (cargo build --release), or set STRIVEC_PACK`);
-  mkdirSync(folder, { recursive: true });
   const run = (program, ...options) =>
-    execFileSync(program, [...options, "--quiet", "--force"], { cwd: folder, stdio: ["ignore", "ignore", "inherit"] });
-  run(strivec, "synth", "photographs", "--views", "12", "--test-views", "2", "--size", "48x48");
-  run(strivec, "train", "photographs", "-o", "trained.strivec", "--preset", "fast", "--steps", "120", "--batch", "512");
-  run(pack, "pack", "trained.strivec", "--lossless", "--level", "1", "-o", made);
-  return made;
+    execFileSync(program, [...options, "--quiet", "--force"], { cwd: out, stdio: ["ignore", "ignore", "inherit"] });
+  const [data, trained, file] = ["photographs", "trained.strivec", "levels.strivec"].map((name) => join(out, name));
+  const config = join(import.meta.dirname, "levels.toml");
+  run(strivec, "synth", data, "--views", "12", "--test-views", "2", "--size", "48x48");
+  run(strivec, "train", data, "-o", trained, "--config", config, "--prior", join(data, "mesh.ply"), "--keep-unused");
+  const options = ["--lossless", "--level", "0", "--effort", "0.1", "--data", data, "--with-cameras"];
+  run(pack, "pack", trained, "-o", file, ...options);
+  return (made = { file, data });
 }
 
 /** Opens `address` with a viewer that is `size` pixels large; collects what the console says. */

@@ -150,7 +150,7 @@ test("the panel shows facts, and its controls work by keyboard", async () => {
   await page.keyboard.press("i");
   const panel = page.getByRole("complementary");
   await panel.waitFor({ state: "visible" });
-  const facts = await panel.locator("dl").innerText();
+  const facts = await panel.locator("#facts").innerText();
   for (const expected of ["0.01 MB", "tensors\n6", "scale 1", "30 000", "lego"]) {
     assert.ok(facts.includes(expected), `${expected}: ${facts}`);
   }
@@ -199,7 +199,7 @@ test("what cannot be opened is said, and the player lives", async () => {
 });
 
 test("a large file is on the screen before the rest of it is asked for", async () => {
-  const file = levels();
+  const { file } = levels();
   const size = readFileSync(file).length;
   const path = `/${basename(file)}`;
   const own = await serve(dist, [file]);

@@ -1,0 +1,98 @@
+//! Training cameras, and the photograph that is seen through a picture.
+
+use super::Controls;
+use crate::container::TrainingCamera;
+use crate::geometry::Camera;
+
+/// Which of a file's training cameras was gone to, and what is seen of its photograph.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Photograph {
+    /// The camera's number in the file; absent before one was gone to.
+    pub camera: Option<usize>,
+    /// How much of the photograph is seen, from 0 to 1.
+    pub share: f32,
+    /// Whether it is there.
+    pub is_loaded: bool,
+}
+
+impl Photograph {
+    /// Puts the camera where number `n` of `cameras` was; whether there is such a camera.
+    pub fn go_to(&mut self, n: usize, cameras: &[TrainingCamera], controls: &mut Controls) -> bool {
+        let Some(camera) = cameras.get(n) else { return false };
+        let angle = 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan();
+        controls.place_with_angle(camera.pose, angle);
+        if self.camera != Some(n) {
+            (self.camera, self.is_loaded) = (Some(n), false);
+        }
+        true
+    }
+
+    /// The number of the next of `count` cameras, after the last the first, or of the one before.
+    pub fn neighbour(&self, count: usize, is_next: bool) -> usize {
+        match (self.camera, is_next) {
+            (None, true) => 0,
+            (None, false) => count.saturating_sub(1),
+            (Some(n), true) => (n + 1) % count.max(1),
+            (Some(n), false) => (n + count).saturating_sub(1) % count.max(1),
+        }
+    }
+
+    /// How much of the photograph is to be shown.
+    pub fn shown_share(&self) -> f32 {
+        if self.is_loaded { self.share } else { 0.0 }
+    }
+
+    /// Where the photograph, by one of `cameras`, lies in the picture that `shown` took: its corner and size, in parts of the
+    /// picture's.
+    pub fn place(&self, cameras: &[TrainingCamera], shown: &Camera) -> Option<[f32; 4]> {
+        let taken = cameras.get(self.camera?)?;
+        let along = |axis: usize, size: u32| {
+            let scale = shown.focal[axis] / taken.focal[axis];
+            let corner = shown.principal[axis] - scale * taken.principal[axis];
+            [corner, scale * f64::from(taken.size[axis])].map(|v| (v / f64::from(size)) as f32)
+        };
+        let ([x, width], [y, height]) = (along(0, shown.width), along(1, shown.height));
+        Some([x, y, width, height])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::container::{Limits, Pose, decode_document};
+
+    fn cameras() -> Vec<TrainingCamera> {
+        let at = |x: f64| Pose { position: DVec3::new(x, 0.0, 3.0), rotation: DQuat::IDENTITY };
+        let camera = |x| TrainingCamera { pose: at(x), focal: [50.0; 2], principal: [20.0, 10.0], size: [40, 20] };
+        [0.0, 1.0, 2.0].map(camera).to_vec()
+    }
+
+    #[test]
+    fn cameras_come_round() {
+        let mut photograph = Photograph::default();
+        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [0, 2]);
+        photograph.camera = Some(2);
+        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [0, 1]);
+        photograph.camera = Some(0);
+        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [1, 2]);
+        assert_eq!([true, false].map(|is_next| photograph.neighbour(0, is_next)), [0, 0]);
+    }
+
+    #[test]
+    fn a_photograph_fills_the_height_of_what_its_camera_sees() {
+        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
+        let document = decode_document(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let mut controls = Controls::new(&document.scene, None);
+        let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
+        assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());
+        assert!(photograph.go_to(1, &cameras(), &mut controls));
+        assert_eq!((photograph.camera, photograph.shown_share()), (Some(1), 0.0), "another camera's");
+        assert_eq!(controls.pose().position.x, 1.0);
+        let [x, y, width, height] = photograph.place(&cameras(), &controls.camera([100, 100])).unwrap();
+        for (found, expected) in [(x, -0.5), (y, 0.0), (width, 2.0), (height, 1.0)] {
+            assert!((found - expected).abs() < 1e-6, "{found} and {expected}");
+        }
+    }
+}

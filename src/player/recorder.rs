@@ -1,0 +1,133 @@
+//! The camera's path in a player: recorded while the camera moves, and played.
+
+use glam::DQuat;
+
+use super::Controls;
+use crate::container::Pose;
+use crate::geometry::{CameraPath, Keyframe, Similarity, Viewpoint};
+use crate::render::{KeyframesError, MAX_KEYFRAMES, read_keyframes, write_keyframes};
+
+/// Seconds between the keyframes of a recorded path.
+const RECORDED_EVERY: f64 = 0.25;
+
+/// A path of the camera, in the dataset's space, while it is recorded and while it is played. Without a clock and without
+/// files of its own.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    /// What was recorded or opened last.
+    path: Option<CameraPath>,
+    /// While it is being recorded.
+    recording: Option<Vec<Keyframe>>,
+    /// Seconds into the path: while it is recorded, and while it is played.
+    seconds: f64,
+    is_playing: bool,
+}
+
+impl Recorder {
+    /// Whether the camera's path is being recorded.
+    pub fn is_recording(&self) -> bool {
+        self.recording.is_some()
+    }
+
+    /// Whether the camera follows a path.
+    pub fn is_playing(&self) -> bool {
+        self.is_playing
+    }
+
+    /// The file of the path that was recorded or opened last.
+    pub fn file(&self) -> Option<String> {
+        self.path.as_ref().map(write_keyframes)
+    }
+
+    /// Begins to record, or ends that: then whether there is a new path.
+    pub fn record(&mut self) -> bool {
+        let Some(keyframes) = self.recording.take() else {
+            *self = Self { recording: Some(Vec::new()), ..Self::default() };
+            return false;
+        };
+        self.path = CameraPath::new(keyframes).ok();
+        self.path.is_some()
+    }
+
+    /// Plays the path from its beginning, or stops. Where one is being recorded, that ends first: then whether there is a new
+    /// path.
+    pub fn play(&mut self) -> bool {
+        let is_new = self.is_recording() && self.record();
+        self.is_playing = !self.is_playing && self.path.is_some();
+        self.seconds = 0.0;
+        is_new
+    }
+
+    /// Plays the path of the file of `bytes`.
+    ///
+    /// # Errors
+    ///
+    /// Where `bytes` are no camera path; what there was then stays.
+    pub fn open(&mut self, bytes: &[u8]) -> Result<(), KeyframesError> {
+        let path = read_keyframes(bytes)?;
+        *self = Self { path: Some(path), is_playing: true, ..Self::default() };
+        Ok(())
+    }
+
+    /// Records where the camera is `elapsed` seconds after the last call, or moves it along the path; whether it has moved.
+    pub fn follow(&mut self, elapsed: f64, controls: &mut Controls, model_from_dataset: &Similarity) -> bool {
+        self.seconds += elapsed;
+        if let Some(keyframes) = &mut self.recording {
+            let is_due = keyframes.last().is_none_or(|last| self.seconds - last.seconds >= RECORDED_EVERY);
+            if is_due && keyframes.len() < MAX_KEYFRAMES {
+                let seen = controls.camera([2, 2]).mapped(&model_from_dataset.inverse());
+                keyframes.push(Keyframe { seconds: self.seconds, viewpoint: Viewpoint::of_camera(&seen) });
+            }
+            return false;
+        }
+        let Some(path) = self.path.as_ref().filter(|_| self.is_playing) else { return false };
+        let at = path.at(path.start() + self.seconds);
+        let camera = at.camera([2, 2]).mapped(model_from_dataset);
+        let pose = Pose { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera) };
+        controls.place_with_angle(pose, at.vertical_angle);
+        self.is_playing = self.seconds <= path.end() - path.start();
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::container::{Limits, decode_document};
+
+    #[test]
+    fn what_was_recorded_is_played() {
+        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
+        let document = decode_document(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let map =
+            Similarity { scale: 2.5, rotation: DQuat::from_rotation_z(0.7), translation: DVec3::new(1.0, -2.0, 3.0) };
+        let mut controls = Controls::new(&document.scene, None);
+        let mut recorder = Recorder::default();
+        assert!(!recorder.play() && !recorder.is_playing(), "there is nothing to play");
+        assert!(!recorder.record() && recorder.is_recording());
+        let mut places = Vec::new();
+        for _ in 0..5 {
+            assert!(!recorder.follow(0.25, &mut controls, &map));
+            assert!(!recorder.follow(0.01, &mut controls, &map), "too soon for another");
+            places.push(controls.pose());
+            controls.orbit(0.1, 0.02);
+        }
+        assert!(recorder.play() && recorder.is_playing() && !recorder.is_recording());
+        let file = recorder.file().unwrap();
+        assert_eq!(read_keyframes(file.as_bytes()).unwrap().keyframes().len(), 5);
+
+        let mut again = Recorder::default();
+        assert!(again.open(b"words").is_err());
+        again.open(file.as_bytes()).unwrap();
+        for (n, place) in places.iter().enumerate() {
+            assert!(again.follow(if n == 0 { 0.0 } else { 0.26 }, &mut controls, &map));
+            let pose = controls.pose();
+            assert!((pose.position - place.position).length() < 1e-6, "{n}: {pose:?} and {place:?}");
+            assert!(pose.rotation.angle_between(place.rotation) < 1e-6, "{n}");
+        }
+        assert!(again.follow(0.3, &mut controls, &map) && !again.is_playing(), "it ends");
+        assert!(!again.follow(0.3, &mut controls, &map));
+    }
+}

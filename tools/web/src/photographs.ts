@@ -1,0 +1,124 @@
+// Photographs of a dataset, each fetched or read when it is wanted. A `transforms` file (as NeRF-synthetic's) says which
+// picture was taken from where.
+
+/** What a dataset's folder may call the file that lists its training cameras, the first that is there. */
+const LISTS = ["transforms_train.json", "transforms.json"];
+/** Larger ones are made smaller: devices take no larger textures. */
+const MOST_PIXELS = 4096;
+/** How far a camera of the scene may be from that of a photograph, relative to its distance from the origin. */
+const NEAR = 1e-3;
+
+/** The file at `path` of a folder; nothing where there is none. */
+type Read = (path: string) => Promise<Blob | undefined>;
+
+interface Frame {
+  path: string;
+  /** Row-major, camera to world. */
+  pose: number[];
+}
+
+export interface Photograph {
+  width: number;
+  height: number;
+  /** Red, green, blue and opacity of each pixel. */
+  bytes: Uint8Array;
+}
+
+export class Photographs {
+  readonly #read: Read;
+  readonly #frames: Frame[];
+
+  private constructor(read: Read, frames: Frame[]) {
+    this.#read = read;
+    this.#frames = frames;
+  }
+
+  /** Those that the `transforms` file at `url` lists, from addresses relative to it; or the folder's, where `url` ends with /. */
+  static async ofUrl(url: string): Promise<Photographs> {
+    const whole = new URL(url, document.baseURI).href;
+    const read: Read = async (path) => {
+      const escaped = path.split("/").map(encodeURIComponent).join("/");
+      const response = await fetch(new URL(escaped, whole)).catch(() => undefined);
+      return response?.ok ? response.blob() : undefined;
+    };
+    return Photographs.#of(read, whole.endsWith("/") ? LISTS : [new URL(whole).pathname.split("/").pop() ?? ""]);
+  }
+
+  /** Those of a folder that was chosen, or of the files that were dropped. */
+  static async ofFiles(files: Iterable<File>): Promise<Photographs> {
+    const named = new Map<string, File>();
+    for (const file of files) named.set(file.webkitRelativePath.replace(/^[^/]*\//, "") || file.name, file);
+    // Files that were dropped one by one do not say which folder they are from.
+    const read: Read = async (path) => named.get(path) ?? named.get(path.split("/").pop() ?? "");
+    const list = [...LISTS, ...[...named.keys()].filter((name) => /^transforms[^/]*\.json$/.test(name))];
+    return Photographs.#of(read, list);
+  }
+
+  /** Those of a folder that was dropped. */
+  static async ofFolder(folder: FileSystemDirectoryEntry): Promise<Photographs> {
+    const read: Read = (path) =>
+      new Promise((found) => {
+        const none = (): void => found(undefined);
+        folder.getFile(path, {}, (entry) => (entry as FileSystemFileEntry).file(found, none), none);
+      });
+    return Photographs.#of(read, LISTS);
+  }
+
+  static async #of(read: Read, lists: string[]): Promise<Photographs> {
+    for (const name of lists) {
+      const list = await read(name);
+      if (list) return new Photographs(read, framesOf(name, await list.text()));
+    }
+    throw new Error(`photographs: expected ${lists.join(" or ")}, which cannot be read`);
+  }
+
+  /** The photograph from `pose`, a row-major camera-to-world matrix, on `background`, sRGB from 0 to 1. */
+  async at(pose: ArrayLike<number>, background: number[]): Promise<Photograph> {
+    const frame = this.#frames.find((frame) => isNear(frame.pose, pose));
+    if (!frame) throw new Error("photographs: expected one from this camera, found none: is this the scene's dataset?");
+    const file = await this.#read(frame.path);
+    if (!file) throw new Error(`photographs: ${frame.path} is missing`);
+    return decoded(file, background).catch(() => Promise.reject(new Error(`photographs: ${frame.path} is no picture`)));
+  }
+}
+
+function framesOf(name: string, text: string): Frame[] {
+  const wrong = (what: string): Error => new Error(`photographs: ${name}: ${what}`);
+  let list: { frames?: { file_path?: unknown; transform_matrix?: unknown }[] };
+  try {
+    list = JSON.parse(text) as typeof list;
+  } catch {
+    throw wrong("expected JSON");
+  }
+  if (!Array.isArray(list?.frames)) throw wrong("expected frames");
+  return list.frames.map((frame, n) => {
+    const pose = Array.isArray(frame?.transform_matrix) ? frame.transform_matrix.flat().map(Number) : [];
+    if (typeof frame?.file_path !== "string" || pose.length !== 16) {
+      throw wrong(`frame ${n}: expected file_path and a transform_matrix of 16 numbers`);
+    }
+    const path = frame.file_path.replaceAll("\\", "/").replace(/^(\.\/)+/, "");
+    return { path: /\.(png|jpe?g)$/i.test(path) ? path : `${path}.png`, pose };
+  });
+}
+
+/** Whether two cameras stand at one place and look one way. */
+function isNear(a: ArrayLike<number>, b: ArrayLike<number>): boolean {
+  const apart = (at: number): number => Math.abs((a[at] ?? NaN) - (b[at] ?? NaN));
+  const far = Math.hypot(...[3, 7, 11].map((at) => b[at] ?? 0));
+  return Array.from({ length: 12 }, (_, at) => at).every((at) => apart(at) <= NEAR * (at % 4 === 3 ? 1 + far : 1));
+}
+
+async function decoded(file: Blob, background: number[]): Promise<Photograph> {
+  const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none" });
+  const smaller = Math.min(1, MOST_PIXELS / Math.max(bitmap.width, bitmap.height));
+  const [width, height] = [bitmap.width, bitmap.height].map((v) => Math.max(1, Math.round(v * smaller)));
+  const canvas = new OffscreenCanvas(width ?? 1, height ?? 1);
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  if (!context) throw new Error("the canvas has no 2D context");
+  context.fillStyle = `rgb(${background.map((v) => 255 * v).join(" ")})`;
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
+  bitmap.close();
+  const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+  return { width: canvas.width, height: canvas.height, bytes: new Uint8Array(data.buffer) };
+}
