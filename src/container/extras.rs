@@ -12,6 +12,7 @@ use super::records;
 pub use super::records::Probe;
 use super::section::{Section, SectionKind};
 use super::writer::{Place, Writer};
+use crate::geometry::Camera;
 
 /// The ancillary parts of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -138,6 +139,14 @@ pub struct UnknownSection {
 /// Bytes of a probe, and of a training camera.
 const PROBE_BYTES: usize = 144;
 const CAMERA_BYTES: usize = 96;
+
+impl TrainingCamera {
+    /// Of a `camera` in the model's space.
+    pub fn of(camera: &Camera) -> Self {
+        let size = [camera.width, camera.height];
+        Self { pose: Pose::of(camera), focal: camera.focal, principal: camera.principal, size }
+    }
+}
 
 impl Extras {
     /// Writes what stands before the decoder.
@@ -335,6 +344,11 @@ impl Extras {
 }
 
 impl Pose {
+    /// A camera's.
+    pub fn of(camera: &Camera) -> Self {
+        Self { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera).normalize() }
+    }
+
     fn record(&self) -> records::Pose {
         records::Pose { position: self.position.to_array(), rotation: self.rotation.to_array() }
     }

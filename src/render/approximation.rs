@@ -4,8 +4,8 @@ use super::components::keep_components;
 use crate::model::{DecoderMode, Scene};
 
 /// What a renderer may leave out. The default leaves out nothing: the picture is the reference's, within tolerance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Approximation {
     /// Neighbours that a point aggregates in a scale at most; those of the scene where there is none.
     pub neighbours: Option<u32>,

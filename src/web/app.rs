@@ -11,7 +11,7 @@ use crate::player::{
     Action, Comparison, Controls, Drag, Fact, Pace, Photograph, Place, Recorder, Show, Step, View, action_of,
 };
 use crate::render::gpu::{GpuError, GpuRenderer};
-use crate::render::{Approximation, Pixel};
+use crate::render::{Approximation, Choice, Pixel};
 
 /// Seconds that a picture may take while the camera moves, at first.
 const FRAME_TIME: f64 = 0.033;
@@ -417,6 +417,15 @@ impl App {
         (self.photograph.is_loaded, self.is_dirty) = (true, true);
     }
 
+    /// Draws as the first scene's file names it; whether it does.
+    pub(super) fn choose(&mut self, name: &str) -> Result<bool, GpuError> {
+        let choices = self.slots[0].iter().flat_map(|slot| &slot.choices);
+        let chosen = choices.clone().find(|(of, _)| of == name).map(|(_, choice)| *choice);
+        let Some(Choice { approximation, divisor }) = chosen else { return Ok(false) };
+        self.approximate(&approximation, divisor)?;
+        Ok(true)
+    }
+
     /// Draws with `approximation` from now on, no finer than `finest`.
     pub(super) fn approximate(&mut self, approximation: &Approximation, finest: u32) -> Result<(), GpuError> {
         if self.finest != finest {
@@ -511,6 +520,7 @@ impl App {
             "has_own_background": self.background.is_none(),
             "has_boxes": self.has_boxes,
             "boxes": self.boxes,
+            "choices": slot.choices.iter().map(|(name, _)| name).collect::<Vec<_>>(),
             "cameras": slot.cameras.len(),
             "camera": self.photograph.camera,
             "photograph": self.photograph.share,

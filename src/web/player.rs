@@ -273,6 +273,16 @@ impl Player {
         Ok(self.app.borrow_mut().approximate(&approximation, finest.clamp(1, 16))?)
     }
 
+    /// Draws from now on as the file names it, for which see `choices` of the state: as `fast`, `balanced` or `best`. Whether it
+    /// does.
+    ///
+    /// # Errors
+    ///
+    /// Where the device is too small.
+    pub fn choose(&self, name: &str) -> Result<bool, JsError> {
+        Ok(self.app.borrow_mut().choose(name)?)
+    }
+
     /// Milliseconds that a picture may take while the camera moves.
     pub fn set_frame_time(&self, milliseconds: f64) {
         self.app.borrow_mut().set_frame_time(1e-3 * milliseconds);

@@ -1,12 +1,12 @@
 //! A scene that is open, and what draws it.
 
 use super::clock;
-use crate::container::{Document, TrainingCamera};
+use crate::container::{Document, Prefix, TrainingCamera};
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::player::{BoxLines, Fact, Screen, Step, facts, scale_count};
-use crate::render::Approximation;
+use crate::player::{BoxLines, Fact, Screen, Step, adapted, facts, named_choices, scale_count};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
+use crate::render::{Approximation, Choice};
 
 /// A scene that is open.
 pub(super) struct SceneSlot {
@@ -21,6 +21,9 @@ pub(super) struct SceneSlot {
     pub(super) facts: Vec<Fact>,
     /// Those that the scene was trained from, as far as the file tells.
     pub(super) cameras: Vec<TrainingCamera>,
+    /// What it names.
+    pub(super) choices: Vec<(String, Choice)>,
+    prefixes: Vec<Option<Prefix>>,
     pub(super) screen: Screen,
     pub(super) boxes: BoxLines,
     /// Absent while it is lent: to something that waits for the device.
@@ -48,7 +51,7 @@ impl SceneSlot {
         // A viewer goes where no photograph was taken from; the bounds say where the scene is.
         scene.frame.near = 0.0;
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
-        let renderer = renderer(gpu, &scene, approximation)?;
+        let renderer = renderer(gpu, &scene, &extras.prefixes, approximation)?;
         let (screen, boxes) = (Screen::new(gpu, format), BoxLines::new(gpu, &scene, format));
         Ok(Self {
             scene,
@@ -58,6 +61,8 @@ impl SceneSlot {
             is_whole,
             facts,
             cameras: extras.cameras,
+            choices: named_choices(&extras.notes),
+            prefixes: extras.prefixes,
             screen,
             boxes,
             renderer: Some(renderer),
@@ -70,7 +75,7 @@ impl SceneSlot {
 
     /// Draws with `approximation` from now on.
     pub(super) fn approximate(&mut self, gpu: &Gpu, approximation: &Approximation) -> Result<(), GpuError> {
-        self.renderer = Some(renderer(gpu, &self.scene, approximation)?);
+        self.renderer = Some(renderer(gpu, &self.scene, &self.prefixes, approximation)?);
         self.drawing = None;
         Ok(())
     }
@@ -129,11 +134,12 @@ impl SceneSlot {
 }
 
 /// What draws `scene` on `gpu`.
-fn renderer(gpu: &Gpu, scene: &Scene, approximation: &Approximation) -> Result<GpuRenderer, GpuError> {
-    // What is set for the whole scene may be more than its first scales have.
-    let mut approximation = *approximation;
-    approximation.scales = approximation.scales.map(|n| n.min(scene.scales.len() as u32));
-    let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
-    approximation.neighbours = approximation.neighbours.map(|n| n.min(most));
-    GpuRenderer::new(gpu, scene.clone(), &approximation, Precision::default())
+fn renderer(
+    gpu: &Gpu,
+    scene: &Scene,
+    prefixes: &[Option<Prefix>],
+    approximation: &Approximation,
+) -> Result<GpuRenderer, GpuError> {
+    let (drawn, approximation) = adapted(scene, prefixes, approximation, false);
+    GpuRenderer::new(gpu, drawn, &approximation, Precision::default())
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::encoding::{LayoutArgs, lossless};
 use super::input::{self, Inputs, Outputs};
-use super::showing::{default_views, thumbnail, training_camera};
+use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session, quantity, train};
@@ -107,7 +107,8 @@ impl DataArgs {
     fn training_cameras(&self, scene: &Scene) -> Result<Vec<TrainingCamera>, Error> {
         let Some(folder) = &self.data else { return Ok(Vec::new()) };
         let cameras = dataset::load_cameras(folder, "train", None, self.downscale)?;
-        Ok(cameras.iter().map(|named| training_camera(scene, &named.camera)).collect())
+        let map = scene.frame.model_from_dataset;
+        Ok(cameras.iter().map(|named| TrainingCamera::of(&named.camera.mapped(&map))).collect())
     }
 }
 

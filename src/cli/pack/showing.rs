@@ -1,12 +1,9 @@
 //! What a packed file says about how to look at it.
 
-use glam::DQuat;
-
 use crate::cli::Error;
 use crate::cli::render::colors;
 use crate::cli::viewpoints::Viewpoints;
-use crate::container::{Pose, Thumbnail, ThumbnailFormat, TrainingCamera, Views};
-use crate::geometry::Camera;
+use crate::container::{Pose, Thumbnail, ThumbnailFormat, Views};
 use crate::measure::color_png;
 use crate::model::Scene;
 use crate::render::{CpuRenderer, Renderer};
@@ -20,7 +17,8 @@ const TURNTABLE: (u32, f64) = (36, 12.0);
 pub(super) fn default_views(scene: &Scene) -> Views {
     let (count, seconds) = TURNTABLE;
     let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, count, [THUMBNAIL; 2]);
-    let path: Vec<Pose> = cameras.iter().map(|camera| pose(&camera.mapped(&scene.frame.model_from_dataset))).collect();
+    let path: Vec<Pose> =
+        cameras.iter().map(|camera| Pose::of(&camera.mapped(&scene.frame.model_from_dataset))).collect();
     let angle_of_view = 2.0 * (0.5 * f64::from(THUMBNAIL) / cameras[0].focal[1]).atan();
     Views { angle_of_view, first: path[0], center: scene.bounds.center(), seconds, is_closed: true, path }
 }
@@ -32,15 +30,4 @@ pub(super) fn thumbnail(scene: &Scene) -> Result<Thumbnail, Error> {
     let size = [picture.width, picture.height];
     let file = color_png(size, &colors(&picture))?;
     Ok(Thumbnail { format: ThumbnailFormat::Png, size: size.map(|n| n as u16), file })
-}
-
-/// As the file holds a dataset's camera.
-pub(super) fn training_camera(scene: &Scene, camera: &Camera) -> TrainingCamera {
-    let camera = camera.mapped(&scene.frame.model_from_dataset);
-    let size = [camera.width, camera.height];
-    TrainingCamera { pose: pose(&camera), focal: camera.focal, principal: camera.principal, size }
-}
-
-fn pose(camera: &Camera) -> Pose {
-    Pose { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera).normalize() }
 }

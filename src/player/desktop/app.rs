@@ -4,15 +4,17 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
+use super::arguments::Arguments;
 use super::opening::{self, News, Opened};
 use super::recent;
 use super::scene_slot::{Device, SceneSlot};
+use crate::container::{Document, TrainingCamera};
 use crate::dataset::{self, LoadOptions};
 use crate::geometry::Camera;
 use crate::measure::color_png;
-use crate::player::{Action, Comparison, Controls, Pace, Photograph, Recorder, Show, View};
-use crate::render::Approximation;
+use crate::player::{Action, Comparison, Controls, Pace, Photograph, Recorder, Show, View, named_choices};
 use crate::render::gpu::GpuError;
+use crate::render::{Approximation, Choice};
 
 /// The player.
 pub(super) struct App {
@@ -36,6 +38,8 @@ pub(super) struct App {
     pub(super) has_boxes: bool,
     /// The folder of the photographs that the scene was trained on.
     pub(super) data: Option<PathBuf>,
+    /// Which of a file's named choices scenes are opened with.
+    quality: Option<String>,
     pub(super) photograph: Photograph,
     pub(super) recorder: Recorder,
     pub(super) message: Option<String>,
@@ -61,9 +65,7 @@ impl App {
     /// Without a scene. `wake` makes functions that wake the window.
     pub(super) fn new(
         device: Device,
-        frame_time_ms: u32,
-        data: Option<PathBuf>,
-        says_timing: bool,
+        arguments: &Arguments,
         wake: impl Fn() -> Box<dyn Fn() + Send> + 'static,
     ) -> Self {
         Self {
@@ -72,8 +74,8 @@ impl App {
             pending: [None, None],
             wake: Box::new(wake),
             controls: None,
-            pace: Pace::new(1e-3 * f64::from(frame_time_ms)),
-            frame_time_ms,
+            pace: Pace::new(1e-3 * f64::from(arguments.frame_time)),
+            frame_time_ms: arguments.frame_time,
             approximation: Approximation::default(),
             finest: 1,
             view: View::Color,
@@ -81,7 +83,8 @@ impl App {
             comparison: Comparison::Slider(0.5),
             boxes: Vec::new(),
             has_boxes: false,
-            data,
+            data: arguments.data.clone(),
+            quality: arguments.quality.clone(),
             photograph: Photograph::default(),
             recorder: Recorder::default(),
             message: None,
@@ -92,7 +95,7 @@ impl App {
             has_panel: true,
             seconds: None,
             seconds_before: None,
-            says_timing,
+            says_timing: arguments.timing,
             opened_at: Instant::now(),
             has_first_picture: false,
             updated_at: Instant::now(),
@@ -184,18 +187,25 @@ impl App {
         }
     }
 
-    fn take(&mut self, opened: Opened, slot: usize) {
+    fn take(&mut self, mut opened: Opened, slot: usize) {
         let is_more_of_the_same =
             self.slots[slot].as_ref().is_some_and(|s| !s.opened.is_whole && s.opened.name == opened.name);
         if slot == 0 && !is_more_of_the_same {
             let document = &opened.document;
             self.controls = Some(Controls::new(&document.scene, document.extras.views.as_ref()));
-            self.approximation = Approximation::default();
+            (self.approximation, self.finest) = (Approximation::default(), 1);
             self.background = None;
             (self.seconds, self.seconds_before) = (None, None);
             self.photograph = Photograph::default();
         }
         if slot == 0 {
+            self.add_cameras(&mut opened.document);
+            // The names come last of all.
+            let choices = named_choices(&opened.document.extras.notes);
+            let chosen = choices.into_iter().find(|(name, _)| Some(name) == self.quality.as_ref());
+            if let Some((_, Choice { approximation, divisor })) = chosen.filter(|_| opened.is_whole) {
+                (self.approximation, self.finest) = (approximation, divisor);
+            }
             self.boxes.resize(opened.document.scene.scales.len(), true);
         }
         match SceneSlot::new(opened, &self.device, &self.approximation) {
@@ -207,6 +217,19 @@ impl App {
             Err(text) => self.say(text),
         }
         self.changed();
+    }
+
+    /// The dataset's cameras, where the file holds none.
+    fn add_cameras(&mut self, document: &mut Document) {
+        let Some(folder) = self.data.as_ref().filter(|_| document.extras.cameras.is_empty()) else { return };
+        match dataset::load_cameras(folder, "train", None, 1) {
+            Ok(cameras) => {
+                let map = document.scene.frame.model_from_dataset;
+                let cameras = cameras.iter().map(|named| TrainingCamera::of(&named.camera.mapped(&map)));
+                document.extras.cameras = cameras.collect();
+            }
+            Err(error) => self.say(error.to_string()),
+        }
     }
 
     /// Records the camera's path, or moves the camera along one; whether it has moved.
@@ -358,6 +381,12 @@ impl App {
             controls.focus(point);
         }
         self.pace.changed();
+    }
+
+    /// Draws all scenes as `choice` says.
+    pub(super) fn choose(&mut self, choice: &Choice) {
+        (self.approximation, self.finest) = (choice.approximation, choice.divisor);
+        self.approximate();
     }
 
     /// Draws all scenes with the approximation that is set now.

@@ -24,6 +24,9 @@ pub(super) struct Arguments {
     /// Folder of the dataset that the scene was trained on, for its photographs
     #[arg(long, value_name = "FOLDER")]
     pub(super) data: Option<PathBuf>,
+    /// As the file's point of this name, as `strivec trade --store` has written it: fast, balanced or best
+    #[arg(long, value_name = "NAME")]
+    pub(super) quality: Option<String>,
     /// What draws
     #[arg(long, value_enum, default_value_t)]
     pub(super) renderer: Renderer,

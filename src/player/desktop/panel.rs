@@ -5,6 +5,7 @@ use egui::{Color32, RichText, Slider, Ui};
 use super::app::App;
 use super::opening;
 use crate::player::{Action, Comparison, View, scale_count};
+use crate::render::Choice;
 
 const KEYS: [(&str, &str); 16] = [
     ("left drag, one finger", "turn around the scene"),
@@ -192,6 +193,7 @@ fn quality(app: &mut App, ui: &mut Ui) {
     let scales = slot.scene.scales.len() as u32;
     let most = slot.scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let (weight, own) = (slot.scene.rules.min_weight.max(1e-6), app.approximation);
+    let choices = slot.choices.clone();
     let mut wanted = own;
     let mut is_done = false;
     let mut row = |ui: &mut Ui, slider: Slider<'_>| {
@@ -216,11 +218,20 @@ fn quality(app: &mut App, ui: &mut Ui) {
         app.finest = 1 << finest;
         app.changed();
     }
-    if ui.button("exact").clicked() {
-        wanted = crate::render::Approximation::default();
-        is_done = true;
-    }
     app.approximation = wanted;
+    let mut chosen = None;
+    ui.horizontal_wrapped(|ui| {
+        let exact = [("exact".to_owned(), Choice::default())];
+        for (name, choice) in exact.into_iter().chain(choices) {
+            if ui.button(name).clicked() {
+                chosen = Some(choice);
+            }
+        }
+    });
+    if let Some(choice) = chosen {
+        app.choose(&choice);
+        return;
+    }
     if is_done {
         app.approximate();
     }

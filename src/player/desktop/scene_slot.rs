@@ -3,11 +3,12 @@
 use std::time::{Duration, Instant};
 
 use super::opening::Opened;
+use crate::container::Prefix;
 use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
-use crate::player::{BoxLines, Fact, Screen, facts};
+use crate::player::{BoxLines, Fact, Screen, adapted, facts, named_choices};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, CpuRenderer, Look, Pixel, Renderer};
+use crate::render::{Approximation, Choice, CpuRenderer, Look, Pixel, Renderer};
 
 /// What there is to draw with.
 #[derive(Clone)]
@@ -69,6 +70,8 @@ pub(super) struct SceneSlot {
     pub(super) scene: Scene,
     pub(super) opened: Opened,
     pub(super) facts: Vec<Fact>,
+    /// What the file names.
+    pub(super) choices: Vec<(String, Choice)>,
     pub(super) painter: Painter,
     /// The camera of the picture that is being drawn.
     drawing: Option<Camera>,
@@ -85,14 +88,26 @@ impl SceneSlot {
         // A viewer goes where no photograph was taken from; the bounds say where the scene is.
         scene.frame.near = 0.0;
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
-        let painter = Painter::new(&scene, device, approximation)?;
+        let painter = Painter::new(&scene, &opened.document.extras.prefixes, device, approximation)?;
         let facts = facts(&opened.document, &opened.contents, opened.contents.file_length);
-        Ok(Self { scene, opened, facts, painter, drawing: None, begun: Instant::now(), done: 0, done_at: None })
+        let choices = named_choices(&opened.document.extras.notes);
+        Ok(Self {
+            scene,
+            opened,
+            facts,
+            choices,
+            painter,
+            drawing: None,
+            begun: Instant::now(),
+            done: 0,
+            done_at: None,
+        })
     }
 
     /// Draws with `approximation` from now on.
     pub(super) fn approximate(&mut self, device: &Device, approximation: &Approximation) -> Result<(), String> {
-        let mut painter = Painter::new(&self.scene, device, approximation)?;
+        let prefixes = &self.opened.document.extras.prefixes;
+        let mut painter = Painter::new(&self.scene, prefixes, device, approximation)?;
         // The old picture stays until there is a new one.
         std::mem::swap(&mut self.painter.screen, &mut painter.screen);
         if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut self.painter.artist, &mut painter.artist) {
@@ -202,19 +217,20 @@ impl SceneSlot {
 }
 
 impl Painter {
-    fn new(scene: &Scene, device: &Device, approximation: &Approximation) -> Result<Self, String> {
-        // What two scenes are compared with may ask for more than one of them has.
-        let mut approximation = *approximation;
-        approximation.scales = approximation.scales.map(|n| n.min(scene.scales.len() as u32));
-        let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
-        approximation.neighbours = approximation.neighbours.map(|n| n.min(most));
+    fn new(
+        scene: &Scene,
+        prefixes: &[Option<Prefix>],
+        device: &Device,
+        approximation: &Approximation,
+    ) -> Result<Self, String> {
+        let (drawn, approximation) = adapted(scene, prefixes, approximation, !device.draws);
         let artist = match &device.gpu {
             Some((gpu, _)) if device.draws => {
-                let renderer = GpuRenderer::new(gpu, scene.clone(), &approximation, device.precision);
+                let renderer = GpuRenderer::new(gpu, drawn, &approximation, device.precision);
                 Artist::Gpu(Box::new(renderer.map_err(|e| e.to_string())?))
             }
             _ => Artist::Cpu(Box::new(CpuPainter {
-                renderer: CpuRenderer::with_approximation(scene.clone(), &approximation).map_err(|e| e.to_string())?,
+                renderer: CpuRenderer::with_approximation(drawn, &approximation).map_err(|e| e.to_string())?,
                 camera: None,
                 has_normals: false,
                 looks: Vec::new(),

@@ -150,7 +150,7 @@ impl OpenWindow {
             // A window that is gone needs no waking.
             Box::new(move || drop(proxy.send_event(Woken))) as Box<dyn Fn() + Send>
         };
-        let mut app = App::new(device, arguments.frame_time, arguments.data.clone(), arguments.timing, wake);
+        let mut app = App::new(device, arguments, wake);
         app.message = note;
         if let Some(place) = &arguments.place {
             app.open(place, 0);

@@ -4,6 +4,7 @@
 //   camera    where to begin: what the property `camera` has said, comma-separated
 //   controls  whether the panel is shown
 //   compare   a file to compare it with
+//   quality   a way to draw that the file names: fast, balanced or best
 //   data      the dataset's list of training cameras (transforms_train.json), for its photographs
 //
 // Fires `open` when the first picture of a file can be drawn, `load` when all of it is there, and `error` with a message.
@@ -39,7 +40,7 @@ type Place = 0 | 1;
 const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
 
 export class StrivecViewer extends HTMLElement {
-  static readonly observedAttributes = ["src", "camera", "controls", "compare", "data"];
+  static readonly observedAttributes = ["src", "camera", "controls", "compare", "data", "quality"];
 
   readonly #canvas = element("canvas", { tabIndex: 0 });
   readonly #stage = element("div", { id: "stage" });
@@ -109,6 +110,7 @@ export class StrivecViewer extends HTMLElement {
     if (name === "data" && value) void this.photographs(value);
     if (name === "controls") this.#panel.root.hidden = value === null;
     if (name === "camera" && value && this.state) this.#applyCamera();
+    if (name === "quality" && this.state) this.#applyQuality();
   }
 
   /** The open file's name. */
@@ -304,7 +306,16 @@ export class StrivecViewer extends HTMLElement {
 
   #loaded(place: Place): void {
     this.#say("");
-    if (place === 0) this.dispatchEvent(new CustomEvent("load"));
+    if (place === 0) {
+      this.#applyQuality();
+      this.dispatchEvent(new CustomEvent("load"));
+    }
+    this.#wake();
+  }
+
+  #applyQuality(): void {
+    const quality = this.getAttribute("quality");
+    if (quality) this.#player?.choose(quality);
     this.#wake();
   }
 

@@ -3,6 +3,7 @@
 //   ?url=ADDRESS              the .strivec file; elsewhere than here, its server must allow it (CORS)
 //   &camera=16[,1] NUMBERS    a row-major camera-to-world matrix in the dataset's space, and the degrees from top to bottom
 //   &compare=ADDRESS          a file to compare it with
+//   &quality=NAME             a way to draw that the file names: fast, balanced or best
 //   &data=ADDRESS             the dataset's transforms_train.json, for its photographs
 
 import { StrivecViewer } from "./index";
@@ -14,6 +15,7 @@ if (viewer instanceof StrivecViewer) {
     ["camera", "camera"],
     ["url", "src"],
     ["compare", "compare"],
+    ["quality", "quality"],
     ["data", "data"],
   ] as const) {
     const value = search.get(parameter);

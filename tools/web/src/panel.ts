@@ -90,6 +90,7 @@ export class Panel {
   readonly #name = element("h1");
   readonly #arrived = element("p", { className: "weak" });
   readonly #speed = element("p", { id: "speed" });
+  readonly #choices = element("div", { className: "row" });
   readonly #views = element("div", { className: "row" });
   readonly #background = element("input", { type: "color" });
   readonly #boxes = element("input", { type: "checkbox" });
@@ -174,7 +175,7 @@ export class Panel {
         this.#threshold.row,
         this.#finest.row,
         this.#frameTime.row,
-        exact,
+        element("div", { className: "row" }, exact, this.#choices),
       ),
       section(
         "Camera",
@@ -210,6 +211,7 @@ export class Panel {
     this.#background.value = hex(state.background);
     this.#boxes.checked = state.has_boxes;
     this.#showBoxes(state);
+    this.#showChoices(state);
     const { quality } = state;
     this.#neighbours.input.max = `${quality.most_neighbours}`;
     this.#neighbours.show(quality.neighbours);
@@ -261,6 +263,12 @@ export class Panel {
       }
     }
     for (const input of this.#views.querySelectorAll("input")) input.checked = input.value === state.view;
+  }
+
+  #showChoices({ choices }: State): void {
+    const shown = [...this.#choices.children].map((button) => button.textContent);
+    if (choices.join() === shown.join()) return;
+    this.#choices.replaceChildren(...choices.map((name) => this.#button(name, (player) => player.choose(name))));
   }
 
   #showBoxes(state: State): void {

@@ -36,6 +36,8 @@ export interface State extends Opened {
   has_own_background: boolean;
   has_boxes: boolean;
   boxes: boolean[];
+  /** What the file names: ways to draw for `Player.choose`. */
+  choices: string[];
   /** How many training cameras the file holds, and which one was gone to. */
   cameras: number;
   camera: number | null;

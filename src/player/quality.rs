@@ -1,0 +1,64 @@
+//! What is left out of pictures: as far as a scene has it, and as its file names it.
+
+use std::collections::BTreeMap;
+
+use crate::container::{Prefix, beginning};
+use crate::model::Scene;
+use crate::render::{Approximation, Choice, Trade};
+
+/// `scene` without the scales that `approximation` leaves out, corrected where the file's `prefixes` say how; and what of the
+/// approximation is left for a renderer. What is compared with another scene may be asked for more than it has. Without
+/// `has_cache`, as on graphics devices, densities are not cached.
+pub fn adapted(
+    scene: &Scene,
+    prefixes: &[Option<Prefix>],
+    approximation: &Approximation,
+    has_cache: bool,
+) -> (Scene, Approximation) {
+    let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
+    let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
+    let left = Approximation {
+        neighbours: approximation.neighbours.map(|n| n.min(most)),
+        scales: None,
+        decoder: approximation.decoder.filter(|mode| scene.features() >= mode.min_features()),
+        density_cache: approximation.density_cache.filter(|_| has_cache),
+        ..*approximation
+    };
+    (beginning(scene.clone(), prefixes, scales), left)
+}
+
+/// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.
+pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, Choice)> {
+    let trade = Trade::of_notes(notes).and_then(Result::ok);
+    let points = trade.map(|trade| trade.points).unwrap_or_default();
+    points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.choice))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::{TRADE_NOTE, TradePoint};
+
+    #[test]
+    fn scenes_are_adapted_to_and_files_name_choices() {
+        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let wild = Approximation {
+            neighbours: Some(99),
+            scales: Some(1),
+            density_cache: Some(64),
+            ..Approximation::default()
+        };
+        let (one, left) = adapted(&scene, &[], &wild, false);
+        assert_eq!((one.scales.len(), left.density_cache), (1, None));
+        assert!(left.check(&one).is_ok(), "{left:?}");
+        assert_eq!(adapted(&scene, &[], &wild, true).1.density_cache, Some(64));
+        assert_eq!(adapted(&scene, &[], &Approximation::default(), true).0, scene);
+
+        let choice = Choice { approximation: wild, divisor: 2 };
+        let point = TradePoint { names: Vec::new(), choice, milliseconds: 1.0, psnr: 30.0 };
+        let trade = Trade::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point]);
+        let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
+        assert_eq!(named_choices(&notes), ["fast", "balanced", "best"].map(|name| (name.to_owned(), choice)));
+        assert!(named_choices(&BTreeMap::new()).is_empty());
+    }
+}
