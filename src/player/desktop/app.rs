@@ -172,11 +172,15 @@ impl App {
         self.pace.shown().is_some_and(|shown| shown <= self.finest)
     }
 
-    /// Takes in what the background has opened.
+    /// Takes in what the background has opened; more of a scene only once what is there of it is seen.
     fn hear(&mut self, slot: usize) {
+        let is_unseen = |s: &SceneSlot| !s.opened.is_whole && s.shown().is_none();
+        if self.slots[slot].as_ref().is_some_and(is_unseen) {
+            return;
+        }
         while let Some(receiver) = &self.pending[slot] {
             match receiver.try_recv() {
-                Ok(News::Scene(opened)) => self.take(*opened, slot),
+                Ok(News::Scene(opened)) => return self.take(*opened, slot),
                 Ok(News::Failed(text)) => {
                     self.say(text);
                     self.pending[slot] = None;
@@ -209,10 +213,15 @@ impl App {
             self.boxes.resize(opened.document.scene.scales.len(), true);
         }
         match SceneSlot::new(opened, &self.device, &self.approximation) {
-            Ok(scene) => {
+            Ok(mut scene) => {
+                if let Some(before) = self.slots[slot].as_mut().filter(|_| is_more_of_the_same) {
+                    scene.painter.take_picture_of(&mut before.painter);
+                }
+                if self.says_timing {
+                    let milliseconds = 1e3 * self.opened_at.elapsed().as_secs_f64();
+                    println!("{} scales ready {milliseconds:.0} ms after opening", scene.opened.scales);
+                }
                 self.slots[slot] = Some(scene);
-                // The photograph was on the screen that is gone.
-                self.photograph.is_loaded &= slot != 0;
             }
             Err(text) => self.say(text),
         }

@@ -108,12 +108,7 @@ impl SceneSlot {
     pub(super) fn approximate(&mut self, device: &Device, approximation: &Approximation) -> Result<(), String> {
         let prefixes = &self.opened.document.extras.prefixes;
         let mut painter = Painter::new(&self.scene, prefixes, device, approximation)?;
-        // The old picture stays until there is a new one.
-        std::mem::swap(&mut self.painter.screen, &mut painter.screen);
-        if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut self.painter.artist, &mut painter.artist) {
-            new.kept = old.kept.take();
-        }
-        painter.photograph = self.painter.photograph.take();
+        painter.take_picture_of(&mut self.painter);
         (self.painter, self.drawing) = (painter, None);
         Ok(())
     }
@@ -240,6 +235,17 @@ impl Painter {
         let screen =
             device.gpu.as_ref().map(|(gpu, format)| (Screen::new(gpu, *format), BoxLines::new(gpu, scene, *format)));
         Ok(Self { artist, screen, photograph: None })
+    }
+
+    /// Shows what `before` showed, until there is a new picture.
+    pub(super) fn take_picture_of(&mut self, before: &mut Self) {
+        if let (Some((old, _)), Some((new, _))) = (&mut before.screen, &mut self.screen) {
+            std::mem::swap(old, new);
+        }
+        if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut before.artist, &mut self.artist) {
+            new.kept = old.kept.take();
+        }
+        self.photograph = before.photograph.take();
     }
 
     /// Takes the photograph that is seen through the picture: RGBA, `size` columns and rows.
