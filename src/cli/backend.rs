@@ -154,6 +154,8 @@ pub(super) struct Drawn {
     half: bool,
     /// The graphics device.
     adapter: Option<String>,
+    /// Of the model's numbers with what was made for them; on a graphics device with its work.
+    memory_bytes: u64,
     /// Of cached density features.
     density_cache_bytes: Option<u64>,
     /// On a graphics device that tells, the mean of all pictures.
@@ -230,11 +232,12 @@ impl Prepared {
             Drawing::CpuF64(renderer) => renderer.density_cache_bytes(),
             _ => None,
         };
+        let memory_bytes = self.memory_bytes();
         let pictures = f64::from(self.pictures.max(1));
         let mean =
             |stage: StageMilliseconds| StageMilliseconds { milliseconds: stage.milliseconds / pictures, ..stage };
         let stages = (!self.stages.is_empty()).then(|| self.stages.into_iter().map(mean).collect());
-        Drawn { backend: self.backend, half: self.half, adapter, density_cache_bytes, stages }
+        Drawn { backend: self.backend, half: self.half, adapter, memory_bytes, density_cache_bytes, stages }
     }
 }
 

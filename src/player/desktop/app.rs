@@ -159,13 +159,16 @@ impl App {
         if is_flying || is_playing {
             self.changed();
         }
+        let shown = self.pace.shown();
         if let Err(error) = self.draw() {
             self.say(error.to_string());
             self.slots = [None, None];
         }
         let is_drawing = self.slots.iter().flatten().any(SceneSlot::is_drawing);
         let is_unfinished = self.slots[0].is_some() && !self.is_fine_enough();
-        is_drawing || is_unfinished || is_flying || is_playing || self.recorder.is_recording()
+        // The panel says how the last picture went in the frame after it.
+        let is_news = self.pace.shown() != shown;
+        is_drawing || is_unfinished || is_news || is_flying || is_playing || self.recorder.is_recording()
     }
 
     fn is_fine_enough(&self) -> bool {
