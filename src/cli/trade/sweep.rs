@@ -57,7 +57,7 @@ pub(super) struct Sweep<'a> {
 
 impl Sweep<'_> {
     /// Draws `rounds` pictures of each of `candidates`, `shrunk` times smaller: a round is one view by every candidate, the
-    /// base's picture first. What the log has is not drawn again.
+    /// base among them, beginning at another one each time. What the log has is not drawn again.
     pub(super) fn measure(
         &mut self,
         task: &str,
@@ -84,6 +84,7 @@ impl Sweep<'_> {
                 let name = candidate.name(&self.base, &self.names());
                 progress.set(done, || format!("round {}, {name}", round + 1));
             }
+            all.rotate_left(all.len() / rounds);
         }
         progress.finish(&format!("{} pictures", all.len() * rounds));
         Ok(())
