@@ -9,6 +9,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var ray = rays[id.x];
     var walk = walk_of(ray);
     ray.transmittance = 1.0;
+    // What rounding has taken too much from the transmittance: many faint samples must not be lost.
+    var lost = 0.0;
+    // The same of Σ w and Σ w·t.
+    var sums_lost = vec2(0.0);
     // Blocks count from 1, so that 0 is none.
     var block = 0u;
     var used = SLOTS;
@@ -24,9 +28,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         ray.evaluated += 1u;
         let alpha = opacity_of(softplus(density.feature + scene.density_shift) * scene.depth_scale);
         let weight = ray.transmittance * alpha;
-        ray.transmittance *= 1.0 - alpha;
-        ray.weights += weight;
-        ray.distances += weight * (ray.entry + distance);
+        let change = -weight - lost;
+        let after = ray.transmittance + change;
+        lost = (after - ray.transmittance) - change;
+        ray.transmittance = max(after, 0.0);
+        let sums = vec2(ray.weights, ray.distances);
+        let added = weight * vec2(1.0, ray.entry + distance) - sums_lost;
+        let sums_after = sums + added;
+        sums_lost = (sums_after - sums) - added;
+        ray.weights = sums_after.x;
+        ray.distances = sums_after.y;
         if weight > scene.min_weight {
             if used == SLOTS {
                 let taken = atomicAdd(&counters.blocks, 1u) + 1u;

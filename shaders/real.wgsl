@@ -27,7 +27,8 @@ struct SineCosine {
 fn sine_cosine(x: vec4<f32>) -> SineCosine {
     let turns = round(x * 0.63661977);
     // π/2 in three parts, the first two of few bits.
-    let r = ((x - turns * 1.5703125) - turns * 4.837512969970703e-4) - turns * 7.549789948768648e-8;
+    // Of very large numbers the remainder is meaningless; it stays within bounds all the same.
+    let r = clamp(((x - turns * 1.5703125) - turns * 4.837512969970703e-4) - turns * 7.549789948768648e-8, vec4(-1.0), vec4(1.0));
     let s = r * r;
     let sine = r + r * s * (-0.16666655 + s * (8.3321609e-3 - s * 1.9515296e-4));
     let cosine = 1.0 - 0.5 * s + s * s * (4.1666646e-2 + s * (-1.3887316e-3 + s * 2.4433157e-5));

@@ -306,3 +306,26 @@ fn lego_loads_with_orthonormal_poses_and_white_corners() {
     let cameras = load_blender_cameras(&folder.join("transforms_test.json"), None, 2).unwrap();
     assert_eq!((cameras.len(), cameras[0].camera.width), (200, 400));
 }
+
+/// JSON has no NaN and no infinity; what stands for them, and what a number may overflow to, is named.
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    let text = Small::new().json.to_string();
+    for bad in ["NaN", "Infinity", "-Infinity", "1e999", "null"] {
+        for (place, from) in [("pose", "0.25"), ("angle", "0.8")] {
+            let small = Small::new();
+            fs::write(small.path("transforms_train.json"), text.replacen(from, bad, 1)).unwrap();
+            let Err(error) = load_blender(small.folder.path(), "train", &LoadOptions::default()) else {
+                panic!("{bad} as {place} is read")
+            };
+            assert_error(described(error), ErrorKind::Malformed, &["transforms_train.json"]);
+        }
+    }
+    for (key, value) in [("w", 1e300), ("fl_x", -1.0), ("fl_x", 0.0), ("cx", 1e300), ("k1", 1e-300)] {
+        let mut small = Small::new();
+        small.json["w"] = json!(6);
+        small.json["h"] = json!(4);
+        small.json[key] = json!(value);
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", key]);
+    }
+}

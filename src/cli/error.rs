@@ -126,7 +126,7 @@ impl From<train::TrainError> for Error {
         let message = error.to_string();
         match error {
             train::TrainError::NoRays(_) | train::TrainError::Progress(_) => Self::Malformed(message),
-            train::TrainError::Diverged(..) => Self::Runtime(message),
+            train::TrainError::Diverged { .. } => Self::Runtime(message),
         }
     }
 }

@@ -130,11 +130,16 @@ impl Encoding {
         steps + self.width() as u64 * numbers
     }
 
-    /// The steps that lose least: for a grid the smallest that reach each group's largest number.
+    /// The steps that lose least: the smallest that reach each group's largest number, or coefficient.
     fn finest_steps<'a>(self, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
-        let Self::Grid(bits) = self else { return groups.map(|_| step_code(0.0)).collect() };
-        let of_group = |group: &[f32]| group.iter().fold(0.0f32, |m, v| m.max(v.abs())) / largest(bits);
-        groups.map(|group| step_code(of_group(group))).collect()
+        let size = |values: &[f32]| values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let mut cosines = Cosines::default();
+        let step_of = |group: &[f32]| match self {
+            Self::F32 | Self::F16 => 0.0,
+            Self::Grid(bits) => size(group) / largest(bits),
+            Self::Cosine => size(cosines.forward(group)) / f32::from(i16::MAX),
+        };
+        groups.map(step_of).map(step_code).collect()
     }
 }
 

@@ -260,8 +260,11 @@ impl Extras {
                 let valid = 0.0 < record.angle_of_view
                     && record.angle_of_view < std::f64::consts::PI
                     && record.seconds > 0.0
-                    && record.seconds.is_finite()
-                    && record.center.iter().all(|v| v.is_finite());
+                    && record.seconds.is_finite();
+                if record.center.iter().any(|v| !v.is_finite()) {
+                    let found = format!("{:?}", record.center);
+                    return Err(Error::malformed(format!("{name} center"), "finite numbers", found));
+                }
                 if !valid {
                     let found = format!("{} and {} s", record.angle_of_view, record.seconds);
                     return Err(Error::malformed(name, "an angle in (0, π) and positive seconds", found));

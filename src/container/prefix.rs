@@ -32,7 +32,9 @@ impl Prefix {
             let rows = crate::model::Factors::rows(scale.cloud.resolution);
             let first = (scale.cloud.resolution[0] as usize + 1) * rank;
             for tensor in scale.factors.density.chunks_exact_mut(rows * rank) {
-                tensor[..first].iter_mut().for_each(|v| *v = (f64::from(*v) * self.gain) as f32);
+                // A gain that makes too much of a factor must not make it infinite.
+                let gained = |v: f32| (f64::from(v) * self.gain).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+                tensor[..first].iter_mut().for_each(|v| *v = gained(*v));
             }
         }
     }

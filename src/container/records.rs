@@ -350,6 +350,17 @@ pub(super) struct Quality<'a> {
 impl Limits for Quality<'_> {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
         limits::check(format!("{place} prefixes"), 0..=*limits::SCALES.end(), self.prefixes.len())?;
+        // All bits set is nothing, infinity is no error.
+        let valid = |v: f64| v.to_bits() == u64::MAX || v > f64::NEG_INFINITY;
+        for (name, values) in [
+            ("PSNR against before", &[self.encoded][..]),
+            ("PSNR of the test views", &[self.test, self.test_before]),
+            ("PSNR of prefixes", &self.prefixes),
+        ] {
+            if let Some(found) = values.iter().find(|v| !valid(**v)) {
+                return Err(Error::malformed(format!("{place} {name}"), "a number, infinity or nothing", found));
+            }
+        }
         limits::check(format!("{place} dataset bytes"), limits::STRING_BYTES, self.dataset.len())
     }
 }

@@ -57,7 +57,10 @@ impl<T: Real> CellIndex<T> {
             width *= 1.25;
         }
         let cells = (bounds.size() / width).ceil().max(DVec3::ONE).as_uvec3();
-        let (starts, tensors) = tensors_by_cell(cloud, origin + bounds.min, width, cells);
+        // Rounding in T must not take a point to a cell whose list lacks its tensor: it moves points the further, the more
+        // cells there are.
+        let slack = (1e-3 + 4.0 * T::epsilon().f64() * f64::from(cells.max_element())) * width;
+        let (starts, tensors) = tensors_by_cell(cloud, origin + bounds.min, width, cells, slack);
 
         let mut index = Self {
             min: bounds.min.to_array().map(T::of),
@@ -166,10 +169,15 @@ fn block_of<T: Real>(tensors: &[u32], centers: &[[T; 3]]) -> CandidateBlock<T> {
     block
 }
 
-/// \[cell\] where its tensors begin, and their number; and the tensors. `corner` is the grid's lower one.
-fn tensors_by_cell(cloud: &TensorCloud, corner: DVec3, width: DVec3, cells: glam::UVec3) -> (Vec<u32>, Vec<u32>) {
-    // Rounding in T must not take a point to a cell whose list lacks its tensor.
-    let slack = 1e-3 * width;
+/// \[cell\] where its tensors begin, and their number; and the tensors. `corner` is the grid's lower one; tensors reach
+/// `slack` further than they cover.
+fn tensors_by_cell(
+    cloud: &TensorCloud,
+    corner: DVec3,
+    width: DVec3,
+    cells: glam::UVec3,
+    slack: DVec3,
+) -> (Vec<u32>, Vec<u32>) {
     let cell_at = |p: DVec3| (p / width).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
     let ranges: Vec<_> = (cloud.centers())
         .map(|center| {

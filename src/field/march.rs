@@ -59,6 +59,8 @@ struct ActiveRay<T> {
     waiting: u32,
     exhausted: bool,
     transmittance: T,
+    /// What rounding has taken too much from the transmittance: many faint samples must not be lost.
+    lost: T,
     walk: Walk<T>,
 }
 
@@ -250,6 +252,7 @@ impl<T: Real> Field<T> {
             waiting: 0,
             exhausted: false,
             transmittance: T::one(),
+            lost: T::zero(),
             walk: Walk::new(self, ray),
         }));
         while !samples.active.is_empty() {
@@ -373,7 +376,10 @@ impl<T: Real> Field<T> {
             let mut counted = 0;
             for &alpha in &alphas[places.clone()] {
                 transmittances.push(ray.transmittance);
-                ray.transmittance *= T::one() - alpha;
+                let change = -ray.transmittance * alpha - ray.lost;
+                let after = ray.transmittance + change;
+                ray.lost = (after - ray.transmittance) - change;
+                ray.transmittance = after.max(T::zero());
                 counted += 1;
                 if ray.transmittance < min_transmittance {
                     ended = true;

@@ -64,7 +64,7 @@ impl<T: Real> Walk<T> {
         let around = cells.surroundings(position, self.inverse);
         let margin = T::of(MARGIN * field.rules.step) + field.position_error;
         let steps = (around.distance - margin) * T::of(1.0 / field.rules.step);
-        let alike = steps.min(T::of(1e6)).floor_i32().max(0) as u32 + 1;
+        let alike = steps.max(T::zero()).min(T::of(1e6)).floor_i32() as u32 + 1;
         if around.occupied {
             self.known = alike;
             return None;

@@ -12,8 +12,12 @@ use glam::{DVec3, IVec3};
 
 use super::{Aggregation, Coverage, Decoder, Occupancy, Reduction, Rules, Scale, Scene};
 
-/// Margins are exact below this, in model units, and reported as at least this above it.
+/// Margins are exact below this, in model units, and reported as at least this above it; in proportion to their bounds in
+/// scenes of much more or much less than a few units ([`ReferenceField::margin_horizon`]).
 pub const MARGIN_HORIZON: f64 = 1e-3;
+
+/// The longest edges of bounds for which [`MARGIN_HORIZON`] holds.
+const ORDINARY_EXTENT: [f64; 2] = [1.0 / 16.0, 16.0];
 
 /// One of the tensors that a point aggregates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +50,8 @@ pub struct DensityAt {
     pub feature: f64,
     /// ∂f/∂position.
     pub gradient: DVec3,
+    /// The sum of the sizes of all products that f is the sum of: what rounding is relative to.
+    pub magnitude: f64,
 }
 
 /// max(x, 0) + ln(1 + exp(−|x|)).
@@ -66,6 +72,7 @@ pub fn alpha(optical_depth: f64) -> f64 {
 /// A scene ready to be queried. The scene must have passed [`Scene::check`].
 pub struct ReferenceField<'a> {
     scene: &'a Scene,
+    horizon: f64,
     buckets: Vec<Buckets>,
 }
 
@@ -76,11 +83,11 @@ struct Buckets {
 }
 
 impl Buckets {
-    fn new(scale: &Scale) -> Self {
-        let width = 2.0 * scale.cloud.half + 4.0 * MARGIN_HORIZON;
+    fn new(scale: &Scale, horizon: f64) -> Self {
+        let width = 2.0 * scale.cloud.half + 4.0 * horizon;
         let mut tensors = HashMap::<IVec3, Vec<usize>>::new();
         for (n, center) in scale.cloud.centers().enumerate() {
-            let reach = scale.cloud.half + 2.0 * MARGIN_HORIZON;
+            let reach = scale.cloud.half + 2.0 * horizon;
             let first = ((center - reach) / width).floor().as_ivec3();
             let last = ((center + reach) / width).floor().as_ivec3();
             for z in first.z..=last.z {
@@ -104,7 +111,15 @@ impl Buckets {
 impl<'a> ReferenceField<'a> {
     /// Prepares `scene` for queries.
     pub fn new(scene: &'a Scene) -> Self {
-        Self { scene, buckets: scene.scales.iter().map(Buckets::new).collect() }
+        let extent = scene.bounds.size().max_element();
+        let [least, most] = ORDINARY_EXTENT;
+        let horizon = MARGIN_HORIZON * (extent / extent.clamp(least, most));
+        Self { scene, horizon, buckets: scene.scales.iter().map(|s| Buckets::new(s, horizon)).collect() }
+    }
+
+    /// Margins are exact below this, in model units, and reported as at least this above it.
+    pub fn margin_horizon(&self) -> f64 {
+        self.horizon
     }
 
     /// The scene.
@@ -114,7 +129,7 @@ impl<'a> ReferenceField<'a> {
 
     /// Which tensors make up the field at `position` (DESIGN, sections 2.1, 2.2 and 2.4).
     pub fn locate(&self, position: DVec3) -> Point {
-        let mut margin = MARGIN_HORIZON;
+        let mut margin = self.horizon;
         let neighbours: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
             .map(|(scale, buckets)| {
                 let (neighbours, scale_margin) = self.nearest(scale, buckets.near(position), position);
@@ -146,7 +161,7 @@ impl<'a> ReferenceField<'a> {
         let nearest = &covering[..covering.len().min(top_k)];
 
         // A tensor whose box begins or ends here matters if it is, or would be, among the nearest.
-        let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 4.0 * MARGIN_HORIZON } else { f64::INFINITY };
+        let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 4.0 * self.horizon } else { f64::INFINITY };
         let mut margin = candidates.iter().filter(|c| c.0 <= reach).map(|c| c.2.abs()).fold(f64::INFINITY, f64::min);
         if let Some(next) = covering.get(top_k) {
             // A displacement by e on every axis changes a distance by up to √3·e, a difference of two by twice that.
@@ -163,14 +178,14 @@ impl<'a> ReferenceField<'a> {
     /// Whether samples at `position` count, by the occupancy, and the decision's margin (DESIGN, section 2.10).
     pub fn occupied(&self, position: DVec3) -> (bool, f64) {
         match &self.scene.occupancy {
-            None => (true, MARGIN_HORIZON),
-            Some(occupancy) => (occupancy.contains(position), occupancy_margin(occupancy, position)),
+            None => (true, self.horizon),
+            Some(occupancy) => (occupancy.contains(position), occupancy_margin(occupancy, position, self.horizon)),
         }
     }
 
     /// The density feature at a point of the model (DESIGN, sections 2.3 to 2.5).
     pub fn density_feature(&self, point: &Point) -> DensityAt {
-        let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO };
+        let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO, magnitude: 0.0 };
         let mut scales = 0;
         for (scale, neighbours) in self.scene.scales.iter().zip(&point.neighbours) {
             if neighbours.is_empty() {
@@ -179,8 +194,9 @@ impl<'a> ReferenceField<'a> {
             scales += 1;
             for n in neighbours {
                 let offset = point.position - scale.cloud.center(n.tensor);
-                let (value, slope) = density_of(scale, n.tensor, offset);
+                let (value, slope, magnitude) = density_of(scale, n.tensor, offset);
                 sum.feature += n.weight * value;
+                sum.magnitude += n.weight * magnitude;
                 sum.gradient += n.weight * slope;
                 if n.distance > 0.0 && neighbours.len() > 1 {
                     // w = u/Σu with u = 1/d: ∂f/∂x gains ∇u·(G − f_scale)/Σu, where f_scale is Σ w G.
@@ -198,6 +214,7 @@ impl<'a> ReferenceField<'a> {
         if self.scene.rules.density_reduction == Reduction::Mean {
             sum.feature /= f64::from(scales);
             sum.gradient /= f64::from(scales);
+            sum.magnitude /= f64::from(scales);
         }
         sum
     }
@@ -334,19 +351,21 @@ impl Interpolation {
     }
 }
 
-/// A tensor's density feature at `offset` from its centre, and its gradient.
-fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3) {
+/// A tensor's density feature at `offset` from its centre, its gradient, and the sum of its products' sizes.
+fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3, f64) {
     let interpolation = Interpolation::at(scale, offset);
     let rank = scale.factors.density_rank as usize;
     let mut value = 0.0;
     let mut gradient = DVec3::ZERO;
+    let mut magnitude = 0.0;
     for r in 0..rank {
         let [x, y, z] = interpolation.values(&scale.factors.density, rank, tensor, r);
         let [dx, dy, dz] = interpolation.slopes(&scale.factors.density, rank, tensor, r);
         value += x * y * z;
+        magnitude += (x * y * z).abs();
         gradient += DVec3::new(dx * y * z, x * dy * z, x * y * dz);
     }
-    (value, gradient)
+    (value, gradient, magnitude)
 }
 
 /// [features, direction, PE(features), PE(direction)].
@@ -363,12 +382,12 @@ fn decoder_input(decoder: &Decoder, features: &[f64], direction: DVec3) -> Vec<f
 }
 
 /// The smallest displacement per axis that takes `position` into an occupancy cell of the other kind.
-fn occupancy_margin(occupancy: &Occupancy, position: DVec3) -> f64 {
+fn occupancy_margin(occupancy: &Occupancy, position: DVec3, horizon: f64) -> f64 {
     let at = occupancy.cell_coordinates(position);
     let cell = at.floor().as_ivec3();
     let here = occupancy.cell_is_occupied(cell);
     let size = occupancy.cell_size();
-    let mut margin = MARGIN_HORIZON;
+    let mut margin = horizon;
     for code in 0..27 {
         let step = IVec3::new(code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1);
         if occupancy.cell_is_occupied(cell + step) != here {

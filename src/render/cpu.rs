@@ -166,10 +166,12 @@ impl<T: Real> CpuRenderer<T> {
         let remaining = samples.remaining[ray];
         let color = activations.pixel(decoded, self.field.background.map(|c| remaining * c));
         let (mut weights, mut distances) = (T::zero(), T::zero());
+        // What rounding has added too much to them.
+        let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
         for &place in &samples.order[samples.of_ray(ray)] {
             let weight = samples.weight(place as usize);
-            weights += weight;
-            distances += weight * samples.distances[place as usize];
+            add_compensated(&mut weights, &mut weights_lost, weight);
+            add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[place as usize]);
         }
         let depth = if weights > T::zero() { distances / weights } else { T::zero() };
         Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
@@ -204,6 +206,15 @@ impl<T: Real> Renderer for CpuRenderer<T> {
         });
         Picture { width, height, pixels }
     }
+}
+
+/// Adds `term` to `sum`, of which rounding has `lost` so far (Kahan).
+#[inline(always)]
+fn add_compensated<T: Real>(sum: &mut T, lost: &mut T, term: T) {
+    let change = term - *lost;
+    let after = *sum + change;
+    *lost = (after - *sum) - change;
+    *sum = after;
 }
 
 /// Cuts a picture of `width` columns into tiles, so that each is written where it belongs.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Pixel, Renderer};
 use crate::geometry::Ray;
-use crate::model::{DecoderMode, MARGIN_HORIZON, ReferenceField, Scene, alpha, sigmoid};
+use crate::model::{DecoderMode, ReferenceField, Scene, alpha, sigmoid};
 
 /// What a ray sees, in f64, and how close it came to seeing something else.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,8 +16,11 @@ pub struct Trace {
     /// Σ w·t / Σ w in model units; 0 where no sample counted.
     pub depth: f64,
     /// The smallest displacement of a sample, per axis and in model units, that changes a decision of this ray:
-    /// coverage, ranking, occupancy, a threshold, or the number of samples. At most [`MARGIN_HORIZON`].
+    /// coverage, ranking, occupancy, a threshold, or the number of samples. At most [`ReferenceField::margin_horizon`].
     pub margin: f64,
+    /// The condition of density along the ray: where every product of factors has a relative error of ε, no decision comes
+    /// out differently and ε is small, colour and opacity change by at most this times ε.
+    pub condition: f64,
 }
 
 /// Renders a scene as DESIGN, section 2, defines it.
@@ -42,9 +45,10 @@ impl<'a> ReferenceRenderer<'a> {
         let mut own_colors = Vec::new();
         let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
         let mut transmittance = 1.0;
-        let mut margin = MARGIN_HORIZON;
+        let mut margin = self.field.margin_horizon();
         // By how much ln(transmittance) can change for a displacement of all samples so far by 1 per axis.
         let mut sensitivity = 0.0;
+        let mut condition = 0.0;
 
         if let Some((entry, exit)) = scene.bounds.intersect(ray) {
             let start = entry.max(scene.frame.near);
@@ -70,11 +74,13 @@ impl<'a> ReferenceRenderer<'a> {
 
                 let density = self.field.density_feature(&point);
                 let depth = rules.optical_depth(self.field.density(density.feature));
-                let slope = rules.optical_depth(sigmoid(density.feature + rules.density_shift))
-                    * density.gradient.abs().element_sum();
+                let depth_slope = rules.optical_depth(sigmoid(density.feature + rules.density_shift));
+                let slope = depth_slope * density.gradient.abs().element_sum();
                 let sample_alpha = alpha(depth);
                 let weight = transmittance * sample_alpha;
                 let after = transmittance * (1.0 - sample_alpha);
+                // A change of this sample's depth takes from what is behind it what it adds in front.
+                condition += after * depth_slope * density.magnitude;
 
                 let weight_sensitivity = weight * sensitivity + after * slope;
                 margin = margin.min((weight - rules.min_weight).abs() / weight_sensitivity);
@@ -120,7 +126,7 @@ impl<'a> ReferenceRenderer<'a> {
             *c += transmittance * f64::from(background);
         }
         let depth = if weight_sum > 0.0 { distance_sum / weight_sum } else { 0.0 };
-        Trace { color, opacity: 1.0 - transmittance, depth, margin }
+        Trace { color, opacity: 1.0 - transmittance, depth, margin, condition }
     }
 }
 

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
+use super::divergence::{Divergence, Watch};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
     BatchThinning, Photographs, Progress, ProgressError, TrainConfig, Unused, drop_unused, estimate_occupancy,
@@ -27,6 +28,7 @@ pub struct Trainer<'a> {
     tensor_gradients: Pool<TensorGradient<f32>>,
     order: Random,
     progress: Progress,
+    watch: Watch,
 }
 
 /// What one step came to.
@@ -46,9 +48,14 @@ pub enum TrainError {
     /// No pixel's ray passes through the model.
     #[error("photographs: expected rays that meet the model, found none of {0} (does the prior belong to them?)")]
     NoRays(u64),
-    /// The loss is no number any more.
-    #[error("step {0}: expected a finite loss, found {1} (try a smaller learning rate)")]
-    Diverged(u64, f64),
+    /// It gets worse and worse.
+    #[error("step {step}: the run has diverged: {found}")]
+    Diverged {
+        /// Steps done.
+        step: u64,
+        /// By what that is known, and what to change.
+        found: Divergence,
+    },
     /// The saved progress does not fit.
     #[error(transparent)]
     Progress(#[from] ProgressError),
@@ -97,6 +104,7 @@ impl<'a> Trainer<'a> {
             scene,
             field,
             progress,
+            watch: Watch::default(),
         })
     }
 
@@ -159,7 +167,7 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     ///
-    /// Where the loss is not finite, and where no ray meets the model any more.
+    /// Where the run has diverged, and where no ray meets the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
         let batch = self.config.batch_rays as u64;
@@ -186,14 +194,15 @@ impl<'a> Trainer<'a> {
         let threads = rayon::current_num_threads() as f64;
         let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, thinning);
         self.progress.step += 1;
-        if !mean_squared_error.is_finite() {
-            return Err(TrainError::Diverged(self.progress.step, mean_squared_error));
-        }
+        let step = self.progress.step;
+        let diverged = |found| TrainError::Diverged { step, found };
+        self.watch.see_error(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimiser);
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
         self.update_factors(&mut clock.work);
+        self.watch.see_parameters(&mut self.field, &self.config).map_err(diverged)?;
         clock.work.add(&self.backward.work());
         let report = StepReport { step: self.progress.step, mean_squared_error, work: clock.work };
         self.follow_schedule()?;

@@ -2,6 +2,7 @@
 
 mod allocation;
 mod damage;
+mod finite;
 mod hostile;
 mod mutation;
 mod roundtrip;

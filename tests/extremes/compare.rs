@@ -1,0 +1,156 @@
+//! Every renderer against the reference, apart for rays above and below the decision margin.
+
+use glam::DVec3;
+use strivec::field::Field;
+use strivec::geometry::Ray;
+use strivec::model::Scene;
+#[cfg(feature = "gpu")]
+use strivec::render::Approximation;
+#[cfg(feature = "gpu")]
+use strivec::render::gpu::{Gpu, GpuRenderer, Precision};
+use strivec::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer, Trace};
+
+/// A way to compute pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    CpuF64,
+    CpuF32,
+    #[cfg(feature = "gpu")]
+    GpuF32,
+    #[cfg(feature = "gpu")]
+    GpuF16,
+}
+
+impl Way {
+    pub(crate) const ALL: &[Self] = &[
+        Self::CpuF64,
+        Self::CpuF32,
+        #[cfg(feature = "gpu")]
+        Self::GpuF32,
+        #[cfg(feature = "gpu")]
+        Self::GpuF16,
+    ];
+    pub(crate) const CPU: &[Self] = &[Self::CpuF64, Self::CpuF32];
+
+    /// Relative rounding of its positions, generously.
+    pub(crate) fn rounding(self) -> f64 {
+        if self == Self::CpuF64 { 1e-15 } else { 2.0 * f64::from(f32::EPSILON) }
+    }
+
+    /// How far rounding moves a sample of `scene`, in model units.
+    pub(crate) fn position_error(self, scene: &Scene) -> f64 {
+        self.rounding() * (scene.bounds.size().max_element() + scene.frame.far)
+    }
+
+    /// Colours of clear rays differ by no more from the reference's where nothing is badly conditioned.
+    pub(crate) fn bound(self) -> f64 {
+        match self {
+            Self::CpuF64 => 1e-7,
+            Self::CpuF32 => 2e-4,
+            #[cfg(feature = "gpu")]
+            Self::GpuF32 => 1e-3,
+            #[cfg(feature = "gpu")]
+            Self::GpuF16 => 1e-2,
+        }
+    }
+
+    /// What `rays` see of `scene`.
+    pub(crate) fn trace(self, scene: &Scene, rays: &[Ray]) -> Vec<Pixel> {
+        match self {
+            Self::CpuF64 => CpuRenderer::of_field(Field::<f64>::new(scene)).trace(rays),
+            Self::CpuF32 => CpuRenderer::new(scene).trace(rays),
+            #[cfg(feature = "gpu")]
+            Self::GpuF32 => on_device(scene, rays, Precision::F32),
+            #[cfg(feature = "gpu")]
+            Self::GpuF16 => on_device(scene, rays, Precision::F16),
+        }
+    }
+}
+
+#[cfg(feature = "gpu")]
+fn on_device(scene: &Scene, rays: &[Ray], precision: Precision) -> Vec<Pixel> {
+    thread_local! {
+        static GPU: Gpu = Gpu::open().unwrap_or_else(|e| panic!("{e}; apt-get install mesa-vulkan-drivers"));
+    }
+    let renderer = GPU.with(|gpu| GpuRenderer::new(gpu, scene.clone(), &Approximation::default(), precision));
+    renderer.unwrap().trace(rays).unwrap()
+}
+
+/// Sorted differences to the reference, the largest channel of each ray.
+#[derive(Debug, Default)]
+pub(crate) struct Errors {
+    pub(crate) clear: Vec<f64>,
+    pub(crate) near: Vec<f64>,
+}
+
+impl Errors {
+    fn quantile(sorted: &[f64], q: f64) -> f64 {
+        let at = (q * sorted.len() as f64).ceil() as usize;
+        sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
+    }
+
+    pub(crate) fn clear_maximum(&self) -> f64 {
+        Self::quantile(&self.clear, 1.0)
+    }
+
+    /// Median, 99.9 % and maximum of the clear rays, and of the others.
+    pub(crate) fn row(&self) -> String {
+        let of = |sorted: &[f64]| [0.5, 0.999, 1.0].map(|q| format!("{:.1e}", Self::quantile(sorted, q))).join(" | ");
+        format!("{} | {} | {} | {}", self.clear.len(), of(&self.clear), self.near.len(), of(&self.near))
+    }
+}
+
+/// What the reference sees along `rays`.
+pub(crate) fn expected(scene: &Scene, rays: &[Ray]) -> Vec<Trace> {
+    let reference = ReferenceRenderer::new(scene);
+    rays.iter().map(|ray| reference.trace_one(ray)).collect()
+}
+
+/// How far `way` is off on `rays`; everything that it gives must be finite.
+pub(crate) fn errors(way: Way, scene: &Scene, rays: &[Ray], expected: &[Trace]) -> Errors {
+    let limit = way.position_error(scene);
+    let mut errors = Errors::default();
+    for (expected, found) in expected.iter().zip(way.trace(scene, rays)) {
+        let numbers = found.color.iter().chain([&found.opacity, &found.depth]);
+        assert!(numbers.clone().all(|v| v.is_finite()), "{way:?}: {found:?}, expected {expected:?}");
+        let colors = (0..3).map(|c| (expected.color[c] - f64::from(found.color[c])).abs());
+        let apart = colors.fold((expected.opacity - f64::from(found.opacity)).abs(), f64::max);
+        if expected.margin > limit { errors.clear.push(apart) } else { errors.near.push(apart) }
+    }
+    errors.clear.sort_by(f64::total_cmp);
+    errors.near.sort_by(f64::total_cmp);
+    errors
+}
+
+/// Demands that all of `ways` stay within `times` their bounds on the clear ones of `rays`, which are at least a tenth
+/// of them; returns the largest differences.
+pub(crate) fn within(name: &str, scene: &Scene, rays: &[Ray], ways: &[Way], times: f64) -> Vec<f64> {
+    let expected = expected(scene, rays);
+    (ways.iter())
+        .map(|&way| {
+            let errors = errors(way, scene, rays, &expected);
+            println!("| {name} | {way:?} | {:?} | {} |", scene.decoder.mode, errors.row());
+            assert!(10 * errors.clear.len() >= rays.len(), "{name}, {way:?}: {}", errors.row());
+            let bound = times * way.bound();
+            assert!(errors.clear_maximum() <= bound, "{name}, {way:?}: {} > {bound}", errors.clear_maximum());
+            errors.clear_maximum()
+        })
+        .collect()
+}
+
+/// Rays from around `scene` through it, `count` of them, none along an axis.
+pub(crate) fn rays_through(scene: &Scene, count: usize) -> Vec<Ray> {
+    let (center, size) = (scene.bounds.center(), scene.bounds.size());
+    let point = |n: usize, shift: f64| {
+        // Low-discrepancy points of three dimensions.
+        let part = |g: f64| (n as f64 * g + shift).fract() - 0.5;
+        DVec3::new(part(0.819_172_513_4), part(0.671_043_606_7), part(0.549_700_477_9))
+    };
+    (0..count)
+        .map(|n| {
+            let target = center + 0.8 * point(n, 0.37) * size;
+            let origin = center + 1.3 * size.length() * (point(n, 0.71) + 1e-3).normalize();
+            Ray { origin, direction: (target - origin).normalize() }
+        })
+        .collect()
+}

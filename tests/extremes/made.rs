@@ -1,0 +1,179 @@
+//! Scenes whose every number is chosen: one scale, explicit centres, a small decoder.
+
+use glam::DVec3;
+use strivec::geometry::{Aabb, Similarity};
+use strivec::model::{
+    Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
+    Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
+};
+use strivec::random::Random;
+
+/// Appearance features of every made scene.
+const FEATURES: u32 = 4;
+
+/// What a made scene consists of.
+#[derive(Clone)]
+pub(crate) struct Made {
+    pub(crate) centers: Vec<DVec3>,
+    pub(crate) half: DVec3,
+    pub(crate) resolution: [u32; 3],
+    pub(crate) ranks: [u32; 2],
+    pub(crate) top_k: u32,
+    pub(crate) mode: DecoderMode,
+    pub(crate) step: f64,
+    pub(crate) distance_scale: f64,
+}
+
+impl Default for Made {
+    /// A tensor around the origin.
+    fn default() -> Self {
+        Self {
+            centers: vec![DVec3::ZERO],
+            half: DVec3::ONE,
+            resolution: [4; 3],
+            ranks: [3, 3],
+            top_k: 4,
+            mode: DecoderMode::PerSample,
+            step: 0.0625,
+            distance_scale: 1.0,
+        }
+    }
+}
+
+/// What a factor is, by the vertex along its axis, its component, and a random number of mean 0 and deviation 1.
+pub(crate) type FactorOf<'a> = &'a dyn Fn(usize, usize, f64) -> f64;
+
+/// Random factors.
+pub(crate) fn random(_: usize, _: usize, normal: f64) -> f64 {
+    0.7 * normal
+}
+
+impl Made {
+    /// The scene with factors `density` and random appearance. Rays march through what is covered, grown by a quarter.
+    pub(crate) fn scene(&self, density: FactorOf<'_>) -> Scene {
+        self.scene_with(density, &random)
+    }
+
+    /// The scene with factors `density` and `appearance`.
+    pub(crate) fn scene_with(&self, density: FactorOf<'_>, appearance: FactorOf<'_>) -> Scene {
+        let mut centers = self.centers.clone();
+        centers.sort_by(|a, b| [a.z, a.y, a.x].partial_cmp(&[b.z, b.y, b.x]).unwrap());
+        let draw = |stream: &str, rank: u32, of: FactorOf<'_>| -> Vec<f32> {
+            let random = Random::new(11, stream);
+            let mut n = 0;
+            let mut values = Vec::new();
+            for _ in 0..self.centers.len() {
+                for cells in self.resolution {
+                    for vertex in 0..=cells as usize {
+                        for r in 0..rank as usize {
+                            let normal = (0..4).map(|k| random.uniform(4 * n + k) - 0.5).sum::<f64>() * 1.73;
+                            values.push(of(vertex, r, normal) as f32);
+                            n += 1;
+                        }
+                    }
+                }
+            }
+            values
+        };
+        let [density_rank, appearance_rank] = self.ranks;
+        let factors = Factors {
+            kind: FactorKind::Cp,
+            density_rank,
+            appearance_rank,
+            density: draw("density", density_rank, density),
+            appearance: draw("appearance", appearance_rank, appearance),
+        };
+        let cloud =
+            TensorCloud { placement: Placement::Explicit { centers }, half: self.half, resolution: self.resolution };
+        let bounds = cloud.bounds();
+        let bounds = bounds.grown(0.125 * bounds.size());
+        let weights = |stream: &str, count: u32, deviation: f64| -> Vec<f32> {
+            let random = Random::new(12, stream);
+            (0..u64::from(count)).map(|n| (3.4 * deviation * (random.uniform(n) - 0.5)) as f32).collect()
+        };
+        let linear = |stream: &str, inputs: u32, outputs: u32| Linear {
+            inputs,
+            outputs,
+            weights: weights(stream, inputs * outputs, 0.3),
+            bias: weights(stream, outputs, 0.3),
+        };
+        // Features and directions, and their sines and cosines.
+        let inputs = 3 * (FEATURES + 3);
+        let scene = Scene {
+            frame: Frame {
+                model_from_dataset: Similarity::IDENTITY,
+                up: UpAxis::Z,
+                metres_per_unit: None,
+                near: 0.0,
+                far: 4.0 * bounds.size().length(),
+                background: [1.0, 0.5, 0.25],
+                color_space: ColorSpace::Srgb,
+            },
+            bounds,
+            rules: Rules {
+                coverage: Coverage::All,
+                aggregation: Aggregation::Normalised,
+                density_reduction: Reduction::Sum,
+                appearance_reduction: Reduction::Sum,
+                density_shift: 0.0,
+                distance_scale: self.distance_scale,
+                step: self.step,
+                min_transmittance: 1e-3,
+                min_weight: 1e-4,
+            },
+            scales: vec![Scale {
+                top_k: self.top_k,
+                appearance_matrix: AppearanceMatrix {
+                    features: FEATURES,
+                    rank: appearance_rank,
+                    weights: weights("matrix", FEATURES * appearance_rank, 1.0 / f64::from(appearance_rank).sqrt()),
+                },
+                factors,
+                cloud,
+            }],
+            decoder: Decoder {
+                mode: self.mode,
+                feature_frequencies: 1,
+                direction_frequencies: 1,
+                layers: vec![linear("first", inputs, 8), linear("second", 8, 3)],
+            },
+            occupancy: None,
+            provenance: Provenance::default(),
+        };
+        scene.check().expect("a sound scene");
+        scene
+    }
+}
+
+/// The centres of a lattice of `counts` around the origin, `pitch` apart.
+pub(crate) fn lattice(counts: [u32; 3], pitch: DVec3) -> Vec<DVec3> {
+    let [columns, rows, layers] = counts;
+    let middle = (DVec3::new(columns.into(), rows.into(), layers.into()) - 1.0) * 0.5;
+    let all = (0..layers).flat_map(|z| (0..rows).flat_map(move |y| (0..columns).map(move |x| (x, y, z))));
+    all.map(|(x, y, z)| (DVec3::new(x.into(), y.into(), z.into()) - middle) * pitch).collect()
+}
+
+/// `scene` moved by `offset` and made `factor` times larger around the origin, in model units. The picture stays.
+pub(crate) fn moved(mut scene: Scene, factor: f64, offset: DVec3) -> Scene {
+    let point = |p: DVec3| factor * p + offset;
+    scene.bounds = Aabb { min: point(scene.bounds.min), max: point(scene.bounds.max) };
+    for scale in &mut scene.scales {
+        scale.cloud.half *= factor;
+        match &mut scale.cloud.placement {
+            Placement::Explicit { centers } => centers.iter_mut().for_each(|c| *c = point(*c)),
+            Placement::Lattice { lattice, .. } => {
+                lattice.origin = point(lattice.origin);
+                lattice.pitch *= factor;
+            }
+        }
+    }
+    if let Some(occupancy) = &mut scene.occupancy {
+        occupancy.bounds = Aabb { min: point(occupancy.bounds.min), max: point(occupancy.bounds.max) };
+    }
+    scene.frame.near *= factor;
+    scene.frame.far *= factor;
+    scene.rules.step *= factor;
+    scene.rules.distance_scale /= factor;
+    scene.check().expect("a sound scene");
+    scene
+}

@@ -1,0 +1,121 @@
+//! Scenes of extreme scale, place, shape and size.
+
+use glam::DVec3;
+use strivec::model::{DecoderMode, Scene};
+
+use super::compare::{Way, rays_through, within};
+use super::made::{Made, lattice, moved, random};
+
+fn ordinary(mode: DecoderMode) -> Scene {
+    let centers = lattice([4, 4, 4], DVec3::splat(0.4));
+    Made { centers, half: DVec3::splat(0.3), step: 0.02, distance_scale: 3.0, mode, ..Made::default() }.scene(&random)
+}
+
+/// The graphics renderer compiles its shaders anew for every scene: it is asked of some.
+fn ways(with_gpu: bool) -> &'static [Way] {
+    if with_gpu { Way::ALL } else { Way::CPU }
+}
+
+#[test]
+fn world_scales_from_a_millionth_to_a_million_give_the_same_picture() {
+    for (factor, with_gpu) in [(1e-6, true), (1e-3, false), (1.0, true), (1e3, false), (1e6, true)] {
+        let scene = moved(ordinary(DecoderMode::PerSample), factor, DVec3::ZERO);
+        within(&format!("world scale {factor:e}"), &scene, &rays_through(&scene, 400), ways(with_gpu), 1.0);
+    }
+}
+
+#[test]
+fn scenes_a_million_units_from_the_origin_give_the_same_picture() {
+    for mode in DecoderMode::ALL {
+        let scene = moved(ordinary(mode), 1.0, DVec3::new(1e6, -1e6, 1e6));
+        within("1e6 from the origin", &scene, &rays_through(&scene, 400), ways(mode == DecoderMode::PerSample), 1.0);
+    }
+}
+
+#[test]
+fn slivers_of_one_to_a_thousand_give_the_same_picture() {
+    for (n, axis) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
+        let thin = DVec3::ONE - 0.999 * axis;
+        let centers = lattice([4, 4, 4], 0.4 * thin);
+        let made = Made { centers, half: 0.3 * thin, step: 0.002, distance_scale: 30.0, ..Made::default() };
+        let scene = made.scene(&random);
+        within(&format!("sliver across axis {n}"), &scene, &rays_through(&scene, 300), ways(n == 0), 1.0);
+        // A needle: thin on the two other axes, many tensors long.
+        let needle = 0.001 * DVec3::ONE + 0.999 * axis;
+        let counts = [axis.x, axis.y, axis.z].map(|a| if a > 0.0 { 2000 } else { 2 });
+        let centers = lattice(counts, 0.001 * DVec3::ONE);
+        let made = Made {
+            centers,
+            half: DVec3::splat(7.5e-4),
+            resolution: [2; 3],
+            step: 2e-4,
+            distance_scale: 500.0,
+            ..Made::default()
+        };
+        let scene = made.scene(&random);
+        let mut rays = rays_through(&scene, 300);
+        // From near by: a thousandth of a needle is not much of a target, and far away not much is known of it.
+        for ray in &mut rays {
+            let [entry, _] = scene.bounds.intersect(ray).map_or([0.0; 2], |(a, b)| [a, b]);
+            ray.origin = ray.at(entry - 0.01);
+        }
+        let mut scene = scene;
+        scene.frame.far = 0.1;
+        within(&format!("needle along axis {n}, {needle}"), &scene, &rays, ways(false), 3.0);
+    }
+}
+
+#[test]
+fn one_tensor_and_the_largest_and_smallest_ranks_and_resolutions() {
+    for mode in DecoderMode::ALL {
+        for (ranks, resolution) in [([1, 1], 2), ([256, 256], 2), ([1, 1], 1024), ([256, 3], 4), ([3, 256], 1)] {
+            let made = Made { ranks, resolution: [resolution; 3], mode, step: 0.03, ..Made::default() };
+            // Sums of many products are kept to the same size.
+            let share = f64::from(ranks[0]).powf(-1.0 / 6.0);
+            let scene = made.scene(&|_, _, normal| 0.9 * share * normal);
+            let with_gpu = mode == DecoderMode::PerSample && ranks[1] != 3;
+            within(
+                &format!("rank {ranks:?}, resolution {resolution}"),
+                &scene,
+                &rays_through(&scene, 200),
+                ways(with_gpu),
+                1.0,
+            );
+        }
+    }
+}
+
+#[test]
+fn a_million_tensors_give_the_same_picture() {
+    let centers = lattice([100, 100, 100], DVec3::splat(0.02));
+    let made = Made {
+        centers,
+        half: DVec3::splat(0.015),
+        resolution: [2; 3],
+        ranks: [1, 1],
+        step: 0.005,
+        distance_scale: 5.0,
+        ..Made::default()
+    };
+    let scene = made.scene(&random);
+    within("a million tensors", &scene, &rays_through(&scene, 300), Way::CPU, 2.0);
+}
+
+#[test]
+fn constant_zero_and_alternating_factors() {
+    type Of = fn(usize, usize, f64) -> f64;
+    let cases: [(&str, Of); 5] = [
+        ("constant factors", |_, _, _| 1.0),
+        ("zero factors", |_, _, _| 0.0),
+        ("negative zero factors", |_, _, _| -0.0),
+        ("factors that alternate by vertex", |v, _, _| if v % 2 == 0 { 1.0 } else { -1.0 }),
+        ("factors that alternate by component", |_, r, _| if r % 2 == 0 { 1.0 } else { -1.0 }),
+    ];
+    for (n, (name, of)) in cases.into_iter().enumerate() {
+        for mode in DecoderMode::ALL {
+            let made = Made { ranks: [16, 16], resolution: [31; 3], mode, step: 0.03, ..Made::default() };
+            let scene = made.scene_with(&of, &of);
+            within(name, &scene, &rays_through(&scene, 200), ways(n == 3 && mode == DecoderMode::PerSample), 1.0);
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! Values at their limits: density features, optical depths, transmittance, rays, factors, the decoder.
+
+use glam::{DVec3, UVec3};
+use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
+use strivec::geometry::Ray;
+use strivec::model::{DecoderMode, Occupancy, Scene};
+
+use super::compare::{Way, errors, expected, rays_through, within};
+use super::made::{Made, random};
+
+/// A tensor whose density feature is `feature` everywhere.
+fn constant(feature: f64, mode: DecoderMode) -> Scene {
+    let root = feature.abs().cbrt();
+    // The three axes draw one after the other; components alternate so that only one factor has the sign.
+    let made = Made { ranks: [1, 3], resolution: [1; 3], mode, ..Made::default() };
+    let mut scene = made.scene(&|_, _, _| root);
+    scene.scales[0].factors.density[..2].iter_mut().for_each(|v| *v *= feature.signum() as f32);
+    scene
+}
+
+#[test]
+fn density_features_from_minus_ten_thousand_to_ten_thousand() {
+    for feature in [-1e4, -100.0, -88.0, -87.3, -50.0, -10.0, -1e-6, 0.0, 1e-6, 1.0, 20.0, 88.0, 1e4] {
+        let scene = constant(feature, DecoderMode::PerSample);
+        let with_gpu = [-1e4, -50.0, 1e4].contains(&feature);
+        let ways = if with_gpu { Way::ALL } else { Way::CPU };
+        within(&format!("density feature {feature:e}"), &scene, &rays_through(&scene, 100), ways, 1.0);
+    }
+}
+
+#[test]
+fn optical_depths_from_1e_minus_12_to_a_million_and_transmittance_that_underflows() {
+    for depth in [1e-12, 1e-9, 1e-6, 1e-3, 1.0, 80.0, 104.0, 1e6] {
+        for min_transmittance in [1e-3, 0.0] {
+            let mut scene = constant(0.0, DecoderMode::PerSample);
+            // σ is ln 2.
+            scene.rules.distance_scale = depth / (2.0_f64.ln() * scene.rules.step);
+            scene.rules.min_transmittance = min_transmittance;
+            scene.rules.min_weight = 0.0;
+            let with_gpu = [1e-12, 1e6].contains(&depth);
+            let ways = if with_gpu { Way::ALL } else { Way::CPU };
+            let rays = rays_through(&scene, 60);
+            within(&format!("optical depth {depth:e}, T from {min_transmittance}"), &scene, &rays, ways, 1.0);
+            // Tiny opacities are known to a relative error, too.
+            if depth <= 1e-6 {
+                for (e, f) in expected(&scene, &rays).iter().zip(Way::CpuF64.trace(&scene, &rays)) {
+                    assert!((f64::from(f.opacity) - e.opacity).abs() <= 1e-6 * e.opacity + 1e-13);
+                }
+            }
+        }
+    }
+}
+
+/// The graphics renderer is not asked: on lavapipe such rays end after some thousand samples (docs/numerics.md).
+///
+/// Fog: very many samples, each of which takes less from the transmittance than f32 can take from 1.
+#[test]
+fn fog_of_a_hundred_thousand_faint_samples_is_not_lost() {
+    for depth in [2e-8, 5e-8, 1e-6] {
+        let mut scene = constant(0.0, DecoderMode::PerSample);
+        scene.rules.step = 2e-5;
+        scene.rules.distance_scale = depth / (2.0_f64.ln() * scene.rules.step);
+        // Below the weight from which on samples are coloured: a device has room for so many colours of a ray only.
+        let rays = rays_through(&scene, 4);
+        let exact = expected(&scene, &rays);
+        for &way in Way::CPU {
+            for (e, f) in exact.iter().zip(way.trace(&scene, &rays)) {
+                let error = (e.opacity - f64::from(f.opacity)).abs();
+                println!("fog of {depth:e}: {way:?} opacity {:e}, off by {error:.1e}", e.opacity);
+                assert!(error < 1e-3 * e.opacity + 1e-6, "{way:?}: {} for {}", f.opacity, e.opacity);
+                assert!((e.depth - f64::from(f.depth)).abs() < 1e-3, "{way:?}: depth {} for {}", f.depth, e.depth);
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_that_start_inside_run_along_faces_have_zeros_or_miss() {
+    for mode in DecoderMode::ALL {
+        let scene = Made { mode, distance_scale: 2.0, ..Made::default() }.scene(&random);
+        let axes = [DVec3::X, DVec3::NEG_Y, DVec3::Z, DVec3::new(0.6, 0.8, 0.0), DVec3::new(0.0, -0.6, 0.8)];
+        let tiny = DVec3::new(1.0, 1e-300, -1e-40).normalize();
+        let origins = [
+            ("inside a tensor", DVec3::new(0.11, -0.23, 0.31)),
+            ("outside", DVec3::new(-5.01, 5.03, -4.97)),
+            ("in front", DVec3::new(-5.01, 0.27, 0.31)),
+            ("behind", DVec3::new(5.01, 0.27, 0.31)),
+        ];
+        let mut rays = Vec::new();
+        for (_, origin) in origins {
+            for direction in axes.into_iter().chain([tiny, -tiny, DVec3::new(-0.0, 0.0, -1.0)]) {
+                rays.push(Ray { origin, direction });
+            }
+        }
+        let ways = if mode == DecoderMode::PerSample { Way::ALL } else { Way::CPU };
+        within("rays inside, outside, behind", &scene, &rays, ways, 1.0);
+        // Along faces, edges and through corners of the tensor and of the box: below any margin, but finite.
+        let mut along = Vec::new();
+        for corner in [DVec3::ONE, DVec3::new(1.0, 0.25, 0.5), scene.bounds.max, DVec3::new(1.0, 1.0, 0.0)] {
+            for direction in axes.into_iter().chain([-DVec3::ONE.normalize()]) {
+                along.push(Ray { origin: corner - 4.0 * direction, direction });
+                along.push(Ray { origin: corner, direction });
+            }
+        }
+        let exact = expected(&scene, &along);
+        for &way in ways {
+            let errors = errors(way, &scene, &along, &exact);
+            println!("| rays along faces | {way:?} | {mode:?} | {} |", errors.row());
+            assert!(errors.clear_maximum() <= way.bound(), "{way:?}: {}", errors.row());
+        }
+    }
+}
+
+#[test]
+fn spans_without_length_and_ranges_that_reach_far() {
+    let base = Made { distance_scale: 2.0, ..Made::default() }.scene(&random);
+    for (near, far) in [(0.0, 1e-9), (1.0, 1.0 + 1e-9), (100.0, 200.0), (0.0, 1e6), (0.0, 1e12), (3.0, 3.5)] {
+        let mut scene = base.clone();
+        (scene.frame.near, scene.frame.far) = (near, far);
+        scene.check().unwrap();
+        let rays = rays_through(&scene, 60);
+        let exact = expected(&scene, &rays);
+        for &way in Way::CPU {
+            let found = way.trace(&scene, &rays);
+            let far_off = exact.iter().zip(&found).filter(|(e, f)| (e.opacity - f64::from(f.opacity)).abs() > 1e-3);
+            assert!(far_off.count() <= 3, "{way:?}, near {near}, far {far}");
+        }
+    }
+    let mut same = base;
+    (same.frame.near, same.frame.far) = (2.0, 2.0);
+    assert_eq!(same.check().unwrap_err().place, "frame near and far");
+}
+
+#[test]
+fn an_opaque_first_sample_and_rays_through_nothing() {
+    for mode in DecoderMode::ALL {
+        let mut scene = constant(1e4, mode);
+        scene.rules.distance_scale = 1e3;
+        let rays = rays_through(&scene, 60);
+        within("all-opaque first sample", &scene, &rays, Way::CPU, 1.0);
+        assert!(Way::CpuF32.trace(&scene, &rays).iter().any(|p| p.opacity == 1.0));
+        // Nothing counts anywhere.
+        scene.occupancy = Some(Occupancy::empty(scene.bounds, UVec3::splat(4)));
+        let ways = if mode == DecoderMode::Residual { Way::ALL } else { Way::CPU };
+        for found in ways.iter().flat_map(|way| way.trace(&scene, &rays)) {
+            assert_eq!((found.color, found.opacity, found.depth), (scene.frame.background, 0.0, 0.0));
+        }
+    }
+}
+
+#[test]
+fn factors_at_the_limits_of_f16_and_of_every_quantiser() {
+    // The largest and the smallest numbers of f16, also those that are not normal.
+    let extremes = [65504.0, 6.103_515_6e-5, 5.960_464_5e-8, 0.0];
+    for largest in extremes {
+        let made = Made { ranks: [2, 2], resolution: [3; 3], ..Made::default() };
+        let of = |v: usize, r: usize, _: f64| if (v + r) % 2 == 0 { largest } else { -largest };
+        let scene = made.scene_with(&of, &|_, _, normal| normal);
+        let rays = rays_through(&scene, 60);
+        let encodings = [Encoding::F32, Encoding::F16, Encoding::Cosine].into_iter();
+        for encoding in encodings.chain([8, 6, 5, 4, 3].map(Encoding::Grid)) {
+            let bytes = match encode(&scene, &EncodeOptions::uniform(encoding)) {
+                Ok(bytes) => bytes,
+                // What a grid of few bits does not reach is named, never clamped.
+                Err(Error::Overflow { value, largest, .. }) => {
+                    assert!(matches!(encoding, Encoding::Grid(_)) && value.abs() > largest, "{encoding:?}");
+                    continue;
+                }
+                Err(error) => panic!("{encoding:?}: {error}"),
+            };
+            let read = decode(&bytes).unwrap();
+            let largest_error = (read.scales[0].factors.density.iter().zip(&scene.scales[0].factors.density))
+                .map(|(r, s)| (f64::from(*r) - f64::from(*s)).abs())
+                .fold(0.0, f64::max);
+            // A quantiser's finest step is 2^-24.
+            let allowed = match encoding {
+                Encoding::F32 | Encoding::F16 => 0.0,
+                Encoding::Cosine => (0.01 * largest).max(6e-8),
+                Encoding::Grid(bits) => (1.1 * largest / f64::from((1 << (bits - 1)) - 1)).max(6e-8),
+            };
+            assert!(largest_error <= allowed, "{encoding:?}, {largest:e}: {largest_error:e} > {allowed:e}");
+            if encoding == Encoding::F16 {
+                let ways = if largest == 65504.0 { Way::ALL } else { Way::CPU };
+                within(&format!("factors of ±{largest:e}"), &read, &rays, ways, 1.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_saturated_decoder_stays_between_0_and_1() {
+    for mode in DecoderMode::ALL {
+        for size in [1e2_f32, 1e4, 1e10, 1e19] {
+            let mut scene = Made { mode, distance_scale: 2.0, ..Made::default() }.scene(&random);
+            for layer in &mut scene.decoder.layers {
+                layer.weights.iter_mut().chain(&mut layer.bias).for_each(|w| *w *= size);
+            }
+            let rays = rays_through(&scene, 60);
+            let ways = if size == 1e4 || size == 1e19 { Way::ALL } else { Way::CPU };
+            let exact = expected(&scene, &rays);
+            for &way in ways {
+                let errors = errors(way, &scene, &rays, &exact);
+                println!("| decoder weights times {size:e} | {way:?} | {mode:?} | {} |", errors.row());
+                for pixel in way.trace(&scene, &rays) {
+                    assert!(pixel.color.iter().all(|c| (-1e-5..=1.0 + 1e-5).contains(c)), "{way:?}: {pixel:?}");
+                }
+                // Larger ones turn the smallest rounding into another colour.
+                if size == 1e2 {
+                    assert!(errors.clear_maximum() < 100.0 * way.bound(), "{way:?}: {}", errors.row());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn features_too_large_for_sines_in_f32_stay_finite() {
+    for mode in DecoderMode::ALL {
+        for size in [1e3, 1e6, 1e12] {
+            let root = f64::cbrt(size);
+            let scene = Made { mode, distance_scale: 2.0, ..Made::default() }.scene_with(&random, &|_, _, n| root * n);
+            let rays = rays_through(&scene, 40);
+            let exact = expected(&scene, &rays);
+            for &way in if size == 1e12 || size == 1e6 { Way::ALL } else { Way::CPU } {
+                let errors = errors(way, &scene, &rays, &exact);
+                println!("| features near {size:e} | {way:?} | {mode:?} | {} |", errors.row());
+                // 16 bits do not hold them.
+                if way.bound() <= 1e-3 {
+                    assert!(errors.clear_maximum() <= 1e-3, "{way:?}, {mode:?}: {}", errors.row());
+                }
+                for pixel in way.trace(&scene, &rays) {
+                    assert!(pixel.color.iter().all(|c| (-1e-5..=1.0 + 1e-5).contains(c)), "{way:?}: {pixel:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn factors_whose_products_overflow_f32_give_finite_pixels() {
+    for of in [
+        |_: usize, r: usize, _: f64| if r % 2 == 0 { 3e38 } else { -3e38 },
+        |v, _, _| if v % 2 == 0 { 3e38 } else { -3e38 },
+    ] {
+        let scene = Made { ranks: [4, 4], ..Made::default() }.scene_with(&of, &of);
+        let rays = rays_through(&scene, 40);
+        for &way in Way::ALL {
+            for pixel in way.trace(&scene, &rays) {
+                let numbers = pixel.color.iter().chain([&pixel.opacity, &pixel.depth]);
+                assert!(numbers.clone().all(|v| v.is_finite()), "{way:?}: {pixel:?}");
+            }
+        }
+    }
+}
+
+/// Terms of a thousand that cancel to nothing: f32 cannot know their sum, and the reference says so.
+#[test]
+fn cancelling_factors_err_by_what_their_condition_says() {
+    let size = 10.0;
+    let of = |_: usize, r: usize, normal: f64| if r % 2 == 0 { size } else { -size } + 1e-3 * normal;
+    let scene = Made { ranks: [256, 3], mode: DecoderMode::PerSample, ..Made::default() }.scene_with(&of, &random);
+    let rays = rays_through(&scene, 200);
+    let exact = expected(&scene, &rays);
+    let mut bad = 0;
+    for (way, epsilon) in [(Way::CpuF64, f64::EPSILON), (Way::CpuF32, f64::from(f32::EPSILON))] {
+        for (e, f) in exact.iter().zip(way.trace(&scene, &rays)) {
+            let error = (0..3).map(|c| (e.color[c] - f64::from(f.color[c])).abs()).fold(0.0, f64::max);
+            if e.margin > way.position_error(&scene) {
+                assert!(error < 1e-5 + 4.0 * epsilon * e.condition, "{way:?}: {error} at condition {}", e.condition);
+                bad += usize::from(e.condition > 1e4);
+            }
+        }
+    }
+    assert!(bad > 20, "{bad} rays are badly conditioned");
+    let plain = Made::default().scene(&random);
+    let conditions = expected(&plain, &rays_through(&plain, 100));
+    assert!(conditions.iter().all(|t| t.condition < 300.0));
+}
