@@ -154,7 +154,7 @@ fn factors_at_the_limits_of_f16_and_of_every_quantiser() {
     let extremes = [65504.0, 6.103_515_6e-5, 5.960_464_5e-8, 0.0];
     for largest in extremes {
         let made = Made { ranks: [2, 2], resolution: [3; 3], ..Made::default() };
-        let of = |v: usize, r: usize, _: f64| if (v + r) % 2 == 0 { largest } else { -largest };
+        let of = |v: usize, r: usize, _: f64| if (v + r).is_multiple_of(2) { largest } else { -largest };
         let scene = made.scene_with(&of, &|_, _, normal| normal);
         let rays = rays_through(&scene, 60);
         let encodings = [Encoding::F32, Encoding::F16, Encoding::Cosine].into_iter();
@@ -239,7 +239,7 @@ fn features_too_large_for_sines_in_f32_stay_finite() {
 #[test]
 fn factors_whose_products_overflow_f32_give_finite_pixels() {
     for of in [
-        |_: usize, r: usize, _: f64| if r % 2 == 0 { 3e38 } else { -3e38 },
+        |_: usize, r: usize, _: f64| if r.is_multiple_of(2) { 3e38 } else { -3e38 },
         |v, _, _| if v % 2 == 0 { 3e38 } else { -3e38 },
     ] {
         let scene = Made { ranks: [4, 4], ..Made::default() }.scene_with(&of, &of);
@@ -257,7 +257,7 @@ fn factors_whose_products_overflow_f32_give_finite_pixels() {
 #[test]
 fn cancelling_factors_err_by_what_their_condition_says() {
     let size = 10.0;
-    let of = |_: usize, r: usize, normal: f64| if r % 2 == 0 { size } else { -size } + 1e-3 * normal;
+    let of = |_: usize, r: usize, normal: f64| if r.is_multiple_of(2) { size } else { -size } + 1e-3 * normal;
     let scene = Made { ranks: [256, 3], mode: DecoderMode::PerSample, ..Made::default() }.scene_with(&of, &random);
     let rays = rays_through(&scene, 200);
     let exact = expected(&scene, &rays);

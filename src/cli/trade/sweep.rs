@@ -84,7 +84,8 @@ impl Sweep<'_> {
                 let name = candidate.name(&self.base, &self.names());
                 progress.set(done, || format!("round {}, {name}", round + 1));
             }
-            all.rotate_left(all.len() / rounds);
+            let next = all.len() / rounds;
+            all.rotate_left(next);
         }
         progress.finish(&format!("{} pictures", all.len() * rounds));
         Ok(())
