@@ -133,7 +133,7 @@ impl Trade {
     }
 
     /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the fast, the
-    /// fastest that is not more than [`FAST_LOSS`] worse; as balanced, the one farthest above the line from that to the best.
+    /// fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to the best.
     pub fn new(machine: String, backend: String, size: [u32; 2], against: String, mut points: Vec<TradePoint>) -> Self {
         points.truncate(MOST_POINTS);
         if let Some(chosen) = named(&points) {
