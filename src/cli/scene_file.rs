@@ -24,9 +24,5 @@ pub(super) fn read_document(path: &Path) -> Result<(Document, Vec<u8>), Error> {
 
 /// The scene without the scales that `approximation` leaves out, corrected where the file says how.
 pub(super) fn with_scales_of(document: Document, approximation: &Approximation) -> Scene {
-    container::beginning(
-        document.scene,
-        &document.extras.prefixes,
-        approximation.scales.map_or(usize::MAX, |n| n as usize),
-    )
+    container::beginning(document.scene, &document.extras.prefixes, approximation.scales)
 }

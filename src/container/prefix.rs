@@ -40,9 +40,10 @@ impl Prefix {
     }
 }
 
-/// The first `scales` scales of `scene`, corrected where the file's `prefixes` say how; all of it where it has no more.
-pub fn beginning(mut scene: Scene, prefixes: &[Option<Prefix>], scales: usize) -> Scene {
-    if scales < scene.scales.len() {
+/// The first `scales` scales of `scene`, corrected where the file's `prefixes` say how; all of it where it has no more, and where
+/// there is no number.
+pub fn beginning(mut scene: Scene, prefixes: &[Option<Prefix>], scales: Option<u32>) -> Scene {
+    if let Some(scales) = scales.map(|n| n as usize).filter(|n| *n < scene.scales.len()) {
         scene.scales.truncate(scales);
         if let Some(Some(prefix)) = scales.checked_sub(1).and_then(|last| prefixes.get(last)) {
             prefix.apply(&mut scene);

@@ -6,7 +6,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::neighbours::{Neighbours, Positions};
-use super::{DensityCache, Field, Located, Pair, Real, Stage, StageClock, Walk};
+use super::{DensityCache, Field, Located, Pair, Real, Stage, StageClock, Walk, add_compensated};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
@@ -376,10 +376,9 @@ impl<T: Real> Field<T> {
             let mut counted = 0;
             for &alpha in &alphas[places.clone()] {
                 transmittances.push(ray.transmittance);
-                let change = -ray.transmittance * alpha - ray.lost;
-                let after = ray.transmittance + change;
-                ray.lost = (after - ray.transmittance) - change;
-                ray.transmittance = after.max(T::zero());
+                let weight = ray.transmittance * alpha;
+                add_compensated(&mut ray.transmittance, &mut ray.lost, -weight);
+                ray.transmittance = ray.transmittance.max(T::zero());
                 counted += 1;
                 if ray.transmittance < min_transmittance {
                     ended = true;

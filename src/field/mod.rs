@@ -30,7 +30,7 @@ pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};
-pub use real::Real;
+pub use real::{Real, add_compensated};
 use scale::aligned;
 pub use scale::{FieldScale, Pair, TensorRows};
 #[cfg(feature = "toolkit")]

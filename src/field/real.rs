@@ -176,6 +176,15 @@ fn exponential_parts(x: f32) -> (f32, f32) {
     (power, r + r * r * (0.5 + r * (1.0 / 6.0 + r * high)))
 }
 
+/// Adds `term` to `sum`, of which rounding has `lost` so far (Kahan).
+#[inline(always)]
+pub fn add_compensated<T: Real>(sum: &mut T, lost: &mut T, term: T) {
+    let change = term - *lost;
+    let after = *sum + change;
+    *lost = (after - *sum) - change;
+    *sum = after;
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,7 +16,6 @@ pub fn adapted(
     has_cache: bool,
 ) -> (Scene, Approximation) {
     let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
-    let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
     let left = Approximation {
         neighbours: approximation.neighbours.map(|n| n.min(most)),
         scales: None,
@@ -24,7 +23,7 @@ pub fn adapted(
         density_cache: approximation.density_cache.filter(|_| has_cache),
         ..*approximation
     };
-    (beginning(scene.clone(), prefixes, scales), left)
+    (beginning(scene.clone(), prefixes, approximation.scales), left)
 }
 
 /// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.

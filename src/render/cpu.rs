@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, Stage, Work, vectorised};
+use crate::field::{Activations, Field, Real, Samples, Stage, Work, add_compensated, vectorised};
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene, softplus};
 
@@ -206,15 +206,6 @@ impl<T: Real> Renderer for CpuRenderer<T> {
         });
         Picture { width, height, pixels }
     }
-}
-
-/// Adds `term` to `sum`, of which rounding has `lost` so far (Kahan).
-#[inline(always)]
-fn add_compensated<T: Real>(sum: &mut T, lost: &mut T, term: T) {
-    let change = term - *lost;
-    let after = *sum + change;
-    *lost = (after - *sum) - change;
-    *sum = after;
 }
 
 /// Cuts a picture of `width` columns into tiles, so that each is written where it belongs.

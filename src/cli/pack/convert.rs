@@ -83,8 +83,7 @@ fn bake(document: &mut Document, path: &Path, name: &str, session: &Session) -> 
     let size = Trade::of_notes(&document.extras.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
     let Choice { approximation, divisor } = granted(&Wish::Name(name.to_owned()), document, path, size)?;
     approximation.check(&document.scene)?;
-    let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
-    let scene = container::beginning(document.scene.clone(), &document.extras.prefixes, scales);
+    let scene = container::beginning(document.scene.clone(), &document.extras.prefixes, approximation.scales);
     document.scene = approximation.applied(scene);
     forget_measurements(&mut document.extras);
     if approximation.density_cache.is_some() || divisor != 1 {

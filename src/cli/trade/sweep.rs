@@ -29,8 +29,7 @@ pub(super) struct Source {
 impl Source {
     /// The scene without what `approximation` leaves out of its scales.
     pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
-        let scales = approximation.scales.map_or(usize::MAX, |n| n as usize);
-        beginning(self.scene.clone(), &self.prefixes, scales)
+        beginning(self.scene.clone(), &self.prefixes, approximation.scales)
     }
 }
 
@@ -71,6 +70,7 @@ impl Sweep<'_> {
         let progress = Progress::start(&session.console, task, (all.len() * rounds) as u64);
         // Its own word on each of many renderers would drown the rest.
         let quiet = Console::new("strivec", true, false);
+        let names: Vec<String> = self.sources.iter().map(|source| source.name.clone()).collect();
         let mut done = 0;
         for round in 0..rounds {
             let whole = &self.views.views[round % self.views.views.len()];
@@ -81,18 +81,13 @@ impl Sweep<'_> {
                     self.log.add(visit)?;
                 }
                 done += 1;
-                let name = candidate.name(&self.base, &self.names());
-                progress.set(done, || format!("round {}, {name}", round + 1));
+                progress.set(done, || format!("round {}, {}", round + 1, candidate.name(&self.base, &names)));
             }
             let next = all.len() / rounds;
             all.rotate_left(next);
         }
         progress.finish(&format!("{} pictures", all.len() * rounds));
         Ok(())
-    }
-
-    fn names(&self) -> Vec<String> {
-        self.sources.iter().map(|source| source.name.clone()).collect()
     }
 
     fn visit(
@@ -154,7 +149,7 @@ impl Sweep<'_> {
         let mut looks = 1;
         while candidates.len() > keep && shrunk > 1 {
             self.measure("combinations", &candidates, shrunk, looks.min(rounds))?;
-            let mut known = self.known(&candidates, shrunk);
+            let known = self.known(&candidates, shrunk);
             let points: Vec<[f64; 2]> = known.iter().map(|(_, m)| [m.ratio, m.psnr]).collect();
             let below = below_front(&points);
             let mut order: Vec<usize> = (0..known.len()).collect();
@@ -162,7 +157,6 @@ impl Sweep<'_> {
             order.truncate((known.len() / 2).max(keep));
             order.sort_unstable();
             candidates = order.into_iter().map(|n| known[n].0.clone()).collect();
-            known.clear();
             (shrunk, looks) = (shrunk / 2, looks * 2);
         }
         candidates.truncate(keep);
