@@ -161,8 +161,8 @@ impl App {
         Ok(has_more)
     }
 
-    /// Whether the camera flies or follows a path.
-    fn move_camera(&mut self, elapsed: f64) -> bool {
+    /// Moves the camera by what happens in `elapsed` seconds; whether it flies or follows a path.
+    pub(super) fn move_camera(&mut self, elapsed: f64) -> bool {
         let (Some(slot), Some(controls)) = (&self.slots[0], &mut self.controls) else { return false };
         let is_flying = controls.fly(elapsed);
         self.recorder.follow(elapsed, controls, &slot.scene.frame.model_from_dataset) || is_flying

@@ -109,14 +109,19 @@ impl Player {
 
     /// Begins to record the camera's path, or ends that: then whether there is a new path.
     pub fn record(&self) -> bool {
-        let mut app = self.app.borrow_mut();
-        app.slots[0].is_some() && app.recorder.record()
+        let app = &mut *self.app.borrow_mut();
+        let is_new = app.slots[0].is_some() && app.recorder.record();
+        app.move_camera(0.0);
+        is_new
     }
 
     /// Plays the path that was recorded or opened last, or stops. Where one is being recorded, that ends first: then whether
     /// there is a new path.
     pub fn play(&self) -> bool {
-        self.app.borrow_mut().recorder.play()
+        let app = &mut *self.app.borrow_mut();
+        let is_new = app.recorder.play();
+        app.move_camera(0.0);
+        is_new
     }
 
     /// The file of that path, if there is one.
@@ -131,7 +136,10 @@ impl Player {
     ///
     /// Where they are no camera path.
     pub fn open_path(&self, bytes: &[u8]) -> Result<(), JsError> {
-        Ok(self.app.borrow_mut().recorder.open(bytes)?)
+        let app = &mut *self.app.borrow_mut();
+        app.recorder.open(bytes)?;
+        app.move_camera(0.0);
+        Ok(())
     }
 
     /// Moves the camera, draws, and shows what is drawn on the canvas, which is now `width` by `height` pixels large; `now` is
