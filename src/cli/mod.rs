@@ -17,6 +17,7 @@ mod output;
 pub mod pack;
 mod picture_size;
 mod plan;
+mod plots;
 mod prior;
 mod progress;
 mod quantity;
@@ -24,6 +25,7 @@ mod render;
 mod scale_table;
 mod scene_file;
 mod settings;
+mod shrink;
 mod synth;
 mod table;
 mod trade;
@@ -78,6 +80,8 @@ enum Command {
     Demo(demo::Args),
     /// Turn photographs into a scene
     Train(train::Args),
+    /// Give up the parameters that a scene needs least
+    Shrink(shrink::Args),
     /// Say what training would come to, before it begins
     Plan(plan::Args),
     /// Take pictures of a scene
@@ -108,6 +112,7 @@ pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
         Command::Demo(args) => demo::run(args, session),
         Command::Train(args) => train::run(args, session),
+        Command::Shrink(args) => shrink::run(args, session),
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),

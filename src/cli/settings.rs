@@ -1,6 +1,6 @@
 //! What commands that train, or plan to, are told: the settings, and what these shall fit.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
@@ -48,7 +48,18 @@ pub(super) struct Settings {
     prune: bool,
 }
 
-fn every(text: &str) -> Result<usize, String> {
+/// The settings of `preset` as the file `path` changes them; of both, what is there.
+pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result<TrainConfig, Error> {
+    match path {
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+            TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))
+        }
+        None => TrainConfig::preset(preset.unwrap_or("48")).map_err(|e| Error::Usage(e.to_string())),
+    }
+}
+
+pub(super) fn every(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "expected a number of at least 1".into())
 }
 
@@ -61,13 +72,7 @@ impl Settings {
     /// The settings that the arguments lead to: preset, then file, then single arguments.
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let preset = self.preset.map(Preset::name);
-        let mut config = match &self.config {
-            Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-                TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))?
-            }
-            None => TrainConfig::preset(preset.unwrap_or("48")).map_err(|e| Error::Usage(e.to_string()))?,
-        };
+        let mut config = configuration(preset, self.config.as_deref())?;
         config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
         config.seed = self.seed.unwrap_or(config.seed);
         config.prune |= self.prune;

@@ -92,7 +92,7 @@ pub(super) enum Precision {
 }
 
 impl Precision {
-    fn factors(self) -> Encoding {
+    pub(super) fn factors(self) -> Encoding {
         match self {
             Self::F32 => Encoding::F32,
             Self::F16 => Encoding::F16,

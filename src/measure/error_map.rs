@@ -23,7 +23,8 @@ pub fn error_map(a: &[[f32; 3]], b: &[[f32; 3]], full: f32) -> Result<Vec<[f32; 
     Ok(a.iter().zip(b).map(|pair| ramp(largest(pair) / full)).collect())
 }
 
-fn ramp(value: f32) -> [f32; 3] {
+/// From black at 0 and below to light yellow at 1 and above.
+pub fn ramp(value: f32) -> [f32; 3] {
     let at = value.clamp(0.0, 1.0) * (RAMP.len() - 1) as f32;
     let below = (at as usize).min(RAMP.len() - 2);
     let part = at - below as f32;

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+mod cells;
 mod error;
 mod error_map;
 mod parity;
@@ -17,8 +18,9 @@ mod report;
 mod sheet;
 mod ssim;
 
+pub use cells::{Cell, CellMap, FLAT};
 pub use error::Error;
-pub use error_map::error_map;
+pub use error_map::{error_map, ramp};
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
 pub use png::{color_png, depth_png, opacity_png};
 pub use probes::{PROBE_MARGIN, ProbeReport, check_probes, make_probes, probe_density_error};

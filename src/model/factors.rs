@@ -53,6 +53,26 @@ impl Factors {
         (self.density.len() + self.appearance.len()) as u64
     }
 
+    /// \[tensor\]\[component\] whether any number of `values`, of tensors of `rows` rows and `rank` components, is other than
+    /// zero: files hold no other components.
+    pub fn held(values: &[f32], rows: usize, rank: usize) -> Vec<bool> {
+        let mut held = Vec::with_capacity(values.len() / rows.max(1));
+        for tensor in values.chunks_exact((rows * rank).max(1)) {
+            let first = held.len();
+            held.resize(first + rank, false);
+            for row in tensor.chunks_exact(rank) {
+                held[first..].iter_mut().zip(row).for_each(|(held, &v)| *held |= v != 0.0);
+            }
+        }
+        held
+    }
+
+    /// Number of entries of the components that are [`Factors::held`], of tensors of `rows` rows.
+    pub(super) fn held_parameter_count(&self, rows: usize) -> u64 {
+        let of = |values: &[f32], rank: u32| Self::held(values, rows, rank as usize).into_iter().filter(|h| *h).count();
+        (rows * (of(&self.density, self.density_rank) + of(&self.appearance, self.appearance_rank))) as u64
+    }
+
     /// Keeps what the tensors of the numbers `kept` have, of `tensors`.
     pub(super) fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
         for values in [&mut self.density, &mut self.appearance] {

@@ -24,6 +24,12 @@ impl Scale {
         self.factors.parameter_count() + self.appearance_matrix.weights.len() as u64
     }
 
+    /// The same without components of tensors that are zeros, which files leave out.
+    pub fn held_parameter_count(&self) -> u64 {
+        let rows = Factors::rows(self.cloud.resolution);
+        self.factors.held_parameter_count(rows) + self.appearance_matrix.weights.len() as u64
+    }
+
     /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
     pub fn keep_tensors(&mut self, kept: &[usize]) {
         self.factors.keep_tensors(kept, self.cloud.len());

@@ -71,6 +71,11 @@ impl Scene {
         self.scales.iter().map(Scale::parameter_count).sum::<u64>() + self.decoder.parameter_count()
     }
 
+    /// The same without components of tensors that are zeros, which files leave out.
+    pub fn held_parameter_count(&self) -> u64 {
+        self.scales.iter().map(Scale::held_parameter_count).sum::<u64>() + self.decoder.parameter_count()
+    }
+
     /// Checks every invariant that readers, renderers and the trainer rely on.
     ///
     /// # Errors

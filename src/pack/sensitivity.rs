@@ -1,11 +1,9 @@
 //! What each factor is worth: how much pictures change when it does.
 
 use crate::field::Field;
-use crate::geometry::Ray;
 use crate::model::Scene;
 use crate::random::Random;
-use crate::render::{CpuRenderer, Renderer};
-use crate::train::{Backward, BatchThinning, Target};
+use crate::train::Backward;
 
 use super::Views;
 
@@ -22,31 +20,20 @@ pub struct Sensitivity {
     pub appearance: Vec<Vec<f32>>,
 }
 
-/// Estimates it from `batches` of rays of `views`: the gradient of pictures times random signs has, squared, the wanted
-/// mean (Hutchinson's estimator).
+/// Estimates it from `batches` of rays of `views`.
 pub fn sensitivity(scene: &Scene, views: &Views, batches: usize, seed: u64) -> Sensitivity {
     let field = Field::<f32>::new(scene);
-    let renderer = CpuRenderer::<f32>::new(scene);
     let mut backward = Backward::new(&field);
     let random = Random::new(seed, "sensitivity");
     let mut sums: Option<Sensitivity> = None;
     for n in 0..batches as u64 {
-        let rays: Vec<Ray> = views.rays(RAYS, &random.substream(2 * n));
-        let signs = random.substream(2 * n + 1);
-        // The loss's gradient is the error times 2/(3·rays).
-        let targets: Vec<Target> = (renderer.trace(&rays).iter().enumerate())
-            .map(|(r, pixel)| {
-                let sign = |c: usize| if signs.bits((3 * r + c) as u64) & 1 == 0 { 0.5 } else { -0.5 };
-                let color = [0, 1, 2].map(|c| pixel.color[c] - sign(c));
-                Target { color, background: scene.frame.background }
-            })
-            .collect();
-        let gradients = backward.gradients(&field, &rays, &targets, BatchThinning::default());
+        let rays = views.rays(RAYS, &random.substream(2 * n));
+        let gradients = backward.picture_gradients(&field, &rays, &random.substream(2 * n + 1));
         let total = sums.get_or_insert_with(|| Sensitivity {
             density: gradients.density.iter().map(|g| vec![0.0; g.len()]).collect(),
             appearance: gradients.appearance.iter().map(|g| vec![0.0; g.len()]).collect(),
         });
-        let scale = 3.0 * RAYS as f32 / batches as f32;
+        let scale = 1.0 / batches as f32;
         for (total, found) in [(&mut total.density, &gradients.density), (&mut total.appearance, &gradients.appearance)]
         {
             for (total, found) in total.iter_mut().flatten().zip(found.iter().flatten()) {

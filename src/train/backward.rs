@@ -9,6 +9,7 @@ use super::chunk::{BatchThinning, Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
 use crate::field::{Field, Real, Thinning, Work, vectorised};
 use crate::geometry::Ray;
+use crate::random::Random;
 
 /// Values of which there are as many as threads have ever needed at once.
 #[derive(Debug, Default)]
@@ -125,6 +126,24 @@ impl<T: Real> Backward<T> {
             appearance.push(of_appearance);
         }
         Gradients { loss, density, appearance, networks }
+    }
+}
+
+impl Backward<f32> {
+    /// The gradients of `field`'s pictures of `rays` times random signs, `signs` saying which: squared, each is an estimate of
+    /// the mean over rays and channels of (∂color/∂parameter)², without bias, and so is the squared derivative along any
+    /// direction (Hutchinson's estimator).
+    pub fn picture_gradients(&mut self, field: &Field<f32>, rays: &[Ray], signs: &Random) -> Gradients<f32> {
+        let sign = |n: usize| if signs.bits(n as u64) & 1 == 0 { 1.0 } else { -1.0 };
+        // The loss's gradient is the error times 2/(3·rays): with this error the square root of what is wanted.
+        let size = 0.5 * (3.0 * rays.len() as f32).sqrt();
+        let colors = super::rays::colors(field, rays, |_| field.background);
+        let target = |(ray, color): (usize, &[f32; 3])| Target {
+            color: [0, 1, 2].map(|c| color[c] - size * sign(3 * ray + c)),
+            background: field.background,
+        };
+        let targets: Vec<Target> = colors.iter().enumerate().map(target).collect();
+        self.gradients(field, rays, &targets, BatchThinning::default())
     }
 }
 

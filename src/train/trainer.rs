@@ -113,6 +113,20 @@ impl<'a> Trainer<'a> {
         &self.config
     }
 
+    /// The photographs' rays.
+    pub(super) fn photographs(&self) -> &Photographs<'a> {
+        &self.photographs
+    }
+
+    /// Goes on with another `scene` of the same photographs and networks for `steps`, over which learning rates fall; the
+    /// optimiser starts anew.
+    pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
+        self.field = Field::new(&scene);
+        self.scene = scene;
+        self.config.steps = steps;
+        self.progress.restart(&self.field);
+    }
+
     /// Steps done.
     pub fn steps_done(&self) -> u64 {
         self.progress.step

@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::chunk::RAYS_PER_CHUNK;
-use super::trainer::place_in_space;
-use super::{Photographs, Target};
-use crate::field::{Activations, Field, Samples, vectorised};
+use super::cleared::Cleared;
+use super::{Photographs, RayBatch};
+use crate::field::{Field, Samples, vectorised};
 use crate::geometry::Ray;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -58,7 +58,7 @@ pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) 
     let kept = photographs.kept_count();
     let looked_at = kept.min(LOOKED_AT);
     let order = Random::new(seed, "unused");
-    let draw = |first: usize, count: usize| Batch::draw(photographs, &field, &order, first as u64, count);
+    let draw = |first: usize, count: usize| RayBatch::draw(photographs, &field, &order, first as u64, count);
     let (looked, measured) = (draw(0, looked_at), draw(looked_at, kept.min(MEASURED)));
 
     let psnr_before = measured.psnr(&field);
@@ -85,94 +85,15 @@ pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) 
     Unused { psnr_before, psnr_after: psnr_before, ..Unused::default() }
 }
 
-/// Density and appearance, in this order, of a scale.
-type Parts<V> = [V; 2];
-
-/// Which components are to be cleared.
-#[derive(Clone)]
-struct Cleared {
-    /// \[scale\] density and appearance, \[tensor\]\[component\].
-    scales: Vec<Parts<Vec<bool>>>,
-}
-
-impl Cleared {
-    fn nothing(scene: &Scene) -> Self {
-        let none = |s: &crate::model::Scale| {
-            [s.factors.density_rank, s.factors.appearance_rank].map(|rank| vec![false; s.cloud.len() * rank as usize])
-        };
-        Self { scales: scene.scales.iter().map(none).collect() }
-    }
-
-    /// Gives `field` the factors of `scene` without what is cleared.
-    fn write_to(&self, scene: &Scene, field: &mut Field<f32>) {
-        for ((scale, of_field), cleared) in scene.scales.iter().zip(&mut field.scales).zip(&self.scales) {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let parts = [
-                (&mut of_field.density, &scale.factors.density, &cleared[0], scale.factors.density_rank),
-                (&mut of_field.appearance, &scale.factors.appearance, &cleared[1], scale.factors.appearance_rank),
-            ];
-            for (to, from, cleared, rank) in parts {
-                let rank = rank as usize;
-                to.copy_from_slice(from);
-                (to.par_chunks_exact_mut(rows * rank).zip(cleared.par_chunks_exact(rank))).for_each(
-                    |(values, cleared)| {
-                        for (c, _) in cleared.iter().enumerate().filter(|(_, cleared)| **cleared) {
-                            values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
-                        }
-                    },
-                );
-            }
-        }
-    }
-
-    /// How many tensors, components and numbers of `scene` are cleared that were not zeros already.
-    fn count(&self, scene: &Scene) -> (u64, u64, u64) {
-        let (mut tensors, mut components, mut numbers) = (0, 0, 0);
-        for (scale, cleared) in scene.scales.iter().zip(&self.scales) {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let (factors, ranks) = (&scale.factors, [scale.factors.density_rank, scale.factors.appearance_rank]);
-            for n in 0..scale.cloud.len() {
-                let (mut dropped, mut left) = (0, 0);
-                for (values, (cleared, rank)) in
-                    [&factors.density, &factors.appearance].into_iter().zip(cleared.iter().zip(ranks))
-                {
-                    let rank = rank as usize;
-                    let values = &values[n * rows * rank..][..rows * rank];
-                    for c in (0..rank).filter(|&c| values.iter().skip(c).step_by(rank).any(|&v| v != 0.0)) {
-                        *(if cleared[n * rank + c] { &mut dropped } else { &mut left }) += 1;
-                    }
-                }
-                tensors += u64::from(dropped > 0 && left == 0);
-                components += dropped;
-                numbers += dropped * rows as u64;
-            }
-        }
-        (tensors, components, numbers)
-    }
-
-    /// Sets all components of the tensors, counted over all scales, for which `is_idle`, of density (0) or appearance (1).
-    fn set_tensors(&mut self, scene: &Scene, part: usize, is_idle: &[bool]) {
-        let mut first = 0;
-        for (scale, cleared) in scene.scales.iter().zip(&mut self.scales) {
-            let tensors = scale.cloud.len();
-            let rank = cleared[part].len() / tensors;
-            for (of_tensor, &idle) in cleared[part].chunks_exact_mut(rank).zip(&is_idle[first..first + tensors]) {
-                of_tensor.fill(idle);
-            }
-            first += tensors;
-        }
-    }
-}
-
 /// Clears the density of tensors that touch only empty samples, and the appearance of those that touch no coloured one.
 /// Leaves in `field` what the scene then is.
-fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f32>, looked: &Batch) {
-    let mut used = looked.uses(field);
+fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f32>, looked: &RayBatch) {
+    let mut used = uses(looked, field);
     let mut idle: Vec<bool> = used.iter().map(|u| !u.density).collect();
     for look in 0.. {
         cleared.set_tensors(scene, 0, &idle);
         cleared.write_to(scene, field);
-        let now = looked.uses(field);
+        let now = uses(looked, field);
         let woken = idle.iter().zip(&now).any(|(&idle, now)| idle && now.density);
         if !woken {
             used.iter_mut().zip(&now).for_each(|(used, now)| used.appearance |= now.appearance);
@@ -238,91 +159,43 @@ struct Use {
     appearance: bool,
 }
 
-/// Rays with what they should see.
-struct Batch {
-    rays: Vec<Ray>,
-    targets: Vec<Target>,
-}
-
-impl Batch {
-    /// `count` rays from number `first` on, ordered in space so that neighbours meet the same tensors.
-    fn draw(photographs: &Photographs<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
-        let mut drawn: Vec<_> = (first..first + count as u64)
-            .into_par_iter()
-            .map(|d| {
-                let (ray, target) = photographs.draw(order, d);
-                (place_in_space(field, &ray), ray, target)
-            })
-            .collect();
-        drawn.sort_by_key(|d| d.0);
-        let (rays, targets) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
-        Self { rays, targets }
-    }
-
-    /// What each tensor of `field`, counted over all scales, is used for. A sample is empty where it would get no colour even
-    /// on a clear ray.
-    fn uses(&self, field: &Field<f32>) -> Vec<Use> {
-        let min_weight = field.rules.min_weight as f32;
-        let none = || (vec![Use::default(); field.tensor_count()], Samples::default());
-        let look = |(mut uses, mut samples): (Vec<Use>, Samples<f32>), rays: &[Ray]| {
-            vectorised(
-                #[inline(always)]
-                || field.march(rays, &mut samples),
-            );
-            let scales = field.scales.len();
-            for &place in &samples.order {
-                let place = place as usize;
-                let now =
-                    Use { density: samples.alphas[place] > min_weight, appearance: samples.weight(place) > min_weight };
-                if !now.density {
-                    continue;
-                }
-                for pair in (0..scales).flat_map(|s| samples.pairs_of(place, s, scales)) {
-                    let of_tensor = &mut uses[pair.tensor as usize];
-                    of_tensor.density = true;
-                    of_tensor.appearance |= now.appearance;
-                }
+/// What each tensor of `field`, counted over all scales, is used for. A sample is empty where it would get no colour even
+/// on a clear ray.
+fn uses(batch: &RayBatch, field: &Field<f32>) -> Vec<Use> {
+    let min_weight = field.rules.min_weight as f32;
+    let none = || (vec![Use::default(); field.tensor_count()], Samples::default());
+    let look = |(mut uses, mut samples): (Vec<Use>, Samples<f32>), rays: &[Ray]| {
+        vectorised(
+            #[inline(always)]
+            || field.march(rays, &mut samples),
+        );
+        let scales = field.scales.len();
+        for &place in &samples.order {
+            let place = place as usize;
+            let now =
+                Use { density: samples.alphas[place] > min_weight, appearance: samples.weight(place) > min_weight };
+            if !now.density {
+                continue;
             }
-            (uses, samples)
-        };
-        // Whether something is used does not depend on the order in which it is found out.
-        let union = |mut a: Vec<Use>, b: Vec<Use>| {
-            for (a, b) in a.iter_mut().zip(b) {
-                a.density |= b.density;
-                a.appearance |= b.appearance;
+            for pair in (0..scales).flat_map(|s| samples.pairs_of(place, s, scales)) {
+                let of_tensor = &mut uses[pair.tensor as usize];
+                of_tensor.density = true;
+                of_tensor.appearance |= now.appearance;
             }
-            a
-        };
-        let least = self.rays.len().div_ceil(RAYS_PER_CHUNK).div_ceil(16).max(1);
-        (self.rays.par_chunks(RAYS_PER_CHUNK).with_min_len(least))
-            .fold(none, look)
-            .map(|(uses, _)| uses)
-            .reduce(|| vec![Use::default(); field.tensor_count()], union)
-    }
-
-    /// How well `field` fits, in dB.
-    fn psnr(&self, field: &Field<f32>) -> f64 {
-        let errors: Vec<f64> = (self.rays.par_chunks(RAYS_PER_CHUNK))
-            .zip(self.targets.par_chunks(RAYS_PER_CHUNK))
-            .map_init(<(Samples<f32>, Activations<f32>)>::default, |(samples, activations), (rays, targets)| {
-                vectorised(
-                    #[inline(always)]
-                    || {
-                        field.march(rays, samples);
-                        field.choose_colored(samples, None, &mut activations.colored);
-                        field.decode(rays, samples, activations);
-                        let mut squared = 0.0;
-                        for (ray, target) in targets.iter().enumerate() {
-                            let remaining = samples.remaining[ray];
-                            let color = activations.pixel(ray, target.background.map(|c| remaining * c));
-                            squared += (0..3).map(|i| f64::from(color[i] - target.color[i]).powi(2)).sum::<f64>();
-                        }
-                        squared
-                    },
-                )
-            })
-            .collect();
-        // In the order of the rays, whatever the threads.
-        0.0 - 10.0 * (errors.iter().sum::<f64>() / (3 * self.rays.len().max(1)) as f64).log10()
-    }
+        }
+        (uses, samples)
+    };
+    // Whether something is used does not depend on the order in which it is found out.
+    let union = |mut a: Vec<Use>, b: Vec<Use>| {
+        for (a, b) in a.iter_mut().zip(b) {
+            a.density |= b.density;
+            a.appearance |= b.appearance;
+        }
+        a
+    };
+    let least = batch.rays.len().div_ceil(RAYS_PER_CHUNK).div_ceil(16).max(1);
+    (batch.rays.par_chunks(RAYS_PER_CHUNK).with_min_len(least))
+        .fold(none, look)
+        .map(|(uses, _)| uses)
+        .reduce(|| vec![Use::default(); field.tensor_count()], union)
 }

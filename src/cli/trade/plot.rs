@@ -2,10 +2,11 @@
 
 use plotters::backend::DrawingBackend;
 use plotters::prelude::{
-    BLACK, BitMapBackend, ChartBuilder, Circle, IntoDrawingArea, IntoLogRange, LineSeries, RGBColor, SVGBackend, Text,
-    WHITE,
+    BLACK, ChartBuilder, Circle, IntoDrawingArea, IntoLogRange, LineSeries, RGBColor, SVGBackend, Text, WHITE,
 };
-use plotters::style::{Color, FontStyle, IntoFont, register_font};
+use plotters::style::{Color, IntoFont};
+
+use crate::cli::plots::{self, FONT};
 
 /// A plot of points.
 pub(super) struct Plot {
@@ -25,7 +26,6 @@ pub(super) struct Point {
 const SIZE: (u32, u32) = (1000, 640);
 const FRONT: RGBColor = RGBColor(200, 70, 20);
 const OTHER: RGBColor = RGBColor(90, 110, 140);
-const FONT: &str = "plot";
 
 impl Plot {
     /// As an SVG file.
@@ -37,18 +37,14 @@ impl Plot {
 
     /// As colours, with columns and rows.
     pub(super) fn picture(&self) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
-        let mut bytes = vec![0; 3 * SIZE.0 as usize * SIZE.1 as usize];
-        self.draw(BitMapBackend::with_buffer(&mut bytes, SIZE))?;
-        let colors = bytes.as_chunks::<3>().0.iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
-        Ok(([SIZE.0, SIZE.1], colors))
+        plots::picture(SIZE, |backend| self.draw(backend))
     }
 
     fn draw<B: DrawingBackend>(&self, backend: B) -> Result<(), String>
     where
         B::ErrorType: 'static,
     {
-        // Once is enough, and more does no harm.
-        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+        plots::register();
         self.try_draw(backend).map_err(|e| format!("plot: {e}"))
     }
 
