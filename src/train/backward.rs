@@ -109,19 +109,25 @@ impl<T: Real> Backward<T> {
     ) -> Gradients<T> {
         let loss = T::of(self.loss(field, rays, targets, thinning));
         let networks = self.network_gradients();
-        let mut tensor = TensorGradient::default();
+        let tensors = Pool::<TensorGradient<T>>::default();
         let (mut density, mut appearance) = (Vec::new(), Vec::new());
         for (scale, components) in field.scales.iter().zip(component_ranges(field)) {
             let geometry = ScaleGeometry::new(scale, &scale.centers, components);
-            let (mut of_density, mut of_appearance) = (Vec::new(), Vec::new());
-            let rows = scale.rows().count;
-            for n in 0..scale.len() {
-                let factors = [(&scale.density, scale.density_rank), (&scale.appearance, scale.appearance_rank)]
-                    .map(|(factors, rank)| &factors[n * rows * rank..(n + 1) * rows * rank]);
-                tensor.accumulate(geometry, n, factors, &self.chunks);
-                of_density.extend_from_slice(&tensor.density);
-                of_appearance.extend_from_slice(&tensor.appearance);
-            }
+            let lens = [scale.density_rank, scale.appearance_rank].map(|rank| scale.rows().count * rank);
+            let mut of_scale = lens.map(|len| vec![T::zero(); scale.len() * len]);
+            let [of_density, of_appearance] = &mut of_scale;
+            (of_density.par_chunks_mut(lens[0]).zip(of_appearance.par_chunks_mut(lens[1]))).enumerate().for_each(
+                |(n, (of_density, of_appearance))| {
+                    tensors.with(|tensor| {
+                        let factors = [(&scale.density, lens[0]), (&scale.appearance, lens[1])]
+                            .map(|(factors, len)| &factors[n * len..(n + 1) * len]);
+                        tensor.accumulate(geometry, n, factors, &self.chunks);
+                        of_density.copy_from_slice(&tensor.density);
+                        of_appearance.copy_from_slice(&tensor.appearance);
+                    });
+                },
+            );
+            let [of_density, of_appearance] = of_scale;
             density.push(of_density);
             appearance.push(of_appearance);
         }

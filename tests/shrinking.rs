@@ -1,0 +1,204 @@
+//! Scenes that give up what their pictures hardly need.
+#![cfg(feature = "toolkit")]
+
+mod scenes;
+
+use strivec::dataset::{Pixels, View};
+use strivec::geometry::Ray;
+use strivec::measure::{Cell, CellMap};
+use strivec::model::{Factors, Scale, Scene};
+use strivec::render::{CpuRenderer, Renderer};
+use strivec::train::{RayBatch, Shrink, ShrinkGoal, Shrunk, Target, TrainConfig, TrainError, shrink};
+
+/// As presets have it: a density feature of 0 is empty.
+fn config() -> TrainConfig {
+    let mut config = scenes::config();
+    config.batch_rays = 256;
+    config.scales.truncate(2);
+    config
+}
+
+/// A scene of many colours.
+fn colourful() -> Scene {
+    let mut scene = scenes::scene(&config());
+    for scale in &mut scene.scales {
+        scale.appearance_matrix.weights.iter_mut().for_each(|w| *w *= 40.0);
+    }
+    scene
+}
+
+/// What `scene` looks like.
+fn views(scene: &Scene) -> Vec<View> {
+    let renderer = CpuRenderer::new(scene);
+    let view = |i: u32| {
+        let camera = scenes::camera(24, f64::from(i));
+        let pixels = renderer.render(&camera).pixels;
+        View { name: i.to_string(), camera, pixels: Pixels::opaque(pixels.iter().map(|p| p.color)) }
+    };
+    (0..6).map(view).collect()
+}
+
+/// `scene` with `more` density and appearance components in each tensor whose numbers are 0.02 in magnitude: they change no
+/// feature by more than 1e-5 each.
+fn with_idle_components(scene: &Scene, more: usize) -> Scene {
+    let mut scene = scene.clone();
+    let idle = |n: usize| if n.is_multiple_of(3) { 0.02 } else { -0.02 };
+    let widened = |values: &[f32], rank: usize| -> Vec<f32> {
+        values
+            .chunks_exact(rank)
+            .enumerate()
+            .flat_map(|(n, row)| (0..more).map(move |i| idle(n + i)).chain(row.iter().copied()))
+            .collect()
+    };
+    for scale in &mut scene.scales {
+        let factors = &mut scale.factors;
+        factors.density = widened(&factors.density, factors.density_rank as usize);
+        factors.appearance = widened(&factors.appearance, factors.appearance_rank as usize);
+        let matrix = &mut scale.appearance_matrix;
+        matrix.weights = matrix
+            .weights
+            .chunks_exact(matrix.rank as usize)
+            .flat_map(|row| std::iter::repeat_n(0.3, more).chain(row.iter().copied()))
+            .collect();
+        factors.density_rank += more as u32;
+        factors.appearance_rank += more as u32;
+        matrix.rank += more as u32;
+    }
+    scene.check().unwrap();
+    scene
+}
+
+fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, steps: u64) -> Shrunk {
+    let how = Shrink { goal, steps, config: config() };
+    shrink::<TrainError>(scene.clone(), views, &how, &mut |_| Ok(())).unwrap()
+}
+
+fn ranks(scale: &Scale) -> [u32; 2] {
+    [scale.factors.density_rank, scale.factors.appearance_rank]
+}
+
+#[test]
+fn what_does_nothing_goes_first() {
+    let scene = colourful();
+    let views = views(&scene);
+    let wide = with_idle_components(&scene, 3);
+    let goal = ShrinkGoal::Parameters(scene.held_parameter_count());
+    let small = shrunk(&wide, &views, goal, 2);
+    println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
+    small.scene.check().unwrap();
+    assert_eq!(small.parameters, [wide.held_parameter_count(), small.scene.held_parameter_count()]);
+    assert!(small.parameters[1] <= scene.held_parameter_count() && small.psnr[0] > 60.0);
+    for round in &small.rounds {
+        assert!(round.psnr_cleared > 72.0, "nothing that is seen was given up: {round:?}");
+    }
+    for (small, scale) in small.scene.scales.iter().zip(&scene.scales) {
+        let [before, after] = [scale, small].map(ranks);
+        assert!((0..2).all(|part| after[part] <= before[part]), "no more ranks than are of use: {after:?}");
+    }
+
+    // The half of what is of use is missed at once, which is how the comparison is known to compare something.
+    let half = shrunk(&scene, &views, ShrinkGoal::Parameters(scene.held_parameter_count() / 2), 2);
+    assert!(half.rounds.last().unwrap().psnr_cleared < 65.0, "{:?}", half.rounds);
+}
+
+#[test]
+fn training_makes_up_for_what_was_given_up() {
+    let scene = colourful();
+    let views = views(&scene);
+    let most = scene.held_parameter_count() * 2 / 3;
+    let small = shrunk(&scene, &views, ShrinkGoal::Parameters(most), 60);
+    println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
+    assert!(small.parameters[1] <= most);
+    for round in &small.rounds {
+        assert!(round.psnr > round.psnr_cleared, "{round:?}");
+    }
+    // What a component lost, training must not give back by itself.
+    let shared: u64 = small.scene.scales.iter().map(|s| s.appearance_matrix.weights.len() as u64).sum();
+    let held: usize = (small.scene.scales.iter())
+        .map(|s| {
+            let rows = Factors::rows(s.cloud.resolution);
+            let of =
+                |values: &[f32], rank: u32| Factors::held(values, rows, rank as usize).iter().filter(|h| **h).count();
+            rows * (of(&s.factors.density, s.factors.density_rank)
+                + of(&s.factors.appearance, s.factors.appearance_rank))
+        })
+        .sum();
+    assert_eq!(held as u64 + shared + small.scene.decoder.parameter_count(), small.parameters[1]);
+}
+
+#[test]
+fn a_loss_is_not_exceeded_and_a_small_scene_stays_as_it_is() {
+    let scene = colourful();
+    let views = views(&scene);
+    let wide = with_idle_components(&scene, 4);
+    // The photographs are exact, so that even the first steps of training cost much.
+    let small = shrunk(&wide, &views, ShrinkGoal::Loss(60.0), 2);
+    println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
+    assert!(small.psnr[0] - small.psnr[1] <= 60.0 && small.parameters[1] < small.parameters[0]);
+    assert!(small.rounds.iter().any(|r| !r.is_taken), "it went on until it was too much");
+
+    let same = shrunk(&scene, &views, ShrinkGoal::Parameters(u64::MAX), 2);
+    assert!(same.rounds.is_empty() && same.scene == scene);
+}
+
+#[test]
+fn threads_change_nothing_and_an_interruption_ends_it() {
+    let scene = colourful();
+    let views = views(&scene);
+    let goal = ShrinkGoal::Parameters(scene.held_parameter_count() * 3 / 4);
+    let of_threads = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| shrunk(&scene, &views, goal, 3)).scene
+    };
+    assert!(of_threads(1) == of_threads(3));
+
+    #[derive(Debug)]
+    enum Ended {
+        Train,
+        Here,
+    }
+    impl From<TrainError> for Ended {
+        fn from(_: TrainError) -> Self {
+            Self::Train
+        }
+    }
+    let how = Shrink { goal, steps: 5, config: config() };
+    let mut stop = |step: &strivec::train::ShrinkStep| if step.steps[0] == 2 { Err(Ended::Here) } else { Ok(()) };
+    assert!(matches!(shrink(scene.clone(), &views, &how, &mut stop), Err(Ended::Here)));
+    let nowhere: Result<Shrunk, Ended> = shrink(scene, &[], &how, &mut |_| Ok(()));
+    assert!(matches!(nowhere, Err(Ended::Train)), "no ray meets the scene");
+}
+
+#[test]
+fn cells_hold_all_parameters_and_only_where_something_is_seen() {
+    let scene = colourful();
+    let background = scene.frame.background;
+    let rays: Vec<Ray> =
+        (0..3).flat_map(|i| (0..576).map(move |p| scenes::camera(24, f64::from(i)).ray(p % 24, p / 24))).collect();
+    let targets = vec![Target { color: [0.25, 0.5, 0.75], background }; rays.len()];
+    let batch = RayBatch { rays, targets };
+    let sum = |map: &CellMap, value: fn(&Cell) -> f64| map.cells.iter().map(value).sum::<f64>();
+    let held = |scene: &Scene| {
+        let shared: usize = scene.scales.iter().map(|s| s.appearance_matrix.weights.len()).sum();
+        (scene.held_parameter_count() - shared as u64 - scene.decoder.parameter_count()) as f64
+    };
+    let map = CellMap::new(&scene, &scene.bounds, &batch, 16);
+    let all = sum(&map, |c| c.parameters) + map.unseen_parameters;
+    assert!((all - held(&scene)).abs() < 1e-6 * all, "{all} of {}", held(&scene));
+    for cell in &map.cells {
+        assert!(cell.parameters == 0.0 || cell.weight > 0.0, "{cell:?}");
+        assert!(cell.deviation().is_none_or(|d| d < 1e-6), "all photographs show one colour: {cell:?}");
+    }
+    let opacities: f64 = CpuRenderer::new(&scene).trace(&batch.rays).iter().map(|p| f64::from(p.opacity)).sum();
+    let seen = sum(&map, |c| c.weight);
+    assert!((seen - opacities).abs() < 0.01 * opacities, "{seen} of {opacities}");
+    let front = map.from_the_front(|c| c.weight);
+    assert_eq!([front.len(), front[0].len()], [map.size[2], map.size[0]]);
+    assert!((front.iter().flatten().sum::<f64>() - seen).abs() < 1e-9 * seen);
+
+    let mut other = scene.clone();
+    other.scales[0].factors.appearance.fill(0.0);
+    let fewer = CellMap::new(&other, &scene.bounds, &batch, 16);
+    let left = sum(&fewer, |c| c.parameters) + fewer.unseen_parameters;
+    assert!(left < all - 1.0 && (left - held(&other)).abs() < 1e-6 * all, "{left}");
+}
