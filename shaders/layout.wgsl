@@ -91,8 +91,10 @@ struct Frame {
     rays_are_given: u32,
     // How much fits: blocks of the pool of slots.
     blocks: u32,
-    padding0: u32,
-    padding1: u32,
+    // Strides that a ray takes in a pass at most: some devices end loops that run for too long.
+    strides: u32,
+    // 0, which compilers do not know.
+    zero: u32,
 }
 
 // A ray and what became of it.
@@ -117,6 +119,14 @@ struct Ray {
     colored: u32,
     // No property of this ray: entry n of the list of rays that have colour.
     listed: u32,
+    // Where the next pass goes on: what rounding has taken from transmittance, Σ w and Σ w·t, the next sample, the last block
+    // and how much of it is used.
+    lost: vec3<f32>,
+    next: u32,
+    block: u32,
+    used: u32,
+    padding0: u32,
+    padding1: u32,
 }
 
 struct Counters {
@@ -124,7 +134,8 @@ struct Counters {
     blocks: atomic<u32>,
     rows: atomic<u32>,
     listed: atomic<u32>,
-    padding: u32,
+    // Rays that wait for another pass of marching.
+    unfinished: atomic<u32>,
 }
 
 @group(0) @binding(0) var<uniform> scene: Scene;

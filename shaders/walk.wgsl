@@ -11,20 +11,30 @@ struct Walk {
     next: u32,
     // How many samples from it on are known to count.
     known: u32,
+    // Strides that are left in this pass.
+    strides: u32,
 }
+
+// What `advance` says where there is no sample, and where there may be one, but not in this pass.
+const NO_SAMPLE = -1.0;
+const LATER = -2.0;
 
 fn walk_of(ray: Ray) -> Walk {
     let inverse = select(1.0 / ray.direction, vec3(1e30), ray.direction == vec3(0.0));
-    return Walk(ray.start, ray.direction, inverse, ray.length, 0u, 0u);
+    return Walk(ray.start, ray.direction, inverse, ray.length, ray.next, 0u, frame.strides);
 }
 
-// How far behind the start the next sample is that may count; negative where there is none.
+// How far behind the start the next sample is that may count; else NO_SAMPLE or LATER.
 fn advance(walk: ptr<function, Walk>) -> f32 {
     loop {
         let distance = f32((*walk).next) * scene.step;
         if !(distance < (*walk).length) {
-            return -1.0;
+            return NO_SAMPLE;
         }
+        if (*walk).strides == 0u {
+            return LATER;
+        }
+        (*walk).strides -= 1u;
         if (*walk).known == 0u && HAS_GRID {
             let position = (*walk).start + distance * (*walk).direction;
             let around = surroundings(position, (*walk).inverse);
@@ -41,5 +51,5 @@ fn advance(walk: ptr<function, Walk>) -> f32 {
         (*walk).next += 1u;
         return distance;
     }
-    return -1.0;
+    return LATER;
 }

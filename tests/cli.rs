@@ -183,7 +183,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 
-    let output = plan(&["--auto", "--max-params", "200k", "--json"]);
+    let output = plan(&["--auto", "--max-params", "40k", "--json"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
@@ -193,7 +193,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     assert_eq!(of_scales + number("decoder_parameters"), number("parameters"));
     assert!(json["reasons"].as_array().unwrap().len() >= 3, "{json}");
 
-    let output = plan(&["--auto", "--max-params", "200k", "--print-config", "--quiet"]);
+    let output = plan(&["--auto", "--max-params", "40k", "--print-config", "--quiet"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     fs::write(folder.path().join("planned.toml"), &output.stdout).unwrap();
     let train = ["train", "--config", "planned.toml", "--print-config"];
@@ -203,4 +203,53 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     assert!(message.contains("budget: expected at least ") && message.ends_with("found 9 bytes\n"), "{message}");
     let output = run(folder.path(), &["train", "toy", "-o", "b", "--auto", "--print-config"]);
     assert_eq!(code(&output), 1, "it needs the photographs");
+}
+
+#[test]
+fn training_that_diverges_is_4_and_says_what_to_change() {
+    let folder = TempDir::new().unwrap();
+    let out = run(folder.path(), &["synth", "data", "--views", "4", "--test-views", "1", "--size", "24x24", "--quiet"]);
+    assert_eq!(code(&out), 0, "{}", text(&out.stderr));
+    fs::write(folder.path().join("wild.toml"), "preset = \"24\"\nbatch_rays = 64\nfactor_learning_rate = 1e6\n")
+        .unwrap();
+    let prior = ["--prior", "data/mesh.ply", "--max-params", "400k", "--quiet"];
+    let message = failure(
+        &run(
+            folder.path(),
+            &[&["train", "data", "-o", "wild.strivec", "--config", "wild.toml", "--steps", "40"], &prior[..]].concat(),
+        ),
+        4,
+    );
+    assert!(message.contains("diverged") && message.contains("factor_learning_rate"), "{message}");
+    assert!(!folder.path().join("wild.strivec").exists());
+}
+
+#[test]
+fn shrink_asks_for_one_goal_and_writes_a_smaller_file() {
+    let folder = TempDir::new().unwrap();
+    let quiet = |arguments: &[&str]| run(folder.path(), &[arguments, &["--quiet"]].concat());
+    assert_eq!(code(&quiet(&["synth", "data", "--views", "6", "--test-views", "1", "--size", "32x32"])), 0);
+    let small = "batch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
+        resolutions = [[12, 12, 12]]\ndensity_rank = 8\nappearance_rank = 12\ntop_k = 2\n";
+    fs::write(folder.path().join("small.toml"), small).unwrap();
+    let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150"];
+    let trained = quiet(&[&train[..], &["--prior", "data/mesh.ply"]].concat());
+    assert_eq!(code(&trained), 0, "{}", text(&trained.stderr));
+    let shrink = ["shrink", "a.strivec", "data", "-o", "b.strivec", "--config", "small.toml", "--steps", "3"];
+    let with = |more: &[&str]| quiet(&[&shrink[..], more].concat());
+    for wrong in
+        [&[][..], &["--max-params", "40k", "--max-loss", "1"], &["--max-loss", "-1"], &["--max-params", "none"]]
+    {
+        assert_eq!(code(&with(wrong)), 1, "{wrong:?}");
+    }
+    let result = with(&["--max-params", "40k", "--picture", "cells.png", "--json"]);
+    assert_eq!(code(&result), 0, "{}", text(&result.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
+    let after = report["parameters"][1].as_u64().unwrap();
+    assert!(after <= 40_000 && report["parameters"][0].as_u64().unwrap() > after, "{report}");
+    assert_eq!(report["cells"].as_array().unwrap().len(), 3);
+    let size = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
+    assert!(size("b.strivec") < size("a.strivec") && size("cells.png") > 1000);
+    let message = failure(&with(&["--max-params", "40k"]), 1);
+    assert!(message.contains("b.strivec"), "{message}");
 }

@@ -164,3 +164,30 @@ fn variance(targets: &[Target]) -> f64 {
     };
     (0..3).map(of_channel).sum::<f64>() / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is found in 64 steps of the error `after`, which follow 64 of 0.1 on photographs of two greys.
+    fn found(after: f64) -> Option<Divergence> {
+        let target = |n: usize| Target { color: [(n % 2) as f32 * 0.6; 3], background: [1.0; 3] };
+        let targets: Vec<Target> = (0..16).map(target).collect();
+        let mut watch = Watch::default();
+        let config = TrainConfig::default();
+        (0..128).find_map(|n| watch.see_error(if n < 64 { 0.1 } else { after }, &targets, &config).err())
+    }
+
+    #[test]
+    fn errors_twice_those_of_no_training_and_of_one_colour_are_divergence() {
+        // One colour has an error of 0.09, no training one of 0.1.
+        assert_eq!(found(0.19), None);
+        let worse = found(0.25).expect("more than twice as bad");
+        assert!(
+            matches!(worse, Divergence::Worse { found, expected, .. } if found > 0.2 && expected == 0.1),
+            "{worse}"
+        );
+        assert!(worse.to_string().contains("factor_learning_rate"), "{worse}");
+        assert!(matches!(found(f64::NAN), Some(Divergence::NotFinite { .. })));
+    }
+}

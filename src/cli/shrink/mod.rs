@@ -223,20 +223,22 @@ impl Cells {
     /// What is seen is judged by the scene as it was.
     fn kinds(&self) -> Vec<CellKind> {
         let [before, after] = &self.0;
-        let sum = |map: &CellMap, value: fn(&Cell) -> f64| map.cells.iter().map(value).sum::<f64>();
-        let weight = sum(before, |c| c.weight);
-        let errors = self.0.each_ref().map(|map| sum(map, |c| c.error));
+        let sum = |map: &CellMap, numbers: &[usize], value: fn(&Cell) -> f64| {
+            numbers.iter().map(|&n| value(&map.cells[n])).fold(0.0, |sum, v| sum + v)
+        };
+        let all: Vec<usize> = (0..before.cells.len()).collect();
+        // Where nothing is seen at all, shares are 0.
+        let weight = sum(before, &all, |c| c.weight).max(f64::MIN_POSITIVE);
+        let errors = self.0.each_ref().map(|map| sum(map, &all, |c| c.error).max(f64::MIN_POSITIVE));
         let kind = |name, is_one: &dyn Fn(Option<f64>) -> bool| {
             let numbers: Vec<usize> =
                 (0..before.cells.len()).filter(|&n| is_one(before.cells[n].deviation())).collect();
-            let sum =
-                |map: &CellMap, value: fn(&Cell) -> f64| numbers.iter().map(|&n| value(&map.cells[n])).sum::<f64>();
             CellKind {
                 name,
                 cells: numbers.len(),
-                share_of_weight: sum(before, |c| c.weight) / weight,
-                parameters: [before, after].map(|map| sum(map, |c| c.parameters)),
-                share_of_error: [0, 1].map(|n| sum(&self.0[n], |c| c.error) / errors[n]),
+                share_of_weight: sum(before, &numbers, |c| c.weight) / weight,
+                parameters: [before, after].map(|map| sum(map, &numbers, |c| c.parameters)),
+                share_of_error: [0, 1].map(|n| sum(&self.0[n], &numbers, |c| c.error) / errors[n]),
             }
         };
         let mut kinds = vec![

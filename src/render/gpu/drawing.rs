@@ -5,6 +5,9 @@ use super::layout::{Counters, Frame, Ray};
 use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
 use super::{Gpu, GpuError, GpuRenderer};
 
+/// Twice the samples that a ray of a sound scene may take.
+const MOST_STRIDES: u64 = 1 << 21;
+
 /// How far a picture is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drawing {
@@ -93,7 +96,13 @@ impl GpuRenderer {
         };
         back.unmap();
         let room = self.workspace.blocks();
-        if counters.blocks <= room {
+        if counters.unfinished > 0 && counters.blocks <= room {
+            // The same rays again, and as many passes for all that come after them.
+            if u64::from(self.passes) * u64::from(self.strides) > MOST_STRIDES {
+                return Err(GpuError::Device("rays do not come to their end: it leaves loops early".into()));
+            }
+            self.passes *= 2;
+        } else if counters.blocks <= room {
             job.done += rays;
         } else if rays > RAY_LANES {
             job.at_once = (rays / 2).next_multiple_of(RAY_LANES);
@@ -108,7 +117,8 @@ impl GpuRenderer {
     fn submit(&self, job: &Job, ray_count: u32) -> Flight {
         let Gpu { device, queue, .. } = &self.gpu;
         let work = &self.workspace;
-        let frame = Frame { first_ray: job.done, ray_count, blocks: work.blocks(), ..job.frame };
+        let strides = self.strides;
+        let frame = Frame { first_ray: job.done, ray_count, blocks: work.blocks(), strides, ..job.frame };
         let given = job.given.get(job.done as usize..(job.done + ray_count) as usize).unwrap_or_default();
         queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(&frame));
         queue.write_buffer(&work.rays, 0, bytemuck::cast_slice(given));
@@ -134,8 +144,11 @@ impl GpuRenderer {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
             match stage {
-                Stage::Rays | Stage::March | Stage::Resolve | Stage::Normals => {
+                Stage::Rays | Stage::Resolve | Stage::Normals => {
                     pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1);
+                }
+                Stage::March => {
+                    (0..self.passes).for_each(|_| pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1));
                 }
                 Stage::Colored => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
                 Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),

@@ -80,8 +80,8 @@ pub(super) struct Frame {
     pub(super) principal: [f32; 2],
     pub(super) rays_are_given: u32,
     pub(super) blocks: u32,
-    pub(super) padding0: u32,
-    pub(super) padding1: u32,
+    pub(super) strides: u32,
+    pub(super) zero: u32,
 }
 
 /// A ray and what became of it.
@@ -102,6 +102,11 @@ pub(super) struct Ray {
     pub(super) first_row: u32,
     pub(super) colored: u32,
     pub(super) listed: u32,
+    pub(super) lost: [f32; 3],
+    pub(super) next: u32,
+    pub(super) block: u32,
+    pub(super) used: u32,
+    pub(super) padding: [u32; 2],
 }
 
 /// How far the batch's lists have grown.
@@ -111,7 +116,7 @@ pub(super) struct Counters {
     pub(super) blocks: u32,
     pub(super) rows: u32,
     pub(super) listed: u32,
-    pub(super) padding: u32,
+    pub(super) unfinished: u32,
 }
 
 /// One pixel.
@@ -176,7 +181,9 @@ mod tests {
             focal,
             principal,
             rays_are_given,
-            blocks
+            blocks,
+            strides,
+            zero
         );
         assert_same_layout!(
             source,
@@ -195,9 +202,13 @@ mod tests {
             first_block,
             first_row,
             colored,
-            listed
+            listed,
+            lost,
+            next,
+            block,
+            used
         );
-        assert_same_layout!(source, "Counters", Counters, blocks, rows, listed);
+        assert_same_layout!(source, "Counters", Counters, blocks, rows, listed, unfinished);
         let (more, size) = assert_same_layout!(
             source,
             "Scene",

@@ -77,12 +77,19 @@ pub struct GpuRenderer {
     workspace: Workspace,
     job: Option<Job>,
     has_normals: bool,
+    /// Strides that a ray takes in a pass of marching at most, and passes that rays have needed so far.
+    strides: u32,
+    passes: u32,
     /// One a stage while stages are timed.
     times: Vec<StageTime>,
     origin: glam::DVec3,
     bounds: Aabb,
     near_far: [f64; 2],
 }
+
+/// Turns of all its loops together that an invocation may take on a device that is no hardware: Mesa's llvmpipe ends loops
+/// without a word after 65 535, a few of which are turns that other invocations of the same group need.
+const MOST_TURNS: u32 = 1 << 15;
 
 impl GpuRenderer {
     /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`.
@@ -116,6 +123,10 @@ impl GpuRenderer {
             .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
             .collect();
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        let strides = match gpu.info().device_type {
+            wgpu::DeviceType::Cpu => (MOST_TURNS / packed.turns_per_sample).max(1),
+            _ => u32::MAX,
+        };
         gpu.complaint()?;
         Ok(Self {
             gpu: gpu.clone(),
@@ -125,6 +136,8 @@ impl GpuRenderer {
             workspace: Workspace::new(gpu, RAY_LANES, 1),
             job: None,
             has_normals: false,
+            strides,
+            passes: 1,
             times: Vec::new(),
             origin: field.origin,
             bounds: field.bounds,

@@ -25,6 +25,8 @@ pub(super) struct Packed {
     pub(super) scene: Vec<u8>,
     /// Everything else; a multiple of four words.
     pub(super) words: Vec<u32>,
+    /// Turns of all loops that marching takes for a sample, at most.
+    pub(super) turns_per_sample: u32,
 }
 
 impl Packed {
@@ -128,10 +130,20 @@ impl Packed {
             grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
             padding3: 0,
         };
+        // Of the march's inner loops: over candidates, over neighbours' components, and over neighbours.
+        let of_scale = |s: &FieldScale<f32>| {
+            longest_list(s) + s.top_k() * (s.density_rank.div_ceil(4) + 2) + 3 * shape.top_k as usize
+        };
+        let turns = field.scales.iter().map(of_scale).sum::<usize>() + 1;
         let scene = [bytemuck::bytes_of(&head), bytemuck::cast_slice(&layers), bytemuck::cast_slice(&scales)].concat();
         words.align();
-        Ok(Self { shape, scene, words: words.0 })
+        Ok(Self { shape, scene, words: words.0, turns_per_sample: turns as u32 })
     }
+}
+
+/// The most candidates that a cell has.
+fn longest_list(scale: &FieldScale<f32>) -> usize {
+    scale.index().candidates().map(Iterator::count).max().unwrap_or(0)
 }
 
 /// Each word's lower half, then its upper one.
