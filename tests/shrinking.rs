@@ -109,6 +109,8 @@ fn training_makes_up_for_what_was_given_up() {
     let small = shrunk(&scene, &views, ShrinkGoal::Parameters(most), 60);
     println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
     assert!(small.parameters[1] <= most);
+    let trained = 60 * (small.rounds.len() as u64 + 2);
+    assert_eq!(small.scene.provenance.steps, scene.provenance.steps + trained);
     for round in &small.rounds {
         assert!(round.psnr > round.psnr_cleared, "{round:?}");
     }

@@ -29,6 +29,8 @@ pub(super) struct Info {
     file: PathBuf,
     bytes: u64,
     parameters: u64,
+    /// Those that the file holds: components of tensors that are zeros throughout are left out.
+    parameters_held: u64,
     scales: Vec<ScaleRow>,
     /// Weights and biases.
     decoder_parameters: u64,
@@ -69,6 +71,7 @@ impl Info {
             file,
             bytes,
             parameters: scene.parameter_count(),
+            parameters_held: scene.held_parameter_count(),
             scales: scale_table::rows(scene),
             decoder_parameters: scene.decoder.parameter_count(),
             decoder_mode: scene.decoder.mode.name(),
@@ -108,7 +111,7 @@ impl Info {
             ("background", format!("{:?}", self.background)),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
-            ("parameters", grouped(self.parameters)),
+            ("parameters", format!("{}, {} of them held", grouped(self.parameters), grouped(self.parameters_held))),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let mut sections = Table::new(["section", "bytes"]);

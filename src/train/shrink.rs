@@ -78,9 +78,9 @@ pub struct ShrinkRound {
     pub parameters: u64,
     /// \[scale\] cells of a tensor.
     pub resolutions: Vec<[u32; 3]>,
-    /// dB on rays of the photographs before training goes on, and after it.
+    /// dB on rays of the photographs before training goes on.
     pub psnr_cleared: f64,
-    /// See above.
+    /// dB on the same rays after it.
     pub psnr: f64,
     /// Whether it was taken; not where it cost too much.
     pub is_taken: bool,
@@ -121,6 +121,7 @@ pub fn shrink<E: From<TrainError>>(
     };
     let psnr_of = |scene: &Scene| measured.psnr(&Field::new(scene));
     let (parameters_before, psnr_before) = (scene.held_parameter_count(), psnr_of(&scene));
+    let steps_before = scene.provenance.steps;
     let mut good = scene;
     let mut rounds: Vec<ShrinkRound> = Vec::new();
     let mut kept = KEPT;
@@ -168,6 +169,7 @@ pub fn shrink<E: From<TrainError>>(
         }
         drop_unused(&mut good, trainer.photographs(), how.config.seed);
         drop_ranks(&mut good);
+        good.provenance.steps = steps_before + trainer.steps_done();
     }
     let (parameters_after, psnr_after) = (good.held_parameter_count(), psnr_of(&good));
     Ok(Shrunk {

@@ -75,10 +75,7 @@ pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) 
             if components_dropped == 0 {
                 break;
             }
-            for (scale, of_field) in scene.scales.iter_mut().zip(&field.scales) {
-                scale.factors.density.copy_from_slice(&of_field.density);
-                scale.factors.appearance.copy_from_slice(&of_field.appearance);
-            }
+            cleared.clear(scene);
             return Unused { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after };
         }
     }

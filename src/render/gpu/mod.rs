@@ -90,6 +90,8 @@ pub struct GpuRenderer {
 /// Turns of all its loops together that an invocation may take on a device that is no hardware: Mesa's llvmpipe ends loops
 /// without a word after 65 535, a few of which are turns that other invocations of the same group need.
 const MOST_TURNS: u32 = 1 << 15;
+/// Strides that few rays exceed.
+const USUAL_STRIDES: u32 = 1024;
 
 impl GpuRenderer {
     /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`.
@@ -137,7 +139,7 @@ impl GpuRenderer {
             job: None,
             has_normals: false,
             strides,
-            passes: 1,
+            passes: USUAL_STRIDES.div_ceil(strides),
             times: Vec::new(),
             origin: field.origin,
             bounds: field.bounds,
