@@ -8,7 +8,7 @@ use strivec::geometry::Ray;
 use strivec::measure::{Cell, CellMap};
 use strivec::model::{Factors, Scale, Scene};
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{RayBatch, Shrink, ShrinkGoal, Shrunk, Target, TrainConfig, TrainError, shrink};
+use strivec::train::{RayBatch, Shrink, ShrinkGoal, Shrunk, Target, TrainConfig, TrainError, shrink, upsample};
 
 /// As presets have it: a density feature of 0 is empty.
 fn config() -> TrainConfig {
@@ -141,6 +141,26 @@ fn a_loss_is_not_exceeded_and_a_small_scene_stays_as_it_is() {
 
     let same = shrunk(&scene, &views, ShrinkGoal::Parameters(u64::MAX), 2);
     assert!(same.rounds.is_empty() && same.scene == scene);
+}
+
+#[test]
+fn resolution_goes_where_cells_are_finer_than_what_is_there() {
+    let scene = colourful();
+    let views = views(&scene);
+    let mut fine = scene.clone();
+    // Six times as many cells of one scale, along straight lines between what there was.
+    let scale = &mut fine.scales[1];
+    let (from, to) = (scale.cloud.resolution, scale.cloud.resolution.map(|d| 6 * d));
+    let factors = &mut scale.factors;
+    factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
+    factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+    scale.cloud.resolution = to;
+    fine.check().unwrap();
+    let small = shrunk(&fine, &views, ShrinkGoal::Parameters(fine.held_parameter_count() / 2), 2);
+    println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
+    let found = small.scene.scales[1].cloud.resolution;
+    assert!((0..3).all(|a| found[a] < to[a]), "{found:?} of {to:?}");
+    assert_eq!(small.scene.scales[0].cloud.resolution, scene.scales[0].cloud.resolution, "these cells are needed");
 }
 
 #[test]
