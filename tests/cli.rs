@@ -225,7 +225,7 @@ fn training_that_diverges_is_4_and_says_what_to_change() {
 }
 
 #[test]
-fn shrink_asks_for_one_goal_and_writes_a_smaller_file() {
+fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let folder = TempDir::new().unwrap();
     let quiet = |arguments: &[&str]| run(folder.path(), &[arguments, &["--quiet"]].concat());
     assert_eq!(code(&quiet(&["synth", "data", "--views", "6", "--test-views", "1", "--size", "32x32"])), 0);
@@ -252,4 +252,11 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file() {
     assert!(size("b.strivec") < size("a.strivec") && size("cells.png") > 1000);
     let message = failure(&with(&["--max-params", "40k"]), 1);
     assert!(message.contains("b.strivec"), "{message}");
+
+    let grow = ["grow", "b.strivec", "data", "-o", "c.strivec", "--config", "small.toml", "--steps", "3"];
+    let result = quiet(&[&grow[..], &["--max-params", "45k", "--json"]].concat());
+    assert_eq!(code(&result), 0, "{}", text(&result.stderr));
+    let grown: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
+    let (before, now) = (grown["parameters"][0].as_u64().unwrap(), grown["parameters"][1].as_u64().unwrap());
+    assert!(before == after && now > after && now <= 45_000, "{grown}");
 }

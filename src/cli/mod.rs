@@ -22,10 +22,10 @@ mod prior;
 mod progress;
 mod quantity;
 mod render;
+mod resize;
 mod scale_table;
 mod scene_file;
 mod settings;
-mod shrink;
 mod synth;
 mod table;
 mod trade;
@@ -81,7 +81,9 @@ enum Command {
     /// Turn photographs into a scene
     Train(train::Args),
     /// Give up the parameters that a scene needs least
-    Shrink(shrink::Args),
+    Shrink(resize::ShrinkArgs),
+    /// Give a small scene more parameters where its error is
+    Grow(resize::GrowArgs),
     /// Say what training would come to, before it begins
     Plan(plan::Args),
     /// Take pictures of a scene
@@ -112,7 +114,8 @@ pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
         Command::Demo(args) => demo::run(args, session),
         Command::Train(args) => train::run(args, session),
-        Command::Shrink(args) => shrink::run(args, session),
+        Command::Shrink(args) => resize::run_shrink(args, session),
+        Command::Grow(args) => resize::run_grow(args, session),
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),

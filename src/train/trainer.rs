@@ -118,10 +118,11 @@ impl<'a> Trainer<'a> {
         &self.photographs
     }
 
-    /// Goes on with another `scene` of the same photographs and networks for `steps`, over which learning rates fall; the
+    /// Goes on with another `scene` of the same photographs for `steps`, over which learning rates fall; the
     /// optimiser starts anew.
     pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
         self.field = Field::new(&scene);
+        self.backward = Backward::new(&self.field);
         self.scene = scene;
         self.config.steps = steps;
         self.progress.restart(&self.field);

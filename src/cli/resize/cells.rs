@@ -1,0 +1,78 @@
+//! Cells of space by what is seen there: where parameters and errors are, before and after.
+
+use serde::Serialize;
+
+use crate::dataset::View;
+use crate::field::Field;
+use crate::measure::{Cell, CellMap, FLAT};
+use crate::model::Scene;
+use crate::random::Random;
+use crate::train::{Photographs, RayBatch, TrainConfig};
+
+/// Cells along the scene's longest edge, and rays that look at them, at most.
+const CELLS_ALONG: usize = 64;
+const CELL_RAYS: usize = 1 << 18;
+
+/// Where parameters and errors are, before and after.
+pub(super) struct Cells([CellMap; 2]);
+
+/// Cells that are alike.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct CellKind {
+    pub(super) name: &'static str,
+    pub(super) cells: usize,
+    /// Of all that is seen.
+    pub(super) share_of_weight: f64,
+    /// Factor entries, before and after.
+    pub(super) parameters: [f64; 2],
+    /// Of the mean squared error, before and after.
+    pub(super) share_of_error: [f64; 2],
+}
+
+impl Cells {
+    pub(super) fn new(scenes: [&Scene; 2], views: &[View], config: &TrainConfig) -> Self {
+        let [before, _] = scenes;
+        let field = Field::<f32>::new(before);
+        let mut photographs = Photographs::new(views, &before.frame, config);
+        photographs.keep_rays_that_meet(&field);
+        let count = photographs.kept_count().min(CELL_RAYS);
+        let batch = RayBatch::draw(&photographs, &field, &Random::new(config.seed, "cells"), 0, count);
+        Self(scenes.map(|scene| CellMap::new(scene, &before.bounds, &batch, CELLS_ALONG)))
+    }
+
+    pub(super) fn named(&self) -> [(&'static str, &CellMap); 2] {
+        [("before", &self.0[0]), ("after", &self.0[1])]
+    }
+
+    /// What is seen is judged by the scene as it was.
+    pub(super) fn kinds(&self) -> Vec<CellKind> {
+        let [before, after] = &self.0;
+        let sum = |map: &CellMap, numbers: &[usize], value: fn(&Cell) -> f64| {
+            numbers.iter().map(|&n| value(&map.cells[n])).fold(0.0, |sum, v| sum + v)
+        };
+        let all: Vec<usize> = (0..before.cells.len()).collect();
+        // Where nothing is seen at all, shares are 0.
+        let weight = sum(before, &all, |c| c.weight).max(f64::MIN_POSITIVE);
+        let errors = self.0.each_ref().map(|map| sum(map, &all, |c| c.error).max(f64::MIN_POSITIVE));
+        let kind = |name, is_one: &dyn Fn(Option<f64>) -> bool| {
+            let numbers: Vec<usize> =
+                (0..before.cells.len()).filter(|&n| is_one(before.cells[n].deviation())).collect();
+            CellKind {
+                name,
+                cells: numbers.len(),
+                share_of_weight: sum(before, &numbers, |c| c.weight) / weight,
+                parameters: [before, after].map(|map| sum(map, &numbers, |c| c.parameters)),
+                share_of_error: [0, 1].map(|n| sum(&self.0[n], &numbers, |c| c.error) / errors[n]),
+            }
+        };
+        let mut kinds = vec![
+            kind("nothing is seen", &|deviation| deviation.is_none()),
+            kind("one colour", &|deviation| deviation.is_some_and(|d| d <= FLAT)),
+            kind("several colours", &|deviation| deviation.is_some_and(|d| d > FLAT)),
+        ];
+        for (n, map) in self.0.iter().enumerate() {
+            kinds[0].parameters[n] += map.unseen_parameters;
+        }
+        kinds
+    }
+}

@@ -1,0 +1,237 @@
+//! `strivec shrink` and `strivec grow`: a scene with fewer parameters, or with more.
+
+mod cells;
+mod picture;
+mod report;
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use cells::Cells;
+use report::{Report, ScaleUse};
+
+use super::console::Console;
+use super::progress::Progress;
+use super::settings::{configuration, every};
+use super::train::{Precision, Preset, interrupts};
+use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
+use crate::container::{self, EncodeOptions, Extras};
+use crate::dataset::{self, LoadOptions};
+use crate::measure::{color_png, psnr_of_mse};
+use crate::model::Scene;
+use crate::train::{ResizeStep, ShrinkGoal, TrainConfig, Tuning, grow, shrink};
+
+const SHRINK_EXAMPLES: &str = "\
+Examples:
+  strivec shrink lego.strivec lego -o half.strivec --max-params 14M
+  strivec shrink lego.strivec lego -o lean.strivec --max-loss 0.1
+  strivec shrink small.strivec lego -o smaller.strivec --downscale 4 --config quarter.toml --max-loss 0.2
+
+Parameters are those that the file holds: components of tensors that are zeros throughout are not. Losses are measured on
+rays of the photographs that the scene was trained from. What the file says of its pictures (probes, corrections of its
+beginnings, quality, choices) is left out, as those change: see strivec-pack pack and strivec trade.";
+const GROW_EXAMPLES: &str = "\
+Examples:
+  strivec train lego -o small.strivec --max-params 3M
+  strivec grow small.strivec lego -o larger.strivec --max-params 6M
+
+Parameters are those that the file holds. What the file says of its pictures is left out, as those change.";
+/// Steps of training after each round, as a share of the whole run's.
+const SHARE_OF_STEPS: u64 = 30;
+
+/// The arguments of `strivec shrink`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = SHRINK_EXAMPLES)]
+pub(super) struct ShrinkArgs {
+    #[command(flatten)]
+    goal: Goal,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// The arguments of `strivec grow`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = GROW_EXAMPLES)]
+pub(super) struct GrowArgs {
+    /// Lead to at most N parameters, as in 500k or 3.5M
+    #[arg(long, value_name = "N", value_parser = quantity::count)]
+    max_params: u64,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// What both are told.
+#[derive(Debug, clap::Args)]
+struct Common {
+    /// The scene
+    file: PathBuf,
+    /// Folder of the dataset that it was trained from
+    dataset: PathBuf,
+    /// The file to write
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Training after each round, in optimiser steps; the last has twice as many [default: a thirtieth of the preset's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// What the scene was trained as [default: what the file says, else 48]
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// The settings that the scene was trained with, as train --print-config writes them
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Rays a step
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    batch: Option<u32>,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: u32,
+    /// Only every N-th photograph
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
+    every: usize,
+    /// Of every random choice
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// A PNG picture: parameters per cell against error per cell, before and after
+    #[arg(long, value_name = "PNG")]
+    picture: Option<PathBuf>,
+    /// How the file stores factors
+    #[arg(long, value_enum, default_value_t)]
+    encoding: Precision,
+}
+
+/// How far the scene is resized.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Goal {
+    /// Leave at most N parameters, as in 500k or 3.5M
+    #[arg(long, value_name = "N", value_parser = quantity::count)]
+    max_params: Option<u64>,
+    /// Leave as few parameters as lose at most this many dB on training rays
+    #[arg(long, value_name = "DB", value_parser = loss)]
+    max_loss: Option<f64>,
+}
+
+fn loss(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|db: &f64| db.is_finite() && *db > 0.0).ok_or_else(|| "expected a positive number".into())
+}
+
+/// Progress of a round.
+struct Meter<'a> {
+    progress: Progress<'a>,
+    round: usize,
+    /// Exponentially smoothed squared error.
+    error: f64,
+}
+
+impl<'a> Meter<'a> {
+    fn start(step: &ResizeStep, console: &'a Console) -> Self {
+        let progress = Progress::start(console, &format!("round {}", step.round + 1), step.steps[1]);
+        Self { progress, round: step.round, error: step.report.mean_squared_error }
+    }
+
+    fn add(&mut self, step: &ResizeStep) {
+        const KEPT: f64 = 0.98;
+        self.error = KEPT * self.error + (1.0 - KEPT) * step.report.mean_squared_error;
+        self.progress.set(step.steps[0], || format!("train {:.2} dB", psnr_of_mse(self.error)));
+    }
+
+    fn finish(self) {
+        self.progress.finish(&format!("round {}: train {:.2} dB", self.round + 1, psnr_of_mse(self.error)));
+    }
+}
+
+/// How the parameters are to change.
+enum Change {
+    Shrink(ShrinkGoal),
+    /// To so many.
+    Grow(u64),
+}
+
+/// Shrinks.
+pub(super) fn run_shrink(args: &ShrinkArgs, session: &Session) -> Result<(), Error> {
+    let goal = match (args.goal.max_params, args.goal.max_loss) {
+        (Some(most), _) => ShrinkGoal::Parameters(most),
+        (None, Some(most)) => ShrinkGoal::Loss(most),
+        (None, None) => unreachable!("clap asks for one"),
+    };
+    run(&Change::Shrink(goal), &args.common, session)
+}
+
+/// Grows.
+pub(super) fn run_grow(args: &GrowArgs, session: &Session) -> Result<(), Error> {
+    run(&Change::Grow(args.max_params), &args.common, session)
+}
+
+fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
+    check_output(&args.output, session.force)?;
+    if let Some(path) = &args.picture {
+        check_output(path, session.force)?;
+    }
+    let (document, _) = scene_file::read_document(&args.file)?;
+    let tuning = args.tuning(&document.scene)?;
+    let interrupted = interrupts()?;
+    let options = LoadOptions { downscale: args.downscale, every: args.every, ..LoadOptions::default() };
+    let dataset = dataset::load(&args.dataset, "train", &options)?;
+    let start = Instant::now();
+    let before: Vec<ScaleUse> = document.scene.scales.iter().map(ScaleUse::of).collect();
+    let extras = Extras {
+        licence: document.extras.licence,
+        views: document.extras.views,
+        cameras: document.extras.cameras,
+        ..Extras::default()
+    };
+    let mut meter: Option<Meter> = None;
+    let mut stepped = |step: &ResizeStep| {
+        if interrupted.load(Ordering::SeqCst) {
+            return Err(Error::Runtime("interrupted; nothing was written".into()));
+        }
+        let begun = meter.get_or_insert_with(|| Meter::start(step, &session.console));
+        begun.add(step);
+        if step.steps[0] == step.steps[1]
+            && let Some(ended) = meter.take()
+        {
+            ended.finish();
+        }
+        Ok(())
+    };
+    let (scene, views) = (document.scene.clone(), &dataset.views);
+    let resized = match *change {
+        Change::Shrink(goal) => shrink(scene, views, goal, &tuning, &mut stepped)?,
+        Change::Grow(most) => grow(scene, views, most, &tuning, &mut stepped)?,
+    };
+    let cells = Cells::new([&document.scene, &resized.scene], &dataset.views, &tuning.config);
+    let options = EncodeOptions::uniform(args.encoding.factors());
+    let bytes =
+        container::encode_document(&resized.scene, &extras, &options).map_err(|e| Error::container(&args.output, e))?;
+    write_atomically(&args.output, &bytes, session.force)?;
+    if let Some(path) = &args.picture {
+        let (size, colors) = picture::draw(&cells.named()).map_err(Error::Runtime)?;
+        write_atomically(path, &color_png(size, &colors)?, session.force)?;
+    }
+    let after = resized.scene.scales.iter().map(ScaleUse::of);
+    let report = Report {
+        file: &args.output,
+        bytes: bytes.len() as u64,
+        parameters: resized.parameters,
+        psnr: resized.psnr,
+        rounds: resized.rounds,
+        scales: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
+        cells: cells.kinds(),
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    session.console.result(&report, Report::text)
+}
+
+impl Common {
+    /// How `scene` is trained meanwhile.
+    fn tuning(&self, scene: &Scene) -> Result<Tuning, Error> {
+        let of_file = Some(scene.provenance.preset.as_str()).filter(|name| TrainConfig::PRESETS.contains(name));
+        let preset = self.preset.map(Preset::name).or(of_file.filter(|_| self.config.is_none()));
+        let mut config = configuration(preset, self.config.as_deref())?;
+        config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
+        config.seed = self.seed.unwrap_or(config.seed);
+        let steps = self.steps.unwrap_or(config.steps.div_ceil(SHARE_OF_STEPS));
+        Ok(Tuning { steps, config })
+    }
+}

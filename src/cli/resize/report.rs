@@ -1,0 +1,126 @@
+//! What resizing came to.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::cells::CellKind;
+use crate::cli::table::{Table, grouped};
+use crate::model::{Factors, Scale};
+use crate::train::ResizeRound;
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    pub(super) file: &'a Path,
+    pub(super) bytes: u64,
+    /// Before and after.
+    pub(super) parameters: [u64; 2],
+    /// dB on training rays, before and after.
+    pub(super) psnr: [f64; 2],
+    pub(super) rounds: Vec<ResizeRound>,
+    pub(super) scales: Vec<[ScaleUse; 2]>,
+    /// Cells of space by what the photographs show there.
+    pub(super) cells: Vec<CellKind>,
+    pub(super) seconds: f64,
+}
+
+/// What a scale holds.
+#[derive(Clone, Copy, Serialize)]
+pub(super) struct ScaleUse {
+    tensors: u64,
+    /// Of which nothing is left.
+    tensors_of_rank_0: u64,
+    resolution: [u32; 3],
+    /// The most that a tensor has.
+    density_rank: u32,
+    appearance_rank: u32,
+    /// The mean over tensors.
+    mean_density_rank: f64,
+    mean_appearance_rank: f64,
+    parameters: u64,
+}
+
+impl ScaleUse {
+    pub(super) fn of(scale: &Scale) -> Self {
+        let rows = Factors::rows(scale.cloud.resolution);
+        let ranks = |values: &[f32], rank: u32| -> Vec<usize> {
+            let held = Factors::held(values, rows, rank as usize);
+            held.chunks_exact(rank as usize).map(|of_tensor| of_tensor.iter().filter(|h| **h).count()).collect()
+        };
+        let density = ranks(&scale.factors.density, scale.factors.density_rank);
+        let appearance = ranks(&scale.factors.appearance, scale.factors.appearance_rank);
+        let mean = |ranks: &[usize]| ranks.iter().sum::<usize>() as f64 / ranks.len().max(1) as f64;
+        let most = |ranks: &[usize]| ranks.iter().copied().max().unwrap_or(0) as u32;
+        Self {
+            tensors: scale.cloud.len() as u64,
+            tensors_of_rank_0: density.iter().zip(&appearance).filter(|(d, a)| **d + **a == 0).count() as u64,
+            resolution: scale.cloud.resolution,
+            density_rank: most(&density),
+            appearance_rank: most(&appearance),
+            mean_density_rank: mean(&density),
+            mean_appearance_rank: mean(&appearance),
+            parameters: scale.held_parameter_count(),
+        }
+    }
+
+    fn row(&self, name: String) -> [String; 7] {
+        let [x, y, z] = self.resolution;
+        [
+            name,
+            grouped(self.tensors),
+            grouped(self.tensors_of_rank_0),
+            if x == y && y == z { x.to_string() } else { format!("{x}x{y}x{z}") },
+            format!("{:.1} of {}", self.mean_density_rank, self.density_rank),
+            format!("{:.1} of {}", self.mean_appearance_rank, self.appearance_rank),
+            grouped(self.parameters),
+        ]
+    }
+}
+
+impl Report<'_> {
+    pub(super) fn text(&self) -> String {
+        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB at once", "dB trained", ""]);
+        for (n, round) in self.rounds.iter().enumerate() {
+            let resolutions: Vec<String> = round.resolutions.iter().map(|r| r[0].to_string()).collect();
+            rounds.row([
+                (n + 1).to_string(),
+                grouped(round.parameters),
+                resolutions.join(", "),
+                format!("{:.3}", round.psnr_at_once),
+                format!("{:.3}", round.psnr),
+                if round.is_taken { "" } else { "too much" }.to_owned(),
+            ]);
+        }
+        let mut scales = Table::new(["scale", "tensors", "of rank 0", "cells", "density", "appearance", "parameters"]);
+        for (n, [before, after]) in self.scales.iter().enumerate() {
+            scales.row(before.row(format!("{n} before")));
+            scales.row(after.row(format!("{n} after")));
+        }
+        let mut cells = Table::new(["cells where", "cells", "seen", "parameters", "then", "error", "then"]);
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        for kind in &self.cells {
+            cells.row([
+                kind.name.to_owned(),
+                grouped(kind.cells as u64),
+                percent(kind.share_of_weight),
+                grouped(kind.parameters[0].round() as u64),
+                grouped(kind.parameters[1].round() as u64),
+                percent(kind.share_of_error[0]),
+                percent(kind.share_of_error[1]),
+            ]);
+        }
+        let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
+        format!(
+            "{}{}{}{}: {:.2} MB, {} of {} parameters, {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before, {:.1} min\n",
+            rounds.text(),
+            scales.text(),
+            cells.text(),
+            self.file.display(),
+            self.bytes as f64 / 1e6,
+            grouped(after),
+            grouped(before),
+            self.seconds / 60.0
+        )
+    }
+}
