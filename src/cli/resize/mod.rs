@@ -33,10 +33,9 @@ rays of the photographs that the scene was trained from. What the file says of i
 beginnings, quality, choices) is left out, as those change: see strivec-pack pack and strivec trade.";
 const GROW_EXAMPLES: &str = "\
 Examples:
-  strivec train lego -o small.strivec --max-params 3M
   strivec grow small.strivec lego -o larger.strivec --max-params 6M
 
-Parameters are those that the file holds. What the file says of its pictures is left out, as those change.";
+A small scene is one of strivec train with --max-params. Parameters are those that the file holds. What the file says of its pictures is left out, as those change.";
 /// Steps of training after each round, as a share of the whole run's.
 const SHARE_OF_STEPS: u64 = 30;
 
