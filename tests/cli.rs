@@ -183,7 +183,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 
-    let output = plan(&["--auto", "--max-params", "40k", "--json"]);
+    let output = plan(&["--auto", "--max-params", "200k", "--json"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
