@@ -193,7 +193,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     assert_eq!(of_scales + number("decoder_parameters"), number("parameters"));
     assert!(json["reasons"].as_array().unwrap().len() >= 3, "{json}");
 
-    let output = plan(&["--auto", "--max-params", "40k", "--print-config", "--quiet"]);
+    let output = plan(&["--auto", "--max-params", "200k", "--print-config", "--quiet"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     fs::write(folder.path().join("planned.toml"), &output.stdout).unwrap();
     let train = ["train", "--config", "planned.toml", "--print-config"];
