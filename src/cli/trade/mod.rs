@@ -211,14 +211,15 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
 
 /// What else than `base` computes.
 fn engines(backends: &[Backend], base: Engine) -> Vec<Engine> {
-    let mut engines = vec![Engine { backend: Backend::CpuF64, half: false }];
-    for &backend in backends {
-        engines.push(Engine { backend, half: false });
-        if backend == Backend::Gpu {
-            engines.push(Engine { backend, half: true });
+    let mut engines = Vec::new();
+    for &backend in [Backend::CpuF64].iter().chain(backends) {
+        let half = (backend == Backend::Gpu).then_some(true);
+        for engine in [Some(false), half].into_iter().flatten().map(|half| Engine { backend, half }) {
+            if engine != base && !engines.contains(&engine) {
+                engines.push(engine);
+            }
         }
     }
-    engines.retain(|engine| *engine != base);
     engines
 }
 
