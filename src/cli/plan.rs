@@ -76,7 +76,7 @@ struct Machine {
 /// Plans.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
-    let options = args.settings.photographs();
+    let options = args.settings.basics.photographs();
     let named = dataset::load_cameras(&args.dataset, "train", None, options.downscale)?;
     let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
     let interrupted = interrupts()?;

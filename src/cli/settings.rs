@@ -16,24 +16,11 @@ pub(super) struct Settings {
     /// The model [default: the configuration's, else 48]
     #[arg(long, value_enum)]
     pub(super) preset: Option<Preset>,
-    /// Settings as --print-config writes them; the arguments here go before them
-    #[arg(long, value_name = "TOML")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) basics: Basics,
     /// Optimiser steps; the whole schedule scales along
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) steps: Option<u64>,
-    /// Rays a step
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) batch: Option<u32>,
-    /// Photographs made N times smaller
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) downscale: u32,
-    /// Only every N-th photograph
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
-    every: usize,
-    /// Of every random choice
-    #[arg(long, value_name = "S")]
-    pub(super) seed: Option<u64>,
     /// Behind transparent photographs
     #[arg(long, value_enum)]
     pub(super) background: Option<Background>,
@@ -48,6 +35,26 @@ pub(super) struct Settings {
     prune: bool,
 }
 
+/// The settings that a scene which is there already can be trained with, too.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Basics {
+    /// Settings as train --print-config writes them; the arguments here go before them
+    #[arg(long, value_name = "TOML")]
+    pub(super) config: Option<PathBuf>,
+    /// Rays a step
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    batch: Option<u32>,
+    /// Photographs made N times smaller
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) downscale: u32,
+    /// Only every N-th photograph
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
+    every: usize,
+    /// Of every random choice
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+}
+
 /// The settings of `preset` as the file `path` changes them; of both, what is there.
 pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result<TrainConfig, Error> {
     match path {
@@ -59,22 +66,29 @@ pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result
     }
 }
 
-pub(super) fn every(text: &str) -> Result<usize, String> {
+fn every(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "expected a number of at least 1".into())
 }
 
-impl Settings {
+impl Basics {
     /// Which photographs, and how large.
     pub(super) fn photographs(&self) -> LoadOptions {
         LoadOptions { downscale: self.downscale, every: self.every, ..LoadOptions::default() }
     }
 
-    /// The settings that the arguments lead to: preset, then file, then single arguments.
-    pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
-        let preset = self.preset.map(Preset::name);
+    /// The settings that the arguments lead to: `preset`, then file, then single arguments.
+    pub(super) fn configuration(&self, preset: Option<&str>) -> Result<TrainConfig, Error> {
         let mut config = configuration(preset, self.config.as_deref())?;
         config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
         config.seed = self.seed.unwrap_or(config.seed);
+        Ok(config)
+    }
+}
+
+impl Settings {
+    /// The settings that all arguments lead to.
+    pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
+        let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
         config.background = self.background.map_or(config.background, Background::color);
         if let (Some(near), Some(far)) = (self.near, self.far) {

@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
-    let options = args.settings.photographs();
+    let options = args.settings.basics.photographs();
     let dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
@@ -306,24 +306,37 @@ struct Meter<'a> {
     progress: Progress<'a>,
     begun: Instant,
     first_step: u64,
-    /// Exponentially smoothed squared error.
-    error: f64,
+    error: RecentError,
+}
+
+/// Of the last steps: the squared error, smoothed exponentially.
+#[derive(Default)]
+pub(super) struct RecentError(Option<f64>);
+
+impl RecentError {
+    pub(super) fn add(&mut self, report: &StepReport) {
+        const KEPT: f64 = 0.98;
+        let error = report.mean_squared_error;
+        self.0 = Some(self.0.map_or(error, |before| KEPT * before + (1.0 - KEPT) * error));
+    }
+
+    pub(super) fn psnr(&self) -> f64 {
+        measure::psnr_of_mse(self.0.unwrap_or(f64::NAN))
+    }
 }
 
 impl<'a> Meter<'a> {
     fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
         let progress = Progress::start(console, "train", trainer.config().steps);
-        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: f64::NAN }
+        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RecentError::default() }
     }
 
     fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
-        const KEPT: f64 = 0.98;
-        let error = report.mean_squared_error;
-        self.error = if self.error.is_nan() { error } else { KEPT * self.error + (1.0 - KEPT) * error };
+        self.error.add(report);
         let rays = (report.step - self.first_step) * trainer.config().batch_rays as u64;
         self.progress.set(report.step, || {
             let rate = rays as f64 / self.begun.elapsed().as_secs_f64();
-            format!("{rate:.0} rays/s, train {:.2} dB", measure::psnr_of_mse(self.error))
+            format!("{rate:.0} rays/s, train {:.2} dB", self.error.psnr())
         });
     }
 
@@ -334,7 +347,7 @@ impl<'a> Meter<'a> {
     }
 
     fn finish(self) {
-        self.progress.finish(&format!("train: {:.2} dB on the last rays", measure::psnr_of_mse(self.error)));
+        self.progress.finish(&format!("train: {:.2} dB on the last rays", self.error.psnr()));
     }
 }
 

@@ -14,7 +14,7 @@ mod sensitivity;
 
 pub use judge::Judge;
 pub use lossy::{Lossy, lossy};
-pub use prefix::{beginning, fit_prefix};
+pub use prefix::fit_prefix;
 pub use prune::{crop, prune};
 pub use rays::{Views, probe_views};
 pub use search::{Candidate, Goal, MOST_TRIED, search};

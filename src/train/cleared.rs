@@ -53,16 +53,15 @@ impl Cleared {
         let (mut tensors, mut components, mut numbers) = (0, 0, 0);
         for (scale, cleared) in scene.scales.iter().zip(&self.scales) {
             let rows = Factors::rows(scale.cloud.resolution);
-            let (factors, ranks) = (&scale.factors, [scale.factors.density_rank, scale.factors.appearance_rank]);
+            let factors = &scale.factors;
+            let ranks = [factors.density_rank as usize, factors.appearance_rank as usize];
+            let held = [(&factors.density, ranks[0]), (&factors.appearance, ranks[1])]
+                .map(|(values, rank)| Factors::held(values, rows, rank));
             for n in 0..scale.cloud.len() {
                 let (mut dropped, mut left) = (0, 0);
-                for (values, (cleared, rank)) in
-                    [&factors.density, &factors.appearance].into_iter().zip(cleared.iter().zip(ranks))
-                {
-                    let rank = rank as usize;
-                    let values = &values[n * rows * rank..][..rows * rank];
-                    for c in (0..rank).filter(|&c| values.iter().skip(c).step_by(rank).any(|&v| v != 0.0)) {
-                        *(if cleared[n * rank + c] { &mut dropped } else { &mut left }) += 1;
+                for ((held, cleared), rank) in held.iter().zip(cleared).zip(ranks) {
+                    for c in (n * rank..(n + 1) * rank).filter(|&c| held[c]) {
+                        *(if cleared[c] { &mut dropped } else { &mut left }) += 1;
                     }
                 }
                 tensors += u64::from(dropped > 0 && left == 0);

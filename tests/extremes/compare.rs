@@ -30,7 +30,6 @@ impl Way {
         #[cfg(feature = "gpu")]
         Self::GpuF16,
     ];
-    pub(crate) const CPU: &[Self] = &[Self::CpuF64, Self::CpuF32];
 
     /// Relative rounding of its positions, generously.
     pub(crate) fn rounding(self) -> f64 {

@@ -22,9 +22,7 @@ fn constant(feature: f64, mode: DecoderMode) -> Scene {
 fn density_features_from_minus_ten_thousand_to_ten_thousand() {
     for feature in [-1e4, -100.0, -88.0, -87.3, -50.0, -10.0, -1e-6, 0.0, 1e-6, 1.0, 20.0, 88.0, 1e4] {
         let scene = constant(feature, DecoderMode::PerSample);
-        let with_gpu = [-1e4, -50.0, 1e4].contains(&feature);
-        let ways = if with_gpu { Way::ALL } else { Way::CPU };
-        within(&format!("density feature {feature:e}"), &scene, &rays_through(&scene, 100), ways, 1.0);
+        within(&format!("density feature {feature:e}"), &scene, &rays_through(&scene, 100), Way::ALL, 1.0);
     }
 }
 
@@ -37,10 +35,8 @@ fn optical_depths_from_1e_minus_12_to_a_million_and_transmittance_that_underflow
             scene.rules.distance_scale = depth / (2.0_f64.ln() * scene.rules.step);
             scene.rules.min_transmittance = min_transmittance;
             scene.rules.min_weight = 0.0;
-            let with_gpu = [1e-12, 1e6].contains(&depth);
-            let ways = if with_gpu { Way::ALL } else { Way::CPU };
             let rays = rays_through(&scene, 60);
-            within(&format!("optical depth {depth:e}, T from {min_transmittance}"), &scene, &rays, ways, 1.0);
+            within(&format!("optical depth {depth:e}, T from {min_transmittance}"), &scene, &rays, Way::ALL, 1.0);
             // Tiny opacities are known to a relative error, too.
             if depth <= 1e-6 {
                 for (e, f) in expected(&scene, &rays).iter().zip(Way::CpuF64.trace(&scene, &rays)) {
@@ -90,8 +86,7 @@ fn rays_that_start_inside_run_along_faces_have_zeros_or_miss() {
                 rays.push(Ray { origin, direction });
             }
         }
-        let ways = if mode == DecoderMode::PerSample { Way::ALL } else { Way::CPU };
-        within("rays inside, outside, behind", &scene, &rays, ways, 1.0);
+        within("rays inside, outside, behind", &scene, &rays, Way::ALL, 1.0);
         // Along faces, edges and through corners of the tensor and of the box: below any margin, but finite.
         let mut along = Vec::new();
         for corner in [DVec3::ONE, DVec3::new(1.0, 0.25, 0.5), scene.bounds.max, DVec3::new(1.0, 1.0, 0.0)] {
@@ -101,7 +96,7 @@ fn rays_that_start_inside_run_along_faces_have_zeros_or_miss() {
             }
         }
         let exact = expected(&scene, &along);
-        for &way in ways {
+        for &way in Way::ALL {
             let errors = errors(way, &scene, &along, &exact);
             println!("| rays along faces | {way:?} | {mode:?} | {} |", errors.row());
             assert!(errors.clear_maximum() <= way.bound(), "{way:?}: {}", errors.row());
@@ -118,7 +113,7 @@ fn spans_without_length_and_ranges_that_reach_far() {
         scene.check().unwrap();
         let rays = rays_through(&scene, 60);
         let exact = expected(&scene, &rays);
-        for &way in Way::CPU {
+        for &way in Way::ALL {
             let found = way.trace(&scene, &rays);
             let far_off = exact.iter().zip(&found).filter(|(e, f)| (e.opacity - f64::from(f.opacity)).abs() > 1e-3);
             assert!(far_off.count() <= 3, "{way:?}, near {near}, far {far}");
@@ -135,12 +130,11 @@ fn an_opaque_first_sample_and_rays_through_nothing() {
         let mut scene = constant(1e4, mode);
         scene.rules.distance_scale = 1e3;
         let rays = rays_through(&scene, 60);
-        within("all-opaque first sample", &scene, &rays, Way::CPU, 1.0);
+        within("all-opaque first sample", &scene, &rays, Way::ALL, 1.0);
         assert!(Way::CpuF32.trace(&scene, &rays).iter().any(|p| p.opacity == 1.0));
         // Nothing counts anywhere.
         scene.occupancy = Some(Occupancy::empty(scene.bounds, UVec3::splat(4)));
-        let ways = if mode == DecoderMode::Residual { Way::ALL } else { Way::CPU };
-        for found in ways.iter().flat_map(|way| way.trace(&scene, &rays)) {
+        for found in Way::ALL.iter().flat_map(|way| way.trace(&scene, &rays)) {
             assert_eq!((found.color, found.opacity, found.depth), (scene.frame.background, 0.0, 0.0));
         }
     }
@@ -178,8 +172,7 @@ fn factors_at_the_limits_of_f16_and_of_every_quantiser() {
             };
             assert!(largest_error <= allowed, "{encoding:?}, {largest:e}: {largest_error:e} > {allowed:e}");
             if encoding == Encoding::F16 {
-                let ways = if largest == 65504.0 { Way::ALL } else { Way::CPU };
-                within(&format!("factors of ±{largest:e}"), &read, &rays, ways, 1.0);
+                within(&format!("factors of ±{largest:e}"), &read, &rays, Way::ALL, 1.0);
             }
         }
     }
@@ -194,9 +187,8 @@ fn a_saturated_decoder_stays_between_0_and_1() {
                 layer.weights.iter_mut().chain(&mut layer.bias).for_each(|w| *w *= size);
             }
             let rays = rays_through(&scene, 60);
-            let ways = if size == 1e4 || size == 1e19 { Way::ALL } else { Way::CPU };
             let exact = expected(&scene, &rays);
-            for &way in ways {
+            for &way in Way::ALL {
                 let errors = errors(way, &scene, &rays, &exact);
                 println!("| decoder weights times {size:e} | {way:?} | {mode:?} | {} |", errors.row());
                 for pixel in way.trace(&scene, &rays) {
@@ -219,7 +211,7 @@ fn features_too_large_for_sines_in_f32_stay_finite() {
             let scene = Made { mode, distance_scale: 2.0, ..Made::default() }.scene_with(&random, &|_, _, n| root * n);
             let rays = rays_through(&scene, 40);
             let exact = expected(&scene, &rays);
-            for &way in if size == 1e12 || size == 1e6 { Way::ALL } else { Way::CPU } {
+            for &way in Way::ALL {
                 let errors = errors(way, &scene, &rays, &exact);
                 println!("| features near {size:e} | {way:?} | {mode:?} | {} |", errors.row());
                 // 16 bits do not hold them.

@@ -93,11 +93,11 @@ pub(super) struct CropArgs {
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document| {
         if let Some(scales) = args.scales.map(usize::from).filter(|n| *n < document.scene.scales.len()) {
-            document.scene = pack::beginning(&document.scene, scales);
-            match document.extras.prefixes.get(scales - 1) {
-                Some(Some(correction)) => correction.apply(&mut document.scene),
-                _ => session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them")),
+            let prefixes = &document.extras.prefixes;
+            if !matches!(prefixes.get(scales - 1), Some(Some(_))) {
+                session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them"));
             }
+            document.scene = container::beginning(document.scene, prefixes, Some(scales as u32));
         }
         if let Some(corners) = args.corners {
             let map = document.scene.frame.model_from_dataset;

@@ -15,7 +15,7 @@ use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
 use crate::pack::{
-    Candidate, Goal, Judge, MOST_TRIED, Sensitivity, Views, beginning, fit_prefix, probe_views, search, sensitivity,
+    Candidate, Goal, Judge, MOST_TRIED, Sensitivity, Views, fit_prefix, probe_views, search, sensitivity,
 };
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
@@ -371,7 +371,7 @@ impl Packing<'_> {
         let mut psnrs = Vec::new();
         for count in 1..scales {
             let prefix = fit_prefix(decoded, count, &self.views, self.args.as_many(PREFIX_STEPS), self.args.seed);
-            let mut part = beginning(decoded, count);
+            let mut part = container::beginning(decoded.clone(), &[], Some(count as u32));
             prefix.apply(&mut part);
             let psnr = psnr_of_mse(judge.error(&part));
             psnrs.push(Some(psnr));

@@ -13,12 +13,12 @@ use report::{Report, ScaleUse};
 
 use super::console::Console;
 use super::progress::Progress;
-use super::settings::{configuration, every};
-use super::train::{Precision, Preset, interrupts};
+use super::settings::Basics;
+use super::train::{Precision, Preset, RecentError, interrupts};
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
 use crate::container::{self, EncodeOptions, Extras};
-use crate::dataset::{self, LoadOptions};
-use crate::measure::{color_png, psnr_of_mse};
+use crate::dataset;
+use crate::measure::color_png;
 use crate::model::Scene;
 use crate::train::{ResizeStep, ShrinkGoal, TrainConfig, Tuning, grow, shrink};
 
@@ -76,21 +76,8 @@ struct Common {
     /// What the scene was trained as [default: what the file says, else 48]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
-    /// The settings that the scene was trained with, as train --print-config writes them
-    #[arg(long, value_name = "TOML")]
-    config: Option<PathBuf>,
-    /// Rays a step
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    batch: Option<u32>,
-    /// Photographs made N times smaller
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    downscale: u32,
-    /// Only every N-th photograph
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
-    every: usize,
-    /// Of every random choice
-    #[arg(long, value_name = "S")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    basics: Basics,
     /// A PNG picture: parameters per cell against error per cell, before and after
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
@@ -119,24 +106,22 @@ fn loss(text: &str) -> Result<f64, String> {
 struct Meter<'a> {
     progress: Progress<'a>,
     round: usize,
-    /// Exponentially smoothed squared error.
-    error: f64,
+    error: RecentError,
 }
 
 impl<'a> Meter<'a> {
     fn start(step: &ResizeStep, console: &'a Console) -> Self {
         let progress = Progress::start(console, &format!("round {}", step.round + 1), step.steps[1]);
-        Self { progress, round: step.round, error: step.report.mean_squared_error }
+        Self { progress, round: step.round, error: RecentError::default() }
     }
 
     fn add(&mut self, step: &ResizeStep) {
-        const KEPT: f64 = 0.98;
-        self.error = KEPT * self.error + (1.0 - KEPT) * step.report.mean_squared_error;
-        self.progress.set(step.steps[0], || format!("train {:.2} dB", psnr_of_mse(self.error)));
+        self.error.add(&step.report);
+        self.progress.set(step.steps[0], || format!("train {:.2} dB", self.error.psnr()));
     }
 
     fn finish(self) {
-        self.progress.finish(&format!("round {}: train {:.2} dB", self.round + 1, psnr_of_mse(self.error)));
+        self.progress.finish(&format!("round {}: train {:.2} dB", self.round + 1, self.error.psnr()));
     }
 }
 
@@ -170,8 +155,7 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
     let (document, _) = scene_file::read_document(&args.file)?;
     let tuning = args.tuning(&document.scene)?;
     let interrupted = interrupts()?;
-    let options = LoadOptions { downscale: args.downscale, every: args.every, ..LoadOptions::default() };
-    let dataset = dataset::load(&args.dataset, "train", &options)?;
+    let dataset = dataset::load(&args.dataset, "train", &args.basics.photographs())?;
     let start = Instant::now();
     let before: Vec<ScaleUse> = document.scene.scales.iter().map(ScaleUse::of).collect();
     let extras = Extras {
@@ -226,10 +210,8 @@ impl Common {
     /// How `scene` is trained meanwhile.
     fn tuning(&self, scene: &Scene) -> Result<Tuning, Error> {
         let of_file = Some(scene.provenance.preset.as_str()).filter(|name| TrainConfig::PRESETS.contains(name));
-        let preset = self.preset.map(Preset::name).or(of_file.filter(|_| self.config.is_none()));
-        let mut config = configuration(preset, self.config.as_deref())?;
-        config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
-        config.seed = self.seed.unwrap_or(config.seed);
+        let preset = self.preset.map(Preset::name).or(of_file.filter(|_| self.basics.config.is_none()));
+        let config = self.basics.configuration(preset)?;
         let steps = self.steps.unwrap_or(config.steps.div_ceil(SHARE_OF_STEPS));
         Ok(Tuning { steps, config })
     }

@@ -24,6 +24,7 @@ use views::Views;
 
 use super::backend::Backend;
 use super::output::make_folder;
+use super::settings::configuration;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::container::{self, Document};
 use crate::render::{Choice, TRADE_NOTE, Trade};
@@ -114,13 +115,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 /// Trains the paper's tables.
 fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
-    let config = match &args.config {
-        Some(path) => {
-            let text = fs::read_to_string(path).map_err(Error::io("read", path))?;
-            TrainConfig::from_toml(&text, None).map_err(Error::malformed(path))?
-        }
-        None => TrainConfig::preset("48").map_err(|e| Error::Usage(e.to_string()))?,
-    };
+    let config = configuration(None, args.config.as_deref())?;
     let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
     config.check().map_err(|e| Error::Usage(e.to_string()))?;
     make_folder(&args.out)?;

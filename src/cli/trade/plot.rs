@@ -23,7 +23,11 @@ pub(super) struct Point {
     pub(super) is_on_front: bool,
 }
 
-const SIZE: (u32, u32) = (1000, 640);
+const SIZE: (u32, u32) = (1280, 640);
+/// Columns of the chart; right of it the front's names are listed.
+const CHART: u32 = 920;
+/// Rows of a name in the list.
+const FRONT_LINE: i32 = 19;
 const FRONT: RGBColor = RGBColor(200, 70, 20);
 const OTHER: RGBColor = RGBColor(90, 110, 140);
 
@@ -63,7 +67,8 @@ impl Plot {
         let margin = 0.06 * (high - low).max(0.1);
         let area = backend.into_drawing_area();
         area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&area)
+        let (chart_area, list) = area.split_horizontally(CHART);
+        let mut chart = ChartBuilder::on(&chart_area)
             .caption(&self.title, (FONT, 20))
             .margin(14)
             .x_label_area_size(44)
@@ -80,34 +85,81 @@ impl Plot {
             .x_label_formatter(&|v| if *v >= 10.0 { format!("{v:.0}") } else { format!("{v:.2}") })
             .y_label_formatter(&|v| format!("{v:.1}"))
             .draw()?;
-        let mut front: Vec<(f64, f64)> =
-            self.points.iter().filter(|p| p.is_on_front).map(|p| (p.at[0], p.at[1])).collect();
-        front.sort_by(|a, b| a.0.total_cmp(&b.0));
-        chart.draw_series(LineSeries::new(front, FRONT.stroke_width(2)))?;
-        // Those of the front get their names first; names that would lie on others are left to the table.
-        let mut points: Vec<&Point> = self.points.iter().collect();
-        points.sort_by_key(|p| !p.is_on_front);
-        let mut taken: Vec<[i32; 4]> = Vec::new();
-        for point in points {
-            let (color, size, height) = if point.is_on_front { (FRONT, 5, 14) } else { (OTHER, 3, 12) };
-            let at = (point.at[0], point.at[1]);
-            chart.draw_series([Circle::new(at, size, color.filled())])?;
-            let (x, y) = chart.backend_coord(&at);
-            let width = 6 * point.name.chars().count() as i32;
-            // Right of the point, or left of it at the right edge.
-            let left = if x + 8 + width > SIZE.0 as i32 { x - 8 - width } else { x + 8 };
-            let place = [left, y - 16, left + width, y - 16 + height];
-            let is_free = |other: &[i32; 4]| {
-                place[0] > other[2] || place[2] < other[0] || place[1] > other[3] || place[3] < other[1]
-            };
-            if taken.iter().all(is_free) {
+        let (mut front, others): (Vec<&Point>, Vec<&Point>) = self.points.iter().partition(|p| p.is_on_front);
+        front.sort_by(|a, b| a.at[0].total_cmp(&b.at[0]));
+        let coordinates = |point: &&Point| (point.at[0], point.at[1]);
+        chart.draw_series(LineSeries::new(front.iter().map(coordinates), FRONT.stroke_width(2)))?;
+        chart.draw_series(others.iter().map(|p| Circle::new(coordinates(p), 3, OTHER.filled())))?;
+        chart.draw_series(front.iter().map(|p| Circle::new(coordinates(p), 5, FRONT.filled())))?;
+        // No name lies on a point, on the front's line, or on another name; those without a free place are left to the table.
+        let pixel = |point: &&Point| chart.backend_coord(&coordinates(point));
+        let mut taken: Vec<Place> = self.points.iter().map(|p| Place::around(pixel(&p), 4)).collect();
+        taken.extend(front.windows(2).flat_map(|ends| along(pixel(&ends[0]), pixel(&ends[1]))));
+        let (columns, rows) = chart.plotting_area().get_pixel_range();
+        let chart_place = Place([columns.start, rows.start, columns.end, rows.end]);
+        let font = |height: i32, color: &RGBColor| (FONT, height).into_font().color(color);
+        let list_top = 48;
+        list.draw(&Text::new("The front, from left to right", (0, list_top), font(16, &BLACK)))?;
+        for (n, point) in front.iter().enumerate() {
+            let number = (n + 1).to_string();
+            let at = (0, list_top + 26 + (n as i32) * FRONT_LINE);
+            list.draw(&Text::new(format!("{number}  {}", point.name), at, font(14, &BLACK)))?;
+            if let Some(place) = Place::beside(pixel(point), &number, 15, &chart_place, &taken) {
+                area.draw(&Text::new(number, place.corner(), font(15, &BLACK)))?;
                 taken.push(place);
-                let text_color = if point.is_on_front { BLACK } else { OTHER };
-                let font = (FONT, height).into_font().color(&text_color);
-                area.draw(&Text::new(point.name.clone(), (place[0], place[1]), font))?;
+            }
+        }
+        for point in others {
+            if let Some(place) = Place::beside(pixel(&point), &point.name, 12, &chart_place, &taken) {
+                area.draw(&Text::new(point.name.clone(), place.corner(), font(12, &OTHER)))?;
+                taken.push(place);
             }
         }
         area.present()?;
         Ok(())
     }
+}
+
+/// Columns and rows that something takes in a picture: left, top, right, bottom.
+#[derive(Clone, Copy)]
+struct Place([i32; 4]);
+
+impl Place {
+    fn around((x, y): (i32, i32), by: i32) -> Self {
+        Self([x - by, y - by, x + by, y + by])
+    }
+
+    /// Where `name`, in letters of `height` rows, lies in `within` and on nothing that is `taken`, beside the point (`x`, `y`).
+    fn beside((x, y): (i32, i32), name: &str, height: i32, within: &Self, taken: &[Self]) -> Option<Self> {
+        let width = name.chars().count() as i32 * height / 2;
+        let places = [
+            [x + 7, y - height - 2],
+            [x - 7 - width, y - height - 2],
+            [x + 7, y + 3],
+            [x - 7 - width, y + 3],
+            [x + 8, y - height / 2],
+            [x - 8 - width, y - height / 2],
+        ];
+        let is_free = |place: &Self| place.is_within(within) && !taken.iter().any(|other| place.meets(other));
+        places.map(|[left, top]| Self([left, top, left + width, top + height])).into_iter().find(is_free)
+    }
+
+    fn is_within(&self, other: &Self) -> bool {
+        (0..2).all(|a| self.0[a] >= other.0[a] && self.0[a + 2] <= other.0[a + 2])
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        (0..2).all(|a| self.0[a] <= other.0[a + 2] && other.0[a] <= self.0[a + 2])
+    }
+
+    fn corner(&self) -> (i32, i32) {
+        (self.0[0], self.0[1])
+    }
+}
+
+/// What the line from `from` to `to` takes.
+fn along(from: (i32, i32), to: (i32, i32)) -> impl Iterator<Item = Place> {
+    let count = ((to.0 - from.0).abs().max((to.1 - from.1).abs()) / 3).max(1);
+    let at = move |a: i32, b: i32, n: i32| a + (b - a) * n / count;
+    (0..=count).map(move |n| Place::around((at(from.0, to.0, n), at(from.1, to.1, n)), 1))
 }

@@ -40,6 +40,18 @@ struct Variant {
     paper: Paper,
 }
 
+impl Variant {
+    /// Its training, if it is among `rows`.
+    fn row_of<'a>(&self, rows: &'a [Row]) -> Option<&'a Row> {
+        rows.iter().find(|row| row.group == self.group && row.name == self.name)
+    }
+
+    /// Whether the tables have `other`'s training in common with this one.
+    fn is_trained_as(&self, other: &Self) -> bool {
+        self.config == other.config && self.degrees == other.degrees
+    }
+}
+
 /// The paper's figures: of 30 000 steps on an RTX 3090; scales and components are means over eight scenes (tables "Ablation under
 /// different scale settings" and "Ablation study on the number of tensor components"), rotations are lego's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -107,11 +119,19 @@ pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Erro
     let variants = variants(&training.config);
     let interrupted = interrupts()?;
     for (n, variant) in variants.iter().enumerate() {
-        if rows.iter().any(|row| row.group == variant.group && row.name == variant.name) {
+        if variant.row_of(&rows).is_some() {
             continue;
         }
-        session.console.say(&format!("{} of {}: {}, {}", n + 1, variants.len(), variant.group, variant.name));
-        rows.push(train(variant, [&photographs, &held_out], &interrupted, session)?);
+        let same = variants.iter().find_map(|v| variant.is_trained_as(v).then(|| v.row_of(&rows)).flatten());
+        let trained = match same.cloned() {
+            Some(row) => row,
+            None => {
+                session.console.say(&format!("{} of {}: {}, {}", n + 1, variants.len(), variant.group, variant.name));
+                train(variant, [&photographs, &held_out], &interrupted, session)?
+            }
+        };
+        let (group, name, paper) = (variant.group.to_owned(), variant.name.clone(), variant.paper);
+        rows.push(Row { group, name, paper, ..trained });
         let text = serde_json::to_string_pretty(&(&key, &rows)).expect("plain data");
         write_atomically(&log, text.as_bytes(), true)?;
     }
