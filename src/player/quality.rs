@@ -55,7 +55,7 @@ mod tests {
 
         let choice = Choice { approximation: wild, divisor: 2 };
         let point = TradePoint { names: Vec::new(), choice, milliseconds: 1.0, psnr: 30.0 };
-        let trade = Trade::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point]);
+        let trade = Trade::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
         assert_eq!(named_choices(&notes), ["fast", "balanced", "best"].map(|name| (name.to_owned(), choice)));
         assert!(named_choices(&BTreeMap::new()).is_empty());

@@ -133,10 +133,19 @@ impl Trade {
     }
 
     /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the fast, the
-    /// fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to the best.
-    pub fn new(machine: String, backend: String, size: [u32; 2], against: String, mut points: Vec<TradePoint>) -> Self {
+    /// fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to the best. For that,
+    /// `scene_error` is added to the points' mean squared errors: 0 where they were compared with photographs, where with the
+    /// scene's own pictures, about what those are off.
+    pub fn new(
+        machine: String,
+        backend: String,
+        size: [u32; 2],
+        against: String,
+        mut points: Vec<TradePoint>,
+        scene_error: f64,
+    ) -> Self {
         points.truncate(MOST_POINTS);
-        if let Some(chosen) = named(&points) {
+        if let Some(chosen) = named(&points, scene_error) {
             for (name, n) in ["fast", "balanced", "best"].into_iter().zip(chosen) {
                 points[n].names.push(name.to_owned());
             }
@@ -181,15 +190,16 @@ impl Trade {
 }
 
 /// The points of a front that are called fast, balanced and best; `None` where there are no points.
-fn named(points: &[TradePoint]) -> Option<[usize; 3]> {
-    let best = points.iter().enumerate().max_by(|a, b| a.1.psnr.total_cmp(&b.1.psnr))?.0;
-    let fast = points.iter().position(|p| p.psnr >= points[best].psnr - FAST_LOSS)?;
-    let (from, to) = (&points[fast], &points[best]);
-    let part = |v: f64, from: f64, to: f64| if to > from { (v - from) / (to - from) } else { 0.0 };
-    let above = |n: usize| {
-        let p = &points[n];
-        part(p.psnr, from.psnr, to.psnr) - part(p.milliseconds.ln(), from.milliseconds.ln(), to.milliseconds.ln())
+fn named(points: &[TradePoint], scene_error: f64) -> Option<[usize; 3]> {
+    let psnrs: Vec<f64> = points.iter().map(|p| -10.0 * (10f64.powf(-p.psnr / 10.0) + scene_error).log10()).collect();
+    let best = (0..points.len()).max_by(|&a, &b| psnrs[a].total_cmp(&psnrs[b]))?;
+    let fast = psnrs.iter().position(|p| *p >= psnrs[best] - FAST_LOSS)?;
+    let logarithms: Vec<f64> = points.iter().map(|p| p.milliseconds.ln()).collect();
+    let part = |of: &[f64], n: usize| {
+        let (from, to) = (of[fast], of[best]);
+        if to > from { (of[n] - from) / (to - from) } else { 0.0 }
     };
+    let above = |n: usize| part(&psnrs, n) - part(&logarithms, n);
     let balanced = (fast..=best).max_by(|&a, &b| above(a).total_cmp(&above(b)))?;
     Some([fast, balanced, best])
 }
@@ -234,7 +244,7 @@ mod tests {
             |milliseconds, psnr| TradePoint { names: Vec::new(), choice: Choice::default(), milliseconds, psnr };
         let points =
             vec![point(10.0, 20.0), point(20.0, 33.0), point(30.0, 34.5), point(90.0, 34.6), point(100.0, 35.0)];
-        Trade::new("a machine".into(), "cpu".into(), [80, 60], "lego, test".into(), points)
+        Trade::new("a machine".into(), "cpu".into(), [80, 60], "lego, test".into(), points, 0.0)
     }
 
     #[test]
@@ -245,8 +255,20 @@ mod tests {
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
         assert_eq!(Trade::of_notes(&notes), Some(Ok(trade)));
         assert_eq!(Trade::of_notes(&BTreeMap::new()), None);
-        let alone = Trade::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()]);
+        let alone = Trade::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()], 0.0);
         assert_eq!(alone.points[0].names, ["fast", "balanced", "best"]);
+    }
+
+    #[test]
+    fn points_are_named_by_what_photographs_would_show() {
+        // The scene's own pictures are matched to many dB, which photographs do not show.
+        let mut points = trade().points;
+        for (point, psnr) in points.iter_mut().zip([20.0, 41.0, 50.0, 58.0, 99.0]) {
+            (point.psnr, point.names) = (psnr, Vec::new());
+        }
+        let own = Trade::new(String::new(), String::new(), [1, 1], String::new(), points, 10f64.powf(-3.6));
+        let names: Vec<_> = own.points.iter().map(|p| p.names.join(" ")).collect();
+        assert_eq!(names, ["", "fast", "balanced", "", "best"]);
     }
 
     fn notes_point() -> TradePoint {

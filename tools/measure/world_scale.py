@@ -3,8 +3,8 @@
 
     tools/measure/world_scale.py DATASET --out auto --steps 1500 -- --config docs/configs/demo.toml
 
-copies the camera poses of a dataset in the Blender layout with their positions times 1, 0.01 and 1000 (pictures are linked), trains each
-by `strivec train --auto` with the arguments after --, and prints a table; then the PSNR between the pictures of the test views.
+copies the camera poses of a dataset in the Blender layout with their positions times 1, 0.01 and 1000, or what --scales says (pictures
+are linked), trains each by `strivec train --auto` with the arguments after --, and prints a table; then the PSNR between the pictures of the test views.
 Needs numpy and pillow, and target/release/strivec (or --command FILE).
 """
 
@@ -15,8 +15,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
-SCALES = ["1", "0.01", "1000"]
 
 
 def scaled(dataset, folder, scale):
@@ -50,6 +48,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--scales", nargs="+", default=["1", "0.01", "1000"])
     parser.add_argument("--steps", type=int, default=30_000)
     parser.add_argument("--downscale", type=int, default=1)
     parser.add_argument("--command", default="target/release/strivec")
@@ -57,9 +56,9 @@ def main():
     arguments, more = parser.parse_args(sys.argv[1:end]), sys.argv[end + 1 :]
     command = [arguments.command, "--quiet", "--json", "--force"]
     common = ["--downscale", str(arguments.downscale)]
-    print("| world scale | tensors | parameters | PSNR, dB | pictures to those at 1, dB |\n|---|---|---|---|---|")
+    print("| world scale | tensors | parameters | PSNR, dB | pictures to the first ones, dB |\n|---|---|---|---|---|")
     reference = None
-    for scale in SCALES:
+    for scale in arguments.scales:
         dataset = scaled(arguments.dataset, arguments.out / scale, scale)
         scene = arguments.out / f"{scale}.strivec"
         train = ["train", dataset, "-o", scene, "--auto", "--steps", str(arguments.steps), *common, *more]

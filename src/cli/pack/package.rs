@@ -8,6 +8,7 @@ use super::encoding::{LayoutArgs, lossless};
 use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
+use crate::cli::scene_file::scene_error;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session, quantity, train};
 use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
@@ -26,8 +27,6 @@ pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 const PREFIX_STEPS: usize = 150;
 /// A first guess at what is beside the scene: probes, prefixes, a thumbnail.
 const EXTRAS_BYTES: u64 = 40_000;
-/// A model of unknown quality is taken to be this good, in dB, where a loss in dB is asked for.
-const USUAL_PSNR: f64 = 36.0;
 
 /// Arguments of `strivec-pack pack`.
 #[derive(Debug, clap::Args)]
@@ -389,10 +388,7 @@ fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
         return Goal::Bytes(bytes);
     }
     if let Some(loss) = args.max_loss {
-        // Errors of encoding and of the model add up, being independent.
-        let known = extras.quality.as_ref().and_then(|q| q.test);
-        let model = 10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0);
-        return Goal::Error { before: 0.0, more: model * grown(loss) };
+        return Goal::Error { before: 0.0, more: scene_error(extras) * grown(loss) };
     }
     Goal::Error { before: 0.0, more: args.quality.unwrap_or(QualityLevel::Balanced).error() }
 }

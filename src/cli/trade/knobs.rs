@@ -96,13 +96,15 @@ const MOST_LOSS: f64 = 6.0;
 const VALUES: usize = 3;
 
 /// Up to `most` combinations of values that might lie on the front, if what each does alone multiplied and added up; the
-/// likeliest first.
+/// likeliest first. `scene_error` comes to all errors where these are of the scene's own pictures.
 pub(super) fn combinations(
     knobs: &[Knob],
     base: &Measured,
     alone: &[(Candidate, Measured)],
     most: usize,
+    scene_error: f64,
 ) -> Vec<Candidate> {
+    let most_error = (base.error + scene_error) * 10f64.powf(MOST_LOSS / 10.0);
     // Threads and arithmetic are the machine's, and are swept alone.
     let combined = knobs.iter().filter(|knob| !matches!(knob.name, "threads" | "arithmetic"));
     let values: Vec<Vec<Value>> = combined
@@ -112,7 +114,7 @@ pub(super) fn combinations(
                 .filter_map(|candidate| {
                     let found = measured(candidate)?;
                     let (time, error) = (found.ratio, found.error - base.error);
-                    let is_useful = time < LEAST_GAIN && found.psnr > base.psnr - MOST_LOSS;
+                    let is_useful = time < LEAST_GAIN && found.error + scene_error < most_error;
                     is_useful.then(|| Value { candidate: candidate.clone(), time, error })
                 })
                 .collect();
@@ -192,4 +194,43 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
         return None;
     }
     Some(Candidate { source, choice: Choice { approximation, divisor }, ..a.clone() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::bench::Spread;
+    use crate::measure::psnr_of_mse;
+
+    #[test]
+    fn what_is_lost_is_judged_beside_what_the_scene_is_off() {
+        let base = Candidate { source: 0, choice: Choice::default(), engine: Engine::CPU, threads: 1 };
+        let with = |approximation| Candidate { choice: Choice { approximation, divisor: 1 }, ..base.clone() };
+        let exact = Approximation::default();
+        let knob = |name, approximation| Knob { name, candidates: vec![with(approximation)] };
+        let knobs = [
+            knob("step", Approximation { step_scale: 2.0, ..exact }),
+            knob("colour threshold", Approximation { min_weight: Some(0.01), ..exact }),
+            knob("neighbours", Approximation { neighbours: Some(1), ..exact }),
+        ];
+        let measured = |ratio, error| Measured {
+            milliseconds: Spread::of(&[100.0 * ratio]).unwrap(),
+            ratio,
+            preparing_ms: 0.0,
+            error,
+            psnr: psnr_of_mse(error).min(99.0),
+            ssim: None,
+            largest: 0.0,
+            memory_bytes: 1,
+        };
+        let alone: Vec<_> = (knobs.iter().zip([1e-5, 1e-4, 1e-2]))
+            .map(|(knob, error)| (knob.candidates[0].clone(), measured(0.7, error)))
+            .collect();
+        // The scene's own pictures, which nothing else shows exactly, where the scene has 36 dB.
+        let of_own = combinations(&knobs, &measured(1.0, 0.0), &alone, 8, 2.5e-4);
+        assert_eq!(of_own.len(), 1);
+        let Choice { approximation, .. } = of_own[0].choice;
+        assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
+        assert_eq!(approximation.neighbours, None, "it loses more than 6 dB");
+    }
 }

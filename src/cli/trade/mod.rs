@@ -134,6 +134,8 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
         Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
         None => Views::own(&scene, &extras.cameras, args.views.into(), args.size, console)?,
     };
+    // Photographs know of it.
+    let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&extras) };
     let mut sources =
         vec![Source { name: name.clone(), scene: scene.clone(), prefixes: extras.prefixes, bytes: bytes.len() as u64 }];
     for path in &args.also {
@@ -173,7 +175,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     let alone = sweep.known(&singles, 1);
     let of_base = sweep.known(std::slice::from_ref(&base), 1).pop().map(|(_, m)| m);
     let of_base = of_base.ok_or_else(|| Error::Runtime("nothing was measured".into()))?;
-    let likely = combinations(&knobs, &of_base, &alone, args.combinations.into());
+    let likely = combinations(&knobs, &of_base, &alone, args.combinations.into(), scene_error);
     let finalists = sweep.halve(likely, usize::from(args.combinations).div_ceil(4), rounds)?;
     sweep.measure("finalists", &finalists, 1, rounds)?;
 
@@ -190,6 +192,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
         views.size(),
         views.what.clone(),
         stored_front(&rows, &base),
+        scene_error,
     );
     let report = Report { file: name, against: views.what.clone(), size: views.size(), machine, rows, front };
     report.write(&args.out)?;
