@@ -13,7 +13,7 @@ pub use grow::grow;
 pub use shrink::{ShrinkGoal, shrink};
 
 use super::cleared::Cleared;
-use super::{Photographs, RayBatch, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, drop_unused};
+use super::{Photographs, RayBatch, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, drop_unused, upsample};
 use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
@@ -23,11 +23,17 @@ use crate::random::Random;
 const RATE: f64 = 0.25;
 /// The last training is this many times as long as those between rounds.
 const LAST_LENGTH: u64 = 2;
+/// Where there are several ways to go on, each is tried for this part of a round's training.
+const TRIALS_SHARE: u64 = 4;
 /// Batches of rays that say what components are worth, and the rays of each.
 const BATCHES: u64 = 24;
 const RAYS: usize = 8192;
+/// Rays that choose among scenes, at most.
+const CHOOSING: usize = 1 << 15;
 /// Rays that measure what everything cost, at most; other ones than those that decide.
 const MEASURED: usize = 1 << 16;
+/// The share of its cells along an axis that a scale keeps where it gives up resolution, and what it had before where it gets some.
+const CELLS_KEPT: f64 = 0.85;
 
 /// How a scene is trained while it changes.
 #[derive(Clone, Debug)]
@@ -43,7 +49,7 @@ pub struct Tuning {
 pub struct ResizeStep {
     /// Number of the round.
     pub round: usize,
-    /// Steps of its training that are done, and all.
+    /// Steps of its training that are done, and all, with those of choosing what the round is.
     pub steps: [u64; 2],
     /// The last one.
     pub report: StepReport,
@@ -118,9 +124,15 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         self.trainer.photographs()
     }
 
-    /// Of the next round.
+    /// Of the next round: substreams 0 and 1 say what components are worth, 2 chooses among scenes, 3 is for new components.
     fn random(&self) -> Random {
         Random::new(self.seed, "resize").substream(self.rounds.len() as u64)
+    }
+
+    /// Rays that choose among scenes as large as `scene`.
+    fn choosing(&self, scene: &Scene) -> RayBatch {
+        let count = self.photographs().kept_count().min(CHOOSING);
+        RayBatch::draw(self.photographs(), &Field::new(scene), &self.random().substream(2), 0, count)
     }
 
     fn psnr_of(&self, scene: &Scene) -> f64 {
@@ -129,8 +141,26 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
 
     /// Goes on with `changed`, and books that as a round.
     fn round(&mut self, changed: Scene) -> Result<Scene, E> {
+        self.round_of_best(vec![changed])
+    }
+
+    /// Goes on with the one of `candidates` that is best after a short training, and books that as a round.
+    fn round_of_best(&mut self, mut candidates: Vec<Scene>) -> Result<Scene, E> {
+        let tried = if candidates.len() > 1 { candidates.len() as u64 } else { 0 };
+        let of_each = self.steps.div_ceil(TRIALS_SHARE);
+        let all = tried * of_each + self.steps;
+        let choosing = self.choosing(&candidates[0]);
+        let mut best = (f64::NEG_INFINITY, 0);
+        for n in 0..tried {
+            let trained = self.train(candidates[n as usize].clone(), of_each, [n * of_each, all])?;
+            let psnr = choosing.psnr(&Field::new(&trained));
+            if psnr > best.0 {
+                best = (psnr, n as usize);
+            }
+        }
+        let changed = candidates.swap_remove(best.1);
         let psnr_at_once = self.psnr_of(&changed);
-        let tuned = self.train(changed, self.steps)?;
+        let tuned = self.train(changed, self.steps, [tried * of_each, all])?;
         self.rounds.push(ResizeRound {
             parameters: tuned.held_parameter_count(),
             resolutions: tuned.scales.iter().map(|s| s.cloud.resolution).collect(),
@@ -141,11 +171,12 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         Ok(tuned)
     }
 
-    fn train(&mut self, scene: Scene, steps: u64) -> Result<Scene, E> {
+    /// The `steps` after the first `done` of `all` that a round has.
+    fn train(&mut self, scene: Scene, steps: u64, [done, all]: [u64; 2]) -> Result<Scene, E> {
         self.trainer.continue_from(scene, steps);
         for n in 1..=steps {
             let report = self.trainer.step()?;
-            (self.stepped)(&ResizeStep { round: self.rounds.len(), steps: [n, steps], report })?;
+            (self.stepped)(&ResizeStep { round: self.rounds.len(), steps: [done + n, all], report })?;
         }
         Ok(self.trainer.scene())
     }
@@ -153,13 +184,15 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
     /// The last training of what the rounds led to, and what no tensor needs left out.
     fn finish(mut self, mut good: Scene) -> Result<Resized, E> {
         if self.rounds.iter().any(|r| r.is_taken) {
-            let tuned = self.train(good.clone(), LAST_LENGTH * self.steps)?;
+            let last = LAST_LENGTH * self.steps;
+            let tuned = self.train(good.clone(), last, [0, last])?;
             if self.psnr_of(&tuned) >= self.psnr_of(&good) {
                 good = tuned;
             }
             drop_unused(&mut good, self.photographs(), self.seed);
             ranks::drop_ranks(&mut good);
-            good.provenance.steps = self.steps_before + self.trainer.steps_done();
+            let taken = self.rounds.iter().filter(|r| r.is_taken).count() as u64;
+            good.provenance.steps = self.steps_before + (taken + LAST_LENGTH) * self.steps;
         }
         Ok(Resized {
             parameters: [self.parameters, good.held_parameter_count()],
@@ -190,6 +223,15 @@ fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
         scales: scene.scales.iter().map(of_scale).collect(),
         ..config.clone()
     }
+}
+
+/// Gives the tensors of `scale` another resolution: their vectors are resampled.
+fn resample(scale: &mut Scale, to: [u32; 3]) {
+    let from = scale.cloud.resolution;
+    let factors = &mut scale.factors;
+    factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
+    factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+    scale.cloud.resolution = to;
 }
 
 /// What components of tensors are worth.

@@ -7,23 +7,19 @@
 
 use rayon::prelude::*;
 
-use super::{BATCHES, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth};
+use super::{BATCHES, CELLS_KEPT, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
 use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
-use crate::train::{Backward, Photographs, RayBatch, TrainError, upsample};
+use crate::train::{Backward, Photographs, RayBatch, TrainError};
 
 /// The share of its parameters that a scene keeps in a round.
 const KEPT: f64 = 0.75;
 /// Where a round costs more than may be lost, the next tries to give up the half; less than this share is left alone.
 const LEAST_GIVEN: f64 = 0.05;
-/// The share of its cells along an axis that a scale keeps where it gives up resolution.
-const CELLS_KEPT: f64 = 0.85;
 /// The least cells along an axis that are left.
 const FEWEST_CELLS: u32 = 2;
-/// Rays that choose among resolutions, at most.
-const CHOOSING: usize = 1 << 15;
 
 /// How far a scene is to be shrunk.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +54,8 @@ pub fn shrink<E: From<TrainError>>(
             ShrinkGoal::Parameters(most) => most.max(fewer),
             ShrinkGoal::Loss(_) => fewer,
         };
-        let smaller = smaller(&good, resizing.photographs(), most, &resizing.random());
+        let choosing = resizing.choosing(&good);
+        let smaller = smaller(&good, resizing.photographs(), &choosing, most, &resizing.random());
         if smaller.held_parameter_count() >= held {
             // Nothing but shared weights is left.
             break;
@@ -84,11 +81,9 @@ fn is_too_much(lost: f64, most: f64) -> bool {
     lost.is_nan() || lost > most
 }
 
-/// `scene` with at most `most` parameters, or nothing but those that all tensors share.
-fn smaller(scene: &Scene, photographs: &Photographs<'_>, most: u64, random: &Random) -> Scene {
-    let field = Field::new(scene);
-    let worth = worth(scene, &field, photographs, random);
-    let choosing = RayBatch::draw(photographs, &field, &random.substream(2), 0, photographs.kept_count().min(CHOOSING));
+/// `scene` with at most `most` parameters, or nothing but those that all tensors share; `choosing`'s rays choose.
+fn smaller(scene: &Scene, photographs: &Photographs<'_>, choosing: &RayBatch, most: u64, random: &Random) -> Scene {
+    let worth = worth(scene, &Field::new(scene), photographs, random);
     let mut best: Option<(f64, Scene)> = None;
     for coarser in (0..scene.scales.len()).map(Some).chain([None]) {
         let mut candidate = scene.clone();
@@ -106,14 +101,10 @@ fn smaller(scene: &Scene, photographs: &Photographs<'_>, most: u64, random: &Ran
 
 /// Lowers the resolution of scale `s`; false where it is as low as it may be. The march's step stays.
 fn make_coarser(scene: &mut Scene, s: usize) -> bool {
-    let scale = &mut scene.scales[s];
-    let from = scale.cloud.resolution;
+    let from = scene.scales[s].cloud.resolution;
     let fewer = |d: u32| ((CELLS_KEPT * f64::from(d)).round() as u32).clamp(FEWEST_CELLS.min(d), d);
     let to = from.map(fewer);
-    let factors = &mut scale.factors;
-    factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
-    factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
-    scale.cloud.resolution = to;
+    resample(&mut scene.scales[s], to);
     to != from
 }
 
