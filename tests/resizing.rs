@@ -211,6 +211,29 @@ fn a_scene_grows_where_its_error_is() {
 }
 
 #[test]
+fn cells_that_are_too_coarse_become_finer() {
+    let scene = colourful();
+    let views = views(&scene);
+    let mut coarse = scene.clone();
+    for scale in &mut coarse.scales {
+        let (from, factors) = (scale.cloud.resolution, &mut scale.factors);
+        let to = from.map(|cells| cells.div_ceil(2));
+        factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
+        factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+        scale.cloud.resolution = to;
+    }
+    let tuning = Tuning { steps: 40, config: config() };
+    let most = 3 * coarse.held_parameter_count();
+    let grown = grow::<TrainError>(coarse.clone(), &views, most, &tuning, &mut |_| Ok(())).unwrap();
+    println!("{:?} parameters, {:?} dB, {:?}", grown.parameters, grown.psnr, grown.rounds);
+    grown.scene.check().unwrap();
+    let is_finer = |n: usize| grown.scene.scales[n].cloud.resolution > coarse.scales[n].cloud.resolution;
+    assert!((0..scene.scales.len()).any(is_finer));
+    assert!(grown.psnr[1] > grown.psnr[0] + 1.0);
+    assert!((grown.rounds[0].psnr_at_once - grown.psnr[0]).abs() < 0.5, "finer cells change little at once");
+}
+
+#[test]
 fn threads_change_nothing_and_an_interruption_ends_it() {
     let scene = colourful();
     let views = views(&scene);

@@ -169,7 +169,11 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
         if interrupted.load(Ordering::SeqCst) {
             return Err(Error::Runtime("interrupted; nothing was written".into()));
         }
-        let begun = meter.get_or_insert_with(|| Meter::start(step, &session.console));
+        // Choosing may have ended a round before its last step.
+        let begun = match &mut meter {
+            Some(begun) if step.steps[0] > 1 => begun,
+            _ => meter.insert(Meter::start(step, &session.console)),
+        };
         begun.add(step);
         if step.steps[0] == step.steps[1]
             && let Some(ended) = meter.take()

@@ -1,23 +1,27 @@
-//! More parameters where pictures' errors ask for them, a third of what there is in each round.
+//! More parameters where pictures' errors ask for them.
 //!
-//! A round gives every tensor a few components more, each with two random vectors and one of zeros, so that pictures stay as they
-//! are; looks at how steeply the photographs' error falls along the third vectors; and keeps those along which it falls most for the
-//! parameters that they hold. Or it first makes a scale finer, or all of them, and has as many components fewer to give: which of
-//! these is best, a short training of each tells.
+//! A round gives one of these, none of which changes pictures at once; which, a short training of each tells, by how far the error
+//! falls for each parameter:
+//! - components of tensors, for a third of the parameters that there are. Every tensor is offered a few, each with two random vectors
+//!   and one of zeros; those are kept along whose third vectors the photographs' error falls most steeply for the parameters
+//!   that they hold;
+//! - twice the resolution of a scale, or of all.
+//!
+//! It ends where there is no room, and where nothing helps.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::ranks::{drop_ranks, with_components};
-use super::{BATCHES, CELLS_KEPT, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
+use super::{BATCHES, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
 use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
 use crate::random::Random;
 use crate::train::{Backward, BatchThinning, Photographs, RayBatch, TrainError, march_step};
 
-/// How many times the parameters a round leads to.
+/// How many times the parameters a round of components leads to.
 const GROWN: f64 = 4.0 / 3.0;
 /// Components of density, and of appearance, that every tensor is given to choose among.
 const OFFERED: usize = 4;
@@ -45,21 +49,21 @@ pub fn grow<E: From<TrainError>>(
     loop {
         let held = good.held_parameter_count();
         let next = most.min((GROWN * held as f64) as u64);
-        let step_cells = tuning.config.field.step_cells;
-        let mut ways = larger(&good, resizing.photographs(), next, step_cells, &resizing.random());
+        let scales = good.scales.len();
+        let mut ways = vec![with_more_components(&good, resizing.photographs(), next, &resizing.random())];
+        ways.extend((0..scales).map(|s| finer(&good, s..s + 1, tuning.config.field.step_cells)));
+        ways.extend((scales > 1).then(|| finer(&good, 0..scales, tuning.config.field.step_cells)));
         ways.retain(|larger| (held + 1..=most).contains(&larger.held_parameter_count()));
-        if ways.is_empty() {
-            // There is no room for another component.
-            break;
+        match resizing.round_of_best(&good, ways)? {
+            Some(larger) => good = larger,
+            None => break,
         }
-        good = resizing.round_of_best(ways)?;
     }
     resizing.finish(good)
 }
 
-/// `scene` with more components, and the same with scales that are finer, each with `most` parameters at most where that are not fewer
-/// than it has.
-fn larger(scene: &Scene, photographs: &Photographs<'_>, most: u64, step_cells: f64, random: &Random) -> Vec<Scene> {
+/// `scene` with more components, and `most` parameters at most where that are not fewer than it has.
+fn with_more_components(scene: &Scene, photographs: &Photographs<'_>, most: u64, random: &Random) -> Scene {
     let mut larger = scene.clone();
     let old: Vec<[usize; 2]> =
         scene.scales.iter().map(|s| [s.factors.density_rank as usize, s.factors.appearance_rank as usize]).collect();
@@ -67,29 +71,20 @@ fn larger(scene: &Scene, photographs: &Photographs<'_>, most: u64, step_cells: f
         offer(scale, &random.substream(3).substream(s as u64));
     }
     let worth = worth(&larger, &old, photographs, random);
-    let scales = scene.scales.len();
-    // None, each, all.
-    let finer = std::iter::once(0..0).chain((0..scales).map(|s| s..s + 1)).chain((scales > 1).then_some(0..scales));
-    let way = |scales: Range<usize>| {
-        let [mut old, mut larger] = [scene.clone(), larger.clone()];
-        for scene in [&mut old, &mut larger] {
-            scales.clone().for_each(|s| make_finer(scene, s, step_cells));
-        }
-        (old.held_parameter_count() <= most).then(|| {
-            worth.least(&larger, most).clear(&mut larger);
-            drop_ranks(&mut larger);
-            larger
-        })
-    };
-    finer.filter_map(way).collect()
+    worth.least(&larger, most).clear(&mut larger);
+    drop_ranks(&mut larger);
+    larger
 }
 
-/// Raises the resolution of scale `s`, and makes the march's step as short as that of the coarsest asks for.
-fn make_finer(scene: &mut Scene, s: usize, step_cells: f64) {
-    let more = |d: u32| ((f64::from(d) / CELLS_KEPT).round() as u32).max(d + 1).min(MOST_CELLS.max(d));
-    let to = scene.scales[s].cloud.resolution.map(more);
-    resample(&mut scene.scales[s], to);
+/// `scene` with twice the resolution of `scales`, and steps of the march as short as the coarsest scale then asks for.
+fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
+    let mut scene = scene.clone();
+    for scale in &mut scene.scales[scales] {
+        let to = scale.cloud.resolution.map(|cells| if cells > MOST_CELLS / 2 { cells } else { 2 * cells });
+        resample(scale, to);
+    }
     scene.rules.step = scene.rules.step.min(march_step(&scene.scales[0].cloud, step_cells));
+    scene
 }
 
 /// Gives all tensors of `scale` components that change nothing yet.

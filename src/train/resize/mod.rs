@@ -32,8 +32,6 @@ const RAYS: usize = 8192;
 const CHOOSING: usize = 1 << 15;
 /// Rays that measure what everything cost, at most; other ones than those that decide.
 const MEASURED: usize = 1 << 16;
-/// The share of its cells along an axis that a scale keeps where it gives up resolution, and what it had before where it gets some.
-const CELLS_KEPT: f64 = 0.85;
 
 /// How a scene is trained while it changes.
 #[derive(Clone, Debug)]
@@ -141,26 +139,34 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
 
     /// Goes on with `changed`, and books that as a round.
     fn round(&mut self, changed: Scene) -> Result<Scene, E> {
-        self.round_of_best(vec![changed])
+        self.round_after(changed, 0)
     }
 
-    /// Goes on with the one of `candidates` that is best after a short training, and books that as a round.
-    fn round_of_best(&mut self, mut candidates: Vec<Scene>) -> Result<Scene, E> {
-        let tried = if candidates.len() > 1 { candidates.len() as u64 } else { 0 };
-        let of_each = self.steps.div_ceil(TRIALS_SHARE);
-        let all = tried * of_each + self.steps;
-        let choosing = self.choosing(&candidates[0]);
-        let mut best = (f64::NEG_INFINITY, 0);
-        for n in 0..tried {
-            let trained = self.train(candidates[n as usize].clone(), of_each, [n * of_each, all])?;
-            let psnr = choosing.psnr(&Field::new(&trained));
-            if psnr > best.0 {
-                best = (psnr, n as usize);
-            }
+    /// Goes on with the one of `ways` that is most worth its parameters after a short training beside `scene`'s own, and books that as a
+    /// round; with none where none is better than `scene` then.
+    fn round_of_best(&mut self, scene: &Scene, mut ways: Vec<Scene>) -> Result<Option<Scene>, E> {
+        if ways.is_empty() {
+            return Ok(None);
         }
-        let changed = candidates.swap_remove(best.1);
+        let of_each = self.steps.div_ceil(TRIALS_SHARE);
+        let trials = (1 + ways.len() as u64) * of_each;
+        let choosing = self.choosing(scene);
+        let mut psnrs = Vec::new();
+        for way in std::iter::once(scene).chain(&ways) {
+            let done = psnrs.len() as u64 * of_each;
+            let trained = self.train(way.clone(), of_each, [done, trials + self.steps])?;
+            psnrs.push(choosing.psnr(&Field::new(&trained)));
+        }
+        let held = scene.held_parameter_count();
+        let worth = |n: usize| (psnrs[n + 1] - psnrs[0]) / (ways[n].held_parameter_count() - held) as f64;
+        let best = (0..ways.len()).filter(|&n| worth(n) > 0.0).max_by(|&a, &b| worth(a).total_cmp(&worth(b)));
+        best.map(|n| self.round_after(ways.swap_remove(n), trials)).transpose()
+    }
+
+    /// A round of `changed` after so many steps of `trials`.
+    fn round_after(&mut self, changed: Scene, trials: u64) -> Result<Scene, E> {
         let psnr_at_once = self.psnr_of(&changed);
-        let tuned = self.train(changed, self.steps, [tried * of_each, all])?;
+        let tuned = self.train(changed, self.steps, [trials, trials + self.steps])?;
         self.rounds.push(ResizeRound {
             parameters: tuned.held_parameter_count(),
             resolutions: tuned.scales.iter().map(|s| s.cloud.resolution).collect(),

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{BATCHES, CELLS_KEPT, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
+use super::{BATCHES, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
 use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scene};
@@ -18,6 +18,8 @@ use crate::train::{Backward, Photographs, RayBatch, TrainError};
 const KEPT: f64 = 0.75;
 /// Where a round costs more than may be lost, the next tries to give up the half; less than this share is left alone.
 const LEAST_GIVEN: f64 = 0.05;
+/// The share of its cells along an axis that a scale keeps where it gives up resolution.
+const CELLS_KEPT: f64 = 0.85;
 /// The least cells along an axis that are left.
 const FEWEST_CELLS: u32 = 2;
 
