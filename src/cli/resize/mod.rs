@@ -35,7 +35,9 @@ const GROW_EXAMPLES: &str = "\
 Examples:
   strivec grow small.strivec lego -o larger.strivec --max-params 6M
 
-A small scene is one of strivec train with --max-params. Parameters are those that the file holds. What the file says of its pictures is left out, as those change.";
+A small scene is one of strivec train with --max-params. Parameters are those that the file holds; they are fewer than N where no more help.
+Training small and growing leads to worse pictures than training large and shrinking. What the file says of its pictures is left out, as
+those change.";
 /// Steps of training after each round, as a share of the whole run's.
 const SHARE_OF_STEPS: u64 = 30;
 
