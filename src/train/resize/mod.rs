@@ -137,11 +137,6 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         self.measured.psnr(&Field::new(scene))
     }
 
-    /// Goes on with `changed`, and books that as a round.
-    fn round(&mut self, changed: Scene) -> Result<Scene, E> {
-        self.round_after(changed, 0)
-    }
-
     /// Goes on with the one of `ways` that is most worth its parameters after a short training beside `scene`'s own, and books that as a
     /// round; with none where none is better than `scene` then.
     fn round_of_best(&mut self, scene: &Scene, mut ways: Vec<Scene>) -> Result<Option<Scene>, E> {
@@ -160,11 +155,11 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         let held = scene.held_parameter_count();
         let worth = |n: usize| (psnrs[n + 1] - psnrs[0]) / (ways[n].held_parameter_count() - held) as f64;
         let best = (0..ways.len()).filter(|&n| worth(n) > 0.0).max_by(|&a, &b| worth(a).total_cmp(&worth(b)));
-        best.map(|n| self.round_after(ways.swap_remove(n), trials)).transpose()
+        best.map(|n| self.round(ways.swap_remove(n), trials)).transpose()
     }
 
-    /// A round of `changed` after so many steps of `trials`.
-    fn round_after(&mut self, changed: Scene, trials: u64) -> Result<Scene, E> {
+    /// Goes on with `changed`, after so many steps of `trials`, and books that as a round.
+    fn round(&mut self, changed: Scene, trials: u64) -> Result<Scene, E> {
         let psnr_at_once = self.psnr_of(&changed);
         let tuned = self.train(changed, self.steps, [trials, trials + self.steps])?;
         self.rounds.push(ResizeRound {

@@ -62,7 +62,7 @@ pub fn shrink<E: From<TrainError>>(
             // Nothing but shared weights is left.
             break;
         }
-        let tuned = resizing.round(smaller)?;
+        let tuned = resizing.round(smaller, 0)?;
         let before = resizing.psnr;
         let Some(round) = resizing.rounds.last_mut() else { break };
         if matches!(goal, ShrinkGoal::Loss(most) if is_too_much(before - round.psnr, most)) {
