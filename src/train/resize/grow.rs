@@ -1,7 +1,7 @@
 //! More parameters where pictures' errors ask for them.
 //!
-//! A round gives one of these, none of which changes pictures at once; which, a short training of each tells, by how far the error
-//! falls for each parameter:
+//! A round gives one of these, none of which changes the field at once (the march's step is shorter where the coarsest scale gets
+//! finer); which, a short training of each tells, by how far the error falls for each parameter:
 //! - components of tensors, for a third of the parameters that there are. Every tensor is offered a few, each with two random vectors
 //!   and one of zeros; those are kept along whose third vectors the photographs' error falls most steeply for the parameters
 //!   that they hold;
