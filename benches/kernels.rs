@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use strivec::container::{self, EncodeOptions, Encoding};
-use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorised};
+use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorized};
 use strivec::geometry::Ray;
 use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
@@ -29,7 +29,7 @@ static SCENE: LazyLock<Scene> = LazyLock::new(|| {
 });
 static FIELD: LazyLock<Field<f32>> = LazyLock::new(|| Field::new(&SCENE));
 
-/// `count` neighbouring rays, row by row, that meet the ball.
+/// `count` neighboring rays, row by row, that meet the ball.
 fn rays(count: usize) -> Vec<Ray> {
     let camera = ball_views(1, 100).remove(0).camera;
     let middle = (30..70).flat_map(|row| (30..70).map(move |column| (row, column)));
@@ -38,7 +38,7 @@ fn rays(count: usize) -> Vec<Ray> {
 
 fn marched(rays: &[Ray]) -> Samples<f32> {
     let mut samples = Samples::default();
-    vectorised(
+    vectorized(
         #[inline(always)]
         || FIELD.march(rays, &mut samples),
     );
@@ -50,20 +50,20 @@ fn march(bencher: Bencher<'_, '_>) {
     let rays = rays(RAYS);
     let mut samples = marched(&rays);
     bencher.counter(ItemsCount::new(samples.len())).bench_local(|| {
-        vectorised(
+        vectorized(
             #[inline(always)]
             || FIELD.march(&rays, &mut samples),
         );
     });
 }
 
-/// Neighbours and density, one point at a time.
+/// Neighbors and density, one point at a time.
 #[divan::bench]
 fn density_at_points(bencher: Bencher<'_, '_>) {
     let samples = marched(&rays(RAYS));
     let mut scratch = Samples::default();
     bencher.counter(ItemsCount::new(samples.len())).bench_local(|| {
-        vectorised(
+        vectorized(
             #[inline(always)]
             || {
                 let feature = |&position| FIELD.density_feature(position, &mut scratch);
@@ -73,7 +73,7 @@ fn density_at_points(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Colours of the coloured samples of a march: gathering, matrices, encoding and MLP.
+/// Colors of the colored samples of a march: gathering, matrices, encoding and MLP.
 #[divan::bench]
 fn decode(bencher: Bencher<'_, '_>) {
     let rays = rays(RAYS);
@@ -81,7 +81,7 @@ fn decode(bencher: Bencher<'_, '_>) {
     let mut activations = Activations::default();
     FIELD.choose_colored(&samples, None, &mut activations.colored);
     bencher.counter(ItemsCount::new(activations.colored.len())).bench_local(|| {
-        vectorised(
+        vectorized(
             #[inline(always)]
             || FIELD.decode(&rays, &mut samples, &mut activations),
         );

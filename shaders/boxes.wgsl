@@ -3,7 +3,7 @@
 struct Boxes {
     // From the model's space, relative to the field's origin, to the surface.
     clip_from_model: mat4x4<f32>,
-    // By scale: half edges, and colours with their opacity.
+    // By scale: half edges, and colors with their opacity.
     halves: array<vec4<f32>, 16>,
     colors: array<vec4<f32>, 16>,
 }

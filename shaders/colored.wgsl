@@ -1,4 +1,4 @@
-// Compaction: the samples that add colour, row after row, those of a ray side by side; and the rays that have any. Where
+// Compaction: the samples that add color, row after row, those of a ray side by side; and the rays that have any. Where
 // rows lie depends on which workgroup or subgroup came first, what is in them does not (`place_of`: places.wgsl or
 // places_subgroup.wgsl). Twin: src/field/colored.rs.
 

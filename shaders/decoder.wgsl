@@ -7,7 +7,7 @@
 const ROW_QUADS: u32 = ROWS / 4u;
 
 var<workgroup> tile: array<Kept, TILE_QUADS>;
-// [row][scale][neighbour], nearest first; the first of weight 0 ends a list.
+// [row][scale][neighbor], nearest first; the first of weight 0 ends a list.
 var<workgroup> pairs: array<Located, PAIRS>;
 // [row][scale] whether the scale covers the row's sample.
 var<workgroup> covering: array<f32, ROWS * SCALES>;
@@ -16,14 +16,14 @@ var<workgroup> tile_rays: array<u32, ROWS>;
 var<workgroup> tile_rows: array<u32, ROWS>;
 // [row quad] Σ w of the samples so far.
 var<workgroup> tile_weights: array<vec4<f32>, ROW_QUADS>;
-// [channel][row quad] what samples add to their ray's colour.
+// [channel][row quad] what samples add to their ray's color.
 var<workgroup> own_colors: array<vec4<f32>, OWN_COLOR_QUADS>;
 // The most samples that a ray of the tile has.
 var<workgroup> longest: u32;
 
 const NONE: u32 = 0xffffffffu;
 
-// Finds the neighbours of the tile's samples, a lane a scale of a sample.
+// Finds the neighbors of the tile's samples, a lane a scale of a sample.
 fn find_pairs(lane: u32) {
     for (var item = lane; item < ROWS * SCALES; item += LANES) {
         let r = item / SCALES;
@@ -152,7 +152,7 @@ fn gather_samples(lane: u32) {
     }
 }
 
-// Rays' composited components, F = Σ w·f / Σ w, into the tile; and what samples add to their ray's colour, where they do.
+// Rays' composited components, F = Σ w·f / Σ w, into the tile; and what samples add to their ray's color, where they do.
 fn compose_rays(lane: u32) {
     if lane == 0u {
         longest = 0u;

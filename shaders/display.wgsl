@@ -6,7 +6,7 @@ struct Display {
     // Its place on the surface, in the surface's pixels.
     corner: vec2<f32>,
     size: vec2<f32>,
-    // 0 colour, 1 depth, 2 opacity, 3 normals, 4 samples.
+    // 0 color, 1 depth, 2 opacity, 3 normals, 4 samples.
     view: u32,
     // 1 where the surface expects linear light.
     is_linear: u32,
@@ -48,7 +48,7 @@ fn texel(column: i32, row: i32) -> u32 {
     return u32(at.y) * display.picture.x + u32(at.x);
 }
 
-// The colour at `at`, in pixels from the corner, on the background that is wanted.
+// The color at `at`, in pixels from the corner, on the background that is wanted.
 fn color_at(at: vec2<f32>) -> vec3<f32> {
     let corner = floor(at - 0.5);
     let part = at - 0.5 - corner;

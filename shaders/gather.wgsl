@@ -1,6 +1,6 @@
 // Interpolating factors. Twin: src/field/gather.rs.
 
-// A neighbour, ready for interpolation: the lower of two rows and the fraction of the way to the next, per axis.
+// A neighbor, ready for interpolation: the lower of two rows and the fraction of the way to the next, per axis.
 struct Located {
     rows: vec3<u32>,
     weight: f32,

@@ -14,7 +14,7 @@ struct Scale {
     starts: u32,
     // Half edges of a tensor.
     half: vec3<f32>,
-    // Quad of the first candidate: its centre, and its tensor's number in the scale.
+    // Quad of the first candidate: its center, and its tensor's number in the scale.
     candidates: u32,
     // Cells of a factor per unit, the last cell's number, and a tensor's first row, by axis.
     factor_cells_per_unit: vec3<f32>,
@@ -110,14 +110,14 @@ struct Ray {
     distances: f32,
     // How many were evaluated.
     evaluated: u32,
-    // The network's outputs, where it is called once a ray; Σ w of the samples that add colour.
+    // The network's outputs, where it is called once a ray; Σ w of the samples that add color.
     outputs: vec3<f32>,
     colored_weights: f32,
-    // The samples that add colour: their first block, their first row, and their number.
+    // The samples that add color: their first block, their first row, and their number.
     first_block: u32,
     first_row: u32,
     colored: u32,
-    // No property of this ray: entry n of the list of rays that have colour.
+    // No property of this ray: entry n of the list of rays that have color.
     listed: u32,
     // Where the next pass goes on: what rounding has taken from transmittance, Σ w and Σ w·t, the next sample, the last block
     // and how much of it is used.
@@ -143,13 +143,13 @@ struct Counters {
 @group(0) @binding(2) var<storage, read_write> rays: array<Ray>;
 // Blocks of SLOTS: (number of the next block, 0), then samples' (distance, weight).
 @group(0) @binding(3) var<storage, read_write> slots: array<vec2<u32>>;
-// Samples that add colour: (their ray, their distance behind its first sample, 0, weight); once they are decoded, (colour,
-// weight), where the colour may be what they add to their ray's before the sigmoid.
+// Samples that add color: (their ray, their distance behind its first sample, 0, weight); once they are decoded, (color,
+// weight), where the color may be what they add to their ray's before the sigmoid.
 @group(0) @binding(4) var<storage, read_write> rows: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> counters: Counters;
 // Workgroups of the decoder.
 @group(0) @binding(6) var<storage, read_write> workgroups: array<u32>;
-// Two a pixel: (colour, opacity), (depth, samples evaluated, samples with colour, 0 or a coded normal).
+// Two a pixel: (color, opacity), (depth, samples evaluated, samples with color, 0 or a coded normal).
 @group(0) @binding(7) var<storage, read_write> pixels: array<vec4<f32>>;
 
 // The picture's column and row of a camera's ray number `n`, tile by tile.

@@ -1,4 +1,4 @@
-// Marching rays front to back, density only: what samples weigh. Those that add colour go to blocks of slots. Twin:
+// Marching rays front to back, density only: what samples weigh. Those that add color go to blocks of slots. Twin:
 // src/field/march.rs. A ray that has not come to its end in this pass goes on in the next one.
 
 // The next sample of a ray that has come to its end.

@@ -1,4 +1,4 @@
-// From samples' colours to pixels. Twin: src/field/decoder.rs (`Activations::pixel`), src/render/cpu.rs.
+// From samples' colors to pixels. Twin: src/field/decoder.rs (`Activations::pixel`), src/render/cpu.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -22,7 +22,7 @@ fn picture(scene: &Scene, approximation: Approximation) -> Picture {
     renderer.unwrap_or_else(|error| panic!("{approximation:?}: {error}")).render(&camera())
 }
 
-/// The root of the mean squared difference of colours.
+/// The root of the mean squared difference of colors.
 fn difference(a: &Picture, b: &Picture) -> f64 {
     let channels = a.pixels.iter().zip(&b.pixels).flat_map(|(a, b)| (0..3).map(|i| a.color[i] - b.color[i]));
     let sum: f64 = channels.map(|d| f64::from(d).powi(2)).sum();
@@ -30,7 +30,7 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
 }
 
 const EXACT: Approximation = Approximation {
-    neighbours: None,
+    neighbors: None,
     scales: None,
     components: None,
     step_scale: 1.0,
@@ -52,7 +52,7 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { neighbours: Some(4), ..EXACT },
+        Approximation { neighbors: Some(4), ..EXACT },
         Approximation { scales: Some(3), ..EXACT },
         Approximation { components: Some(1.0), ..EXACT },
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
@@ -69,7 +69,7 @@ fn a_strong_option_shows() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { neighbours: Some(1), ..EXACT },
+        Approximation { neighbors: Some(1), ..EXACT },
         Approximation { scales: Some(1), ..EXACT },
         Approximation { components: Some(0.4), ..EXACT },
         Approximation { step_scale: 8.0, ..EXACT },
@@ -143,8 +143,8 @@ fn options_out_of_range_are_refused_by_name() {
     let scene = scene();
     let (nan, infinite) = (f64::NAN, f64::INFINITY);
     for (option, name, expected) in [
-        (Approximation { neighbours: Some(0), ..EXACT }, "neighbours", "1 to 4"),
-        (Approximation { neighbours: Some(5), ..EXACT }, "neighbours", "1 to 4"),
+        (Approximation { neighbors: Some(0), ..EXACT }, "neighbors", "1 to 4"),
+        (Approximation { neighbors: Some(5), ..EXACT }, "neighbors", "1 to 4"),
         (Approximation { scales: Some(0), ..EXACT }, "scales", "1 to 3"),
         (Approximation { scales: Some(4), ..EXACT }, "scales", "1 to 3"),
         (Approximation { components: Some(0.0), ..EXACT }, "components", "a number in (0, 1]"),

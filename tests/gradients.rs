@@ -175,7 +175,7 @@ fn central_difference(
     best
 }
 
-/// A scene whose colours depend strongly on its factors, so that their gradients stand out from rounding; and whose
+/// A scene whose colors depend strongly on its factors, so that their gradients stand out from rounding; and whose
 /// factors are positive, so that no product of two is close to zero by chance, which f32 could not tell from zero.
 fn scene(config: &TrainConfig) -> Scene {
     let mut scene = scenes::scene(config);
@@ -189,7 +189,7 @@ fn scene(config: &TrainConfig) -> Scene {
         // Two units of three are always on, the third is always off.
         layer.bias.iter_mut().enumerate().for_each(|(i, b)| *b += if i % 3 == 0 { -7.0 } else { 7.0 });
     }
-    // The large biases must not saturate the colours.
+    // The large biases must not saturate the colors.
     scene.decoder.layers[hidden].weights.iter_mut().for_each(|w| *w *= 0.6);
     scene
 }
@@ -218,7 +218,7 @@ fn configs() -> Vec<TrainConfig> {
     plain.field.density_shift = -6.0;
     let mut other = scenes::config();
     other.field.coverage_all = false;
-    other.field.normalised = false;
+    other.field.normalized = false;
     other.field.density_mean = true;
     other.field.appearance_mean = true;
     other.field.density_shift = -4.0;

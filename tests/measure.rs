@@ -2,7 +2,7 @@
 //!
 //! The constants were computed with NumPy and SciPy on the pictures of [`pictures`]: PSNR as
 //! `-10 * log10(mean((a - b)**2))`, SSIM by `scipy.signal.convolve2d(…, mode="valid")` with the separable window
-//! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalised, and the formula of `src/measure/ssim.rs`.
+//! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalized, and the formula of `src/measure/ssim.rs`.
 #![cfg(feature = "toolkit")]
 
 use strivec::measure::{
@@ -30,7 +30,7 @@ fn close(found: f64, expected: f64, tolerance: f64) -> bool {
     (found - expected).abs() <= tolerance
 }
 
-/// SSIM with the two-dimensional window written out: every sum of the definition is a loop here, centred moments
+/// SSIM with the two-dimensional window written out: every sum of the definition is a loop here, centerd moments
 /// instead of differences of squares.
 fn brute_force_ssim(size: [u32; 2], a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
     let (width, height) = (size[0] as usize, size[1] as usize);
@@ -181,7 +181,7 @@ fn depths_are_multiples_of_the_unit() {
 }
 
 #[test]
-fn opacities_are_grey_and_wrong_sizes_are_refused() {
+fn opacities_are_gray_and_wrong_sizes_are_refused() {
     let picture = image::load_from_memory(&opacity_png([2, 1], &[0.0, 1.0]).unwrap()).unwrap();
     assert_eq!(picture.color(), image::ColorType::L8);
     assert_eq!(picture.into_luma8().into_raw(), [0, 255]);

@@ -68,7 +68,7 @@ fn margins_are_distances_to_the_next_jump() {
         let position = DVec3::from_array([0, 1, 2].map(|a| 1.6 * random.uniform(8 * i + a) - 0.8));
         let here = field.locate(position);
         let tensors = |p: &strivec::model::Point| -> Vec<Vec<usize>> {
-            p.neighbours
+            p.neighbors
                 .iter()
                 .map(|n| {
                     let mut t: Vec<_> = n.iter().map(|n| n.tensor).collect();
@@ -98,7 +98,7 @@ fn buckets_find_what_a_search_through_all_tensors_finds() {
     let random = Random::new(9, "search");
     for i in 0..2000 {
         let position = DVec3::from_array([0, 1, 2].map(|a| 2.4 * random.uniform(3 * i + a) - 1.2));
-        for (scale, found) in scene.scales.iter().zip(&field.locate(position).neighbours) {
+        for (scale, found) in scene.scales.iter().zip(&field.locate(position).neighbors) {
             let mut all: Vec<(f64, usize)> = (scale.cloud.centers().enumerate())
                 .filter(|(_, c)| (position - *c).abs().cmple(scale.cloud.half).all())
                 .map(|(n, c)| ((position - c).length(), n))
@@ -133,6 +133,6 @@ fn normals_are_the_references_and_looking_changes_no_pixel() {
         normals += 1;
         close += usize::from(DVec3::from(fall).normalize().dot(normal.as_dvec3()) > 0.999);
     }
-    // The others have a neighbour on the other side of a threshold.
+    // The others have a neighbor on the other side of a threshold.
     assert!(normals > 100 && close * 100 >= normals * 98, "{close} of {normals}");
 }

@@ -1,4 +1,4 @@
-//! One decoder call a ray, without and with colours of the samples' own: the reference against numbers worked out by hand.
+//! One decoder call a ray, without and with colors of the samples' own: the reference against numbers worked out by hand.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -11,7 +11,7 @@ use strivec::model::{
 };
 use strivec::render::{ReferenceRenderer, Trace};
 
-/// A feature's own colours before the sigmoid, over it.
+/// A feature's own colors before the sigmoid, over it.
 const OWN: [f64; 3] = [1.0, 2.0, -0.5];
 
 const BACKGROUND: [f64; 3] = [1.0, 0.5, 0.25];
@@ -20,7 +20,7 @@ const BACKGROUND: [f64; 3] = [1.0, 0.5, 0.25];
 /// ln 2 as well: α is ½ everywhere. [`RAY`] has samples at z = −¾, −¼, ¼ of weights ½, ¼, ⅛ and leaves T = ⅛. The scales'
 /// appearance features are 4·(z + 1) and 2, their mean 1½, 2½, 3½.
 ///
-/// With F the feature and d the direction, the colour is sigmoid of F, sin F, and cos F + d_z. Where samples keep colours
+/// With F the feature and d the direction, the color is sigmoid of F, sin F, and cos F + d_z. Where samples keep colors
 /// of their own, features are [`OWN`] times that one.
 fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
     let features = mode.min_features();
@@ -57,7 +57,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
         frame: Frame {
             model_from_dataset: Similarity::IDENTITY,
             up: UpAxis::Z,
-            metres_per_unit: None,
+            meters_per_unit: None,
             near: 0.5,
             far: 10.0,
             background: BACKGROUND.map(|c| c as f32),
@@ -66,7 +66,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
         bounds: Aabb { min: DVec3::splat(-0.75), max: DVec3::splat(0.75) },
         rules: Rules {
             coverage: Coverage::All,
-            aggregation: Aggregation::Normalised,
+            aggregation: Aggregation::Normalized,
             density_reduction: Reduction::Sum,
             appearance_reduction: Reduction::Mean,
             density_shift: 0.0,
@@ -95,7 +95,7 @@ fn traced(scene: &Scene) -> Trace {
     ReferenceRenderer::new(scene).trace_one(&RAY)
 }
 
-/// `weight` of the decoder's colour of the feature `f`, with ⅛ of the background.
+/// `weight` of the decoder's color of the feature `f`, with ⅛ of the background.
 fn pixel(weight: f64, f: f64) -> [f64; 3] {
     let color = decoded(f).map(sigmoid);
     [0, 1, 2].map(|i| weight * color[i] + 0.125 * BACKGROUND[i])
@@ -112,7 +112,7 @@ fn difference(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 #[test]
 fn a_ray_is_decoded_once_on_the_weighted_mean_of_its_features() {
-    // The last sample weighs too little for a colour: it counts in T alone.
+    // The last sample weighs too little for a color: it counts in T alone.
     let found = traced(&scene(DecoderMode::PerRay, 0.2)).color;
     let sum = 0.5 * 1.5 + 0.25 * 2.5;
     assert!(difference(found, pixel(0.75, sum / 0.75)) < 1e-15, "{found:?}");
@@ -120,9 +120,9 @@ fn a_ray_is_decoded_once_on_the_weighted_mean_of_its_features() {
     let planted = [
         ("features that are not divided by the sum of weights", pixel(0.75, sum)),
         ("features divided by the opacity", pixel(0.75, sum / 0.875)),
-        ("a colour that weighs as much as the ray is opaque", pixel(0.875, sum / 0.75)),
-        ("a colour that is not weighted", pixel(1.0, sum / 0.75)),
-        ("the uncoloured sample's features", pixel(0.75, (sum + 0.125 * 3.5) / 0.875)),
+        ("a color that weighs as much as the ray is opaque", pixel(0.875, sum / 0.75)),
+        ("a color that is not weighted", pixel(1.0, sum / 0.75)),
+        ("the uncolored sample's features", pixel(0.75, (sum + 0.125 * 3.5) / 0.875)),
     ];
     for (what, wrong) in planted {
         assert!(difference(found, wrong) > 1e-2, "{what} would go unnoticed");
@@ -133,7 +133,7 @@ fn a_ray_is_decoded_once_on_the_weighted_mean_of_its_features() {
 }
 
 #[test]
-fn samples_add_colours_of_their_own_to_their_ray_s_before_the_sigmoid() {
+fn samples_add_colors_of_their_own_to_their_ray_s_before_the_sigmoid() {
     let found = traced(&scene(DecoderMode::Residual, 0.2)).color;
     let mean = (0.5 * 1.5 + 0.25 * 2.5) / 0.75;
     let expected = |color: &dyn Fn(f64, usize) -> f64| {
@@ -143,9 +143,9 @@ fn samples_add_colours_of_their_own_to_their_ray_s_before_the_sigmoid() {
     assert!(difference(found, right) < 1e-15, "{found:?}, expected {right:?}");
 
     let planted = [
-        ("the ray's colour alone", expected(&|_, i| sigmoid(decoded(mean)[i]))),
-        ("colours added after the sigmoid", expected(&|f, i| sigmoid(OWN[i] * f) + sigmoid(decoded(mean)[i]))),
-        ("the ray's own colour", expected(&|_, i| sigmoid(OWN[i] * mean + decoded(mean)[i]))),
+        ("the ray's color alone", expected(&|_, i| sigmoid(decoded(mean)[i]))),
+        ("colors added after the sigmoid", expected(&|f, i| sigmoid(OWN[i] * f) + sigmoid(decoded(mean)[i]))),
+        ("the ray's own color", expected(&|_, i| sigmoid(OWN[i] * mean + decoded(mean)[i]))),
         ("a decoder call a sample", expected(&|f, i| sigmoid(OWN[i] * f + decoded(f)[i]))),
     ];
     for (what, wrong) in planted {
@@ -154,14 +154,14 @@ fn samples_add_colours_of_their_own_to_their_ray_s_before_the_sigmoid() {
 }
 
 #[test]
-fn a_ray_with_one_coloured_sample_has_that_sample_s_colour() {
+fn a_ray_with_one_colored_sample_has_that_sample_s_color() {
     let [once, each] = [DecoderMode::PerRay, DecoderMode::PerSample].map(|mode| traced(&scene(mode, 0.3)).color);
     assert_eq!(once, each);
     assert!(difference(once, pixel(0.5, 1.5)) < 1e-15);
 }
 
 #[test]
-fn a_ray_without_coloured_samples_shows_what_is_left_of_the_background() {
+fn a_ray_without_colored_samples_shows_what_is_left_of_the_background() {
     for mode in DecoderMode::ALL {
         let trace = traced(&scene(mode, 0.6));
         assert!(difference(trace.color, BACKGROUND.map(|c| 0.125 * c)) < 1e-15, "{trace:?}");
@@ -169,9 +169,9 @@ fn a_ray_without_coloured_samples_shows_what_is_left_of_the_background() {
     }
 }
 
-/// Which samples are coloured, and how near that is to changing, has nothing to do with where the decoder is called.
+/// Which samples are colored, and how near that is to changing, has nothing to do with where the decoder is called.
 #[test]
-fn the_mode_changes_colours_alone() {
+fn the_mode_changes_colors_alone() {
     let [mut once, mut each] = [scenes::scene(&scenes::config()), scenes::scene(&scenes::config())];
     once.decoder.mode = DecoderMode::PerRay;
     each.decoder.mode = DecoderMode::PerSample;

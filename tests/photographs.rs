@@ -13,7 +13,7 @@ use strivec::train::{Photographs, Target, TrainConfig};
 const SIZE: u32 = 6;
 const PIXELS: u64 = (SIZE * SIZE) as u64;
 
-/// An opaque view and one with transparent pixels, all of one colour.
+/// An opaque view and one with transparent pixels, all of one color.
 fn views() -> [View; 2] {
     [255, 51].map(|alpha| View {
         name: alpha.to_string(),
@@ -43,7 +43,7 @@ fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Tar
 }
 
 #[test]
-fn colours_are_composited_on_the_scene_s_background() {
+fn colors_are_composited_on_the_scene_s_background() {
     let views = views();
     let draws = drawn(&views, &scenes::config(), 2 * PIXELS);
     let background = frame().background;

@@ -17,7 +17,7 @@ use strivec::train::{BootstrapOptions, PrepareError, TrainConfig, bootstrap_prio
 
 const SOLID: Aabb = Aabb { min: DVec3::new(-0.5, -0.3, -0.2), max: DVec3::new(0.4, 0.4, 0.5) };
 
-/// A box whose faces have different colours, on white, seen from all around; `scale` is the world's.
+/// A box whose faces have different colors, on white, seen from all around; `scale` is the world's.
 fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
     let solid = Aabb { min: scale * SOLID.min, max: scale * SOLID.max };
     let view = |n: u32| {

@@ -90,7 +90,7 @@ fn a_prior_reads_back_as_itself_and_joins_others() {
 #[test]
 fn geometry_is_turned_scaled_and_moved() {
     let folder = TempDir::new().unwrap();
-    // A line along y, in millimetres, y up.
+    // A line along y, in millimeters, y up.
     let lines: String = (0..100).map(|i| format!("0;{};0\n", 10 * i)).collect();
     fs::write(folder.path().join("line.txt"), lines).unwrap();
     let common = ["prior", "line.txt", "-o", "p.npz", "--voxel", "0.01", "--up", "y", "--scale", "0.001"];

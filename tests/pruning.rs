@@ -13,7 +13,7 @@ use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
 use strivec::train::{MAX_LOSS, Photographs, TrainConfig, drop_unused, prune_unoccupied};
 
-/// A scene that counts on one side only, with its centres on lattices or listed.
+/// A scene that counts on one side only, with its centers on lattices or listed.
 fn one_sided(coverage: Coverage, listed: bool) -> Scene {
     let mut scene = scenes::scene(&scenes::config());
     scene.rules.coverage = coverage;
@@ -38,7 +38,7 @@ fn rays() -> Vec<Ray> {
     cameras.flat_map(|camera| (0..144).map(move |p| camera.ray(p % 12, p / 12))).collect()
 }
 
-/// Colours and depths in the reference renderer, as bits.
+/// Colors and depths in the reference renderer, as bits.
 fn reference(scene: &Scene, rays: &[Ray]) -> Vec<[u64; 5]> {
     let renderer = ReferenceRenderer::new(scene);
     let bits = |ray| {
@@ -109,7 +109,7 @@ fn config() -> TrainConfig {
     config
 }
 
-/// Gives tensor by tensor of `scale` the density feature that `feature` tells for its centre, the same in all its box.
+/// Gives tensor by tensor of `scale` the density feature that `feature` tells for its center, the same in all its box.
 fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
     let rank = scale.factors.density_rank as usize;
     let rows = Factors::rows(scale.cloud.resolution);
@@ -207,7 +207,7 @@ fn what_keeps_a_sample_empty_stays() {
     let fine = &scene.scales[1];
     let hollow: Vec<usize> = (0..fine.cloud.len()).filter(|&n| fine.cloud.center(n).x > 0.3).collect();
     assert!(hollow.iter().all(|&n| !is_clear(fine, n)[0]), "without them the coarse scale shows");
-    assert!(hollow.iter().any(|&n| is_clear(fine, n)[1]), "no colour is seen there");
+    assert!(hollow.iter().any(|&n| is_clear(fine, n)[1]), "no color is seen there");
     assert_eq!(before.scales[1].cloud, fine.cloud);
 }
 

@@ -20,8 +20,8 @@ fn config() -> TrainConfig {
     config
 }
 
-/// A scene of many colours.
-fn colourful() -> Scene {
+/// A scene of many colors.
+fn colorful() -> Scene {
     let mut scene = scenes::scene(&config());
     for scale in &mut scene.scales {
         scale.appearance_matrix.weights.iter_mut().for_each(|w| *w *= 40.0);
@@ -81,7 +81,7 @@ fn ranks(scale: &Scale) -> [u32; 2] {
 
 #[test]
 fn what_does_nothing_goes_first() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let wide = with_idle_components(&scene, 3);
     let goal = ShrinkGoal::Parameters(scene.held_parameter_count());
@@ -105,7 +105,7 @@ fn what_does_nothing_goes_first() {
 
 #[test]
 fn training_makes_up_for_what_was_given_up() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let most = scene.held_parameter_count() * 2 / 3;
     let small = shrunk(&scene, &views, ShrinkGoal::Parameters(most), 60);
@@ -132,7 +132,7 @@ fn training_makes_up_for_what_was_given_up() {
 
 #[test]
 fn a_loss_is_not_exceeded_and_a_small_scene_stays_as_it_is() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let wide = with_idle_components(&scene, 4);
     // The photographs are exact, so that even the first steps of training cost much.
@@ -147,7 +147,7 @@ fn a_loss_is_not_exceeded_and_a_small_scene_stays_as_it_is() {
 
 #[test]
 fn resolution_goes_where_cells_are_finer_than_what_is_there() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let mut fine = scene.clone();
     // Six times as many cells of one scale, along straight lines between what there was.
@@ -167,7 +167,7 @@ fn resolution_goes_where_cells_are_finer_than_what_is_there() {
 
 #[test]
 fn a_scene_grows_where_its_error_is() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     // Half of the tensors, those on one side, are left without components.
     let mut small = scene.clone();
@@ -212,7 +212,7 @@ fn a_scene_grows_where_its_error_is() {
 
 #[test]
 fn cells_that_are_too_coarse_become_finer() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let mut coarse = scene.clone();
     for scale in &mut coarse.scales {
@@ -235,7 +235,7 @@ fn cells_that_are_too_coarse_become_finer() {
 
 #[test]
 fn threads_change_nothing_and_an_interruption_ends_it() {
-    let scene = colourful();
+    let scene = colorful();
     let views = views(&scene);
     let goal = ShrinkGoal::Parameters(scene.held_parameter_count() * 3 / 4);
     let of_threads = |n: usize| {
@@ -263,7 +263,7 @@ fn threads_change_nothing_and_an_interruption_ends_it() {
 
 #[test]
 fn cells_hold_all_parameters_and_only_where_something_is_seen() {
-    let scene = colourful();
+    let scene = colorful();
     let background = scene.frame.background;
     let rays: Vec<Ray> =
         (0..3).flat_map(|i| (0..576).map(move |p| scenes::camera(24, f64::from(i)).ray(p % 24, p / 24))).collect();
@@ -279,7 +279,7 @@ fn cells_hold_all_parameters_and_only_where_something_is_seen() {
     assert!((all - held(&scene)).abs() < 1e-6 * all, "{all} of {}", held(&scene));
     for cell in &map.cells {
         assert!(cell.parameters == 0.0 || cell.weight > 0.0, "{cell:?}");
-        assert!(cell.deviation().is_none_or(|d| d < 1e-6), "all photographs show one colour: {cell:?}");
+        assert!(cell.deviation().is_none_or(|d| d < 1e-6), "all photographs show one color: {cell:?}");
     }
     let opacities: f64 = CpuRenderer::new(&scene).trace(&batch.rays).iter().map(|p| f64::from(p.opacity)).sum();
     let seen = sum(&map, |c| c.weight);

@@ -23,7 +23,7 @@ fn synthetic(options: &SynthOptions) -> (TempDir, PathBuf, SynthesisedScan) {
     (around, folder, made)
 }
 
-/// Vertices, their colours, and triangles of a mesh that the generator wrote.
+/// Vertices, their colors, and triangles of a mesh that the generator wrote.
 fn mesh(path: &Path) -> (Vec<DVec3>, Vec<[u8; 3]>, Vec<[u32; 3]>) {
     let bytes = fs::read(path).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
@@ -45,7 +45,7 @@ fn mesh(path: &Path) -> (Vec<DVec3>, Vec<[u8; 3]>, Vec<[u32; 3]>) {
 }
 
 /// The share of `points` in the pictures of `dataset` that are in front of a pixel which is not white, nor are its
-/// neighbours.
+/// neighbors.
 fn on_foreground(dataset: &Dataset, points: impl Iterator<Item = DVec3> + Clone) -> f64 {
     let (mut inside, mut covered) = (0_u32, 0_u32);
     for view in &dataset.views {
@@ -103,7 +103,7 @@ fn cameras_see_the_aligned_mesh_of_a_synthetic_scan() {
     assert!(aligned > 0.98 && stored < 0.8, "{aligned} {stored}");
     let reach = vertices.iter().map(|&v| scan.aligned(v).abs().max_element()).fold(0.0, f64::max);
     assert!((2.2..2.4).contains(&reach), "{reach}");
-    assert!(colors.iter().collect::<HashSet<_>>().len() > 1000, "colours differ");
+    assert!(colors.iter().collect::<HashSet<_>>().len() > 1000, "colors differ");
 
     assert!((0.08..0.09).contains(&made.torn), "{}", made.torn);
     let edges: HashSet<_> = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
@@ -151,7 +151,7 @@ fn seed_alone_decides_every_byte_of_a_synthetic_scan() {
 
 const IDENTITY: &str = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
 
-/// A scan of ten frames of 8×6 pixels; frame N stands at (N, 0, 0) and its picture is of the grey 10 N.
+/// A scan of ten frames of 8×6 pixels; frame N stands at (N, 0, 0) and its picture is of the gray 10 N.
 struct Small {
     folder: TempDir,
 }
@@ -336,8 +336,8 @@ fn missing_parts_are_named() {
 #[test]
 fn jpeg_pictures_are_read_by_their_bytes_and_broken_ones_named() {
     let small = Small::new();
-    let grey = RgbImage::from_pixel(8, 6, image::Rgb([120; 3]));
-    grey.save(small.path("color/3.jpg")).unwrap();
+    let gray = RgbImage::from_pixel(8, 6, image::Rgb([120; 3]));
+    gray.save(small.path("color/3.jpg")).unwrap();
     fs::remove_file(small.path("color/3.png")).unwrap();
     let train = small.load("train").unwrap();
     assert!(train.views[3].pixels.color(20, [0.0; 3]).iter().all(|c| (c - 120.0 / 255.0).abs() < 0.01));

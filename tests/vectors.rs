@@ -213,7 +213,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             bytes
         }),
         ("malformed-order", changed(&|f| f.sections.swap(0, 1))),
-        ("malformed-name", changed(&|f| f.part("LICENCE").kind = name("licence"))),
+        ("malformed-name", changed(&|f| f.part("LICENCE").kind = name("license"))),
         ("malformed-padding", {
             let mut bytes = base.clone();
             let first = 64 + 64 * u32::from_le_bytes(base[12..16].try_into().unwrap()) as usize;

@@ -101,7 +101,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(approximated["density_cache_bytes"].as_u64().unwrap() > 729, "{approximated}");
     assert!((approximated["psnr"].as_f64().unwrap() - psnr).abs() > 1e-3, "{approximated}");
     for (wrong, expected) in [
-        (["--neighbours", "17"], "--neighbours: expected 1 to "),
+        (["--neighbors", "17"], "--neighbors: expected 1 to "),
         (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
         (["--renderer=reference", "--scales=1"], "--backend reference: expected no approximations"),
     ] {

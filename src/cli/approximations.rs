@@ -13,9 +13,9 @@ use crate::render::{ApproximationError, Choice, Trade, TradeError, Wish};
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Approximations (none by default)")]
 pub(super) struct Approximations {
-    /// Only the N nearest neighbours in each scale
+    /// Only the N nearest neighbors in each scale
     #[arg(long, value_name = "N")]
-    neighbours: Option<u32>,
+    neighbors: Option<u32>,
     /// Only the N coarsest scales
     #[arg(long, value_name = "N")]
     scales: Option<u32>,
@@ -25,7 +25,7 @@ pub(super) struct Approximations {
     /// Steps longer by this factor
     #[arg(long, value_name = "FACTOR")]
     step_scale: Option<f64>,
-    /// Only samples that weigh more than W add colour [default: the scene's]
+    /// Only samples that weigh more than W add color [default: the scene's]
     #[arg(long, value_name = "W")]
     min_weight: Option<f64>,
     /// Rays end where less than T of their light is left [default: the scene's]
@@ -76,7 +76,7 @@ impl Approximations {
             None => Choice::default(),
         };
         let approximation = &mut choice.approximation;
-        approximation.neighbours = self.neighbours.or(approximation.neighbours);
+        approximation.neighbors = self.neighbors.or(approximation.neighbors);
         approximation.scales = self.scales.or(approximation.scales);
         approximation.components = self.components.or(approximation.components);
         approximation.step_scale = self.step_scale.unwrap_or(approximation.step_scale);

@@ -43,7 +43,7 @@ pub(super) struct BackendOptions {
     /// What computes the pictures
     #[arg(long, alias = "renderer", value_enum, default_value_t)]
     backend: Backend,
-    /// With --backend gpu: factors rounded to 16 bits, in half the memory; colours are mostly less than
+    /// With --backend gpu: factors rounded to 16 bits, in half the memory; colors are mostly less than
     /// 0.01 off
     #[arg(long)]
     half: bool,

@@ -11,7 +11,7 @@ pub(super) fn register() {
     let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
 }
 
-/// What `draw` draws in \[columns, rows\] of `size`, as colours.
+/// What `draw` draws in \[columns, rows\] of `size`, as colors.
 pub(super) fn picture<E>(
     size: (u32, u32),
     draw: impl FnOnce(BitMapBackend<'_>) -> Result<(), E>,

@@ -26,7 +26,7 @@ Examples:
   strivec render lego.strivec --path flight.json --fps 60 --size 1280x720 --out frames
 
 Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
-folder says how much a grey value of 1 stands for. 0 is where there is nothing.
+folder says how much a gray value of 1 stands for. 0 is where there is nothing.
 A path's frames are frame_0000.png, frame_0001.png, …, also where a video is made of them.";
 
 /// The arguments.
@@ -65,7 +65,7 @@ struct Report {
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     seconds: f64,
-    /// What a grey value of 1 stands for, in the dataset's units.
+    /// What a gray value of 1 stands for, in the dataset's units.
     depth_unit: Option<f64>,
     /// In the order of the cameras.
     files: Vec<PathBuf>,
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut renderer = args.backend.prepare(scene, &choice.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     if let Some(unit) = depth_unit {
-        let depth = "distance along the ray in the dataset's units is grey value times unit; 0 where there is nothing";
+        let depth = "distance along the ray in the dataset's units is gray value times unit; 0 where there is nothing";
         let json = serde_json::to_string_pretty(&DepthScale { depth, unit }).expect("plain data") + "\n";
         write_atomically(&scale_file, json.as_bytes(), session.force)?;
     }
@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     })
 }
 
-/// The colours of a picture, in its order.
+/// The colors of a picture, in its order.
 pub(super) fn colors(picture: &Picture) -> Vec<[f32; 3]> {
     picture.pixels.iter().map(|p| p.color).collect()
 }

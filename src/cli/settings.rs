@@ -18,7 +18,7 @@ pub(super) struct Settings {
     pub(super) preset: Option<Preset>,
     #[command(flatten)]
     pub(super) basics: Basics,
-    /// Optimiser steps; the whole schedule scales along
+    /// Optimizer steps; the whole schedule scales along
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) steps: Option<u64>,
     /// Behind transparent photographs
@@ -170,11 +170,11 @@ pub(super) enum Preset {
     /// 96 appearance components
     #[value(name = "96")]
     P96,
-    /// Two scales, two neighbours
+    /// Two scales, two neighbors
     Fast,
     /// 48 appearance components, the network called once a ray instead of once a sample
     PerRay,
-    /// per-ray with a colour of each sample's own and directions told better apart: the best pictures, nearly as fast
+    /// per-ray with a color of each sample's own and directions told better apart: the best pictures, nearly as fast
     Best,
     /// Four scales for rooms, 100 000 steps
     Scannet,
@@ -196,7 +196,7 @@ impl Preset {
     }
 }
 
-/// The colours behind photographs.
+/// The colors behind photographs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Background {
     White,

@@ -152,7 +152,7 @@ impl Format {
     /// ffmpeg's settings: what every player shows, at a quality at which losses hardly show.
     fn settings(self) -> &'static [&'static str] {
         match self {
-            // The colours as BT.709 has them, and said so: without it players guess, by size, and some wrongly.
+            // The colors as BT.709 has them, and said so: without it players guess, by size, and some wrongly.
             Self::Mp4 => &[
                 "-vf",
                 "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p",

@@ -47,7 +47,7 @@ pub(super) struct Viewpoints {
         conflicts_with_all = ["cameras", "pose"],
         value_parser = angle(-89.0, 89.0))]
     elevation: Option<f64>,
-    /// Distance from the scene's centre in the dataset's units, with --orbit and a turntable [default: the whole scene
+    /// Distance from the scene's center in the dataset's units, with --orbit and a turntable [default: the whole scene
     /// is seen]
     #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
     radius: Option<f64>,
@@ -200,8 +200,8 @@ mod tests {
         let (scale, rotation) = (0.5, DQuat::from_rotation_z(1.0));
         let translation = -scale * (rotation * DVec3::new(2.0, 0.0, 0.0));
         let model_from_dataset = Similarity { scale, rotation, translation };
-        let (metres_per_unit, background, color_space) = (None, [1.0; 3], ColorSpace::Srgb);
-        let frame = Frame { model_from_dataset, up, metres_per_unit, near: 2.0, far: 6.0, background, color_space };
+        let (meters_per_unit, background, color_space) = (None, [1.0; 3], ColorSpace::Srgb);
+        let frame = Frame { model_from_dataset, up, meters_per_unit, near: 2.0, far: 6.0, background, color_space };
         (frame, Aabb::around(DVec3::ZERO, DVec3::ONE))
     }
 

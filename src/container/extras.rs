@@ -18,7 +18,7 @@ use crate::geometry::Camera;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Extras {
     /// The terms of its use, and who made it.
-    pub licence: Option<String>,
+    pub license: Option<String>,
     /// What was measured.
     pub quality: Option<Quality>,
     /// Where to look from.
@@ -103,7 +103,7 @@ pub enum ThumbnailFormat {
 /// Rays with what they see.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probes {
-    /// Of colours and opacity, absolute.
+    /// Of colors and opacity, absolute.
     pub color_tolerance: f64,
     /// In model units.
     pub depth_tolerance: f64,
@@ -151,9 +151,9 @@ impl TrainingCamera {
 impl Extras {
     /// Writes what stands before the decoder.
     pub(super) fn write_head(&self, writer: &mut Writer) -> Result<(), Error> {
-        if let Some(text) = &self.licence {
+        if let Some(text) = &self.license {
             let record = records::write(&"LICENCE", &records::Text { text })?;
-            writer.record(Place::of(SectionKind::Licence), record);
+            writer.record(Place::of(SectionKind::License), record);
         }
         if let Some(quality) = &self.quality {
             let unknown = f64::from_bits(u64::MAX);
@@ -235,9 +235,9 @@ impl Extras {
     pub(super) fn read(&mut self, payload: &Payload<'_>, budget: &mut Budget) -> Result<(), Error> {
         let name = payload.section;
         match name.kind {
-            SectionKind::Licence => {
+            SectionKind::License => {
                 let record: records::Text<'_> = payload.record()?;
-                self.licence = Some(record.text.into());
+                self.license = Some(record.text.into());
             }
             SectionKind::Quality => {
                 let record: records::Quality<'_> = payload.record()?;

@@ -13,7 +13,7 @@ pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
         rotation: frame.model_from_dataset.rotation.to_array(),
         translation: frame.model_from_dataset.translation.to_array(),
         // A known one is positive.
-        metres_per_unit: frame.metres_per_unit.unwrap_or(0.0),
+        meters_per_unit: frame.meters_per_unit.unwrap_or(0.0),
         near: frame.near,
         far: frame.far,
         background: frame.background,
@@ -49,13 +49,13 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
             5 => UpAxis::MinusZ,
             code => return Err(Error::unsupported("FRAME up axis", format!("code {code}"))),
         },
-        metres_per_unit: (record.metres_per_unit.to_bits() != 0).then_some(record.metres_per_unit),
+        meters_per_unit: (record.meters_per_unit.to_bits() != 0).then_some(record.meters_per_unit),
         near: record.near,
         far: record.far,
         background: record.background,
         color_space: match record.color_space {
             0 => ColorSpace::Srgb,
-            code => return Err(Error::unsupported("FRAME colour space", format!("code {code}"))),
+            code => return Err(Error::unsupported("FRAME color space", format!("code {code}"))),
         },
     })
 }

@@ -15,7 +15,7 @@ pub const SCALES: RangeInclusive<u64> = 1..=16;
 pub const TENSORS: RangeInclusive<u64> = 1..=1 << 24;
 /// One more than the largest cell coordinate, per axis.
 pub const CELL_EXTENT: RangeInclusive<u64> = 1..=1 << 20;
-/// M, the neighbours that a point aggregates.
+/// M, the neighbors that a point aggregates.
 pub const TOP_K: RangeInclusive<u64> = 1..=MAX_TOP_K as u64;
 /// Cells of a factor, per axis.
 pub const RESOLUTION: RangeInclusive<u64> = 1..=1024;
@@ -41,7 +41,7 @@ pub const CHUNKS: RangeInclusive<u64> = 1..=16_384;
 pub const RANK_SUM: RangeInclusive<u64> = 1..=4096;
 /// Numbers in a group of an array that is written by its cosine transform.
 pub const COSINE_LENGTH: RangeInclusive<u64> = 1..=1025;
-/// Bytes of a text: a licence, a note.
+/// Bytes of a text: a license, a note.
 pub const TEXT_BYTES: RangeInclusive<u64> = 0..=1 << 20;
 /// Probes, views of a path, cameras, notes.
 pub const ITEMS: RangeInclusive<u64> = 0..=65_536;

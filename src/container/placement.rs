@@ -2,7 +2,7 @@
 //!
 //! On a lattice the cells that a chunk occupies are numbered x fastest, z slowest, within the smallest extent from cell 0
 //! that holds all cells of the scale; the first number and then each number's distance to its predecessor, less one, are
-//! written as LEB128 integers. Elsewhere the centres are written as they are.
+//! written as LEB128 integers. Elsewhere the centers are written as they are.
 
 use glam::{DVec3, UVec3};
 
@@ -42,7 +42,7 @@ impl Shape {
     }
 }
 
-/// The centres of a chunk's tensors.
+/// The centers of a chunk's tensors.
 pub(super) enum Centers {
     Cells(Vec<UVec3>),
     Points(Vec<DVec3>),
@@ -120,7 +120,7 @@ pub(super) fn read_scale(payload: &Payload<'_>, budget: &mut Budget) -> Result<S
     Error::unless_equal(format!("{name} reserved fields"), 0, u32::from(record.reserved) | record.reserved_too)?;
     if record.placement == 1 {
         let of_lattice = record.origin.iter().chain(&record.pitch).map(|v| v.to_bits());
-        Error::unless_equal(format!("{name} lattice of explicit centres"), 0, of_lattice.fold(0, |bits, v| bits | v))?;
+        Error::unless_equal(format!("{name} lattice of explicit centers"), 0, of_lattice.fold(0, |bits, v| bits | v))?;
     }
     let length = u64::from(record.chunks) * CHUNK_BYTES as u64;
     budget.spend(name, length)?;
@@ -152,7 +152,7 @@ pub(super) fn write(
             for &n in tensors {
                 let number = numbering.number(cells[n as usize]);
                 let distance = number.checked_sub(next);
-                // Ascending centres, which the scene's check saw, are ascending cells.
+                // Ascending centers, which the scene's check saw, are ascending cells.
                 let ascending = || Error::malformed("PLACEMENT", "ascending cells", cells[n as usize]);
                 write_integer(&mut body, distance.ok_or_else(ascending)?);
                 next = number + 1;
@@ -166,7 +166,7 @@ pub(super) fn write(
     writer.finished(Place::of_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
 }
 
-/// The centres of chunk `n`.
+/// The centers of chunk `n`.
 pub(super) fn read(payload: &Payload<'_>, shape: &Shape, n: usize, budget: &mut Budget) -> Result<Centers, Error> {
     let (name, chunk) = (payload.section, shape.chunks[n]);
     budget.spend(name, 24 * u64::from(chunk.tensors))?;
@@ -208,7 +208,7 @@ pub(super) fn merge(name: &str, shape: &Shape, chunks: Vec<Centers>) -> Result<(
     }
     for (c, places) in places.iter().enumerate() {
         if !places.is_sorted() {
-            return Err(Error::malformed(format!("PLACEMENT of chunk {c} of {name}"), "ascending centres", "others"));
+            return Err(Error::malformed(format!("PLACEMENT of chunk {c} of {name}"), "ascending centers", "others"));
         }
     }
     let placement = if shape.record.placement == 0 {

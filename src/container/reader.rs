@@ -117,7 +117,7 @@ impl<S: Source> Reader<S> {
         let rules = order.take(SectionKind::Rules, None, None)?;
         let provenance = order.take_if(SectionKind::Provenance, None, None);
         let mut beside: Vec<&Section> =
-            [SectionKind::Licence, SectionKind::Quality, SectionKind::Views, SectionKind::Thumbnail]
+            [SectionKind::License, SectionKind::Quality, SectionKind::Views, SectionKind::Thumbnail]
                 .into_iter()
                 .filter_map(|kind| order.take_if(kind, None, None))
                 .collect();

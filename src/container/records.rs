@@ -107,7 +107,7 @@ pub(super) struct Frame {
     pub(super) rotation: [f64; 4],
     pub(super) translation: [f64; 3],
     /// All bits 0 where unknown.
-    pub(super) metres_per_unit: f64,
+    pub(super) meters_per_unit: f64,
     pub(super) near: f64,
     pub(super) far: f64,
     pub(super) background: [f32; 3],
@@ -241,7 +241,7 @@ pub(super) struct Scale {
     pub(super) appearance_rank: u32,
     pub(super) chunks: u32,
     pub(super) reserved_too: u32,
-    /// Zeros where centres are explicit, like what follows.
+    /// Zeros where centers are explicit, like what follows.
     pub(super) origin: [f64; 3],
     pub(super) pitch: [f64; 3],
     /// One more than the largest cell coordinate, per axis.
@@ -258,7 +258,7 @@ impl Limits for Scale {
         limits::check(format!("{place} density rank"), limits::RANK, self.density_rank)?;
         limits::check(format!("{place} appearance rank"), limits::RANK, self.appearance_rank)?;
         limits::check(format!("{place} chunks"), limits::CHUNKS, self.chunks)?;
-        // Of centres that are explicit it is 0.
+        // Of centers that are explicit it is 0.
         let cells = if self.placement == 1 { 0..=0 } else { limits::CELL_EXTENT };
         self.extent.iter().try_for_each(|&e| limits::check(format!("{place} cells along an axis"), cells.clone(), e))
     }

@@ -20,7 +20,7 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
             Coverage::Any => 1,
         },
         aggregation: match rules.aggregation {
-            Aggregation::Normalised => 0,
+            Aggregation::Normalized => 0,
             Aggregation::Clamped => 1,
         },
         density_reduction: reduction_code(rules.density_reduction),
@@ -61,7 +61,7 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
             code => return Err(unknown("coverage", code)),
         },
         aggregation: match record.aggregation {
-            0 => Aggregation::Normalised,
+            0 => Aggregation::Normalized,
             1 => Aggregation::Clamped,
             code => return Err(unknown("aggregation", code)),
         },

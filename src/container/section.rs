@@ -21,7 +21,7 @@ pub enum SectionKind {
     /// What made the file.
     Provenance,
     /// The terms of its use.
-    Licence,
+    License,
     /// What was measured of it.
     Quality,
     /// Where to look from.
@@ -59,7 +59,7 @@ impl SectionKind {
         (Self::Frame, "FRAME"),
         (Self::Rules, "RULES"),
         (Self::Provenance, "PROVENANCE"),
-        (Self::Licence, "LICENCE"),
+        (Self::License, "LICENCE"),
         (Self::Quality, "QUALITY"),
         (Self::Views, "VIEWS"),
         (Self::Thumbnail, "THUMBNAIL"),
@@ -82,7 +82,7 @@ impl SectionKind {
         !matches!(
             self,
             K::Provenance
-                | K::Licence
+                | K::License
                 | K::Quality
                 | K::Views
                 | K::Thumbnail

@@ -1,7 +1,7 @@
 //! Posed photographs. One file a layout; each returns a [`Dataset`].
 //!
 //! In: a folder of pictures with their camera poses, from anywhere, so nothing in it is trusted. Out: cameras and
-//! colours in the dataset's own space. Mapping that space to the model's is left to the caller.
+//! colors in the dataset's own space. Mapping that space to the model's is left to the caller.
 #![forbid(unsafe_code)]
 
 mod blender;
@@ -60,7 +60,7 @@ pub struct NamedCamera {
 /// Which photographs are loaded, and how large.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colours;
+    /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colors;
     /// columns and rows that do not fill a block are dropped. At least 1.
     pub downscale: u32,
     /// Only the views of these numbers in the split; all where absent.

@@ -69,7 +69,7 @@ fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, Error> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         Ok(ImageFormat::Png)
     } else if bytes.starts_with(&JPEG_START) {
-        // The decoder fills what a file cut short lacks with grey.
+        // The decoder fills what a file cut short lacks with gray.
         if is_cut_short(bytes) { Err(undecodable("a JPEG file cut short".into())) } else { Ok(ImageFormat::Jpeg) }
     } else {
         Err(undecodable(format!("the first bytes {:02x?}", &bytes[..bytes.len().min(8)])))
@@ -107,7 +107,7 @@ fn undecodable(path: &Path) -> impl FnOnce(image::ImageError) -> Error + use<> {
     move |error| Error::Picture { path, found: error.to_string() }
 }
 
-/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colours. Sums are
+/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colors. Sums are
 /// exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
 fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, factor: usize) -> Pixels {
     let rows = rgba.len() / (4 * width) / factor;
@@ -115,20 +115,20 @@ fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, factor: usi
     let mut pixels = Vec::with_capacity(rows * columns);
     for row in 0..rows {
         for column in 0..columns {
-            let mut colour = [0_u64; 3];
+            let mut color = [0_u64; 3];
             let mut alpha = 0_u64;
             for y in row * factor..(row + 1) * factor {
                 let start = 4 * (y * width + column * factor);
                 for pixel in rgba[start..start + 4 * factor].as_chunks::<4>().0 {
                     let a = pixel[3].into();
                     alpha += a;
-                    for (sum, &channel) in colour.iter_mut().zip(pixel) {
+                    for (sum, &channel) in color.iter_mut().zip(pixel) {
                         *sum += channel.into() * a;
                     }
                 }
             }
             let count = (factor * factor) as u64;
-            let [r, g, b] = colour.map(|sum| (sum as f64 / (count * max * max) as f64) as f32);
+            let [r, g, b] = color.map(|sum| (sum as f64 / (count * max * max) as f64) as f32);
             pixels.push([r, g, b, (alpha as f64 / (count * max) as f64) as f32]);
         }
     }
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn block_is_averaged_premultiplied_and_the_last_column_dropped() {
-        // One opaque red and one transparent green pixel (its colour must not count), then a column beyond the block.
+        // One opaque red and one transparent green pixel (its color must not count), then a column beyond the block.
         let rgba: [u8; 24] = [255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9, 255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9];
         let pixels = averaged(&rgba, 3, 255, 2);
         assert_eq!(pixels, Pixels::Premultiplied(vec![[0.5, 0.0, 0.0, 0.5]]));
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn full_size_opaque_colours_are_the_file_s() {
+    fn full_size_opaque_colors_are_the_file_s() {
         let rgba: [u16; 8] = [1, 2, 65_535, 65_535, 40_000, 0, 7, 65_535];
         let expected = [[1, 2, 65_535], [40_000, 0, 7]].map(|p| p.map(|v| (f64::from(v) / 65_535.0) as f32));
         assert_eq!(averaged(&rgba, 2, 65_535, 1).colors([1.0; 3]), expected);

@@ -1,6 +1,6 @@
-//! A photograph's colours in memory: as small as its file allows, composited when asked for.
+//! A photograph's colors in memory: as small as its file allows, composited when asked for.
 
-/// \[height\]\[width\] sRGB colours with alpha, row-major from the top left.
+/// \[height\]\[width\] sRGB colors with alpha, row-major from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
     /// Red, green, blue and straight alpha, 255 standing for 1: 8-bit files at full size, exactly.
@@ -36,7 +36,7 @@ impl Pixels {
         }
     }
 
-    /// The colour, in \[0, 1\], of pixel number `pixel` on `background`.
+    /// The color, in \[0, 1\], of pixel number `pixel` on `background`.
     #[inline]
     pub fn color(&self, pixel: usize, background: [f32; 3]) -> [f32; 3] {
         match self {
@@ -63,7 +63,7 @@ impl Pixels {
         }
     }
 
-    /// All colours on `background`.
+    /// All colors on `background`.
     pub fn colors(&self, background: [f32; 3]) -> Vec<[f32; 3]> {
         (0..self.len()).map(|pixel| self.color(pixel, background)).collect()
     }
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn straight_and_premultiplied_alpha_mean_the_same_colours() {
+    fn straight_and_premultiplied_alpha_mean_the_same_colors() {
         let straight = Pixels::Rgba8(vec![[255, 51, 0, 102], [9, 8, 7, 0], [1, 2, 3, 255]]);
         let premultiplied = Pixels::Premultiplied(vec![
             [0.4, 0.08, 0.0, 0.4],
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn opaque_colours_are_the_same_on_every_background() {
+    fn opaque_colors_are_the_same_on_every_background() {
         let colors = vec![[0.1, 0.7, 0.3], [0.0, 1.0, 0.5]];
         let pixels = Pixels::opaque(colors.clone());
         assert!(pixels.is_opaque());

@@ -1,16 +1,16 @@
-//! Which samples get a colour, and what it weighs (DESIGN, section 2.9).
+//! Which samples get a color, and what it weighs (DESIGN, section 2.9).
 
 use super::{Field, Real, Samples};
 use crate::random::Random;
 
-/// The samples of a march that add colour, by ray and distance.
+/// The samples of a march that add color, by ray and distance.
 #[derive(Clone, Debug, Default)]
 pub struct Colored<T> {
     /// Their places among the samples.
     pub places: Vec<u32>,
-    /// What their colours weigh in the pixel.
+    /// What their colors weigh in the pixel.
     pub weights: Vec<T>,
-    /// \[ray\] the first of its coloured samples, and the number of those.
+    /// \[ray\] the first of its colored samples, and the number of those.
     pub ray_starts: Vec<u32>,
 }
 
@@ -53,21 +53,21 @@ impl<T: Real> Colored<T> {
         self.places.is_empty()
     }
 
-    /// Where `ray`'s coloured samples are in `places` and `weights`.
+    /// Where `ray`'s colored samples are in `places` and `weights`.
     pub fn of_ray(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 }
 
 impl<T: Real> Field<T> {
-    /// The samples of all rays that weigh enough for a colour.
+    /// The samples of all rays that weigh enough for a color.
     #[inline(always)]
     pub fn choose_colored(&self, samples: &Samples<T>, thinning: Option<Thinning>, colored: &mut Colored<T>) {
         self.choose_some_colored(samples, 0, usize::MAX, thinning, colored);
     }
 
     /// As [`Field::choose_colored`], of the rays from number `first_ray` on, as many as together have no more than
-    /// `at_most` coloured samples, but at least one; returns how many. `colored` counts rays from `first_ray`.
+    /// `at_most` colored samples, but at least one; returns how many. `colored` counts rays from `first_ray`.
     #[inline(always)]
     pub fn choose_some_colored(
         &self,

@@ -35,16 +35,16 @@ pub struct FieldDecoder<T> {
     pub layers: Vec<Dense<T>>,
 }
 
-/// What became of the coloured samples of a few rays. A row is a call of the decoder: a coloured sample, or a ray that
-/// has any. A term is a colour in a pixel's sum: a row's, or, where samples keep colours of their own, a coloured
+/// What became of the colored samples of a few rays. A row is a call of the decoder: a colored sample, or a ray that
+/// has any. A term is a color in a pixel's sum: a row's, or, where samples keep colors of their own, a colored
 /// sample's. Reused from one batch to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
-    /// The samples that add colour.
+    /// The samples that add color.
     pub colored: Colored<T>,
-    /// \[coloured\]\[ΣR\] aggregated appearance components, reduced over scales.
+    /// \[colored\]\[ΣR\] aggregated appearance components, reduced over scales.
     pub components: Vec<T>,
-    /// \[coloured\] 1 over the number of covering scales; empty where scales are summed.
+    /// \[colored\] 1 over the number of covering scales; empty where scales are summed.
     pub reductions: Vec<T>,
     /// \[row\]\[ΣR\] the rays' composited components; empty where every sample is decoded.
     pub composites: Vec<T>,
@@ -58,11 +58,11 @@ pub struct Activations<T> {
     pub ray_terms: Vec<u32>,
     /// \[layer\]\[row\]\[inputs of that layer\]: the encoded features, then each layer's rectified outputs.
     pub inputs: Vec<Vec<T>>,
-    /// \[term\] colours in [0, 1].
+    /// \[term\] colors in [0, 1].
     pub colors: Vec<[T; 3]>,
     /// \[row\]\[3\] the last layer's outputs.
     outputs: Vec<T>,
-    /// \[coloured\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
+    /// \[colored\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
     own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
@@ -139,7 +139,7 @@ impl<T: Real> FieldDecoder<T> {
 }
 
 /// Writes PE(`values`): all sines, then all cosines, frequencies fastest; each frequency by doubling the angle before.
-/// `angles` is room for sines and cosines side by side, so that the loop over them vectorises.
+/// `angles` is room for sines and cosines side by side, so that the loop over them vectorizes.
 #[inline(always)]
 fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: &mut Vec<T>) {
     let n = values.len();
@@ -160,11 +160,11 @@ fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: 
 }
 
 impl<T: Real> Field<T> {
-    /// Colours of the rows of `activations.colored`, which is of `samples` of `rays`.
+    /// Colors of the rows of `activations.colored`, which is of `samples` of `rays`.
     #[inline(always)]
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
         self.find_colored_pairs(&activations.colored.places, samples);
-        samples.clock.lap(Stage::Neighbours);
+        samples.clock.lap(Stage::Neighbors);
         Arch::new().dispatch(GatherAppearance { field: self, samples, activations });
         samples.clock.lap(Stage::AppearanceGather);
         self.compose_rows(rays.len(), activations);
@@ -206,7 +206,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Makes a row of every ray that has colour: F = Σ w·f / Σ w.
+    /// Makes a row of every ray that has color: F = Σ w·f / Σ w.
     #[inline(always)]
     fn composite_components(&self, rays: usize, activations: &mut Activations<T>) {
         let Activations { colored, components, composites, composite_weights, ray_rows, .. } = activations;
@@ -233,7 +233,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Fills the features in the first layer's inputs, and those that are samples' own colours.
+    /// Fills the features in the first layer's inputs, and those that are samples' own colors.
     #[inline(always)]
     fn multiply_appearance(&self, activations: &mut Activations<T>) {
         let decoder = &self.decoder;

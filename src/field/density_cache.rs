@@ -1,10 +1,10 @@
 //! Density features baked on a grid: an approximation for rendering, which then reads eight numbers a sample instead of
-//! interpolating the factors of all its neighbours.
+//! interpolating the factors of all its neighbors.
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use super::{Field, OccupancyCells, Real, Samples, vectorised};
+use super::{Field, OccupancyCells, Real, Samples, vectorized};
 
 /// Cells along a brick's edge.
 const BRICK: usize = 8;
@@ -52,7 +52,7 @@ impl<T: Real> DensityCache<T> {
         (values.par_chunks_mut(BRICK_VERTICES).zip(&baked)).for_each_init(
             Samples::default,
             |samples, (brick, corner)| {
-                vectorised(
+                vectorized(
                     #[inline(always)]
                     || {
                         let positions = (0..BRICK_VERTICES).map(|v| {

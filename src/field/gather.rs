@@ -1,4 +1,4 @@
-//! Interpolating factors: sums over neighbours of weight·x·y·z, a register of components at a time.
+//! Interpolating factors: sums over neighbors of weight·x·y·z, a register of components at a time.
 
 use pulp::Simd;
 

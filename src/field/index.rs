@@ -6,7 +6,7 @@ use glam::DVec3;
 use pulp::Simd;
 
 use super::Real;
-use super::neighbours::Positions;
+use super::neighbors::Positions;
 use super::vector::{MAX_LANES, floor};
 use crate::geometry::Aabb;
 use crate::model::TensorCloud;
@@ -22,7 +22,7 @@ const MOST_CELLS: f64 = 33_554_432.0;
 pub(super) struct CandidateBlock<T> {
     /// How many.
     pub(super) count: u32,
-    /// \[axis\] centres, relative to the field's origin; at infinity beyond the count.
+    /// \[axis\] centers, relative to the field's origin; at infinity beyond the count.
     pub(super) centers: [[T; BLOCK]; 3],
     /// Numbers in the scale, ascending.
     pub(super) tensors: [u32; BLOCK],
@@ -141,7 +141,7 @@ impl<T: Real> CellIndex<T> {
         &self.lists
     }
 
-    /// Each list's tensors, ascending, with their centres relative to the field's origin. The first list is empty.
+    /// Each list's tensors, ascending, with their centers relative to the field's origin. The first list is empty.
     #[cfg(feature = "gpu")]
     pub(crate) fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
         (0..self.starts.len() as u32 - 1).map(|list| {

@@ -5,7 +5,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::neighbours::{Neighbours, Positions};
+use super::neighbors::{Neighbors, Positions};
 use super::{DensityCache, Field, Located, Pair, Real, Stage, StageClock, Walk, add_compensated};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
@@ -64,7 +64,7 @@ struct ActiveRay<T> {
     walk: Walk<T>,
 }
 
-/// Neighbouring places of one ray, front to back.
+/// Neighboring places of one ray, front to back.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     ray: u32,
@@ -197,7 +197,7 @@ impl<T: Real> Field<T> {
         samples.clear(0);
         // No ray gives these samples a distance: their numbers stand in for it.
         samples.wait_for(positions.enumerate().map(|(n, position)| (T::of_i32(n as i32), position)));
-        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        Arch::new().dispatch(FindNeighbors { field: self, samples });
         self.place(samples, 0..samples.waiting.len());
         Arch::new().dispatch(GatherDensity { field: self, samples });
         for (number, &feature) in samples.distances.iter().zip(&samples.features) {
@@ -205,7 +205,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Finds the pairs of coloured samples where the march, which reads density features from the cache, left them out.
+    /// Finds the pairs of colored samples where the march, which reads density features from the cache, left them out.
     #[inline(always)]
     pub(super) fn find_colored_pairs(&self, places: &[u32], samples: &mut Samples<T>) {
         if self.density_cache.is_none() {
@@ -214,7 +214,7 @@ impl<T: Real> Field<T> {
         let positions = std::mem::take(&mut samples.positions);
         samples.wait_for(places.iter().map(|&place| (T::zero(), positions[place as usize])));
         samples.positions = positions;
-        Arch::new().dispatch(FindNeighbours { field: self, samples });
+        Arch::new().dispatch(FindNeighbors { field: self, samples });
         let Samples { waiting_ranges, pair_ranges, pairs, .. } = samples;
         let first_pair = (pairs.len() - samples.located.len()) as u32;
         let scales = self.scales.len();
@@ -259,10 +259,10 @@ impl<T: Real> Field<T> {
             self.advance_rays(samples);
             samples.clock.lap(Stage::March);
             if self.density_cache.is_none() {
-                Arch::new().dispatch(FindNeighbours { field: self, samples });
+                Arch::new().dispatch(FindNeighbors { field: self, samples });
             }
             self.place_all(samples);
-            samples.clock.lap(Stage::Neighbours);
+            samples.clock.lap(Stage::Neighbors);
             if self.density_cache.is_none() {
                 Arch::new().dispatch(GatherDensity { field: self, samples });
             }
@@ -394,12 +394,12 @@ impl<T: Real> Field<T> {
 }
 
 /// The pairs of the waiting samples, in `located` and appended to `pairs`.
-struct FindNeighbours<'a, T> {
+struct FindNeighbors<'a, T> {
     field: &'a Field<T>,
     samples: &'a mut Samples<T>,
 }
 
-impl<T: Real> WithSimd for FindNeighbours<'_, T> {
+impl<T: Real> WithSimd for FindNeighbors<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -407,7 +407,7 @@ impl<T: Real> WithSimd for FindNeighbours<'_, T> {
         let Samples { waiting_positions, waiting_ranges, located, pairs, .. } = self.samples;
         located.clear();
         waiting_ranges.clear();
-        let mut found = Neighbours::new(self.field.rules.aggregation, located, waiting_ranges);
+        let mut found = Neighbors::new(self.field.rules.aggregation, located, waiting_ranges);
         for scale in &self.field.scales {
             scale.find_nearest(simd, waiting_positions, &mut found);
         }

@@ -1,7 +1,7 @@
 //! The fast field: the same numbers as [`crate::model::ReferenceField`], arranged for speed. Rendering and training on
 //! the CPU share it, generic over the precision: f32 for work, f64 to check the very same code.
 //!
-//! Positions are relative to the centre of the scene's bounds, so that f32 keeps its precision far from the origin.
+//! Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the origin.
 
 mod cells;
 mod colored;
@@ -11,7 +11,7 @@ mod gather;
 mod index;
 mod march;
 mod matrix;
-mod neighbours;
+mod neighbors;
 mod real;
 mod scale;
 mod stages;
@@ -48,7 +48,7 @@ use crate::model::{Coverage, Rules, Scene};
 /// Runs `work` compiled for the best instruction set that this machine has. What `work` calls takes part only where it
 /// is inlined into it.
 #[inline(always)]
-pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+pub fn vectorized<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
@@ -63,11 +63,11 @@ pub struct Field<T> {
     pub near_far: [f64; 2],
     /// The rules of the field and the march.
     pub rules: Rules,
-    /// The colour behind everything.
+    /// The color behind everything.
     pub background: [T; 3],
     /// Coarsest first.
     pub scales: Vec<FieldScale<T>>,
-    /// From components to colour.
+    /// From components to color.
     pub decoder: FieldDecoder<T>,
     /// Where samples count.
     pub occupancy: Option<OccupancyCells<T>>,

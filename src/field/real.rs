@@ -27,7 +27,7 @@ pub trait Real:
     fn small_u32(self) -> u32;
     /// Sine and cosine; cheap enough to be called for every feature of every sample.
     fn sine_cosine(self) -> (Self, Self);
-    /// e^x for x ≤ 0; free of branches, as the two below, so that loops over it vectorise.
+    /// e^x for x ≤ 0; free of branches, as the two below, so that loops over it vectorize.
     fn exp_of_negative(self) -> Self;
     /// e^x − 1 for x ≤ 0.
     fn exp_m1_of_negative(self) -> Self;
@@ -117,7 +117,7 @@ impl Real for f32 {
     }
 
     /// Within 1.2e-7 for |x| < 1000 (tested): π/2 is subtracted in three parts, then Taylor polynomials on [−π/4, π/4].
-    /// Free of branches, so that loops over it vectorise.
+    /// Free of branches, so that loops over it vectorize.
     #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
         const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];

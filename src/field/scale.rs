@@ -14,7 +14,7 @@ use crate::model::{Factors, Scale};
 pub struct FieldScale<T> {
     /// The number of this scale's first tensor, counted over all scales.
     pub first_tensor: u32,
-    /// \[tensor\] centres, relative to the field's origin.
+    /// \[tensor\] centers, relative to the field's origin.
     pub centers: Vec<[T; 3]>,
     /// Half edges.
     pub half: [T; 3],
@@ -63,7 +63,7 @@ impl<T: Real> TensorRows<T> {
         }
     }
 
-    /// Rows and fractions at `offset` from a tensor's centre.
+    /// Rows and fractions at `offset` from a tensor's center.
     #[cfg(feature = "toolkit")]
     #[inline(always)]
     pub(crate) fn at(&self, offset: [T; 3]) -> Interpolation<T> {
@@ -165,7 +165,7 @@ impl<T: Real> FieldScale<T> {
         self.appearance = AVec::from_slice(CACHELINE_ALIGN, &appearance);
     }
 
-    /// Neighbours that a point aggregates, at most.
+    /// Neighbors that a point aggregates, at most.
     pub(crate) fn top_k(&self) -> usize {
         self.top_k
     }

@@ -12,11 +12,11 @@ pub enum Stage {
     Rays,
     /// Walking rays through the occupancy to the samples that may count.
     March,
-    /// Finding each sample's neighbours and their weights.
-    Neighbours,
+    /// Finding each sample's neighbors and their weights.
+    Neighbors,
     /// Interpolating density factors.
     DensityGather,
-    /// Opacities, transmittances, and pixels from samples' colours.
+    /// Opacities, transmittances, and pixels from samples' colors.
     Composite,
     /// Interpolating appearance factors.
     AppearanceGather,
@@ -40,8 +40,8 @@ pub enum Stage {
     DensityBackward,
     /// Gradients of appearance factors.
     AppearanceBackward,
-    /// Adam, over everything that is trained; summing shared weights' gradients and regularisation included.
-    Optimiser,
+    /// Adam, over everything that is trained; summing shared weights' gradients and regularization included.
+    Optimizer,
 }
 
 impl Stage {
@@ -52,7 +52,7 @@ impl Stage {
     pub const ALL: [Self; Self::COUNT] = [
         Self::Rays,
         Self::March,
-        Self::Neighbours,
+        Self::Neighbors,
         Self::DensityGather,
         Self::Composite,
         Self::AppearanceGather,
@@ -66,7 +66,7 @@ impl Stage {
         Self::PairOrder,
         Self::DensityBackward,
         Self::AppearanceBackward,
-        Self::Optimiser,
+        Self::Optimizer,
     ];
 
     /// Its name in reports.
@@ -74,7 +74,7 @@ impl Stage {
         match self {
             Self::Rays => "rays",
             Self::March => "march",
-            Self::Neighbours => "neighbours",
+            Self::Neighbors => "neighbors",
             Self::DensityGather => "density gather",
             Self::Composite => "compositing",
             Self::AppearanceGather => "appearance gather",
@@ -88,7 +88,7 @@ impl Stage {
             Self::PairOrder => "pair order",
             Self::DensityBackward => "density, backward",
             Self::AppearanceBackward => "appearance, backward",
-            Self::Optimiser => "optimiser",
+            Self::Optimizer => "optimizer",
         }
     }
 }
@@ -106,11 +106,11 @@ pub struct Work {
     pub samples: u64,
     /// (tensor, sample) pairs of the evaluated samples, by scale.
     pub pairs: Vec<u64>,
-    /// Samples that were coloured.
+    /// Samples that were colored.
     pub colored: u64,
-    /// (tensor, sample) pairs of the coloured samples, by scale.
+    /// (tensor, sample) pairs of the colored samples, by scale.
     pub colored_pairs: Vec<u64>,
-    /// Calls of the decoder: coloured samples, or rays where it is called once a ray.
+    /// Calls of the decoder: colored samples, or rays where it is called once a ray.
     pub decoded: u64,
 }
 

@@ -64,7 +64,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// The centre.
+    /// The center.
     pub fn center(&self) -> DVec3 {
         0.5 * (self.min + self.max)
     }

@@ -1,4 +1,4 @@
-//! Pinhole cameras: the one place that fixes the camera's axes and where a pixel's centre is.
+//! Pinhole cameras: the one place that fixes the camera's axes and where a pixel's center is.
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -6,7 +6,7 @@ use super::{NotRigid, Ray, Similarity, rigid};
 
 /// A pinhole camera in OpenGL's and Blender's axes: x to the right, y up, looking along −z.
 ///
-/// Pixel (column, row) counts from the top left; its centre is (column + ½, row + ½).
+/// Pixel (column, row) counts from the top left; its center is (column + ½, row + ½).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Columns.
@@ -84,7 +84,7 @@ impl Camera {
         Ray { origin: self.position, direction: (self.world_from_camera * in_camera).normalize() }
     }
 
-    /// The ray through the centre of pixel (`column`, `row`).
+    /// The ray through the center of pixel (`column`, `row`).
     pub fn ray(&self, column: u32, row: u32) -> Ray {
         self.ray_through(f64::from(column) + 0.5, f64::from(row) + 0.5)
     }
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn downscaled_pixel_centre_is_the_middle_of_its_block() {
+    fn downscaled_pixel_center_is_the_middle_of_its_block() {
         let camera = Camera::looking_at([8, 8], 5.0, DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
         let small = camera.downscaled(4);
         let difference = small.ray(1, 0).direction - camera.ray_through(6.0, 2.0).direction;

@@ -18,7 +18,7 @@ impl Lattice {
         ((point - self.origin) / self.pitch).floor().as_ivec3()
     }
 
-    /// The centre of `cell`.
+    /// The center of `cell`.
     pub fn center(&self, cell: IVec3) -> DVec3 {
         self.origin + (cell.as_dvec3() + 0.5) * self.pitch
     }

@@ -3,14 +3,14 @@
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
-use crate::field::{Activations, Field, Samples, vectorised};
+use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{Factors, Scene};
 use crate::train::RayBatch;
 
 /// Rays that one task follows.
 const CHUNK: usize = 256;
-/// The standard deviation of the photographs' colours up to which a cell is of a single colour: that of a channel, of 1.
+/// The standard deviation of the photographs' colors up to which a cell is of a single color: that of a channel, of 1.
 pub const FLAT: f64 = 0.03;
 
 /// A regular grid of cells, and for each what is there.
@@ -35,13 +35,13 @@ pub struct Cell {
     pub error: f64,
     /// How much is seen: the sum of the samples' weights.
     pub weight: f64,
-    /// That times the photographs' colours, and times their squares over channels.
+    /// That times the photographs' colors, and times their squares over channels.
     color: [f64; 3],
     squared_color: f64,
 }
 
 impl Cell {
-    /// The standard deviation of the photographs' colours there, over channels, rays and directions; nothing where nothing is
+    /// The standard deviation of the photographs' colors there, over channels, rays and directions; nothing where nothing is
     /// seen.
     pub fn deviation(&self) -> Option<f64> {
         if self.weight <= 0.0 {
@@ -84,11 +84,11 @@ impl CellMap {
         map
     }
 
-    /// \[chunk\] what its rays see, of samples that get a colour.
+    /// \[chunk\] what its rays see, of samples that get a color.
     fn see(&self, field: &Field<f32>, batch: &RayBatch, lattice: &Lattice) -> Vec<Vec<Seen>> {
         (batch.rays.par_chunks(CHUNK).enumerate())
             .map_init(<(Samples<f32>, Activations<f32>)>::default, |(samples, activations), (n, rays)| {
-                vectorised(
+                vectorized(
                     #[inline(always)]
                     || {
                         field.march(rays, samples);
@@ -143,7 +143,7 @@ impl CellMap {
         }
     }
 
-    /// The cells whose centres `covered` contains; the nearest one where that is none.
+    /// The cells whose centers `covered` contains; the nearest one where that is none.
     fn cells_in(&self, lattice: &Lattice, covered: &Aabb) -> Vec<usize> {
         let range = |a: usize| {
             let most = self.size[a] - 1;

@@ -3,7 +3,7 @@
 /// Pictures that cannot be measured or written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Pictures of different sizes, or a list of colours of another length than the size says.
+    /// Pictures of different sizes, or a list of colors of another length than the size says.
     #[error("picture size: expected {expected} pixels, found {found}")]
     Size {
         /// Number of pixels of the first picture, or by its size.
@@ -30,7 +30,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Fails unless `found` colours are as many as `size` (columns, rows) says.
+    /// Fails unless `found` colors are as many as `size` (columns, rows) says.
     pub(super) fn unless_size(size: [u32; 2], found: usize) -> Result<(), Self> {
         let expected = size[0] as usize * size[1] as usize;
         if expected == found { Ok(()) } else { Err(Self::Size { expected, found }) }

@@ -2,11 +2,11 @@
 
 use super::Error;
 
-/// Black, violet, red, orange, light yellow: lightness grows along it, so that it also reads without colour.
+/// Black, violet, red, orange, light yellow: lightness grows along it, so that it also reads without color.
 const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.32, 0.07, 0.48], [0.79, 0.21, 0.30], [0.98, 0.62, 0.19], [1.0, 1.0, 0.8]];
 
-/// The absolute difference of `a` and `b` as colours from black (none) to light yellow (`full` and above): of each
+/// The absolute difference of `a` and `b` as colors from black (none) to light yellow (`full` and above): of each
 /// pixel the largest of its channels. `full` must be positive. What is no number shows as the largest difference.
 ///
 /// # Errors
@@ -37,8 +37,8 @@ mod tests {
 
     #[test]
     fn no_difference_is_black_and_a_full_one_the_ramps_end() {
-        let grey = [0.5; 3];
-        let map = error_map(&[grey; 4], &[grey, [0.5, 0.6, 0.5], [0.0; 3], [f32::NAN; 3]], 0.2).unwrap();
+        let gray = [0.5; 3];
+        let map = error_map(&[gray; 4], &[gray, [0.5, 0.6, 0.5], [0.0; 3], [f32::NAN; 3]], 0.2).unwrap();
         assert_eq!(map[0], RAMP[0]);
         assert!((map[1][0] - RAMP[2][0]).abs() < 1e-6, "half of the range, in one channel");
         assert_eq!([map[2], map[3]], [RAMP[4]; 2]);

@@ -1,7 +1,7 @@
 //! How good a picture is: PSNR, SSIM, reports of them, and the PNG files that show pictures and their errors; and how
 //! fast pictures and training are ([`mod@bench`]).
 //!
-//! In: colours as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
+//! In: colors as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
 //! \[columns, rows\]. Out: numbers, and the bytes of PNG files. Files are opened and terminals written to elsewhere.
 #![forbid(unsafe_code)]
 

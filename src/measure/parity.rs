@@ -11,7 +11,7 @@ use crate::render::{Pixel, ReferenceRenderer, Renderer};
 /// The position error that f32 arithmetic has near the model's origin, in model units (DESIGN, section 2).
 pub const F32_POSITION_ERROR: f64 = 1e-6;
 
-/// Differences of colour to the reference, the largest of the three channels of each ray.
+/// Differences of color to the reference, the largest of the three channels of each ray.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parity {
     /// Rays whose decision margin exceeds the position error.

@@ -1,4 +1,4 @@
-//! Colours, opacities and depths as the bytes of PNG files.
+//! Colors, opacities and depths as the bytes of PNG files.
 
 use std::io::Cursor;
 
@@ -13,7 +13,7 @@ fn quantized(value: f64, full: f64) -> f64 {
     (value.clamp(0.0, 1.0) * full + 0.5).floor()
 }
 
-/// A colour as 8-bit sRGB.
+/// A color as 8-bit sRGB.
 pub(super) fn color_bytes(color: [f32; 3]) -> [u8; 3] {
     color.map(|v| quantized(f64::from(v), 255.0) as u8)
 }
@@ -28,7 +28,7 @@ pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> 
     encoded(size, colors.len(), &bytes, ExtendedColorType::Rgb8)
 }
 
-/// An 8-bit grey PNG of `opacities` in \[0, 1\] of `size` (columns, rows).
+/// An 8-bit gray PNG of `opacities` in \[0, 1\] of `size` (columns, rows).
 ///
 /// # Errors
 ///
@@ -38,7 +38,7 @@ pub fn opacity_png(size: [u32; 2], opacities: &[f32]) -> Result<Vec<u8>, Error> 
     encoded(size, opacities.len(), &bytes, ExtendedColorType::L8)
 }
 
-/// A 16-bit grey PNG of `depths` of `size` (columns, rows): a value v stands for the depth v·`unit`, up to
+/// A 16-bit gray PNG of `depths` of `size` (columns, rows): a value v stands for the depth v·`unit`, up to
 /// 65535·`unit`. `unit` must be positive.
 ///
 /// # Errors

@@ -23,7 +23,7 @@ pub struct ProbeReport {
     pub compared: usize,
     /// All of them.
     pub count: usize,
-    /// Of colours and opacity.
+    /// Of colors and opacity.
     pub largest_color_difference: f64,
     /// In model units.
     pub largest_depth_difference: f64,

@@ -12,7 +12,7 @@ pub enum Region {
     Background,
     /// Within two pixels of both something and nothing.
     Silhouette,
-    /// Luminance differs from a neighbour's (above, below, left, right) by more than 0.1.
+    /// Luminance differs from a neighbor's (above, below, left, right) by more than 0.1.
     Edge,
     /// Nearly white, as glossy parts are where they shine: every channel at least 0.7.
     Highlight,
@@ -20,7 +20,7 @@ pub enum Region {
     Surface,
 }
 
-/// From this difference of luminance on, neighbouring pixels make an edge.
+/// From this difference of luminance on, neighboring pixels make an edge.
 const EDGE: f32 = 0.1;
 /// The least channel of a highlight.
 const HIGHLIGHT: f32 = 0.7;
@@ -42,7 +42,7 @@ impl Region {
         }
     }
 
-    /// The regions of a photograph of `size` (columns, rows) with these colours, and these opacities from 0 to 1.
+    /// The regions of a photograph of `size` (columns, rows) with these colors, and these opacities from 0 to 1.
     ///
     /// # Errors
     ///

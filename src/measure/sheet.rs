@@ -4,10 +4,10 @@ use super::Error;
 
 /// Pixels between two pictures of a sheet.
 const GAP: u32 = 4;
-/// The colour between them.
+/// The color between them.
 const GAP_COLOR: [f32; 3] = [0.5; 3];
 
-/// A picture of colours alone.
+/// A picture of colors alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Canvas {
     /// Columns and rows.
@@ -28,7 +28,7 @@ impl Canvas {
     }
 }
 
-/// `pictures` from left to right with a grey gap between them, aligned at the top.
+/// `pictures` from left to right with a gray gap between them, aligned at the top.
 pub fn side_by_side(pictures: &[Canvas]) -> Canvas {
     let gaps = GAP * pictures.len().saturating_sub(1) as u32;
     let width = pictures.iter().map(|p| p.size[0]).sum::<u32>() + gaps;
@@ -46,7 +46,7 @@ pub fn side_by_side(pictures: &[Canvas]) -> Canvas {
     Canvas { size: [width, height], colors }
 }
 
-/// `rows` of pictures below each other with a grey gap between them, aligned at the left.
+/// `rows` of pictures below each other with a gray gap between them, aligned at the left.
 pub fn stacked(rows: &[Canvas]) -> Canvas {
     let width = rows.iter().map(|p| p.size[0]).max().unwrap_or(0);
     let mut sheet = Canvas { size: [width, 0], colors: Vec::new() };

@@ -1,4 +1,4 @@
-//! From appearance features and a direction to a colour: the shared matrices and the MLP.
+//! From appearance features and a direction to a color: the shared matrices and the MLP.
 
 use super::BrokenInvariant;
 
@@ -30,12 +30,12 @@ pub struct Linear {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "render", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum DecoderMode {
-    /// At every sample that counts; colours are composited (the paper).
+    /// At every sample that counts; colors are composited (the paper).
     PerSample,
     /// Once a ray, on composited features.
     PerRay,
     /// Once a ray, on composited features. What comes out is added, before the sigmoid, to the first three features of
-    /// each sample that counts: samples keep a colour of their own. Colours are composited.
+    /// each sample that counts: samples keep a color of their own. Colors are composited.
     Residual,
 }
 

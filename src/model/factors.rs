@@ -2,7 +2,7 @@
 
 use super::BrokenInvariant;
 
-/// How a tensor is factorised.
+/// How a tensor is factorized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum FactorKind {

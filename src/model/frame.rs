@@ -21,7 +21,7 @@ pub enum UpAxis {
     MinusZ,
 }
 
-/// What the numbers of a colour mean.
+/// What the numbers of a color mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum ColorSpace {
@@ -38,14 +38,14 @@ pub struct Frame {
     /// Up in the dataset's space.
     pub up: UpAxis,
     /// Metres a dataset unit, where known.
-    pub metres_per_unit: Option<f64>,
+    pub meters_per_unit: Option<f64>,
     /// Where rays begin, in model units from the camera.
     pub near: f64,
     /// Where rays end, in model units from the camera.
     pub far: f64,
-    /// The colour behind everything, in [0, 1].
+    /// The color behind everything, in [0, 1].
     pub background: [f32; 3],
-    /// What colours mean.
+    /// What colors mean.
     pub color_space: ColorSpace,
 }
 
@@ -59,10 +59,10 @@ impl Frame {
             let found = format!("{} and {}", self.near, self.far);
             return Err(BrokenInvariant::new("frame near and far", "0 <= near < far", found));
         }
-        if let Some(metres) = self.metres_per_unit
-            && !(metres > 0.0 && metres.is_finite())
+        if let Some(meters) = self.meters_per_unit
+            && !(meters > 0.0 && meters.is_finite())
         {
-            return Err(BrokenInvariant::new("frame metres_per_unit", "a positive number", metres));
+            return Err(BrokenInvariant::new("frame meters_per_unit", "a positive number", meters));
         }
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             let found = format!("{:?}", self.background);

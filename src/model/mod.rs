@@ -17,7 +17,7 @@ pub use factors::{FactorKind, Factors};
 pub use frame::{ColorSpace, Frame, UpAxis};
 pub use occupancy::Occupancy;
 pub use provenance::Provenance;
-pub use reference::{DensityAt, MARGIN_HORIZON, Neighbour, Point, ReferenceField, alpha, sigmoid, softplus};
+pub use reference::{DensityAt, MARGIN_HORIZON, Neighbor, Point, ReferenceField, alpha, sigmoid, softplus};
 pub use rules::{Aggregation, Coverage, Reduction, Rules};
 pub use scale::{MAX_TOP_K, Scale};
 pub use scene::{BrokenInvariant, Scene};

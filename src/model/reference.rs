@@ -21,22 +21,22 @@ const ORDINARY_EXTENT: [f64; 2] = [1.0 / 16.0, 16.0];
 
 /// One of the tensors that a point aggregates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Neighbour {
+pub struct Neighbor {
     /// Its number in the scale.
     pub tensor: usize,
-    /// The point's distance to its centre.
+    /// The point's distance to its center.
     pub distance: f64,
-    /// Its weight, normalised as the scene's aggregation says.
+    /// Its weight, normalized as the scene's aggregation says.
     pub weight: f64,
 }
 
-/// A point with its neighbours.
+/// A point with its neighbors.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Where.
     pub position: DVec3,
-    /// For each scale its neighbours, nearest first; empty where the scale does not cover the point.
-    pub neighbours: Vec<Vec<Neighbour>>,
+    /// For each scale its neighbors, nearest first; empty where the scale does not cover the point.
+    pub neighbors: Vec<Vec<Neighbor>>,
     /// Whether the point is in the model.
     pub covered: bool,
     /// The decision margin of coverage and ranking.
@@ -130,21 +130,21 @@ impl<'a> ReferenceField<'a> {
     /// Which tensors make up the field at `position` (DESIGN, sections 2.1, 2.2 and 2.4).
     pub fn locate(&self, position: DVec3) -> Point {
         let mut margin = self.horizon;
-        let neighbours: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
+        let neighbors: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
             .map(|(scale, buckets)| {
-                let (neighbours, scale_margin) = self.nearest(scale, buckets.near(position), position);
+                let (neighbors, scale_margin) = self.nearest(scale, buckets.near(position), position);
                 margin = margin.min(scale_margin);
-                neighbours
+                neighbors
             })
             .collect();
         let covered = match self.scene.rules.coverage {
-            Coverage::All => neighbours.iter().all(|n| !n.is_empty()),
-            Coverage::Any => neighbours.iter().any(|n| !n.is_empty()),
+            Coverage::All => neighbors.iter().all(|n| !n.is_empty()),
+            Coverage::Any => neighbors.iter().any(|n| !n.is_empty()),
         };
-        Point { position, neighbours, covered, margin }
+        Point { position, neighbors, covered, margin }
     }
 
-    fn nearest(&self, scale: &Scale, near: &[usize], position: DVec3) -> (Vec<Neighbour>, f64) {
+    fn nearest(&self, scale: &Scale, near: &[usize], position: DVec3) -> (Vec<Neighbor>, f64) {
         let top_k = scale.top_k as usize;
         let half = scale.cloud.half;
         // (distance, tensor, how far the point is from a face of the box: positive outside, at most 0 inside)
@@ -155,7 +155,7 @@ impl<'a> ReferenceField<'a> {
                 (offset.length(), n, (offset.abs() - half).max_element())
             })
             .collect();
-        // Centres are stored ascending by (z, y, x), so the smaller number is the lexicographically smaller centre.
+        // Centers are stored ascending by (z, y, x), so the smaller number is the lexicographically smaller center.
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let covering: Vec<_> = candidates.iter().filter(|c| c.2 <= 0.0).copied().collect();
         let nearest = &covering[..covering.len().min(top_k)];
@@ -169,10 +169,10 @@ impl<'a> ReferenceField<'a> {
         }
 
         let weights = aggregation_weights(self.scene.rules.aggregation, nearest.iter().map(|c| c.0));
-        let neighbours = (nearest.iter().zip(weights))
-            .map(|(&(distance, tensor, _), weight)| Neighbour { tensor, distance, weight })
+        let neighbors = (nearest.iter().zip(weights))
+            .map(|(&(distance, tensor, _), weight)| Neighbor { tensor, distance, weight })
             .collect();
-        (neighbours, margin)
+        (neighbors, margin)
     }
 
     /// Whether samples at `position` count, by the occupancy, and the decision's margin (DESIGN, section 2.10).
@@ -187,21 +187,21 @@ impl<'a> ReferenceField<'a> {
     pub fn density_feature(&self, point: &Point) -> DensityAt {
         let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO, magnitude: 0.0 };
         let mut scales = 0;
-        for (scale, neighbours) in self.scene.scales.iter().zip(&point.neighbours) {
-            if neighbours.is_empty() {
+        for (scale, neighbors) in self.scene.scales.iter().zip(&point.neighbors) {
+            if neighbors.is_empty() {
                 continue;
             }
             scales += 1;
-            for n in neighbours {
+            for n in neighbors {
                 let offset = point.position - scale.cloud.center(n.tensor);
                 let (value, slope, magnitude) = density_of(scale, n.tensor, offset);
                 sum.feature += n.weight * value;
                 sum.magnitude += n.weight * magnitude;
                 sum.gradient += n.weight * slope;
-                if n.distance > 0.0 && neighbours.len() > 1 {
+                if n.distance > 0.0 && neighbors.len() > 1 {
                     // w = u/Σu with u = 1/d: ∂f/∂x gains ∇u·(G − f_scale)/Σu, where f_scale is Σ w G.
                     let direct = offset / n.distance;
-                    let mean: f64 = neighbours
+                    let mean: f64 = neighbors
                         .iter()
                         .map(|m| {
                             m.weight * density_of(scale, m.tensor, point.position - scale.cloud.center(m.tensor)).0
@@ -228,14 +228,14 @@ impl<'a> ReferenceField<'a> {
     pub fn appearance_features(&self, point: &Point) -> Vec<f64> {
         let mut features = vec![0.0; self.scene.features() as usize];
         let mut scales = 0;
-        for (scale, neighbours) in self.scene.scales.iter().zip(&point.neighbours) {
-            if neighbours.is_empty() {
+        for (scale, neighbors) in self.scene.scales.iter().zip(&point.neighbors) {
+            if neighbors.is_empty() {
                 continue;
             }
             scales += 1;
             let rank = scale.factors.appearance_rank as usize;
             let mut components = vec![0.0; rank];
-            for n in neighbours {
+            for n in neighbors {
                 let offset = point.position - scale.cloud.center(n.tensor);
                 let interpolation = Interpolation::at(scale, offset);
                 for (r, component) in components.iter_mut().enumerate() {
@@ -253,7 +253,7 @@ impl<'a> ReferenceField<'a> {
         features
     }
 
-    /// The colour, in [0, 1], of `features` seen along the unit vector `direction` (DESIGN, section 2.7).
+    /// The color, in [0, 1], of `features` seen along the unit vector `direction` (DESIGN, section 2.7).
     pub fn decode(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
         self.decoder_output(features, direction).map(sigmoid)
     }
@@ -280,11 +280,11 @@ impl<'a> ReferenceField<'a> {
 fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let Some(nearest) = distances.clone().next() else { return Vec::new() };
     let (raw, divisor): (Vec<f64>, f64) = match aggregation {
-        // The limit at a centre: that tensor alone counts. Two centres never coincide.
-        Aggregation::Normalised if nearest == 0.0 => {
+        // The limit at a center: that tensor alone counts. Two centers never coincide.
+        Aggregation::Normalized if nearest == 0.0 => {
             (distances.enumerate().map(|(i, _)| if i == 0 { 1.0 } else { 0.0 }).collect(), 1.0)
         }
-        Aggregation::Normalised => {
+        Aggregation::Normalized => {
             let raw: Vec<f64> = distances.map(|d| nearest / d).collect();
             let sum = raw.iter().sum();
             (raw, sum)
@@ -298,7 +298,7 @@ fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item =
     raw.into_iter().map(|w| w / divisor).collect()
 }
 
-/// Where an offset from a tensor's centre falls on its three vertex rows.
+/// Where an offset from a tensor's center falls on its three vertex rows.
 struct Interpolation {
     /// The row of the lower vertex within the tensor, per axis.
     rows: [usize; 3],
@@ -351,7 +351,7 @@ impl Interpolation {
     }
 }
 
-/// A tensor's density feature at `offset` from its centre, its gradient, and the sum of its products' sizes.
+/// A tensor's density feature at `offset` from its center, its gradient, and the sum of its products' sizes.
 fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3, f64) {
     let interpolation = Interpolation::at(scale, offset);
     let rank = scale.factors.density_rank as usize;

@@ -22,12 +22,12 @@ pub enum Reduction {
     Mean,
 }
 
-/// How the neighbours within a scale are weighed.
+/// How the neighbors within a scale are weighed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Aggregation {
     /// 1/d over the sum of 1/d; at d = 0 that tensor alone.
-    Normalised,
+    Normalized,
     /// 1/(d + 1e-6) over max(sum of 1/(d + 1e-6), 1): the authors' code.
     Clamped,
 }
@@ -38,7 +38,7 @@ pub enum Aggregation {
 pub struct Rules {
     /// Which points are in the model.
     pub coverage: Coverage,
-    /// How neighbours are weighed.
+    /// How neighbors are weighed.
     pub aggregation: Aggregation,
     /// How the scales' density features combine.
     pub density_reduction: Reduction,
@@ -52,7 +52,7 @@ pub struct Rules {
     pub step: f64,
     /// The march stops after the sample that takes the transmittance below this.
     pub min_transmittance: f64,
-    /// Samples of at most this weight add no colour.
+    /// Samples of at most this weight add no color.
     pub min_weight: f64,
 }
 

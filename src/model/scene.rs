@@ -19,7 +19,7 @@ pub struct Scene {
     pub rules: Rules,
     /// Coarsest first, at least one.
     pub scales: Vec<Scale>,
-    /// From features to colour.
+    /// From features to color.
     pub decoder: Decoder,
     /// Where samples count; everywhere in the model where there is none.
     pub occupancy: Option<Occupancy>,

@@ -5,11 +5,11 @@ use glam::{DVec3, UVec3};
 use super::BrokenInvariant;
 use crate::geometry::{Aabb, Lattice};
 
-/// The centres, in canonical order: strictly ascending by (z, y, x), so that an answer that depends on the order
-/// (a tie between neighbours, the order of a sum) does not depend on who wrote the scene.
+/// The centers, in canonical order: strictly ascending by (z, y, x), so that an answer that depends on the order
+/// (a tie between neighbors, the order of a sum) does not depend on who wrote the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Placement {
-    /// The centres of these cells of a lattice.
+    /// The centers of these cells of a lattice.
     Lattice {
         /// The lattice.
         lattice: Lattice,
@@ -18,7 +18,7 @@ pub enum Placement {
     },
     /// These points.
     Explicit {
-        /// Centres in model units.
+        /// Centers in model units.
         centers: Vec<DVec3>,
     },
 }
@@ -26,7 +26,7 @@ pub enum Placement {
 /// Tensors of one size: tensor n covers the closed box center(n) ± `half`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TensorCloud {
-    /// The centres.
+    /// The centers.
     pub placement: Placement,
     /// Half the edge lengths, per axis, in model units.
     pub half: DVec3,
@@ -48,7 +48,7 @@ impl TensorCloud {
         self.len() == 0
     }
 
-    /// The centre of tensor `n`.
+    /// The center of tensor `n`.
     pub fn center(&self, n: usize) -> DVec3 {
         match &self.placement {
             Placement::Lattice { lattice, cells } => lattice.center(cells[n].as_ivec3()),
@@ -56,7 +56,7 @@ impl TensorCloud {
         }
     }
 
-    /// All centres, in order.
+    /// All centers, in order.
     pub fn centers(&self) -> impl Iterator<Item = DVec3> + '_ {
         (0..self.len()).map(|n| self.center(n))
     }

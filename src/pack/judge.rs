@@ -60,7 +60,7 @@ impl Judge {
     }
 }
 
-/// The colours that `cameras` see, one picture at a time.
+/// The colors that `cameras` see, one picture at a time.
 fn pictures(scene: &Scene, cameras: &[Camera]) -> impl Iterator<Item = Vec<[f32; 3]>> {
     let renderer = CpuRenderer::<f32>::new(scene);
     cameras.iter().map(move |camera| renderer.render(camera).pixels.iter().map(|pixel| pixel.color).collect())

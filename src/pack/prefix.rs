@@ -1,5 +1,5 @@
 //! Fitting what makes up for missing scales (DESIGN, section 3): a sum over fewer scales is too weak to be opaque, and its
-//! colours lack what the missing ones add.
+//! colors lack what the missing ones add.
 //!
 //! Factors stay as they are, so that a file's beginning is shared by all. Fitted are the gain and offset of the density feature and
 //! the appearance matrices, by Adam, against what the whole scene shows.

@@ -8,7 +8,7 @@ use crate::model::Scene;
 use crate::render::gpu::Gpu;
 
 const SHADER: &str = include_str!("../../shaders/boxes.wgsl");
-/// Scales that have a colour of their own.
+/// Scales that have a color of their own.
 const SCALES: usize = 16;
 /// By scale, the coarsest first; then again.
 const COLORS: [[f32; 3]; 4] = [[1.0, 0.45, 0.1], [0.15, 0.7, 1.0], [0.55, 0.9, 0.2], [0.95, 0.3, 0.8]];
@@ -31,7 +31,7 @@ pub struct BoxLines {
     bind_group: wgpu::BindGroup,
     uniform_buffer: wgpu::Buffer,
     uniform: Uniform,
-    /// \[tensor\] its centre relative to the origin, and its scale.
+    /// \[tensor\] its center relative to the origin, and its scale.
     centers: wgpu::Buffer,
     /// \[scale\] its first tensor, and the number of tensors.
     firsts: Vec<u32>,
@@ -87,14 +87,14 @@ impl BoxLines {
     }
 }
 
-/// Colour and opacity of the lines of scale `s` of `tensors` tensors.
+/// Color and opacity of the lines of scale `s` of `tensors` tensors.
 fn color_of(s: usize, tensors: usize) -> [f32; 4] {
     let [r, g, b] = COLORS[s % COLORS.len()];
     [r, g, b, (SEEN_THROUGH / tensors as f32).clamp(OPACITIES[0], OPACITIES[1])]
 }
 
 /// The edges of the boxes of `scene`'s `scales` as `camera` sees them, for those who draw without a device: calls `draw` with
-/// their ends, in parts of the picture's width and height, and their colour and opacity.
+/// their ends, in parts of the picture's width and height, and their color and opacity.
 pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl FnMut([DVec2; 2], [f32; 4])) {
     let origin = scene.bounds.center();
     let clip_from_model = clip_from_model(camera, origin);

@@ -34,7 +34,7 @@ pub enum Action {
     Keep(usize),
     /// Show or hide the help.
     Help,
-    /// The next way of looking at the scene: colour, depth, …
+    /// The next way of looking at the scene: color, depth, …
     NextView,
     /// Write what is seen to a picture.
     Screenshot,

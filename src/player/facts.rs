@@ -55,7 +55,7 @@ pub fn facts(document: &Document, contents: &Contents, bytes: u64) -> Vec<Fact> 
         ("preset", provenance.preset.clone()),
         ("steps", if provenance.steps > 0 { grouped(provenance.steps) } else { String::new() }),
         ("made by", provenance.tool.clone()),
-        ("licence", document.extras.licence.clone().unwrap_or_default()),
+        ("license", document.extras.license.clone().unwrap_or_default()),
     ] {
         if !value.is_empty() {
             facts.push(fact(name, value));

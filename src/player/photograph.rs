@@ -28,7 +28,7 @@ impl Photograph {
     }
 
     /// The number of the next of `count` cameras, after the last the first, or of the one before.
-    pub fn neighbour(&self, count: usize, is_next: bool) -> usize {
+    pub fn neighbor(&self, count: usize, is_next: bool) -> usize {
         match (self.camera, is_next) {
             (None, true) => 0,
             (None, false) => count.saturating_sub(1),
@@ -72,12 +72,12 @@ mod tests {
     #[test]
     fn cameras_come_round() {
         let mut photograph = Photograph::default();
-        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [0, 2]);
+        assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [0, 2]);
         photograph.camera = Some(2);
-        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [0, 1]);
+        assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [0, 1]);
         photograph.camera = Some(0);
-        assert_eq!([true, false].map(|is_next| photograph.neighbour(3, is_next)), [1, 2]);
-        assert_eq!([true, false].map(|is_next| photograph.neighbour(0, is_next)), [0, 0]);
+        assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [1, 2]);
+        assert_eq!([true, false].map(|is_next| photograph.neighbor(0, is_next)), [0, 0]);
     }
 
     #[test]

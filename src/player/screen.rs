@@ -15,7 +15,7 @@ const PIXEL_BYTES: u64 = 32;
 /// A way to look at a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
-    /// Colours.
+    /// Colors.
     #[default]
     Color,
     /// Expected depth, near is bright.
@@ -35,7 +35,7 @@ impl View {
     /// For people.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Color => "colour",
+            Self::Color => "color",
             Self::Depth => "depth",
             Self::Opacity => "opacity",
             Self::Normals => "normals",

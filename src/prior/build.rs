@@ -67,7 +67,7 @@ impl Default for BuildOptions {
 pub struct Built {
     /// In the dataset's space.
     pub boxes: VoxelBoxes,
-    /// sRGB of each cell, where any file has colours; grey where it is not known.
+    /// sRGB of each cell, where any file has colors; gray where it is not known.
     pub colors: Option<Vec<[u8; 3]>>,
     /// What was read.
     pub counts: Counts,
@@ -194,8 +194,8 @@ impl BuildOptions {
         }
         match (&self.crop, &self.outliers) {
             (Some(crop), _) if !crop.is_solid() => error("--crop", "the smallest corner, then a larger one", crop),
-            (_, Some(rule)) if rule.neighbours == 0 || rule.deviations.is_nan() || rule.deviations < 0.0 => {
-                error("--outliers", "at least one neighbour, and deviations of at least 0", rule)
+            (_, Some(rule)) if rule.neighbors == 0 || rule.deviations.is_nan() || rule.deviations < 0.0 => {
+                error("--outliers", "at least one neighbor, and deviations of at least 0", rule)
             }
             _ => Ok(()),
         }
@@ -478,7 +478,7 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
     Ok(runs)
 }
 
-/// The colour of each of `cells`; grey where `known`, which ascends as `cells` do, has none.
+/// The color of each of `cells`; gray where `known`, which ascends as `cells` do, has none.
 fn colors_of(known: &[(IVec3, Option<[u8; 3]>)], cells: impl Iterator<Item = IVec3>) -> Vec<[u8; 3]> {
     let key = |c: IVec3| [c.z, c.y, c.x];
     let of = |cell: IVec3| {

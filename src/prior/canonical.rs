@@ -10,7 +10,7 @@ pub const CANONICAL_HALF_EXTENT: f64 = 1.2;
 /// A scene is left where it is if it already fits the canonical box within this factor.
 pub const CANONICAL_TOLERANCE: f64 = 1.5;
 
-/// The map that brings `bounds`, those of a prior in the dataset's space, to the canonical box: centre 0, largest half
+/// The map that brings `bounds`, those of a prior in the dataset's space, to the canonical box: center 0, largest half
 /// extent `half_extent`. It scales all axes alike and never rotates, so lattices stay upright.
 ///
 /// It is the identity exactly where `bounds` lies within ±1.5 `half_extent` on every axis and its largest half extent is at
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scenes_of_the_canonical_size_stay_and_others_are_centred_and_scaled() {
+    fn scenes_of_the_canonical_size_stay_and_others_are_centerd_and_scaled() {
         let near = Aabb { min: DVec3::new(-0.7, -1.2, -0.5), max: DVec3::new(0.7, 1.2, 1.1) };
         let canonical_map = |bounds: &Aabb| canonical_map(bounds, CANONICAL_HALF_EXTENT);
         assert_eq!(canonical_map(&near).unwrap(), Similarity::IDENTITY);

@@ -1,7 +1,7 @@
 //! A coarse reconstruction from photographs: DVGO's first stage on the CPU.
 //!
 //! In: posed photographs and [`CoarseOptions`]. Out: the voxels that are not empty. A dense grid of densities and
-//! colours over the box of all frusta is trained by gradient descent through volume rendering (Sun et al., "Direct
+//! colors over the box of all frusta is trained by gradient descent through volume rendering (Sun et al., "Direct
 //! Voxel Grid Optimization", CVPR 2022, section 4), first on large voxels, then on small ones where the large ones
 //! were not empty. Same dataset, options and seed: same bits, on any number of threads.
 //!

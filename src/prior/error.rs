@@ -49,13 +49,13 @@ pub enum Error {
     /// Nothing to place tensors on (the caller).
     #[error("there is no {what} to place tensors on")]
     NothingToPlace {
-        /// Boxes, points or centres.
+        /// Boxes, points or centers.
         what: &'static str,
     },
     /// A position that is no number (the caller).
     #[error("{what} {index} is not finite: {found}")]
     NotFinite {
-        /// Boxes, points or centres.
+        /// Boxes, points or centers.
         what: &'static str,
         /// Which one, from 0.
         index: usize,
@@ -85,7 +85,7 @@ impl Error {
     pub(crate) fn empty(dataset: &Dataset, steps: u32, psnr: f64, background: [f32; 3]) -> Self {
         let cause = match background {
             [1.0, 1.0, 1.0] => "the background is not white (set it), or the cameras' axes or near and far are wrong",
-            _ => "the background's colour, the cameras' axes, or near and far are wrong",
+            _ => "the background's color, the cameras' axes, or near and far are wrong",
         };
         Self::EmptyReconstruction { dataset: dataset.name.clone(), steps, psnr, cause }
     }

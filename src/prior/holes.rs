@@ -3,7 +3,7 @@
 //! A scan's surface is a cell thin, and a closing by a ball of the hole's radius would leave the hole: the ball dips into it.
 //! It stays out, within half a cell, if it is so large that it hardly dips: a ball of radius R dips into a hole of radius h by
 //! R − √(R² − h²) ≈ h²/2R. So cells are grown by h² + ½ and shrunk by h² (in cells), and of what that fills, all that is within h
-//! of a cell is kept, and next to what is no cell's neighbour; thus a hole in a flat surface is filled exactly if it is two cells wide,
+//! of a cell is kept, and next to what is no cell's neighbor; thus a hole in a flat surface is filled exactly if it is two cells wide,
 //! and concave corners by no more than h. Both steps are thresholds on exact Euclidean distances (Felzenszwalb and
 //! Huttenlocher, "Distance Transforms of Sampled Functions", 2012).
 
@@ -47,7 +47,7 @@ pub(super) fn filled(cells: &[IVec3], radius: f64, aspect: DVec3) -> Option<Vec<
     block.transform(&mut outside);
     let near = (radius * radius * (1.0 + 1e-6)) as f32;
     let shrunk = (ball * ball * (1.0 + 1e-6)) as f32;
-    // Farther from all cells than neighbours are: shrinking by half a cell less than was grown also lays a skin on slopes.
+    // Farther from all cells than neighbors are: shrinking by half a cell less than was grown also lays a skin on slopes.
     let deep = |n: usize| distances[n] > beside && distances[n] <= near && outside[n] > shrunk;
     let kept = |&n: &usize| {
         distances[n] == 0.0 || deep(n) || (distances[n] <= beside && outside[n] > shrunk && block.around(n).any(deep))

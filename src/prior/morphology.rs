@@ -1,6 +1,6 @@
 //! Cells grown by a radius: morphology with balls, on runs of cells along x.
 //!
-//! A ball of radius r (in cells, measured between centres) is, for each offset (dy, dz), a run of cells along x. So is
+//! A ball of radius r (in cells, measured between centers) is, for each offset (dy, dz), a run of cells along x. So is
 //! every row of a set. Growing joins the rows around, each made longer by its run; so it takes no more for being sparse.
 
 use std::collections::BTreeMap;
@@ -53,7 +53,7 @@ impl Runs {
         self.0.values().flatten().map(|&(first, last)| (i64::from(last) - i64::from(first) + 1) as u64).sum()
     }
 
-    /// Every cell whose centre is within `radius` (in cells, per axis) of a cell's centre.
+    /// Every cell whose center is within `radius` (in cells, per axis) of a cell's center.
     pub(super) fn grown(&self, radius: DVec3) -> Self {
         let mut rows: BTreeMap<_, Vec<(i32, i32)>> = BTreeMap::new();
         for (dy, dz, half) in ball(radius) {

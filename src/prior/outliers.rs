@@ -9,8 +9,8 @@ use crate::geometry::Aabb;
 /// Which points count as outliers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outliers {
-    /// Neighbours whose mean distance is looked at, at least 1.
-    pub neighbours: usize,
+    /// Neighbors whose mean distance is looked at, at least 1.
+    pub neighbors: usize,
     /// A point is an outlier whose mean distance exceeds that of all points by more than so many standard deviations.
     pub deviations: f64,
 }
@@ -20,8 +20,8 @@ const LEAF: usize = 16;
 
 /// Whether each of `points` is kept. Memory: 21 bytes a point besides them.
 pub(super) fn inliers(points: &[DVec3], rule: &Outliers) -> Vec<bool> {
-    let neighbours = rule.neighbours.min(points.len().saturating_sub(1));
-    if neighbours == 0 {
+    let neighbors = rule.neighbors.min(points.len().saturating_sub(1));
+    if neighbors == 0 {
         return vec![true; points.len()];
     }
     let tree = Tree::new(points);
@@ -29,8 +29,8 @@ pub(super) fn inliers(points: &[DVec3], rule: &Outliers) -> Vec<bool> {
     let ordered: Vec<f64> = (tree.order.par_iter())
         .map_with(Vec::new(), |nearest, &n| {
             // The point itself is the nearest.
-            tree.nearest(points[n as usize], neighbours + 1, nearest);
-            nearest.iter().map(|d| d.sqrt()).sum::<f64>() / neighbours as f64
+            tree.nearest(points[n as usize], neighbors + 1, nearest);
+            nearest.iter().map(|d| d.sqrt()).sum::<f64>() / neighbors as f64
         })
         .collect();
     let mut distances = vec![0.0; points.len()];
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_those_that_a_search_through_all_finds() {
+    fn neighbors_are_those_that_a_search_through_all_finds() {
         let points = cloud(700);
         let tree = Tree::new(&points);
         let mut nearest = Vec::new();
@@ -146,14 +146,14 @@ mod tests {
         let far: Vec<_> =
             (0..100).map(|i| DVec3::new(0.01 * f64::from(i), 0.5, 1.0 + 0.1 * f64::from(i % 7))).collect();
         points.extend(&far);
-        let kept = inliers(&points, &Outliers { neighbours: 8, deviations: 2.0 });
+        let kept = inliers(&points, &Outliers { neighbors: 8, deviations: 2.0 });
         assert!(kept[5000..].iter().filter(|&&k| k).count() == 0);
         assert!(kept[..5000].iter().filter(|&&k| !k).count() < 25);
     }
 
     #[test]
     fn clouds_in_one_place_and_single_points_stay_and_end() {
-        let rule = Outliers { neighbours: 8, deviations: 1.0 };
+        let rule = Outliers { neighbors: 8, deviations: 1.0 };
         assert_eq!(inliers(&vec![DVec3::ONE; 200_000], &rule), vec![true; 200_000]);
         assert_eq!(inliers(&[DVec3::ONE], &rule), [true]);
         assert!(inliers(&[], &rule).is_empty());

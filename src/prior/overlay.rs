@@ -5,20 +5,20 @@ use rayon::prelude::*;
 use super::{CellTree, Error, FirstHit, VoxelBoxes};
 use crate::geometry::{Camera, Ray};
 
-/// Near and far cells that have no colours of their own.
+/// Near and far cells that have no colors of their own.
 const NEAR_COLOR: [f32; 3] = [1.0, 0.55, 0.1];
 const FAR_COLOR: [f32; 3] = [0.15, 0.35, 1.0];
 /// How bright faces across x, y and z are, z from above; from below they are as dark as can be.
 const FACES: [f32; 3] = [0.7, 0.85, 1.0];
 const FROM_BELOW: f32 = 0.5;
-/// What is left of a colour on the edge of a face.
+/// What is left of a color on the edge of a face.
 const EDGE: f32 = 0.4;
 /// Edges show where a cell spans at least so many pixels.
 const EDGE_PIXELS: f64 = 6.0;
 /// How much of a pixel the prior takes where it is.
 const OPACITY: f32 = 0.5;
 
-/// The colours \[height\]\[width\] of `photograph`, which `camera` took, half covered by the first cells of `boxes` along
+/// The colors \[height\]\[width\] of `photograph`, which `camera` took, half covered by the first cells of `boxes` along
 /// each ray: in `colors` (one a cell), or from orange to blue with their distance; darker on faces that point sideways and
 /// down, and at edges where cells are large. `tree` is that of `boxes`, both in the camera's space.
 ///
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_and_colours_of_other_sizes_are_refused() {
+    fn pictures_and_colors_of_other_sizes_are_refused() {
         let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::ONE };
         let boxes = VoxelBoxes { lattice, cells: vec![UVec3::ZERO] };
         let tree = CellTree::new(&boxes);

@@ -1,7 +1,7 @@
 //! Tensors on occupied space: one lattice a scale (paper, "Distributing local tensors").
 //!
 //! In: occupied boxes or points in the model's space, and a [`ScaleShape`]. Out: a [`TensorCloud`] in canonical order.
-//! Boxes are rasterised as boxes: every lattice cell that shares volume with one gets a tensor. Their centres alone
+//! Boxes are rasterized as boxes: every lattice cell that shares volume with one gets a tensor. Their centers alone
 //! would leave holes in a lattice that is finer than the boxes.
 
 use glam::{DVec3, UVec3};
@@ -20,9 +20,9 @@ const MAX_VISITS: u64 = 1 << 27;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ScaleShape {
-    /// Distance between lattice centres per axis, in model units.
+    /// Distance between lattice centers per axis, in model units.
     pub pitch: [f64; 3],
-    /// Edge lengths of a tensor per axis, in model units; more than the pitch, so that neighbours overlap.
+    /// Edge lengths of a tensor per axis, in model units; more than the pitch, so that neighbors overlap.
     pub edge: [f64; 3],
     /// Cells along each axis of a tensor.
     pub resolution: [u32; 3],
@@ -53,31 +53,31 @@ impl ScaleShape {
     }
 }
 
-/// A tensor at the centre of every cell that shares volume with one of `boxes`, on a lattice whose origin is their
+/// A tensor at the center of every cell that shares volume with one of `boxes`, on a lattice whose origin is their
 /// smallest corner. A box that ends on a face of the lattice, within a millionth of a cell, does not reach past it.
 ///
 /// # Errors
 ///
 /// On a shape out of range, no boxes, boxes that are not finite, and more cells than memory should hold.
 pub fn place_on_boxes(boxes: &VoxelBoxes, shape: &ScaleShape) -> Result<TensorCloud, Error> {
-    rasterise("occupied box", boxes.boxes(), boxes.cells.len(), shape)
+    rasterize("occupied box", boxes.boxes(), boxes.cells.len(), shape)
 }
 
-/// A tensor at the centre of every cell that contains one of `points`, on a lattice whose origin is their minimum. A
+/// A tensor at the center of every cell that contains one of `points`, on a lattice whose origin is their minimum. A
 /// point on a face, within a millionth of a cell, belongs to the larger cell.
 ///
 /// # Errors
 ///
 /// On a shape out of range, no points, points that are not finite, and cells out of range.
 pub fn place_on_points(points: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
-    rasterise("point", points.iter().map(|&p| Aabb { min: p, max: p }), points.len(), shape)
+    rasterize("point", points.iter().map(|&p| Aabb { min: p, max: p }), points.len(), shape)
 }
 
 /// A tensor at each of `centers`, sorted; equal ones once. The pitch of `shape` says nothing here.
 ///
 /// # Errors
 ///
-/// On a shape out of range, no centres, and centres that are not finite.
+/// On a shape out of range, no centers, and centers that are not finite.
 pub fn place_at(centers: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
     shape.check()?;
     refuse_nothing("center", centers.len())?;
@@ -96,7 +96,7 @@ fn refuse_nothing(what: &'static str, count: usize) -> Result<(), Error> {
     if count == 0 { Err(Error::NothingToPlace { what }) } else { Ok(()) }
 }
 
-fn rasterise(
+fn rasterize(
     what: &'static str,
     boxes: impl Iterator<Item = Aabb> + Clone,
     count: usize,

@@ -20,9 +20,9 @@ const LOW: f64 = 0.05;
 const GAIN: f64 = 3.0;
 /// What a prior may have to be multiplied by, in words.
 const UNITS: [(f64, &str); 5] = [
-    (0.001, "a thousandth of the dataset's, as millimetres are of metres"),
-    (0.01, "a hundredth of the dataset's, as centimetres are of metres"),
-    (0.3048, "0.3048 of the dataset's, as feet are of metres"),
+    (0.001, "a thousandth of the dataset's, as millimeters are of meters"),
+    (0.01, "a hundredth of the dataset's, as centimeters are of meters"),
+    (0.3048, "0.3048 of the dataset's, as feet are of meters"),
     (100.0, "a hundred times the dataset's"),
     (1000.0, "a thousand times the dataset's"),
 ];
@@ -312,7 +312,7 @@ mod tests {
         let found = sight(&both, &cameras()).advice.unwrap();
         assert_eq!((found.up, found.scale), (UpAxis::Y, 0.001));
         let text = found.to_string();
-        assert!(text.contains("as millimetres are of metres: try --up y --scale 0.001"), "{text}");
+        assert!(text.contains("as millimeters are of meters: try --up y --scale 0.001"), "{text}");
     }
 
     #[test]

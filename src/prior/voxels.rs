@@ -14,7 +14,7 @@ pub const MAX_CELLS: u64 = 1 << 25;
 const MAX_VISITS: u64 = 1 << 32;
 /// How far, in cells, an upright box may reach into a cell and still count as rounding.
 const FUZZ: f64 = 1e-6;
-/// Colours of a cell beyond so many points are left out of its mean, so that sums fit.
+/// Colors of a cell beyond so many points are left out of its mean, so that sums fit.
 const MAX_COLORED: u32 = 1 << 24;
 
 /// Cells of a lattice that geometry was found in.
@@ -224,7 +224,7 @@ impl Voxels {
         Ok(self.cells.entry(cell.to_array()).or_default())
     }
 
-    /// The cells with at least `min_points` points or anything solid, as (cell, colour), ascending by (z, y, x).
+    /// The cells with at least `min_points` points or anything solid, as (cell, color), ascending by (z, y, x).
     pub(super) fn into_cells(self, min_points: u32) -> Vec<(IVec3, Option<[u8; 3]>)> {
         let kept = |tally: &Tally| tally.solid || tally.points >= min_points;
         let cells = self.cells.into_iter().filter(|(_, tally)| kept(tally));
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_counted_and_colours_averaged() {
+    fn points_are_counted_and_colors_averaged() {
         let mut voxels = Voxels::new(LATTICE, None);
         for color in [[0, 10, 255], [101, 20, 255]] {
             voxels.add_point(DVec3::splat(0.5), Some(color), 0.0).unwrap();

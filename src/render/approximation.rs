@@ -7,15 +7,15 @@ use crate::model::{DecoderMode, Scene};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
-    /// Neighbours that a point aggregates in a scale at most; those of the scene where there is none.
-    pub neighbours: Option<u32>,
+    /// Neighbors that a point aggregates in a scale at most; those of the scene where there is none.
+    pub neighbors: Option<u32>,
     /// How many scales are used, the coarsest first; all where there is none.
     pub scales: Option<u32>,
     /// The share of each tensor's components that are used, the largest; all where there is none.
     pub components: Option<f64>,
     /// Steps are longer than the scene's by this factor; each then stands for its longer interval.
     pub step_scale: f64,
-    /// Samples of at most this weight add no colour; the scene's where there is none.
+    /// Samples of at most this weight add no color; the scene's where there is none.
     pub min_weight: Option<f64>,
     /// Rays end where their transmittance falls below this; the scene's where there is none.
     pub min_transmittance: Option<f64>,
@@ -29,7 +29,7 @@ pub struct Approximation {
 impl Default for Approximation {
     fn default() -> Self {
         Self {
-            neighbours: None,
+            neighbors: None,
             scales: None,
             components: None,
             step_scale: 1.0,
@@ -65,9 +65,9 @@ impl Approximation {
     ///
     /// Names the first that is out of range.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
-        let most_neighbours = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
+        let most_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
         for (option, value, [least, most]) in [
-            ("neighbours", self.neighbours, [1, most_neighbours]),
+            ("neighbors", self.neighbors, [1, most_neighbors]),
             ("scales", self.scales, [1, scene.scales.len() as u32]),
             ("density_cache", self.density_cache, [8, 2048]),
         ] {
@@ -117,7 +117,7 @@ impl Approximation {
             scene.scales.truncate(scales as usize);
         }
         for scale in &mut scene.scales {
-            scale.top_k = self.neighbours.map_or(scale.top_k, |n| n.min(scale.top_k));
+            scale.top_k = self.neighbors.map_or(scale.top_k, |n| n.min(scale.top_k));
             if let Some(share) = self.components {
                 keep_components(scale, share);
             }

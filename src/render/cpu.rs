@@ -3,14 +3,14 @@
 use rayon::prelude::*;
 
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, Stage, Work, add_compensated, vectorised};
+use crate::field::{Activations, Field, Real, Samples, Stage, Work, add_compensated, vectorized};
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene, softplus};
 
 /// Pixels along the edge of a tile, whose rays are marched together: they meet mostly the same tensors.
 const TILE: usize = 16;
 
-/// Coloured samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
+/// Colored samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
 const ROWS_AT_ONCE: usize = 768;
 
 /// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
@@ -86,7 +86,7 @@ impl<T: Real> CpuRenderer<T> {
         let chunks: Vec<_> = (rays.par_chunks(TILE * TILE))
             .map_init(Scratch::default, |scratch, chunk| {
                 let mut pixels = Vec::with_capacity(chunk.len());
-                let work = vectorised(
+                let work = vectorized(
                     #[inline(always)]
                     || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
                 );
@@ -107,7 +107,7 @@ impl<T: Real> CpuRenderer<T> {
         let chunks: Vec<Vec<Look>> = (rays.par_chunks(TILE * TILE))
             .map_init(<(Scratch<T>, Samples<T>)>::default, |(scratch, points), chunk| {
                 let mut looks = Vec::with_capacity(chunk.len());
-                vectorised(
+                vectorized(
                     #[inline(always)]
                     || {
                         self.trace_chunk(chunk, scratch, |pixel| looks.push(Look { pixel, ..Look::default() }));
@@ -199,7 +199,7 @@ impl<T: Real> Renderer for CpuRenderer<T> {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
         tiles(&mut pixels, width as usize).into_par_iter().for_each_init(Scratch::default, |scratch, tile| {
-            vectorised(
+            vectorized(
                 #[inline(always)]
                 || self.render_tile(camera, tile, scratch),
             );

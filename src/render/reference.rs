@@ -19,7 +19,7 @@ pub struct Trace {
     /// coverage, ranking, occupancy, a threshold, or the number of samples. At most [`ReferenceField::margin_horizon`].
     pub margin: f64,
     /// The condition of density along the ray: where every product of factors has a relative error of ε, no decision comes
-    /// out differently and ε is small, colour and opacity change by at most this times ε.
+    /// out differently and ε is small, color and opacity change by at most this times ε.
     pub condition: f64,
 }
 
@@ -39,7 +39,7 @@ impl<'a> ReferenceRenderer<'a> {
         let scene = self.field.scene();
         let rules = &scene.rules;
         let mut color = [0.0; 3];
-        // Where rays are decoded: Σ w and Σ w·f over the coloured samples, and of each w and its first features.
+        // Where rays are decoded: Σ w and Σ w·f over the colored samples, and of each w and its first features.
         let mut composed_weight = 0.0;
         let mut composed = vec![0.0; scene.features() as usize];
         let mut own_colors = Vec::new();

@@ -38,7 +38,7 @@ pub(crate) struct Adam<T> {
 }
 
 impl<T: Real> Adam<T> {
-    /// Step number `step`, counted from 1 since the optimiser was last restarted.
+    /// Step number `step`, counted from 1 since the optimizer was last restarted.
     pub(crate) fn new(learning_rate: f64, step: u64) -> Self {
         let correction = |beta: f64| 1.0 - beta.powf(step as f64);
         Self {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::NetworkLayout;
 use super::chunk::{BatchThinning, Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
-use crate::field::{Field, Real, Thinning, Work, vectorised};
+use crate::field::{Field, Real, Thinning, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
 
@@ -70,7 +70,7 @@ impl<T: Real> Backward<T> {
                 let thinning =
                     BatchThinning { color: thinning.color.map(of_chunk), density: thinning.density.map(of_chunk) };
                 scratch.with(|scratch| {
-                    vectorised(
+                    vectorized(
                         #[inline(always)]
                         || chunk.run(field, layout, rays, targets, loss_scale, thinning, scratch),
                     );

@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 use super::prepare::frame;
 use super::{ConfigError, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
 use crate::dataset::{Dataset, View};
-use crate::field::{Field, Samples, vectorised};
+use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
 use crate::prior::{self, CoarseProgress, Fit, VoxelBoxes};
 
-/// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbours. Without it the
+/// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbors. Without it the
 /// planes in which they meet, the middle of the scene, show.
 const OVERLAP: f64 = 0.25;
 
@@ -178,7 +178,7 @@ impl Eight {
         (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
     }
 
-    /// `base` for a training of the eight. Geometry is all that is wanted, so colours need no more than a linear map, and
+    /// `base` for a training of the eight. Geometry is all that is wanted, so colors need no more than a linear map, and
     /// no occupancy may take away what has yet to grow.
     fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
@@ -240,7 +240,7 @@ impl Eight {
         let edges_in_a_step = self.cell / field.rules.step;
         let is_dense = |samples: &mut Samples<f32>, cell: UVec3| {
             let position = field.relative(self.corner + (cell.as_dvec3() + 0.5) * self.cell);
-            let feature = vectorised(
+            let feature = vectorized(
                 #[inline(always)]
                 || field.density_feature(position, samples),
             );
@@ -285,7 +285,7 @@ impl Eight {
             let mut samples = Samples::default();
             for row in (0..camera.height).step_by(stride) {
                 let rays: Vec<Ray> = (0..camera.width).step_by(stride).map(|column| camera.ray(column, row)).collect();
-                vectorised(
+                vectorized(
                     #[inline(always)]
                     || field.march(&rays, &mut samples),
                 );

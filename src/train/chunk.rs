@@ -2,10 +2,10 @@
 //! pair needs for the gradients of its factors.
 //!
 //! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, let s_i be ∂L/∂w_i by way
-//! of colours (0 for samples without one) and b the gradient of the pixel times the background; then
+//! of colors (0 for samples without one) and b the gradient of the pixel times the background; then
 //! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). Where every sample is decoded, s_i is the pixel's gradient times
-//! the sample's colour. Where rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
-//! gradient times c plus ∂L/∂F·(f_i − F)/W. Where samples keep colours of their own, the pixel is Σ w·c_i with
+//! the sample's color. Where rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
+//! gradient times c plus ∂L/∂F·(f_i − F)/W. Where samples keep colors of their own, the pixel is Σ w·c_i with
 //! c_i = sigmoid(own_i + o(F)), so s_i is the pixel's gradient times c_i plus the same.
 
 use super::NetworkLayout;
@@ -20,7 +20,7 @@ pub(crate) const RAYS_PER_CHUNK: usize = 128;
 /// What a ray should see.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// The photographed colour.
+    /// The photographed color.
     pub color: [f32; 3],
     /// What is behind everything.
     pub background: [f32; 3],
@@ -29,7 +29,7 @@ pub struct Target {
 /// What a batch leaves out at random.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BatchThinning {
-    /// Of the colours of samples, by weight.
+    /// Of the colors of samples, by weight.
     pub color: Option<Thinning>,
     /// Of the gradients of samples' densities, by their size in means of a chunk.
     pub density: Option<Thinning>,
@@ -39,14 +39,14 @@ pub struct BatchThinning {
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
     pub(super) samples: Samples<T>,
-    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, where samples keep colours of their own,
-    /// \[coloured\]\[ΣR\] ∂L/∂(their components).
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, where samples keep colors of their own,
+    /// \[colored\]\[ΣR\] ∂L/∂(their components).
     pub(super) component_gradients: Vec<T>,
     /// ∂L/∂shared weights, in the flat layout.
     pub(super) network_gradients: Vec<T>,
     /// Pairs of all samples, with the gradients of their density features.
     pub(super) density_pairs: TensorPairs<T>,
-    /// Pairs of the coloured samples.
+    /// Pairs of the colored samples.
     pub(super) appearance_pairs: TensorPairs<T>,
     /// Σ over rays and channels of the squared error.
     pub(super) squared_error: f64,
@@ -58,18 +58,18 @@ pub(super) struct Scratch<T> {
     activations: Activations<T>,
     /// \[ray\] ∂L/∂pixel.
     pixel_gradients: Vec<[T; 3]>,
-    /// \[coloured\] ∂L/∂(the sample's weight), by way of colours.
+    /// \[colored\] ∂L/∂(the sample's weight), by way of colors.
     weight_gradients: Vec<T>,
-    /// \[coloured\] its row of `component_gradients`, and what that row is multiplied by to be the gradients of the
+    /// \[colored\] its row of `component_gradients`, and what that row is multiplied by to be the gradients of the
     /// sample's components.
     component_shares: Vec<(u32, T)>,
     /// \[place\] ∂L/∂(a scale's density feature).
     feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
-    /// \[term\]\[3\] ∂L/∂(a colour before the sigmoid), where samples keep colours of their own.
+    /// \[term\]\[3\] ∂L/∂(a color before the sigmoid), where samples keep colors of their own.
     term_gradients: Vec<T>,
-    /// \[coloured\]\[ΣR\] ∂L/∂(components), where samples keep colours of their own.
+    /// \[colored\]\[ΣR\] ∂L/∂(components), where samples keep colors of their own.
     sample_gradients: Vec<T>,
 }
 
@@ -104,7 +104,7 @@ impl<T: Real> Chunk<T> {
         self.samples.clock.lap(Stage::PairOrder);
     }
 
-    /// Pixels, loss, and the gradients of pixels, of colours before the sigmoid and of the decoder's outputs.
+    /// Pixels, loss, and the gradients of pixels, of colors before the sigmoid and of the decoder's outputs.
     #[inline(always)]
     fn compare(&mut self, field: &Field<T>, targets: &[Target], loss_scale: T, scratch: &mut Scratch<T>) {
         let Scratch { activations, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
@@ -173,7 +173,7 @@ impl<T: Real> Chunk<T> {
                         sums.iter_mut().zip(composite_gradients).for_each(|(sum, &g)| *sum += g * share_of_composite);
                     }
                 }
-                // A thinned sample's colour weighs more than the sample.
+                // A thinned sample's color weighs more than the sample.
                 let place = colored.places[c] as usize;
                 weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));

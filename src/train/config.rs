@@ -12,7 +12,7 @@ const PRESET_STEPS: u64 = 30_000;
 const SCAN_STEPS: u64 = 100_000;
 /// Shortened runs compute the occupancy no earlier: what is still empty then would be empty for good.
 const EARLIEST_OCCUPANCY: u64 = 300;
-/// Half the largest extent of a scan in model units: about a room's whole extent in metres.
+/// Half the largest extent of a scan in model units: about a room's whole extent in meters.
 const SCAN_HALF_EXTENT: f64 = 4.8;
 
 /// A training run's settings. TOML in and out; every field may be left out.
@@ -23,7 +23,7 @@ pub struct TrainConfig {
     pub preset: String,
     /// Of every random choice.
     pub seed: u64,
-    /// Optimiser steps.
+    /// Optimizer steps.
     pub steps: u64,
     /// Rays a step.
     pub batch_rays: usize,
@@ -49,8 +49,8 @@ pub struct TrainConfig {
     pub learning_rate_decay: f64,
     /// Weight of the mean absolute density factor, of each axis of each scale, in the loss.
     pub density_l1: f64,
-    /// Samples that weigh less are coloured at random, with a probability of their weight over this, and then weigh this:
-    /// the expected pixel stays the same, at less cost. 0 colours all. Rendering never does this.
+    /// Samples that weigh less are colored at random, with a probability of their weight over this, and then weigh this:
+    /// the expected pixel stays the same, at less cost. 0 colors all. Rendering never does this.
     pub color_thinning: f64,
     /// Samples whose density's gradient is smaller than this many of a chunk's means are left out at random, in the same
     /// way. 0 leaves out none.
@@ -81,8 +81,8 @@ pub struct TrainConfig {
 pub struct FieldConfig {
     /// Whether the model is where all scales are.
     pub coverage_all: bool,
-    /// Whether neighbours' weights sum to one, or are clamped as the authors' are.
-    pub normalised: bool,
+    /// Whether neighbors' weights sum to one, or are clamped as the authors' are.
+    pub normalized: bool,
     /// Whether scales' density features are averaged instead of added.
     pub density_mean: bool,
     /// Whether scales' appearance features are averaged instead of added.
@@ -129,7 +129,7 @@ pub struct ScaleConfig {
     pub density_rank: u32,
     /// Appearance components.
     pub appearance_rank: u32,
-    /// Neighbours that a point aggregates.
+    /// Neighbors that a point aggregates.
     pub top_k: u32,
 }
 
@@ -168,7 +168,7 @@ impl Default for FieldConfig {
     fn default() -> Self {
         Self {
             coverage_all: true,
-            normalised: true,
+            normalized: true,
             density_mean: false,
             appearance_mean: false,
             density_shift: -10.0,
@@ -186,7 +186,7 @@ impl FieldConfig {
         let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
         Rules {
             coverage: if self.coverage_all { Coverage::All } else { Coverage::Any },
-            aggregation: if self.normalised { Aggregation::Normalised } else { Aggregation::Clamped },
+            aggregation: if self.normalized { Aggregation::Normalized } else { Aggregation::Clamped },
             density_reduction: reduction(self.density_mean),
             appearance_reduction: reduction(self.appearance_mean),
             density_shift: self.density_shift,

@@ -14,7 +14,7 @@ const LARGEST: f32 = 1000.0;
 const WINDOW: usize = 32;
 /// Steps at the start whose error is that of an untrained scene.
 const FIRST: usize = 8;
-/// How many times worse than an untrained scene, and than a picture of one colour, a window may be.
+/// How many times worse than an untrained scene, and than a picture of one color, a window may be.
 const WORSE: f64 = 2.0;
 /// So many steps are each looked at for parameters that explode; later ones once a window.
 const EARLY: u64 = 64;
@@ -29,11 +29,11 @@ pub enum Divergence {
         /// The run's learning rates.
         rates: [f64; 2],
     },
-    /// The mean error of the last steps is twice that of an untrained scene, and of one colour.
+    /// The mean error of the last steps is twice that of an untrained scene, and of one color.
     Worse {
         /// The last steps' mean squared error.
         found: f64,
-        /// The larger one of the untrained scene's and one colour's.
+        /// The larger one of the untrained scene's and one color's.
         expected: f64,
         /// The run's learning rates.
         rates: [f64; 2],
@@ -67,7 +67,7 @@ impl Display for Divergence {
             }
             Self::Worse { found, expected, rates: now } => write!(
                 f,
-                "expected a mean squared error below {WORSE} times {expected:.4}, which one colour or no training has, found \
+                "expected a mean squared error below {WORSE} times {expected:.4}, which one color or no training has, found \
                  {found:.4}; {}",
                 rates(now)
             ),
@@ -84,7 +84,7 @@ impl Display for Divergence {
 pub(super) struct Watch {
     steps: u64,
     first: Vec<f64>,
-    /// The last errors, and what one colour would have had, in a ring.
+    /// The last errors, and what one color would have had, in a ring.
     last: Vec<[f64; 2]>,
 }
 
@@ -154,7 +154,7 @@ impl Watch {
     }
 }
 
-/// The mean squared error of the best picture of one colour.
+/// The mean squared error of the best picture of one color.
 fn variance(targets: &[Target]) -> f64 {
     let count = targets.len().max(1) as f64;
     let of_channel = |c: usize| {
@@ -169,7 +169,7 @@ fn variance(targets: &[Target]) -> f64 {
 mod tests {
     use super::*;
 
-    /// What is found in 64 steps of the error `after`, which follow 64 of 0.1 on photographs of two greys.
+    /// What is found in 64 steps of the error `after`, which follow 64 of 0.1 on photographs of two grays.
     fn found(after: f64) -> Option<Divergence> {
         let target = |n: usize| Target { color: [(n % 2) as f32 * 0.6; 3], background: [1.0; 3] };
         let targets: Vec<Target> = (0..16).map(target).collect();
@@ -179,8 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn errors_twice_those_of_no_training_and_of_one_colour_are_divergence() {
-        // One colour has an error of 0.09, no training one of 0.1.
+    fn errors_twice_those_of_no_training_and_of_one_color_are_divergence() {
+        // One color has an error of 0.09, no training one of 0.1.
         assert_eq!(found(0.19), None);
         let worse = found(0.25).expect("more than twice as bad");
         assert!(

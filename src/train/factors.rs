@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::chunk::Chunk;
 use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, load, offset, register_at};
 
-/// Where a scale's components lie in a coloured sample's row.
+/// Where a scale's components lie in a colored sample's row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ComponentRange {
     /// The scale's first component.
@@ -180,7 +180,7 @@ fn add_registers<T: Real, S: Simd, const FULL: bool>(
     }
 }
 
-/// What a scale's gradients need besides its factors, which the optimiser borrows meanwhile.
+/// What a scale's gradients need besides its factors, which the optimizer borrows meanwhile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScaleGeometry<'a, T> {
     pub(super) first_tensor: usize,

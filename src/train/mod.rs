@@ -1,4 +1,4 @@
-//! A scene from photographs, on the CPU: losses, gradients, optimiser, schedule, resumable progress.
+//! A scene from photographs, on the CPU: losses, gradients, optimizer, schedule, resumable progress.
 //!
 //! Results are the same on any number of threads: random draws are keyed by their place ([`crate::random`]), rays come
 //! in chunks of fixed size, one task owns a tensor, and shared weights are summed in the order of chunks.

@@ -1,5 +1,5 @@
 //! The shared weights as one flat vector: appearance matrices, then each layer's weights and bias. Gradients and
-//! optimiser state have the same layout.
+//! optimizer state have the same layout.
 
 use crate::field::{FieldDecoder, Real};
 

@@ -3,21 +3,21 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use crate::field::{Field, Real, Samples, vectorised};
+use crate::field::{Field, Real, Samples, vectorized};
 use crate::model::Occupancy;
 
 /// Vertices count from this opacity of one step on, without the distance scale.
 const MIN_ALPHA: f64 = 1e-4;
 
 /// The occupancy of `field` over its bounds, on cells of about `cell` (model units): vertices whose opacity over one
-/// step is at least 1e-4, and their neighbours. Where the field has an occupancy already, nothing outside it is set.
+/// step is at least 1e-4, and their neighbors. Where the field has an occupancy already, nothing outside it is set.
 pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
     let mut occupancy = Occupancy::empty(field.bounds, vertices);
     let layers: Vec<Vec<bool>> = (0..vertices.z)
         .into_par_iter()
         .map(|z| {
-            vectorised(
+            vectorized(
                 #[inline(always)]
                 || dense_vertices(field, &occupancy, z),
             )

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Target, TrainConfig};
 use crate::dataset::View;
-use crate::field::{Field, Real, vectorised};
+use crate::field::{Field, Real, vectorized};
 use crate::geometry::{Camera, Ray};
 use crate::model::Frame;
 use crate::random::Random;
@@ -54,7 +54,7 @@ impl<'a> Photographs<'a> {
             let camera = &self.cameras[v];
             let first = self.firsts[v] as u32 + row * camera.width;
             let meets = |column: &u32| {
-                vectorised(
+                vectorized(
                     #[inline(always)]
                     || field.first_sample(&camera.ray(*column, row)).is_some(),
                 )
@@ -99,7 +99,7 @@ impl<'a> Photographs<'a> {
     }
 
     /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again, as long
-    /// as the same are kept; what is behind it, and the colour that was photographed there.
+    /// as the same are kept; what is behind it, and the color that was photographed there.
     pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
         let kept = self.kept.len() as u64;
         let at = order.substream(draw / kept).permuted(draw % kept, kept);

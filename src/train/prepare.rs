@@ -72,7 +72,7 @@ pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_f
     Frame {
         model_from_dataset,
         up: UpAxis::Z,
-        metres_per_unit: None,
+        meters_per_unit: None,
         near,
         far,
         background: config.background,

@@ -10,14 +10,14 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use super::{ConfigError, Moments, NetworkLayout, Photographs, TrainConfig};
 use crate::field::{Field, Real};
 
-/// Optimiser state and counters. What it says of resolutions and occupancy is in the scene.
+/// Optimizer state and counters. What it says of resolutions and occupancy is in the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
     /// The run's settings.
     pub config: TrainConfig,
     /// Steps done.
     pub step: u64,
-    /// The step after which the optimiser last started anew.
+    /// The step after which the optimizer last started anew.
     pub restarted_at: u64,
     /// Wall time spent so far, for reports alone.
     pub seconds: f64,
@@ -68,7 +68,7 @@ impl Progress {
         progress
     }
 
-    /// Forgets the optimiser's state, for the resolutions that `field` has now.
+    /// Forgets the optimizer's state, for the resolutions that `field` has now.
     pub(super) fn restart(&mut self, field: &Field<f32>) {
         self.restarted_at = self.step;
         self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
@@ -76,7 +76,7 @@ impl Progress {
         self.networks = Moments::zeros(NetworkLayout::of(&field.decoder).len());
     }
 
-    /// Forgets the optimiser's state of all tensors but those of the numbers `kept`, by scale of `field`.
+    /// Forgets the optimizer's state of all tensors but those of the numbers `kept`, by scale of `field`.
     pub(super) fn keep_tensors(&mut self, kept: &[Vec<usize>], field: &Field<f32>) {
         for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
             self.density[s].keep_tensors(kept, scale.len());

@@ -12,7 +12,7 @@ const MARGIN: f64 = 0.01;
 ///
 /// Pictures stay the same to the bit in the reference renderer, whatever the coverage. A sample counts only where the
 /// occupancy is positive, and such a point is in no removed tensor's box. So none of them was among those that cover it:
-/// whether it is in the model, its nearest tensors, their order, which is that of their distances and centres, and their
+/// whether it is in the model, its nearest tensors, their order, which is that of their distances and centers, and their
 /// weights stay as they are. All other points show nothing. That is more than a tensor without components could say of
 /// itself (DESIGN, section 2.11), which is why that one stays.
 pub fn prune_unoccupied(scene: &mut Scene) -> Vec<Vec<usize>> {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::chunk::RAYS_PER_CHUNK;
 use super::trainer::place_in_space;
 use super::{Photographs, Target};
-use crate::field::{Activations, Field, Samples, vectorised};
+use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
 
@@ -19,7 +19,7 @@ pub struct RayBatch {
 }
 
 impl RayBatch {
-    /// `count` rays of `photographs` from number `first` of `order`'s sequence on, ordered in space so that neighbours meet
+    /// `count` rays of `photographs` from number `first` of `order`'s sequence on, ordered in space so that neighbors meet
     /// the same tensors.
     pub fn draw(photographs: &Photographs<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
         let mut drawn: Vec<_> = (first..first + count as u64)
@@ -34,7 +34,7 @@ impl RayBatch {
         Self { rays, targets }
     }
 
-    /// \[ray\] the colour that `field` shows; the same on any number of threads.
+    /// \[ray\] the color that `field` shows; the same on any number of threads.
     pub fn colors(&self, field: &Field<f32>) -> Vec<[f32; 3]> {
         colors(field, &self.rays, |ray| self.targets[ray].background)
     }
@@ -49,13 +49,13 @@ impl RayBatch {
     }
 }
 
-/// \[ray\] the colour that `field` shows of `rays`, before `background`\[ray\].
+/// \[ray\] the color that `field` shows of `rays`, before `background`\[ray\].
 pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
     let mut colors = vec![[0.0; 3]; rays.len()];
     (rays.par_chunks(RAYS_PER_CHUNK).zip(colors.par_chunks_mut(RAYS_PER_CHUNK))).enumerate().for_each_init(
         <(Samples<f32>, Activations<f32>)>::default,
         |(samples, activations), (n, (rays, colors))| {
-            vectorised(
+            vectorized(
                 #[inline(always)]
                 || {
                     field.march(rays, samples);

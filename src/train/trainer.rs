@@ -11,7 +11,7 @@ use super::{
     march_step, network_parts, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorised};
+use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorized};
 use crate::geometry::{Aabb, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -119,7 +119,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Goes on with another `scene` of the same photographs for `steps`, over which learning rates fall; the
-    /// optimiser starts anew.
+    /// optimizer starts anew.
     pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
         self.field = Field::new(&scene);
         self.backward = Backward::new(&self.field);
@@ -178,7 +178,7 @@ impl<'a> Trainer<'a> {
         drop_unused(scene, &self.photographs, self.config.seed)
     }
 
-    /// One optimiser step, and what the schedule asks for after it.
+    /// One optimizer step, and what the schedule asks for after it.
     ///
     /// # Errors
     ///
@@ -214,7 +214,7 @@ impl<'a> Trainer<'a> {
         self.watch.see_error(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
         self.update_networks();
-        clock.lap(Stage::Optimiser);
+        clock.lap(Stage::Optimizer);
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
         self.update_factors(&mut clock.work);
         self.watch.see_parameters(&mut self.field, &self.config).map_err(diverged)?;
@@ -224,7 +224,7 @@ impl<'a> Trainer<'a> {
         Ok(report)
     }
 
-    /// The optimiser's step for parameters whose learning rate starts at `start`.
+    /// The optimizer's step for parameters whose learning rate starts at `start`.
     fn adam(&self, start: f64) -> Adam<f32> {
         let since_restart = self.progress.step - self.progress.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
@@ -265,7 +265,7 @@ impl<'a> Trainer<'a> {
                     pool.with(|gradient| {
                         gradient.clock.skip();
                         gradient.accumulate(geometry, n, [density, appearance], chunks);
-                        vectorised(
+                        vectorized(
                             #[inline(always)]
                             || {
                                 l1.add(density, &mut gradient.density);
@@ -275,7 +275,7 @@ impl<'a> Trainer<'a> {
                                 }
                             },
                         );
-                        gradient.clock.lap(Stage::Optimiser);
+                        gradient.clock.lap(Stage::Optimizer);
                     });
                 },
             );
@@ -340,7 +340,7 @@ fn expect_rays(photographs: &Photographs<'_>) -> Result<(), TrainError> {
 pub(super) fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
     const BITS: u32 = 10;
     let size = field.bounds.size();
-    let first = vectorised(
+    let first = vectorized(
         #[inline(always)]
         || field.first_sample(ray),
     );

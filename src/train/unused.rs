@@ -4,8 +4,8 @@
 //! leave out. A tensor without components still covers, ranks and weighs (DESIGN, section 2.11).
 //!
 //! What is cleared, in this order, judged by a sample of the rays that were trained on:
-//! - a tensor's appearance, where it is a neighbour of no sample that gets a colour;
-//! - a tensor's density, where every sample that it is a neighbour of is empty, before and after. To be empty before is not
+//! - a tensor's appearance, where it is a neighbor of no sample that gets a color;
+//! - a tensor's density, where every sample that it is a neighbor of is empty, before and after. To be empty before is not
 //!   enough: it may be the tensor that keeps the sample so;
 //! - components that are too small to matter wherever they are.
 //!
@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::chunk::RAYS_PER_CHUNK;
 use super::cleared::Cleared;
 use super::{Photographs, RayBatch};
-use crate::field::{Field, Samples, vectorised};
+use crate::field::{Field, Samples, vectorized};
 use crate::geometry::Ray;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -82,7 +82,7 @@ pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) 
     Unused { psnr_before, psnr_after: psnr_before, ..Unused::default() }
 }
 
-/// Clears the density of tensors that touch only empty samples, and the appearance of those that touch no coloured one.
+/// Clears the density of tensors that touch only empty samples, and the appearance of those that touch no colored one.
 /// Leaves in `field` what the scene then is.
 fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f32>, looked: &RayBatch) {
     let mut used = uses(looked, field);
@@ -147,22 +147,22 @@ fn clear_small_components(cleared: &mut Cleared, scene: &Scene) {
     }
 }
 
-/// What a tensor is a neighbour of.
+/// What a tensor is a neighbor of.
 #[derive(Clone, Copy, Default)]
 struct Use {
     /// A sample that is not empty.
     density: bool,
-    /// A sample that gets a colour.
+    /// A sample that gets a color.
     appearance: bool,
 }
 
-/// What each tensor of `field`, counted over all scales, is used for. A sample is empty where it would get no colour even
+/// What each tensor of `field`, counted over all scales, is used for. A sample is empty where it would get no color even
 /// on a clear ray.
 fn uses(batch: &RayBatch, field: &Field<f32>) -> Vec<Use> {
     let min_weight = field.rules.min_weight as f32;
     let none = || (vec![Use::default(); field.tensor_count()], Samples::default());
     let look = |(mut uses, mut samples): (Vec<Use>, Samples<f32>), rays: &[Ray]| {
-        vectorised(
+        vectorized(
             #[inline(always)]
             || field.march(rays, &mut samples),
         );

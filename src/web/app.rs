@@ -344,8 +344,8 @@ impl App {
             Action::NextView => self.set_view(self.view.next()),
             Action::Boxes => self.set_boxes(!self.has_boxes),
             Action::Reset | Action::Recall(_) => self.changed(),
-            Action::NextCamera => self.go_to_camera(self.photograph.neighbour(self.camera_count(), true)),
-            Action::CameraBefore => self.go_to_camera(self.photograph.neighbour(self.camera_count(), false)),
+            Action::NextCamera => self.go_to_camera(self.photograph.neighbor(self.camera_count(), true)),
+            Action::CameraBefore => self.go_to_camera(self.photograph.neighbor(self.camera_count(), false)),
             _ => {}
         }
         action
@@ -528,8 +528,8 @@ impl App {
             "is_recording": self.recorder.is_recording(),
             "is_playing": self.recorder.is_playing(),
             "quality": {
-                "neighbours": self.approximation.neighbours.unwrap_or(slot.most_neighbours()),
-                "most_neighbours": slot.most_neighbours(),
+                "neighbors": self.approximation.neighbors.unwrap_or(slot.most_neighbors()),
+                "most_neighbors": slot.most_neighbors(),
                 "scales": self.approximation.scales.unwrap_or(slot.scene.scales.len() as u32),
                 "step": self.approximation.step_scale,
                 "threshold": self.approximation.min_weight.unwrap_or(own.min_weight),

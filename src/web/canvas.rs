@@ -28,7 +28,7 @@ impl Canvas {
         let mut configuration = surface
             .get_default_config(gpu.adapter(), width, height)
             .ok_or_else(|| GpuError::NoAdapter("the adapter cannot draw on a canvas".into()))?;
-        // Colours are display-referred already.
+        // Colors are display-referred already.
         let formats = surface.get_capabilities(gpu.adapter()).formats;
         let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
         configuration.format = formats.into_iter().find(|f| plain.contains(f)).unwrap_or(configuration.format);

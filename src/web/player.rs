@@ -235,7 +235,7 @@ impl Player {
         }
     }
 
-    /// Shows colour, depth, opacity, normals or samples, by name.
+    /// Shows color, depth, opacity, normals or samples, by name.
     ///
     /// # Errors
     ///
@@ -270,14 +270,14 @@ impl Player {
     /// Where one of them is out of range.
     pub fn set_quality(
         &self,
-        neighbours: Option<u32>,
+        neighbors: Option<u32>,
         scales: Option<u32>,
         step: f64,
         threshold: Option<f64>,
         finest: u32,
     ) -> Result<(), JsError> {
         let exact = Approximation::default();
-        let approximation = Approximation { neighbours, scales, step_scale: step, min_weight: threshold, ..exact };
+        let approximation = Approximation { neighbors, scales, step_scale: step, min_weight: threshold, ..exact };
         Ok(self.app.borrow_mut().approximate(&approximation, finest.clamp(1, 16))?)
     }
 

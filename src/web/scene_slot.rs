@@ -127,8 +127,8 @@ impl SceneSlot {
         self.drawing = None;
     }
 
-    /// The most neighbours that a scale asks for.
-    pub(super) fn most_neighbours(&self) -> u32 {
+    /// The most neighbors that a scale asks for.
+    pub(super) fn most_neighbors(&self) -> u32 {
         self.scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1)
     }
 }

@@ -206,14 +206,14 @@ fn codecs() {
 #[test]
 fn codes_that_this_version_does_not_define() {
     unsupported(patched("FRAME", 100, &[6]), "up axis");
-    unsupported(patched("FRAME", 101, &[1]), "colour space");
+    unsupported(patched("FRAME", 101, &[1]), "color space");
     unsupported(patched("RULES", 2, &[2]), "coverage");
     unsupported(patched("RULES", 3, &[2]), "aggregation");
     unsupported(patched("RULES", 4, &[2]), "density reduction");
     unsupported(patched("RULES", 5, &[2]), "appearance reduction");
     unsupported(patched("RULES", 6, &[2]), "contraction");
     unsupported(patched("DECODER", 0, &[3]), "mode");
-    // Too few features for colours of the samples' own.
+    // Too few features for colors of the samples' own.
     broken(patched("DECODER", 0, &[2]), "features");
     unsupported(patched("SCALE", 44, &[2]), "factor kind");
     unsupported(patched("SCALE", 45, &[2]), "placement");
@@ -376,7 +376,7 @@ fn zstd_frames() {
 fn scenes_that_break_an_invariant() {
     let nan = f64::NAN.to_le_bytes();
     broken(patched("FRAME", 0, &nan), "model_from_dataset");
-    broken(patched("FRAME", 64, &(-0.0f64).to_le_bytes()), "metres_per_unit");
+    broken(patched("FRAME", 64, &(-0.0f64).to_le_bytes()), "meters_per_unit");
     broken(patched("RULES", 8, &nan), "bounds");
     broken(patched("RULES", 72, &nan), "step");
     broken(patched("DENSITY", BODY, &f32::INFINITY.to_le_bytes()), "density factors");

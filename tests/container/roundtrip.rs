@@ -81,7 +81,7 @@ fn every_choice_comes_back() {
         |s| s.frame.up = UpAxis::MinusX,
         |s| s.frame.up = UpAxis::MinusY,
         |s| s.frame.up = UpAxis::MinusZ,
-        |s| s.frame.metres_per_unit = None,
+        |s| s.frame.meters_per_unit = None,
         |s| s.decoder.mode = DecoderMode::PerSample,
         |s| {
             s.decoder.mode = DecoderMode::Residual;

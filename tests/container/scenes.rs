@@ -24,7 +24,7 @@ impl Numbers {
     }
 }
 
-/// A coarse scale on a lattice and a fine one of explicit centres, with an occupancy; about 2 KB as a file.
+/// A coarse scale on a lattice and a fine one of explicit centers, with an occupancy; about 2 KB as a file.
 pub(crate) fn two_scales() -> Scene {
     let mut numbers = Numbers(1);
     let cells = [[2, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 3]].map(UVec3::from_array).to_vec();
@@ -49,7 +49,7 @@ pub(crate) fn two_scales() -> Scene {
                 translation: DVec3::new(1.0, -2.0, 3.0),
             },
             up: UpAxis::Z,
-            metres_per_unit: Some(0.1),
+            meters_per_unit: Some(0.1),
             near: 2.0,
             far: 6.0,
             background: [1.0, 0.5, 0.25],
@@ -58,7 +58,7 @@ pub(crate) fn two_scales() -> Scene {
         bounds: bounds(),
         rules: Rules {
             coverage: Coverage::All,
-            aggregation: Aggregation::Normalised,
+            aggregation: Aggregation::Normalized,
             density_reduction: Reduction::Sum,
             appearance_reduction: Reduction::Mean,
             density_shift: -10.0,
@@ -93,7 +93,7 @@ pub(crate) fn smallest() -> Scene {
     let mut scene = two_scales();
     scene.scales = vec![scale(&mut numbers, placement, DVec3::splat(0.75), [1, 1, 1], [1, 1])];
     scene.frame.model_from_dataset = Similarity::IDENTITY;
-    scene.frame.metres_per_unit = None;
+    scene.frame.meters_per_unit = None;
     scene.occupancy = None;
     scene.provenance = Provenance::default();
     scene
@@ -144,7 +144,7 @@ pub(crate) fn extras() -> Extras {
         reserved: [0; 2],
     };
     Extras {
-        licence: Some("CC-BY-4.0, © somebody".into()),
+        license: Some("CC-BY-4.0, © somebody".into()),
         quality: Some(Quality {
             encoded: Some(54.5),
             test: None,

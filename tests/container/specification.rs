@@ -40,7 +40,7 @@ fn the_limits_are_those_of_the_code() {
         ("scales", limits::SCALES),
         ("tensors of a scale", limits::TENSORS),
         ("extent of a lattice, per axis", limits::CELL_EXTENT),
-        ("neighbours M", limits::TOP_K),
+        ("neighbors M", limits::TOP_K),
         ("resolution, per axis", limits::RESOLUTION),
         ("density rank, appearance rank", limits::RANK),
         ("features P", limits::FEATURES),

@@ -41,7 +41,7 @@ impl Way {
         self.rounding() * (scene.bounds.size().max_element() + scene.frame.far)
     }
 
-    /// Colours of clear rays differ by no more from the reference's where nothing is badly conditioned.
+    /// Colors of clear rays differ by no more from the reference's where nothing is badly conditioned.
     pub(crate) fn bound(self) -> f64 {
         match self {
             Self::CpuF64 => 1e-7,

@@ -1,4 +1,4 @@
-//! The field at the places where it is made of pieces: centres, faces, edges, corners, vertices, ties.
+//! The field at the places where it is made of pieces: centers, faces, edges, corners, vertices, ties.
 //!
 //! A ray of a single sample asks for one point: every renderer answers alike. Numbers are such that f32 holds every point
 //! and every box, so nothing but the field's own arithmetic can be off.
@@ -18,7 +18,7 @@ fn asking(point: DVec3) -> Ray {
     Ray { origin: point - NEAR * DVec3::X, direction: DVec3::X }
 }
 
-/// Five tensors whose centres are 1 from the origin, and a sixth that nothing overlaps.
+/// Five tensors whose centers are 1 from the origin, and a sixth that nothing overlaps.
 fn scene(mode: DecoderMode) -> Scene {
     let mut centers = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z];
     centers.push(DVec3::new(0.0, 0.0, 6.0));
@@ -49,12 +49,12 @@ fn stepped(v: f64, direction: i32) -> f64 {
     }
 }
 
-/// Points with their names, each with its neighbours a step of f32 to either side.
+/// Points with their names, each with its neighbors a step of f32 to either side.
 fn points(scene: &Scene) -> Vec<(String, DVec3)> {
     let half = scene.scales[0].cloud.half;
     let mut named: Vec<(String, DVec3)> = Vec::new();
     for center in [DVec3::X, DVec3::NEG_Y, DVec3::new(0.0, 0.0, 6.0)] {
-        // Centre, the centres of faces, of edges, and corners.
+        // Center, the centers of faces, of edges, and corners.
         for code in 0..27 {
             let at = DVec3::new(f64::from(code % 3 - 1), f64::from(code / 3 % 3 - 1), f64::from(code / 9 - 1));
             named.push((format!("{center} + {at} half edges"), center + at * half));
@@ -111,7 +111,7 @@ fn unanswered(scene: &Scene, planted: &Scene, way: Way, bound: f64) -> Vec<Strin
 }
 
 #[test]
-fn every_renderer_answers_on_centres_faces_edges_corners_vertices_and_ties_as_the_reference_does() {
+fn every_renderer_answers_on_centers_faces_edges_corners_vertices_and_ties_as_the_reference_does() {
     for mode in DecoderMode::ALL {
         let scene = scene(mode);
         for &way in Way::ALL {

@@ -1,4 +1,4 @@
-//! Scenes whose every number is chosen: one scale, explicit centres, a small decoder.
+//! Scenes whose every number is chosen: one scale, explicit centers, a small decoder.
 
 use glam::DVec3;
 use strivec::geometry::{Aabb, Similarity};
@@ -103,7 +103,7 @@ impl Made {
             frame: Frame {
                 model_from_dataset: Similarity::IDENTITY,
                 up: UpAxis::Z,
-                metres_per_unit: None,
+                meters_per_unit: None,
                 near: 0.0,
                 far: 4.0 * bounds.size().length(),
                 background: [1.0, 0.5, 0.25],
@@ -112,7 +112,7 @@ impl Made {
             bounds,
             rules: Rules {
                 coverage: Coverage::All,
-                aggregation: Aggregation::Normalised,
+                aggregation: Aggregation::Normalized,
                 density_reduction: Reduction::Sum,
                 appearance_reduction: Reduction::Sum,
                 density_shift: 0.0,
@@ -145,7 +145,7 @@ impl Made {
     }
 }
 
-/// The centres of a lattice of `counts` around the origin, `pitch` apart.
+/// The centers of a lattice of `counts` around the origin, `pitch` apart.
 pub(crate) fn lattice(counts: [u32; 3], pitch: DVec3) -> Vec<DVec3> {
     let [columns, rows, layers] = counts;
     let middle = (DVec3::new(columns.into(), rows.into(), layers.into()) - 1.0) * 0.5;

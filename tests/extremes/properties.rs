@@ -87,7 +87,7 @@ proptest! {
         let count = scale.cloud.len();
         let (a, b) = (swap % count, swap / 8 % count);
         prop_assume!(a != b);
-        let Placement::Explicit { centers } = &mut scale.cloud.placement else { panic!("explicit centres") };
+        let Placement::Explicit { centers } = &mut scale.cloud.placement else { panic!("explicit centers") };
         centers.swap(a, b);
         for factors in [&mut scale.factors.density, &mut scale.factors.appearance] {
             let len = factors.len() / count;
@@ -108,7 +108,7 @@ proptest! {
         let map = &mut other.frame.model_from_dataset;
         map.scale = scale;
         map.rotation = DQuat::from_rotation_z(angle);
-        other.frame.metres_per_unit = Some(scale);
+        other.frame.meters_per_unit = Some(scale);
         let rays = rays_through(&scene, 40);
         prop_assert!(CpuRenderer::new(&scene).trace(&rays) == CpuRenderer::new(&other).trace(&rays));
         // A camera comes to the same place through either frame.

@@ -54,7 +54,7 @@ fn fog_of_a_hundred_thousand_faint_samples_is_not_lost() {
         let mut scene = constant(0.0, DecoderMode::PerSample);
         scene.rules.step = 2e-5;
         scene.rules.distance_scale = depth / (2.0_f64.ln() * scene.rules.step);
-        // Below the weight from which on samples are coloured: a device has room for so many colours of a ray only.
+        // Below the weight from which on samples are colored: a device has room for so many colors of a ray only.
         let rays = rays_through(&scene, 4);
         let exact = expected(&scene, &rays);
         for &way in Way::ALL {
@@ -141,7 +141,7 @@ fn an_opaque_first_sample_and_rays_through_nothing() {
 }
 
 #[test]
-fn factors_at_the_limits_of_f16_and_of_every_quantiser() {
+fn factors_at_the_limits_of_f16_and_of_every_quantizer() {
     // The largest and the smallest numbers of f16, also those that are not normal.
     let extremes = [65504.0, 6.103_515_6e-5, 5.960_464_5e-8, 0.0];
     for largest in extremes {
@@ -164,7 +164,7 @@ fn factors_at_the_limits_of_f16_and_of_every_quantiser() {
             let largest_error = (read.scales[0].factors.density.iter().zip(&scene.scales[0].factors.density))
                 .map(|(r, s)| (f64::from(*r) - f64::from(*s)).abs())
                 .fold(0.0, f64::max);
-            // A quantiser's finest step is 2^-24.
+            // A quantizer's finest step is 2^-24.
             let allowed = match encoding {
                 Encoding::F32 | Encoding::F16 => 0.0,
                 Encoding::Cosine => (0.01 * largest).max(6e-8),
@@ -194,7 +194,7 @@ fn a_saturated_decoder_stays_between_0_and_1() {
                 for pixel in way.trace(&scene, &rays) {
                     assert!(pixel.color.iter().all(|c| (-1e-5..=1.0 + 1e-5).contains(c)), "{way:?}: {pixel:?}");
                 }
-                // Larger ones turn the smallest rounding into another colour.
+                // Larger ones turn the smallest rounding into another color.
                 if size == 1e2 {
                     assert!(errors.clear_maximum() < 100.0 * way.bound(), "{way:?}: {}", errors.row());
                 }

@@ -63,7 +63,7 @@ pub(crate) fn scene(config: &TrainConfig) -> Scene {
     let frame = Frame {
         model_from_dataset: Similarity::IDENTITY,
         up: UpAxis::Z,
-        metres_per_unit: None,
+        meters_per_unit: None,
         near: 0.5,
         far: 6.0,
         background: [1.0, 0.9, 0.2],
@@ -86,7 +86,7 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
         let mut config = self::config();
         config.field.coverage_all = bits & 1 == 0;
-        config.field.normalised = bits & 2 == 0;
+        config.field.normalized = bits & 2 == 0;
         config.field.density_mean = bits & 4 != 0;
         config.field.appearance_mean = bits & 8 != 0;
         config.decoder.mode = mode;

@@ -5,13 +5,13 @@
     V/bin/python tools/measure/foreign_geometry.py FOLDER
 
 writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean
-colour of its points or of the mesh's vertices before a format rounds them; "tolerance" is how far a coordinate may then be off.
+color of its points or of the mesh's vertices before a format rounds them; "tolerance" is how far a coordinate may then be off.
 A package that does not install is skipped, with a word; open3d needs libusb-1.0.
 
     V/bin/python tools/measure/foreign_geometry.py FOLDER --check target/release/strivec
 
 also reads each file by that command, into cells of a thousandth of the extent, and compares the number of points or triangles, and
-bounds, sum and mean colour of the cells. Exit code 1 where any differs.
+bounds, sum and mean color of the cells. Exit code 1 where any differs.
 """
 
 import argparse
@@ -32,7 +32,7 @@ TRANSLATION = [1.0, -2.0, 0.5]
 
 
 def cloud():
-    """Positions that f32 holds, and colours: a bent sheet."""
+    """Positions that f32 holds, and colors: a bent sheet."""
     random = np.random.default_rng(7)
     position = random.uniform(-1, 1, (POINTS, 3))
     position[:, 2] = 0.3 * np.sin(3 * position[:, 0]) + 0.1 * position[:, 1]
@@ -41,7 +41,7 @@ def cloud():
 
 
 def mesh():
-    """A closed mesh: a sphere of 16 by 12 parts, with colours at its vertices."""
+    """A closed mesh: a sphere of 16 by 12 parts, with colors at its vertices."""
     around, along = 16, 12
     vertices = [[0.0, 0.0, 0.8]]
     for ring in range(1, along):
@@ -152,7 +152,7 @@ def write_trimesh(folder):
                 (folder.path / (file if name == "model.gltf" else name)).write_bytes(data)
         else:
             made.export(folder.path / file)
-        # trimesh puts sRGB where glTF's colours are linear.
+        # trimesh puts sRGB where glTF's colors are linear.
         folder.triangles(file, "trimesh", color=ending not in ("glb", "gltf"))
     position, color = cloud()
     for ending in ("ply", "xyz"):
@@ -173,7 +173,7 @@ def write_laspy(folder):
             cloud_of = laspy.LasData(header)
             cloud_of.x, cloud_of.y, cloud_of.z = position.T
             if colored:
-                # The upper byte is the colour; the lower one repeats it, as writers do.
+                # The upper byte is the color; the lower one repeats it, as writers do.
                 cloud_of.red, cloud_of.green, cloud_of.blue = (color.astype(np.uint16) * 257).T
             for ending in ("las", "laz"):
                 file = f"laspy-{version.replace('.', '')}-{form}.{ending}"
@@ -218,7 +218,7 @@ def write_open3d(folder):
         open3d.io.write_point_cloud(str(folder.path / file), made, **keywords)
         folder.points(file, "open3d", tolerance=1e-7)
     for ending, colored in (("xyz", False), ("xyzrgb", True), ("pts", True), ("ply", True)):
-        # Its XYZRGB is plain XYZ with colours to one.
+        # Its XYZRGB is plain XYZ with colors to one.
         file = "open3d-rgb.xyz" if ending == "xyzrgb" else f"open3d.{ending}"
         written = folder.path / f"open3d.{ending}"
         open3d.io.write_point_cloud(str(written), made)
@@ -236,7 +236,7 @@ def write_pypcd4(folder):
     made = PointCloud.from_xyzrgb_points(np.hstack([position.astype(np.float32), packed.reshape(-1, 1)]).astype(np.float32))
     for name, encoding in (("ascii", Encoding.ASCII), ("binary", Encoding.BINARY), ("compressed", Encoding.BINARY_COMPRESSED)):
         made.save(folder.path / f"pypcd4-{name}.pcd", encoding=encoding)
-        # Its text has ten digits after the point, which makes nothing of packed colours.
+        # Its text has ten digits after the point, which makes nothing of packed colors.
         folder.points(f"pypcd4-{name}.pcd", "pypcd4", color=name != "ascii", tolerance=1e-9)
 
 
@@ -284,9 +284,9 @@ def check(command, folder, entry):
             wrong.append(f"mean off by {off}")
     if entry["mean_color"] is not None:
         if "colors" not in prior:
-            wrong.append("no colours")
+            wrong.append("no colors")
         elif np.abs(prior["colors"].mean(0) - entry["mean_color"]).max() > 2:
-            wrong.append(f"mean colour {prior['colors'].mean(0)}, not {entry['mean_color']}")
+            wrong.append(f"mean color {prior['colors'].mean(0)}, not {entry['mean_color']}")
     return "; ".join(wrong)
 
 

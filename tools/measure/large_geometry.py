@@ -29,7 +29,7 @@ def height(x, y):
 
 
 def points():
-    """Parts of (N, 3) metres and (N, 3) colours, over 200 m x 200 m."""
+    """Parts of (N, 3) meters and (N, 3) colors, over 200 m x 200 m."""
     random = np.random.default_rng(0)
     for _ in range(POINTS // PART):
         x, y = random.uniform(0, 200, (2, PART))

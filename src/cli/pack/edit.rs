@@ -155,7 +155,7 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
             rotation: (map.rotation * before.rotation).normalize(),
             translation: map.point(before.translation),
         };
-        frame.metres_per_unit = frame.metres_per_unit.map(|metres| metres / args.scale);
+        frame.meters_per_unit = frame.meters_per_unit.map(|meters| meters / args.scale);
         Ok(document)
     })
 }

@@ -73,7 +73,7 @@ struct Description {
     /// What the grid spans.
     occupancy: Option<Aabb>,
     provenance: Provenance,
-    licence: Option<String>,
+    license: Option<String>,
     views: Option<Views>,
     cameras: Vec<TrainingCamera>,
     notes: BTreeMap<String, String>,
@@ -87,7 +87,7 @@ struct ScaleDescription {
     resolution: [u32; 3],
     top_k: u32,
     factor_kind: FactorKind,
-    /// Absent where centres are explicit.
+    /// Absent where centers are explicit.
     lattice: Option<Lattice>,
 }
 
@@ -203,7 +203,7 @@ fn files_of(document: Document) -> Result<BTreeMap<String, Vec<u8>>, Error> {
         },
         occupancy: scene.occupancy.as_ref().map(|o| o.bounds),
         provenance: scene.provenance.clone(),
-        licence: extras.licence,
+        license: extras.license,
         views: extras.views,
         cameras: extras.cameras,
         notes: extras.notes,
@@ -248,10 +248,10 @@ impl Folder<'_> {
             layers,
         };
         let occupancy = d.occupancy.map(|bounds| self.occupancy(bounds)).transpose()?;
-        let Description { frame, bounds, rules, provenance, licence, views, cameras, notes, .. } = d;
+        let Description { frame, bounds, rules, provenance, license, views, cameras, notes, .. } = d;
         let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
         scene.check().map_err(|e| Error::Malformed(format!("{}: {e}", self.0.display())))?;
-        Ok(Document { scene, extras: Extras { licence, views, cameras, notes, ..Extras::default() } })
+        Ok(Document { scene, extras: Extras { license, views, cameras, notes, ..Extras::default() } })
     }
 
     fn scale(&self, s: usize, scale: ScaleDescription) -> Result<Scale, Error> {

@@ -30,7 +30,7 @@ pub(super) struct Row {
     framing_bytes: u64,
     /// \[kind and scale\] bytes in the file, and bits of the file a parameter of the scene.
     budget: BTreeMap<String, (u64, f64)>,
-    licence: Option<String>,
+    license: Option<String>,
     notes: BTreeMap<String, String>,
     probes: usize,
     cameras: usize,
@@ -65,14 +65,14 @@ impl Row {
             entry.1 += 8.0 * section.length as f64 / parameters;
         }
         let info = Info::new(path, bytes, &document.scene, contents);
-        let Extras { licence, quality, probes, cameras, notes, unknown, .. } = document.extras;
+        let Extras { license, quality, probes, cameras, notes, unknown, .. } = document.extras;
         let quality = quality.unwrap_or_default();
         Self {
             info,
             version: contents.version.to_string(),
             framing_bytes: bytes - contents.sections.iter().map(|s| s.length).sum::<u64>(),
             budget,
-            licence,
+            license,
             notes,
             probes: probes.map_or(0, |p| p.probes.len()),
             cameras: cameras.len(),
@@ -89,7 +89,7 @@ impl Row {
             budget.row([kind.clone(), grouped(*bytes), format!("{bits:.3}")]);
         }
         let mut lines = vec![format!("version     {}", self.version)];
-        lines.extend(self.licence.iter().map(|l| format!("licence     {l}")));
+        lines.extend(self.license.iter().map(|l| format!("license     {l}")));
         lines.extend(self.psnr_to_before.map(|p| format!("encoded     {p:.1} dB to the pictures before")));
         lines.extend(self.test_psnr.map(|p| format!("test        {p:.2} dB")));
         if !self.psnr_of_prefixes.is_empty() {

@@ -61,7 +61,7 @@ pub(super) struct Args {
     with_cameras: bool,
     /// The terms of the scene's use
     #[arg(long, value_name = "TEXT")]
-    licence: Option<String>,
+    license: Option<String>,
     /// How many rays to judge and to fit by, in multiples of the usual number: 0.1 is quick, 4 is careful
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = effort)]
     effort: f64,
@@ -338,7 +338,7 @@ impl Packing<'_> {
         let mut extras = self.extras.clone();
         let prefix_psnrs = self.fit_prefixes(decoded, &mut extras);
         extras.probes = (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
-        extras.licence = self.args.licence.clone().or(extras.licence);
+        extras.license = self.args.license.clone().or(extras.license);
         if !self.args.no_views {
             extras.views = extras.views.or_else(|| Some(default_views(decoded)));
             extras.thumbnail = Some(thumbnail(decoded)?);

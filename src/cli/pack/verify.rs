@@ -137,7 +137,7 @@ impl Row {
             let RendererRow { renderer, probes, compared, .. } = row;
             let (color, depth) = (row.largest_color_difference, row.largest_depth_difference);
             text += &format!(
-                "  {renderer}: {compared} of {probes} probes compared, colour {color:.1e}, depth {depth:.1e}\n"
+                "  {renderer}: {compared} of {probes} probes compared, color {color:.1e}, depth {depth:.1e}\n"
             );
         }
         for warning in &self.warnings {

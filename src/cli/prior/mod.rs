@@ -27,7 +27,7 @@ Examples:
 
 Reads PLY, OBJ, glTF and GLB meshes; PLY, XYZ, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 clouds; COLMAP's \
 points3D.bin and .txt; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
-Several inputs are joined. What is written opens in NumPy: cells, origin, pitch and, where there are colours, colors.";
+Several inputs are joined. What is written opens in NumPy: cells, origin, pitch and, where there are colors, colors.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]

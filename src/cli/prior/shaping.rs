@@ -23,7 +23,7 @@ pub(in crate::cli) struct Shaping {
     /// Of meshes only the vertices, as points
     #[arg(long)]
     vertices: bool,
-    /// Leave points out whose mean distance to K neighbours exceeds the mean of all by S standard deviations
+    /// Leave points out whose mean distance to K neighbors exceeds the mean of all by S standard deviations
     #[arg(long, value_name = "K,S", value_parser = numbers::<2>)]
     outliers: Option<[f64; 2]>,
     /// Leave cells with fewer points out
@@ -47,7 +47,7 @@ pub(in crate::cli) struct Shaping {
     /// What a grid spans that does not say so: its smallest and its largest corner
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
     bounds: Option<Aabb>,
-    /// The files' unit in the dataset's units, as in 0.001 for millimetres where the dataset has metres
+    /// The files' unit in the dataset's units, as in 0.001 for millimeters where the dataset has meters
     #[arg(long = "scale", value_name = "FACTOR")]
     scale: Option<f64>,
     /// Which of the files' axes points up; the dataset's is z. Before --transform
@@ -82,9 +82,9 @@ impl Shaping {
         let outliers = match self.outliers {
             None => None,
             Some([k, _]) if k.fract() != 0.0 || !(1.0..=1000.0).contains(&k) => {
-                return Err(Error::Usage(format!("--outliers: expected 1 to 1000 neighbours, found {k}")));
+                return Err(Error::Usage(format!("--outliers: expected 1 to 1000 neighbors, found {k}")));
             }
-            Some([k, deviations]) => Some(Outliers { neighbours: k as usize, deviations }),
+            Some([k, deviations]) => Some(Outliers { neighbors: k as usize, deviations }),
         };
         Ok(BuildOptions {
             read,

@@ -19,7 +19,7 @@ Examples:
   strivec prior show mesh.ply --data lego --out sheet.png --views 0..4
 
 Each row is a photograph and, over it, the first cells that its rays meet, in their \
-colours or from orange (near) to blue (far). \
+colors or from orange (near) to blue (far). \
 A prior that fits covers what it should and nothing else.";
 /// Views on a sheet where none are chosen.
 const ROWS: usize = 4;

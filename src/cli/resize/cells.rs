@@ -67,8 +67,8 @@ impl Cells {
         };
         let mut kinds = vec![
             kind("nothing is seen", &|deviation| deviation.is_none()),
-            kind("one colour", &|deviation| deviation.is_some_and(|d| d <= FLAT)),
-            kind("several colours", &|deviation| deviation.is_some_and(|d| d > FLAT)),
+            kind("one color", &|deviation| deviation.is_some_and(|d| d <= FLAT)),
+            kind("several colors", &|deviation| deviation.is_some_and(|d| d > FLAT)),
         ];
         for (n, map) in self.0.iter().enumerate() {
             kinds[0].parameters[n] += map.unseen_parameters;

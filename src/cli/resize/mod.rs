@@ -72,7 +72,7 @@ struct Common {
     /// The file to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Training after each round, in optimiser steps; the last has twice as many [default: a thirtieth of the preset's]
+    /// Training after each round, in optimizer steps; the last has twice as many [default: a thirtieth of the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// What the scene was trained as [default: what the file says, else 48]
@@ -161,7 +161,7 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
     let start = Instant::now();
     let before: Vec<ScaleUse> = document.scene.scales.iter().map(ScaleUse::of).collect();
     let extras = Extras {
-        licence: document.extras.licence,
+        license: document.extras.license,
         views: document.extras.views,
         cameras: document.extras.cameras,
         ..Extras::default()

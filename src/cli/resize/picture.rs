@@ -15,7 +15,7 @@ const DOT: RGBColor = RGBColor(40, 90, 150);
 /// Decades that a map or an axis shows below its largest value.
 const DECADES: i32 = 4;
 
-/// The picture's size and colours: for each of `maps`, of the same cells, where its parameters are, where its error is, both seen
+/// The picture's size and colors: for each of `maps`, of the same cells, where its parameters are, where its error is, both seen
 /// from the front, and one against the other.
 pub(super) fn draw(maps: &[(&str, &CellMap)]) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
     register();

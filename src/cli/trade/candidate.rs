@@ -44,15 +44,15 @@ impl Candidate {
         if self.source != base.source {
             parts.push(sources[self.source].clone());
         }
-        let Approximation { neighbours, scales, components, step_scale, .. } = self.choice.approximation;
+        let Approximation { neighbors, scales, components, step_scale, .. } = self.choice.approximation;
         let Approximation { min_weight, min_transmittance, decoder, density_cache, .. } = self.choice.approximation;
-        parts.extend(neighbours.map(|n| format!("M {n}")));
+        parts.extend(neighbors.map(|n| format!("M {n}")));
         parts.extend(scales.map(|n| format!("scales {n}")));
         parts.extend(components.map(|share| format!("components {:.0} %", 100.0 * share)));
         if step_scale != 1.0 {
             parts.push(format!("step x{step_scale}"));
         }
-        parts.extend(min_weight.map(|w| format!("colour > {w}")));
+        parts.extend(min_weight.map(|w| format!("color > {w}")));
         parts.extend(min_transmittance.map(|t| format!("end < {t}")));
         parts.extend(decoder.map(|mode| format!("decoder {}", mode.name())));
         parts.extend(density_cache.map(|cells| format!("cache {cells}")));

@@ -32,11 +32,11 @@ pub(super) fn knobs(room: &Room<'_>) -> Vec<Knob> {
             .collect(),
     };
     let exact = Approximation::default();
-    let most_neighbours = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
+    let most_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let mut all = vec![
         approximations(
-            "neighbours",
-            (1..most_neighbours).map(|n| Approximation { neighbours: Some(n), ..exact }).collect(),
+            "neighbors",
+            (1..most_neighbors).map(|n| Approximation { neighbors: Some(n), ..exact }).collect(),
         ),
         approximations(
             "scales",
@@ -48,7 +48,7 @@ pub(super) fn knobs(room: &Room<'_>) -> Vec<Knob> {
         ),
         approximations("step", [1.5, 2.0, 3.0, 4.0].map(|by| Approximation { step_scale: by, ..exact }).into()),
         approximations(
-            "colour threshold",
+            "color threshold",
             [1e-3, 3e-3, 1e-2, 3e-2].map(|w| Approximation { min_weight: Some(w), ..exact }).into(),
         ),
         approximations(
@@ -175,7 +175,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     }
     let one = |a: f64, b: f64| if a != 1.0 && b != 1.0 { None } else { Some(a * b) };
     let approximation = Approximation {
-        neighbours: either(p.neighbours, q.neighbours)?,
+        neighbors: either(p.neighbors, q.neighbors)?,
         scales: either(p.scales, q.scales)?,
         components: either(p.components, q.components)?,
         step_scale: one(p.step_scale, q.step_scale)?,
@@ -210,8 +210,8 @@ mod tests {
         let knob = |name, approximation| Knob { name, candidates: vec![with(approximation)] };
         let knobs = [
             knob("step", Approximation { step_scale: 2.0, ..exact }),
-            knob("colour threshold", Approximation { min_weight: Some(0.01), ..exact }),
-            knob("neighbours", Approximation { neighbours: Some(1), ..exact }),
+            knob("color threshold", Approximation { min_weight: Some(0.01), ..exact }),
+            knob("neighbors", Approximation { neighbors: Some(1), ..exact }),
         ];
         let measured = |ratio, error| Measured {
             milliseconds: Spread::of(&[100.0 * ratio]).unwrap(),
@@ -231,6 +231,6 @@ mod tests {
         assert_eq!(of_own.len(), 1);
         let Choice { approximation, .. } = of_own[0].choice;
         assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
-        assert_eq!(approximation.neighbours, None, "it loses more than 6 dB");
+        assert_eq!(approximation.neighbors, None, "it loses more than 6 dB");
     }
 }

@@ -89,7 +89,7 @@ pub(super) struct Args {
     /// Write the points that no other beats into FILE
     #[arg(long)]
     store: bool,
-    /// Instead: train with other scales, numbers of components and of neighbours, and with the dataset turned, as the paper's
+    /// Instead: train with other scales, numbers of components and of neighbors, and with the dataset turned, as the paper's
     /// tables do
     #[arg(long, requires = "data", conflicts_with_all = ["file", "also", "encodings", "store"])]
     train: bool,

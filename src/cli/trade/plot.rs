@@ -39,7 +39,7 @@ impl Plot {
         Ok(text)
     }
 
-    /// As colours, with columns and rows.
+    /// As colors, with columns and rows.
     pub(super) fn picture(&self) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
         plots::picture(SIZE, |backend| self.draw(backend))
     }

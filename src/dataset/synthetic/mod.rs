@@ -79,7 +79,7 @@ pub struct Synthesised {
 ///
 /// - `transforms_{train,val,test}.json` and `{train,val,test}/r_*.png`: the Blender layout, straight alpha;
 /// - `mesh.ply` and `mesh.obj`: the surface of each solid as triangles, closed, outward, vertices exact (PLY: in f32);
-/// - `points.ply`: 100 000 points, uniform by area, with normals and sRGB diffuse colours;
+/// - `points.ply`: 100 000 points, uniform by area, with normals and sRGB diffuse colors;
 /// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], a cell being true when it, as a closed box, has a point in common
 ///   with a solid or its inside (1e-9 to spare); `bounds`, float64 (2, 3), the grid's corners.
 ///

@@ -71,7 +71,7 @@ fn around(solid: &Solid) -> Aabb {
 
 /// Whether a closed cell and a closed solid have a point in common.
 ///
-/// What the solid's box leaves of the cell is convex, hence connected, so distances from the centre or axis take every
+/// What the solid's box leaves of the cell is convex, hence connected, so distances from the center or axis take every
 /// value between their least and greatest there, and it is enough that these reach into what is kept.
 fn meets(solid: &Solid, cell: &Aabb) -> bool {
     let grown = cell.grown(DVec3::splat(MARGIN));

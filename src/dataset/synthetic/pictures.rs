@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::portable::{cos_sin, uniform};
 use super::scene::Scene;
-use super::shading::{Lights, colour};
+use super::shading::{Lights, color};
 use crate::geometry::Camera;
 
 /// The horizontal angle of view in radians, that of NeRF-synthetic.
@@ -38,7 +38,7 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
 /// The picture that `camera` takes: straight alpha, transparent where it sees nothing.
 ///
 /// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values: what volume rendering and downscaling in
-/// display colours average too.
+/// display colors average too.
 pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {
@@ -46,7 +46,7 @@ pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaIm
             let at = |index: usize, sample| index as f64 + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
             let (mut sum, mut covered) = (DVec3::ZERO, 0);
             for (y, x) in (0..SAMPLES).flat_map(|y| (0..SAMPLES).map(move |x| (y, x))) {
-                if let Some(seen) = colour(scene, lights, &camera.ray_through(at(column, x), at(row, y))) {
+                if let Some(seen) = color(scene, lights, &camera.ray_through(at(column, x), at(row, y))) {
                     sum += DVec3::from_array(seen);
                     covered += 1;
                 }

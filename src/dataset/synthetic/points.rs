@@ -18,8 +18,8 @@ pub(super) struct Point {
     pub(super) position: DVec3,
     /// Outward, of length 1.
     pub(super) normal: DVec3,
-    /// The diffuse colour there, sRGB.
-    pub(super) colour: [u8; 3],
+    /// The diffuse color there, sRGB.
+    pub(super) color: [u8; 3],
 }
 
 /// `count` points: where random lines cross the solids.
@@ -53,7 +53,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
                 }
                 let albedo = thing.texture.albedo(thing.solid.local(position), crossing.face, thing.texture_seed);
                 let normal = thing.solid.normal(crossing.face, position);
-                points.push(Point { position, normal, colour: albedo.to_array().map(srgb).map(byte) });
+                points.push(Point { position, normal, color: albedo.to_array().map(srgb).map(byte) });
                 if points.len() == count {
                     return points;
                 }
@@ -75,7 +75,7 @@ pub(super) fn write_ply(points: &[Point], out: &mut impl Write) -> io::Result<()
         for vector in [point.position, point.normal] {
             out.write_all(vector.as_vec3().to_array().map(f32::to_le_bytes).as_flattened())?;
         }
-        out.write_all(&point.colour)?;
+        out.write_all(&point.color)?;
     }
     Ok(())
 }

@@ -54,7 +54,7 @@ pub(super) fn srgb(linear: f64) -> f64 {
     1.055 * (square * square * root).sqrt().sqrt() - 0.055
 }
 
-/// The linear colour of the sRGB colour 0xRRGGBB, by a cubic within 0.003.
+/// The linear color of the sRGB color 0xRRGGBB, by a cubic within 0.003.
 pub(super) fn linear(rgb: u32) -> DVec3 {
     let channel = |shift: u32| {
         let value = f64::from((rgb >> shift) & 255) / 255.0;

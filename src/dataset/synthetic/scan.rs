@@ -49,7 +49,7 @@ pub struct SynthesisedScan {
 /// - `color/N.jpg` on white, and `pose/N.txt` with OpenCV's axes; two poses more than views are asked for are infinite, as
 ///   where a scanner is lost. The layout has no splits: `views` and `test_views` are added up.
 /// - `intrinsic/intrinsic_color.txt`; `NAME.txt` with sizes, focal lengths and an axis alignment that both tilts and turns.
-/// - `NAME_vh_clean_2.ply`: the surface, not yet aligned, with colours of its vertices; 8 % of its area are torn out in holes.
+/// - `NAME_vh_clean_2.ply`: the surface, not yet aligned, with colors of its vertices; 8 % of its area are torn out in holes.
 ///
 /// Aligned, the scene lies within ±2.4 m, z up. The same seed gives the same bytes on any number of threads.
 ///
@@ -113,7 +113,7 @@ pub fn synthesise_scan(out: &Path, options: &SynthOptions) -> Result<Synthesised
     Ok(SynthesisedScan { pictures: cameras.len(), lost: lost.len(), triangles: mesh.triangles.len(), torn })
 }
 
-/// Where the scanner's space is turned to have z up: a turn, a little tilt, a shift in metres.
+/// Where the scanner's space is turned to have z up: a turn, a little tilt, a shift in meters.
 fn aligned_from_stored() -> DMat4 {
     let ((c, s), (cos, sin)) = (cos_sin(1.0 / 11.0), cos_sin(0.02));
     let turn = DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z);
@@ -153,7 +153,7 @@ fn on_white(picture: &RgbaImage) -> Vec<u8> {
     picture.pixels().flat_map(|p| [over(p[0], p[3]), over(p[1], p[3]), over(p[2], p[3])]).collect()
 }
 
-/// The diffuse colour of `thing` at `point`, which is on its surface or, between a mesh's vertices, near it.
+/// The diffuse color of `thing` at `point`, which is on its surface or, between a mesh's vertices, near it.
 fn color_at(thing: &Thing, point: DVec3) -> [u8; 3] {
     let p = thing.solid.local(point);
     let bounds = &thing.solid.bounds;

@@ -87,11 +87,11 @@ fn add_bowl(add: &mut impl FnMut(Solid, Texture)) {
     let (cos, sin) = cos_sin(0.03);
     let tilt = DMat3::from_cols(DVec3::new(cos, 0.0, -sin), DVec3::Y, DVec3::new(sin, 0.0, cos));
     add(Solid::bowl(center, 0.28, 0.34).turned(tilt), Texture::Glaze);
-    for (side, colour) in [(1.0, 0xf08a1d), (-1.0, 0x9cc22c)] {
+    for (side, color) in [(1.0, 0xf08a1d), (-1.0, 0x9cc22c)] {
         let (down, aside) = cos_sin(0.115);
         add(
             Solid::sphere(center + 0.17 * DVec3::new(0.28 * side * aside, 0.96 * side * aside, -down), 0.11),
-            Texture::Peel(colour),
+            Texture::Peel(color),
         );
     }
 }
@@ -117,13 +117,13 @@ fn add_books(add: &mut impl FnMut(Solid, Texture)) {
 
 /// A fan of thin banded rods of growing height, each with a bead on top.
 fn add_pins(add: &mut impl FnMut(Solid, Texture)) {
-    for (i, colour) in [0xd7263d, 0xf46036, 0xe8b923, 0x3fa34d, 0x1b98e0, 0x4c3b9b, 0xa23b8f].into_iter().enumerate() {
+    for (i, color) in [0xd7263d, 0xf46036, 0xe8b923, 0x3fa34d, 0x1b98e0, 0x4c3b9b, 0xa23b8f].into_iter().enumerate() {
         let share = i as f64 / 6.0;
         let (cos, sin) = cos_sin(0.505 - 0.195 * share);
         let foot = DVec3::new(0.86 * cos, 0.86 * sin, FLOOR);
         let half = 0.25 + 0.4 * share;
-        add(Solid::rod(foot + DVec3::Z * half, 0.014, half), Texture::Bands([colour, 0xf7f3e8]));
-        add(Solid::sphere(foot + DVec3::Z * (2.0 * half + 0.036), 0.036), Texture::Dots([colour, 0xf7f3e8]));
+        add(Solid::rod(foot + DVec3::Z * half, 0.014, half), Texture::Bands([color, 0xf7f3e8]));
+        add(Solid::sphere(foot + DVec3::Z * (2.0 * half + 0.036), 0.036), Texture::Dots([color, 0xf7f3e8]));
     }
 }
 
@@ -131,7 +131,7 @@ fn add_pins(add: &mut impl FnMut(Solid, Texture)) {
 fn add_brushes(add: &mut impl FnMut(Solid, Texture)) {
     let foot = DVec3::new(0.64, 0.12, FLOOR);
     add(Solid::pipe(foot + DVec3::Z * 0.24, 0.105, 0.13, 0.24), Texture::Brass);
-    for (i, colour) in [0x7a4a21, 0x243b6b, 0x54702f].into_iter().enumerate() {
+    for (i, color) in [0x7a4a21, 0x243b6b, 0x54702f].into_iter().enumerate() {
         let (cos, sin) = cos_sin(0.08 + i as f64 / 3.0);
         let (out, aside) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
         let lower = foot + 0.03 * aside - 0.06 * out + DVec3::Z * 0.02;
@@ -139,7 +139,7 @@ fn add_brushes(add: &mut impl FnMut(Solid, Texture)) {
         let across = aside.cross(along);
         let half = 0.44 + 0.04 * i as f64;
         let turn = DMat3::from_cols(aside, -across, along);
-        add(Solid::rod(lower + half * along, 0.013, half).turned(turn), Texture::Bands([colour, 0xe9c46a]));
+        add(Solid::rod(lower + half * along, 0.013, half).turned(turn), Texture::Bands([color, 0xe9c46a]));
     }
 }
 

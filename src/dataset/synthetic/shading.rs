@@ -17,8 +17,8 @@ const RING: u32 = 4;
 pub(super) struct Lights {
     /// Towards the sun.
     sun: DVec3,
-    sun_colour: DVec3,
-    /// Directions and colours of the patches of sky.
+    sun_color: DVec3,
+    /// Directions and colors of the patches of sky.
     sky: Vec<(DVec3, DVec3)>,
 }
 
@@ -32,14 +32,14 @@ impl Lights {
         });
         Self {
             sun: DVec3::new(0.35, -0.62, 0.70).normalize(),
-            sun_colour: DVec3::new(1.0, 0.93, 0.80) * 0.95,
+            sun_color: DVec3::new(1.0, 0.93, 0.80) * 0.95,
             sky: ring.chain([(DVec3::Z, blue * 0.22)]).collect(),
         }
     }
 }
 
-/// The sRGB colour in [0, 1] that arrives along `ray`, `None` where it meets nothing.
-pub(super) fn colour(scene: &Scene, lights: &Lights, ray: &Ray) -> Option<[f64; 3]> {
+/// The sRGB color in [0, 1] that arrives along `ray`, `None` where it meets nothing.
+pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray) -> Option<[f64; 3]> {
     let hit = scene.hit(ray, 0.0)?;
     Some(shade(scene, lights, ray, &hit, true).to_array().map(srgb))
 }
@@ -59,9 +59,9 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
 
     let sunlight = arrives(lights.sun);
     // What the ground around throws back, from below.
-    let mut light = DVec3::new(0.10, 0.09, 0.075) * (1.5 - 0.5 * normal.z) + lights.sun_colour * sunlight;
-    for (direction, colour) in &lights.sky {
-        light += *colour * arrives(*direction);
+    let mut light = DVec3::new(0.10, 0.09, 0.075) * (1.5 - 0.5 * normal.z) + lights.sun_color * sunlight;
+    for (direction, color) in &lights.sky {
+        light += *color * arrives(*direction);
     }
     let mut leaving = albedo * light;
 
@@ -70,7 +70,7 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
         let half = (lights.sun - ray.direction).normalize();
         // The 128th power, by squaring.
         let peak = (0..7).fold(normal.dot(half).max(0.0), |power, _| power * power);
-        leaving += lights.sun_colour * gloss.highlight * peak;
+        leaving += lights.sun_color * gloss.highlight * peak;
     }
     if gloss.mirror > 0.0 {
         let cosine = -normal.dot(ray.direction);

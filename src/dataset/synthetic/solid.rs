@@ -47,7 +47,7 @@ pub(super) struct Solid {
     /// In its own space.
     pub(super) bounds: Aabb,
     pub(super) round: Option<Round>,
-    /// Centre (in the world) and squared radius of a sphere around it.
+    /// Center (in the world) and squared radius of a sphere around it.
     reach: (DVec3, f64),
 }
 

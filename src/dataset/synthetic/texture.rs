@@ -5,14 +5,14 @@ use glam::{DVec2, DVec3};
 use super::portable::{angle, fractal_noise, linear, noise, uniform_at};
 use super::solid::Face;
 
-/// A pattern; colours are sRGB 0xRRGGBB.
+/// A pattern; colors are sRGB 0xRRGGBB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Texture {
     /// Rings of small stones with grout between.
     Mosaic,
     /// Painted tiles, with bricks in the hole.
     Tiles,
-    /// Two colours around a pole.
+    /// Two colors around a pole.
     Helix([u32; 2]),
     /// A glazed bowl with painted rings and zigzags.
     Glaze,
@@ -22,15 +22,15 @@ pub(super) enum Texture {
     Book { cover: u32, half: f64 },
     /// Dark red with golden veins, mirroring.
     Lacquer,
-    /// Two colours along a rod.
+    /// Two colors along a rod.
     Bands([u32; 2]),
-    /// Dots of the second colour on the first.
+    /// Dots of the second color on the first.
     Dots([u32; 2]),
     /// Hammered metal.
     Brass,
 }
 
-/// How a surface reflects besides its diffuse colour.
+/// How a surface reflects besides its diffuse color.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gloss {
     /// Share of light that is mirrored at normal incidence; 0 for a surface that mirrors nothing at any angle.
@@ -52,16 +52,16 @@ impl Texture {
         Gloss { mirror, highlight }
     }
 
-    /// The linear diffuse colour at `p` (in the solid's own space) on `face`.
+    /// The linear diffuse color at `p` (in the solid's own space) on `face`.
     pub(super) fn albedo(self, p: DVec3, face: Face, seed: u64) -> DVec3 {
         match self {
             Self::Mosaic => mosaic(p, face, seed),
             Self::Tiles => tiles(p, face, seed),
-            Self::Helix(colours) => pick(colours, wave(9.0 * p.z + angle(p.x, p.y)) < 0.5) * grain(p * 90.0, seed, 0.2),
+            Self::Helix(colors) => pick(colors, wave(9.0 * p.z + angle(p.x, p.y)) < 0.5) * grain(p * 90.0, seed, 0.2),
             Self::Glaze => glaze(p, face, seed),
-            Self::Peel(colour) => {
+            Self::Peel(color) => {
                 let pores = noise(seed, p * 110.0);
-                linear(colour) * grain(p * 14.0, seed ^ 1, 0.45) * if pores > 0.68 { 0.72 } else { 1.0 }
+                linear(color) * grain(p * 14.0, seed ^ 1, 0.45) * if pores > 0.68 { 0.72 } else { 1.0 }
             }
             Self::Book { cover, half } => book(cover, half, p, face, seed),
             Self::Lacquer => {
@@ -70,14 +70,14 @@ impl Texture {
                 let base = linear(0x6b0f1a).lerp(linear(0x1d0a2b), fractal_noise(seed ^ 1, p * 9.0));
                 linear(0xe0a83a).lerp(base, (vein / 0.035).min(1.0))
             }
-            Self::Bands(colours) => {
+            Self::Bands(colors) => {
                 let phase = uniform_at(seed, 0, 0, 0);
-                pick(colours, wave(11.0 * p.z + phase) < 0.62) * grain(DVec3::new(160.0, 160.0, 25.0) * p, seed, 0.35)
+                pick(colors, wave(11.0 * p.z + phase) < 0.62) * grain(DVec3::new(160.0, 160.0, 25.0) * p, seed, 0.35)
             }
-            Self::Dots(colours) => {
+            Self::Dots(colors) => {
                 let q = p * 55.0;
                 let cell = q.floor();
-                pick(colours, (q - cell - 0.5).length() > 0.38) * grain(q, seed, 0.2)
+                pick(colors, (q - cell - 0.5).length() > 0.38) * grain(q, seed, 0.2)
             }
             Self::Brass => {
                 let turn = 40.0 * angle(p.x, p.y);
@@ -142,8 +142,8 @@ fn tiles(p: DVec3, face: Face, seed: u64) -> DVec3 {
             let along = 22.0 * angle(p.x, p.y) + 0.5 * row;
             let edge = (border(along) * 0.074).min(border(p.z / 0.045) * 0.045);
             let tone = 0.7 + 0.5 * uniform_at(seed, row as i64, along.floor() as i64, 7);
-            let colour = if edge > 0.005 { linear(0xb5573a) * tone } else { linear(0xcfc3b0) };
-            colour * grain(p * 80.0, seed, 0.5)
+            let color = if edge > 0.005 { linear(0xb5573a) * tone } else { linear(0xcfc3b0) };
+            color * grain(p * 80.0, seed, 0.5)
         }
         _ => {
             let layers = fractal_noise(seed, DVec3::new(4.0, 22.0, 4.0) * p);
@@ -182,7 +182,7 @@ fn glaze(p: DVec3, face: Face, seed: u64) -> DVec3 {
     let turn = angle(p.x, p.y);
     // Height from the rim downwards, in units of the bowl's depth.
     let height = -p.z / 0.34;
-    let colour = match face {
+    let color = match face {
         Face::Flat { .. } => rust,
         Face::Inner => {
             let petals = 0.08 * wave(12.0 * turn);
@@ -217,7 +217,7 @@ fn glaze(p: DVec3, face: Face, seed: u64) -> DVec3 {
             _ => white,
         },
     };
-    colour * mottle
+    color * mottle
 }
 
 fn book(cover: u32, half: f64, p: DVec3, face: Face, seed: u64) -> DVec3 {
@@ -263,6 +263,6 @@ fn grain(p: DVec3, seed: u64, amount: f64) -> f64 {
     1.0 + amount * (fractal_noise(seed, p) - 0.5)
 }
 
-fn pick(colours: [u32; 2], first: bool) -> DVec3 {
-    linear(colours[usize::from(!first)])
+fn pick(colors: [u32; 2], first: bool) -> DVec3 {
+    linear(colors[usize::from(!first)])
 }

@@ -18,7 +18,7 @@ const TRANSCENDENTAL: f64 = 10.0;
 const SINE_COSINE: f64 = 30.0;
 /// Bytes of a single-precision number, and of a tensor's or a sample's number.
 const WORD: f64 = 4.0;
-/// Offset from the centre (3), then u = (offset + half)·cells a unit and its fraction on each axis (3·3).
+/// Offset from the center (3), then u = (offset + half)·cells a unit and its fraction on each axis (3·3).
 const INTERPOLATION: f64 = 12.0;
 /// Words of a `field::Pair`, of a `field::Located` and of a `train::pairs::TensorPair`.
 const PAIR: f64 = 2.0;
@@ -103,30 +103,30 @@ impl FieldShape {
         let features = self.features as f64;
         let components = self.scales.iter().map(|s| s.appearance_rank).sum::<usize>() as f64;
         let inputs = self.layers.first().map_or(0, |l| l[0]) as f64;
-        // Where rays are decoded, each coloured sample's components are composited.
+        // Where rays are decoded, each colored sample's components are composited.
         let [composited_samples, composites] =
             if self.mode == DecoderMode::PerSample { [0.0; 2] } else { [colored, decoded * components] };
         let composited = composited_samples * components;
-        // Colours that pixels are summed from, and those of them that add a sample's own to its ray's.
+        // Colors that pixels are summed from, and those of them that add a sample's own to its ray's.
         let [terms, own] = if self.mode == DecoderMode::Residual { [colored; 2] } else { [decoded, 0.0] };
         let tensors = self.scales.iter().map(|s| s.tensors).sum::<usize>() as f64;
         let tensors_by_chunk = tensors * (rays / RAYS_PER_CHUNK as f64).ceil();
         let cost = |flop: f64, words: f64| Cost { flop, bytes: words * WORD };
         match stage {
-            // Nothing but random bits, cameras and sorting: a ray of 6 doubles and its colour of 3 floats are written,
+            // Nothing but random bits, cameras and sorting: a ray of 6 doubles and its color of 3 floats are written,
             // and moved once into the order of space.
             Stage::Rays => cost(0.0, rays * 2.0 * (6.0 * 2.0 + 3.0)),
             // t (2), o + t·d (3·2), relative to the origin (3). Writes distance and position.
             Stage::March => cost(evaluated * 11.0, evaluated * 4.0),
-            // A neighbour: offset (3) and its square (6), root, reciprocal, their sum and the product with the weights'
+            // A neighbor: offset (3) and its square (6), root, reciprocal, their sum and the product with the weights'
             // scale (4), and u, its fraction and the last cell's minimum on each axis (3·4). A sample and scale: the
             // cell (3·2), the weights' scale. Writes pairs, and what interpolating them needs; for each scale reads the
             // position, writes where pairs are and moves it; moves distance and position.
-            Stage::Neighbours => cost(
+            Stage::Neighbors => cost(
                 pairs * 25.0 + evaluated * scales * 7.0,
                 pairs * (LOCATED + PAIR) + evaluated * (scales * (3.0 + 3.0 * 2.0) + 2.0 * 4.0),
             ),
-            // Components are summed over registers, lanes and scales. Reads the neighbours but for their numbers, and
+            // Components are summed over registers, lanes and scales. Reads the neighbors but for their numbers, and
             // where they are; writes f.
             Stage::DensityGather => {
                 let gathered = self.gather(&work.pairs, |s| s.density_rank);
@@ -135,8 +135,8 @@ impl FieldShape {
             }
             // α = −expm1(−softplus(f + shift)·depth): the shift, a maximum, two transcendental functions, their sum,
             // the product, and expm1; reads f, writes α and T. A sample that counts: 1 − α into T, and T·α (3), reads
-            // both, writes its place in the order. A coloured one writes place and weight. A term adds to its pixel,
-            // 3·2, and reads its weight and colour. Where rays are decoded: a sample's share of the weight (2) and of
+            // both, writes its place in the order. A colored one writes place and weight. A term adds to its pixel,
+            // 3·2, and reads its weight and color. Where rays are decoded: a sample's share of the weight (2) and of
             // each component (2).
             Stage::Composite => cost(
                 evaluated * (3.0 * TRANSCENDENTAL + 4.0)
@@ -146,12 +146,12 @@ impl FieldShape {
                     + composited_samples * 2.0,
                 evaluated * 3.0 + samples * 3.0 + colored * 2.0 + terms * 4.0 + composited + composites,
             ),
-            // Reads pairs, centres and positions; writes a row of components.
+            // Reads pairs, centers and positions; writes a row of components.
             Stage::AppearanceGather => self.gather(&work.colored_pairs, |s| s.appearance_rank).plus(cost(
                 colored_pairs * INTERPOLATION,
                 colored_pairs * (PAIR + 3.0) + colored * (2.0 * scales + 3.0 + components),
             )),
-            // A product of one row: 2·P·ΣR. A sample's own colour: 2·3·ΣR.
+            // A product of one row: 2·P·ΣR. A sample's own color: 2·3·ΣR.
             Stage::AppearanceMatrices => cost(
                 (decoded * features + own * 3.0) * 2.0 * components,
                 decoded * (components + features) + own * (components + 3.0),
@@ -163,7 +163,7 @@ impl FieldShape {
                     self.frequencies.map(|f| SINE_COSINE + 4.0 * (f as f64 - 1.0).max(0.0));
                 cost(decoded * features * element + rays * 3.0 * direction_element, decoded * inputs)
             }
-            // A layer: 2·in·out, its bias and the rectifier. Reads inputs, writes outputs. A colour: three sigmoids; one of
+            // A layer: 2·in·out, its bias and the rectifier. Reads inputs, writes outputs. A color: three sigmoids; one of
             // a sample's own is read and added to.
             Stage::Decoder => {
                 let flop: usize = self.layers.iter().map(|[i, o]| 2 * i * o + 2 * o).sum();
@@ -175,11 +175,11 @@ impl FieldShape {
             }
             // A sample: T·(1 − α) (2), what its weight and what lies behind make of it (2), what lies behind the next
             // (3), the softplus's slope (3 and a transcendental function) and two products; reads its place, f, T and
-            // α, writes a gradient. A coloured one: the gradient along its colour (5) and what it weighs (3); reads
-            // place, weight, T and α, writes three. A term 4 a channel through the sigmoid; reads weight and colour,
-            // writes the colour's gradient. A ray 5 a channel for error and loss, 3 for the background. Where rays are
+            // α, writes a gradient. A colored one: the gradient along its color (5) and what it weighs (3); reads
+            // place, weight, T and α, writes three. A term 4 a channel through the sigmoid; reads weight and color,
+            // writes the color's gradient. A ray 5 a channel for error and loss, 3 for the background. Where rays are
             // decoded: each component's difference from its composite times gradient (3), and its share of the weight
-            // (4); reads components, composites and gradients. Where samples keep colours of their own: these' gradients
+            // (4); reads components, composites and gradients. Where samples keep colors of their own: these' gradients
             // are summed (3) and read, and of each component the composite's share is added (2), read and written.
             Stage::CompositeBackward => cost(
                 samples * (12.0 + TRANSCENDENTAL)
@@ -212,7 +212,7 @@ impl FieldShape {
                 cost(decoded * features * 5.0 * frequencies, decoded * features * (4.0 * frequencies + 2.0))
             }
             // Two products of one row: the matrices' gradients and the components'. Reads the features' gradients
-            // twice and the components, writes the components' gradients. The same of samples' own colours.
+            // twice and the components, writes the components' gradients. The same of samples' own colors.
             Stage::AppearanceMatricesBackward => {
                 let of = |rows: f64, features: f64| {
                     cost(rows * 4.0 * features * components, rows * (2.0 * features + 2.0 * components))
@@ -238,7 +238,7 @@ impl FieldShape {
                 let weighed = self.per_component(&pairs_by_scale, |s| s.appearance_rank);
                 scattered.plus(cost(weighed, tensors_by_chunk + weighed))
             }
-            Stage::Optimiser => self.optimiser(work, runs as u64),
+            Stage::Optimizer => self.optimizer(work, runs as u64),
         }
     }
 
@@ -266,10 +266,10 @@ impl FieldShape {
     }
 
     /// An entry: both moments (3 + 4), the step's size (6). Reads gradient, value and moments, writes value and moments.
-    /// Every density entry and shared weight takes part in every run, a density after adding the regularisation (1) to
-    /// its gradient; of the appearance those of tensors that coloured a sample, of which the counts tell the most there
+    /// Every density entry and shared weight takes part in every run, a density after adding the regularization (1) to
+    /// its gradient; of the appearance those of tensors that colored a sample, of which the counts tell the most there
     /// can be: one a pair.
-    fn optimiser(&self, work: &Work, runs: u64) -> Cost {
+    fn optimizer(&self, work: &Work, runs: u64) -> Cost {
         let entries = |tensors: u64, scale: &ScaleShape, rank: usize| tensors as f64 * (scale.rows * rank) as f64;
         let all_tensors = |scale: &ScaleShape| scale.tensors as u64 * runs;
         let density: f64 = self.scales.iter().map(|s| entries(all_tensors(s), s, s.density_rank)).sum();

@@ -133,7 +133,7 @@ fn registers(repeats: usize) -> (f64, f32) {
     struct Chains(usize);
     impl WithSimd for Chains {
         type Output = (f64, f32);
-        // Explicit vectors: whether a plain loop keeps its sums in registers is the optimiser's mood.
+        // Explicit vectors: whether a plain loop keeps its sums in registers is the optimizer's mood.
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) -> (f64, f32) {
             // Each chain tends to 1, so that values stay normal.

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::field::{Matrix, MatrixMut, multiply, vectorised};
+use crate::field::{Matrix, MatrixMut, multiply, vectorized};
 use crate::train::MachineSpeed;
 
 /// Of the products: the shape of the network's first layer on a chunk of samples.
@@ -60,7 +60,7 @@ fn gather_rate() -> f64 {
     let order: Vec<usize> = (0..ROWS).map(|n| n * 1597 % ROWS).collect();
     best_rate((ROWS * ROW) as f64, || {
         let mut sums = [0f32; ROW];
-        vectorised(
+        vectorized(
             #[inline(always)]
             || {
                 for &row in &order {

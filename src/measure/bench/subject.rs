@@ -1,7 +1,7 @@
 //! Something to measure where there is no scene at hand: a soft ball with the tensors of a preset, made at once.
 //!
 //! The density feature is a Gaussian around the origin, which is a product of a function of x, y and z each: the first
-//! component of scale 0 holds it exactly at every tensor, whatever its neighbours weigh. Rays therefore end a few dozen
+//! component of scale 0 holds it exactly at every tensor, whatever its neighbors weigh. Rays therefore end a few dozen
 //! samples inside a surface, as in a trained scene, without any training; all other factors are the random ones that
 //! training starts from. Tensors lie on a shell around the surface, as sparse as on a solid thing.
 
@@ -15,12 +15,12 @@ use crate::train::{PrepareError, TrainConfig, initial_scene};
 
 /// Where the feature passes the density's shift: the ball's radius in model units.
 const RADIUS: f64 = 0.9;
-/// The feature at the centre, in shifts: how hard the surface is.
+/// The feature at the center, in shifts: how hard the surface is.
 const PEAK_IN_SHIFTS: f64 = 3000.0;
 /// The radii between which tensors are placed.
 const SHELL: [f64; 2] = [0.75, 1.0];
 /// Up to where samples count. The density is next to nothing long before, as it is in a trained scene, where more
-/// samples are evaluated than coloured.
+/// samples are evaluated than colored.
 const OCCUPIED_RADIUS: f64 = 1.0;
 /// Edge of the boxes on which tensors are placed, as of a prior's voxels.
 const VOXEL: f64 = 0.025;
@@ -57,7 +57,7 @@ pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Re
     let frame = Frame {
         model_from_dataset: Similarity::IDENTITY,
         up: UpAxis::Z,
-        metres_per_unit: None,
+        meters_per_unit: None,
         near: DISTANCE - 2.0,
         far: DISTANCE + 2.0,
         background: config.background,
@@ -74,7 +74,7 @@ pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Re
     Ok(scene)
 }
 
-/// `count` grey photographs of `size`×`size` pixels around the ball. What they show takes no part in how long it takes.
+/// `count` gray photographs of `size`×`size` pixels around the ball. What they show takes no part in how long it takes.
 pub fn ball_views(count: u32, size: u32) -> Vec<View> {
     (0..count)
         .map(|n| {
@@ -86,7 +86,7 @@ pub fn ball_views(count: u32, size: u32) -> Vec<View> {
         .collect()
 }
 
-/// The voxels of edge `voxel` whose centres are in the shell around the ball's surface.
+/// The voxels of edge `voxel` whose centers are in the shell around the ball's surface.
 pub fn shell(voxel: f64) -> VoxelBoxes {
     let cells = (2.0 * SHELL[1] / voxel).ceil() as u32;
     let lattice = Lattice { origin: DVec3::splat(-0.5 * f64::from(cells) * voxel), pitch: DVec3::splat(voxel) };

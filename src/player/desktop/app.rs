@@ -365,7 +365,7 @@ impl App {
             }
             Action::NextCamera | Action::CameraBefore => {
                 let count = self.slots[0].as_ref().map_or(0, |s| s.opened.document.extras.cameras.len());
-                self.go_to_camera(self.photograph.neighbour(count, action == Action::NextCamera));
+                self.go_to_camera(self.photograph.neighbor(count, action == Action::NextCamera));
             }
         }
         if matches!(action, Action::Reset | Action::Recall(_)) {

@@ -39,7 +39,7 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// The colour at `share`, in parts of the picture's width and height.
+    /// The color at `share`, in parts of the picture's width and height.
     fn color_at(&self, share: Vec2) -> Vec3 {
         let show = self.show;
         let at = share * Vec2::new(self.camera.width as f32, self.camera.height as f32);
@@ -76,7 +76,7 @@ impl Shown<'_> {
         &self.looks[row * self.camera.width as usize + column]
     }
 
-    /// The colour at `at`, in pixels from the corner, on the background that is wanted.
+    /// The color at `at`, in pixels from the corner, on the background that is wanted.
     fn between_pixels(&self, at: Vec2) -> Vec3 {
         let [own, wanted] = [self.show.scene_background, self.show.background].map(Vec3::from);
         between_four(at, |column, row| {
@@ -87,7 +87,7 @@ impl Shown<'_> {
 }
 
 impl Photograph {
-    /// The colour at `share`, in parts of its width and height.
+    /// The color at `share`, in parts of its width and height.
     fn color_at(&self, share: Vec2) -> Vec3 {
         let [width, height] = self.size;
         between_four(share * Vec2::new(width as f32, height as f32), |column, row| {

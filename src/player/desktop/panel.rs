@@ -16,7 +16,7 @@ const KEYS: [(&str, &str); 16] = [
     ("F", "turn around what is under the pointer"),
     ("R", "back to the first view"),
     ("1 … 9", "go to a view that was kept; with Ctrl keep it"),
-    ("V", "colour, depth, opacity, normals, samples"),
+    ("V", "color, depth, opacity, normals, samples"),
     ("B", "tensor boxes"),
     ("P", "screenshot"),
     ("C, Space", "record a path, play it"),
@@ -200,14 +200,14 @@ fn quality(app: &mut App, ui: &mut Ui) {
         let response = ui.add(slider);
         is_done |= response.drag_stopped() || (response.changed() && !response.dragged());
     };
-    let mut neighbours = wanted.neighbours.unwrap_or(most);
-    row(ui, Slider::new(&mut neighbours, 1..=most).text("neighbours"));
+    let mut neighbors = wanted.neighbors.unwrap_or(most);
+    row(ui, Slider::new(&mut neighbors, 1..=most).text("neighbors"));
     let mut used = wanted.scales.unwrap_or(scales);
     row(ui, Slider::new(&mut used, 1..=scales).text("scales"));
     row(ui, Slider::new(&mut wanted.step_scale, 0.5..=8.0).logarithmic(true).text("step"));
     let mut threshold = wanted.min_weight.unwrap_or(weight).max(1e-6);
-    row(ui, Slider::new(&mut threshold, 1e-6..=0.05).logarithmic(true).text("colour threshold"));
-    wanted.neighbours = (neighbours < most).then_some(neighbours);
+    row(ui, Slider::new(&mut threshold, 1e-6..=0.05).logarithmic(true).text("color threshold"));
+    wanted.neighbors = (neighbors < most).then_some(neighbors);
     wanted.scales = (used < scales).then_some(used);
     wanted.min_weight = ((threshold - weight).abs() > 1e-9).then_some(threshold);
     let mut finest = app.finest.trailing_zeros();

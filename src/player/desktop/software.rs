@@ -6,7 +6,7 @@ use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Mesh, Primitive, Tex
 use egui::{Color32, Pos2, Rect};
 use glam::DVec2;
 
-/// Colours of a window, row by row from the top left.
+/// Colors of a window, row by row from the top left.
 pub(super) struct Canvas {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -130,7 +130,7 @@ fn paint_mesh(canvas: &mut Canvas, mesh: &Mesh, clip: Rect, texture: &([usize; 2
     }
 }
 
-/// Pixels whose centres are inside, with the corners' colours and texture coordinates between them.
+/// Pixels whose centers are inside, with the corners' colors and texture coordinates between them.
 fn paint_triangle(
     canvas: &mut Canvas,
     corners: [Vertex; 3],

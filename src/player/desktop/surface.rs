@@ -50,7 +50,7 @@ impl Surface {
         let mut configuration = surface
             .get_default_config(gpu.adapter(), size.width.max(1), size.height.max(1))
             .ok_or_else(|| GpuError::NoAdapter("the adapter cannot draw on the window".into()))?;
-        // Colours are display-referred already.
+        // Colors are display-referred already.
         let formats = surface.get_capabilities(gpu.adapter()).formats;
         let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
         configuration.format = plain.into_iter().find(|f| formats.contains(f)).unwrap_or(configuration.format);

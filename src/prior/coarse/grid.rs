@@ -1,4 +1,4 @@
-//! The voxel grid that is trained: raw densities and colours at vertices.
+//! The voxel grid that is trained: raw densities and colors at vertices.
 
 use glam::{DVec3, UVec3};
 use num_traits::Float;

@@ -19,13 +19,13 @@ pub struct CoarseOptions {
     pub step_size: f64,
     /// α of one voxel of the finest grid at the start.
     pub initial_alpha: f64,
-    /// Adam's learning rate for densities and colours.
+    /// Adam's learning rate for densities and colors.
     pub learning_rate: f64,
     /// Adam's ε. (DVGO: 1e-8, which is more than most gradients of an almost transparent grid and so delays it.)
     pub adam_epsilon: f64,
     /// Weight of the entropy of the transmittance that reaches the background.
     pub background_entropy: f64,
-    /// Weight of every sample's own squared colour error.
+    /// Weight of every sample's own squared color error.
     pub point_color: f64,
     /// Samples of less α are skipped; they learn no more. (DVGO: fast_color_thres.)
     pub skip_alpha: f64,
@@ -42,7 +42,7 @@ pub struct CoarseOptions {
     pub seen_weight: f64,
     /// Every how many-th pixel of every how many-th row is looked at for that.
     pub seen_stride: u32,
-    /// The sRGB colour behind everything, photographs' transparent parts included.
+    /// The sRGB color behind everything, photographs' transparent parts included.
     #[serde(skip)]
     pub background: [f32; 3],
     /// Where rays begin, in dataset units; from the cameras where not given.

@@ -1,9 +1,9 @@
-//! One ray: samples, the composited colour, the loss and its gradients (DVGO, sections 3 and 5).
+//! One ray: samples, the composited color, the loss and its gradients (DVGO, sections 3 and 5).
 
 use super::grid::{Channels, Grid, Live, Real};
 use crate::geometry::{Aabb, Ray};
 
-/// How densities become a colour and what its errors cost.
+/// How densities become a color and what its errors cost.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shading<T> {
     /// Added to the raw density before the softplus.
@@ -18,7 +18,7 @@ pub(super) struct Shading<T> {
     pub(super) background: [T; 3],
     /// Weight of the background entropy.
     pub(super) entropy: T,
-    /// Weight of the samples' own colour errors.
+    /// Weight of the samples' own color errors.
     pub(super) point_color: T,
     /// One over the number of rays that the loss is the mean of.
     pub(super) per_ray: T,
@@ -88,7 +88,7 @@ pub(super) struct RayLoss<T> {
     /// Mean over channels of the squared error.
     pub(super) squared: T,
     /// The squared error and the two weighted terms beside it; the gradients are those of its mean over the rays, in
-    /// which the samples' weights in the point colour term count as constants. Only the check of the gradients asks for it.
+    /// which the samples' weights in the point color term count as constants. Only the check of the gradients asks for it.
     #[cfg_attr(not(test), expect(dead_code))]
     pub(super) total: T,
 }
@@ -96,7 +96,7 @@ pub(super) struct RayLoss<T> {
 /// What rays pass through.
 #[derive(Clone, Copy)]
 pub(super) struct Medium<'a, T> {
-    /// Densities and colours.
+    /// Densities and colors.
     pub(super) grid: &'a Grid<T>,
     /// Where to sample them.
     pub(super) live: &'a Live,

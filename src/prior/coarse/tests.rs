@@ -15,7 +15,7 @@ fn noise(key: u64) -> f64 {
     Random::new(11, "test").uniform(key) * 2.0 - 1.0
 }
 
-/// Densities from almost empty to almost opaque, colours of all kinds.
+/// Densities from almost empty to almost opaque, colors of all kinds.
 fn tiny_grid() -> Grid<f64> {
     let vertices = UVec3::new(4, 5, 3);
     let values = (0..60).map(|n| std::array::from_fn(|c| 2.0 * noise(4 * n + c as u64))).collect();
@@ -83,7 +83,7 @@ fn worst(grid: &Grid<f64>, shading: &Shading<f64>, analytic: &[Channels<f64>], c
 #[test]
 fn gradients_are_those_of_central_differences_and_a_planted_sign_is_noticed() {
     let grid = tiny_grid();
-    // The samples' weights in the point colour term count as constants, so densities are checked without it.
+    // The samples' weights in the point color term count as constants, so densities are checked without it.
     for (shading, channels) in [(shading(0.2, 0.0), &[0][..]), (shading(0.2, 0.3), &[1, 2, 3][..])] {
         let (_, analytic) = evaluate(&grid, &shading);
         let difference = worst(&grid, &shading, &analytic, channels);

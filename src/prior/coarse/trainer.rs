@@ -37,7 +37,7 @@ impl<'a> Photographs<'a> {
         Ok(Self { dataset, begins, background })
     }
 
-    /// The ray and the colour of the random pixel number `draw`.
+    /// The ray and the color of the random pixel number `draw`.
     fn pixel(&self, random: &Random, draw: u64) -> (Ray, [f32; 3]) {
         let number = random.below(draw, self.begins[self.begins.len() - 1]);
         let index = self.begins.partition_point(|&b| b <= number) - 1;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// Bytes of a point without its track: number, place, colour, error and the track's length.
+/// Bytes of a point without its track: number, place, color, error and the track's length.
 const POINT_BYTES: u64 = 8 + 24 + 3 + 8 + 8;
 
 /// Bytes of a place in a picture: the picture's number and the keypoint's.
@@ -76,7 +76,7 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
         }
         let mut color = [0; 3];
         for channel in &mut color {
-            *channel = number(next("a colour to 255")?, "a colour to 255", place)?;
+            *channel = number(next("a color to 255")?, "a color to 255", place)?;
         }
         let error: f64 = number(next("the error")?, "the error", place)?;
         let sightings = fields.count() as u64;
@@ -193,7 +193,7 @@ mod tests {
             ("1 2 3\n", "line 1: expected a coordinate, found the end of the line"),
             ("\n1 2 3 x 0 0 0 1\n", "line 2: expected a coordinate, found \"x\""),
             ("1 2 3 inf 0 0 0 1\n", "line 1: expected finite coordinates, found [2, 3, inf]"),
-            ("1 2 3 4 0 0 256 1\n", "line 1: expected a colour to 255, found \"256\""),
+            ("1 2 3 4 0 0 256 1\n", "line 1: expected a color to 255, found \"256\""),
             ("1 2 3 4 0 0 0 1 5\n", "line 1: expected pairs of a picture and a keypoint, found 1 numbers"),
             ("-1 2 3 4 0 0 0 1\n", "line 1: expected the point's number, found \"-1\""),
         ] {

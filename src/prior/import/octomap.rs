@@ -1,6 +1,6 @@
 //! OctoMap's octrees: `.bt`, two bits a node, and `.ot`, a probability a node.
 //!
-//! A tree of 16 levels below its root, which spans 2^16 smallest cells and is centred at the origin. Nodes come depth first; child n
+//! A tree of 16 levels below its root, which spans 2^16 smallest cells and is centerd at the origin. Nodes come depth first; child n
 //! of a node lies on the larger side of x, y and z where bits 0, 1 and 2 of n are set. Leaves of any level are cells.
 
 use glam::DVec3;
@@ -20,7 +20,7 @@ const FULL: &[u8] = b"# Octomap OcTree file";
 /// What comes before the nodes.
 struct Header {
     binary: bool,
-    /// Whether nodes have colours, in files that are not binary.
+    /// Whether nodes have colors, in files that are not binary.
     colors: bool,
     /// Nodes, as declared.
     nodes: u64,
@@ -68,7 +68,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     if found != header.nodes {
         return Err(Fault::malformed(input.place(), format!("{} nodes, as the header says", header.nodes), found));
     }
-    // What follows is left, as OctoMap's own reader leaves it: pyoctomap keeps colours there.
+    // What follows is left, as OctoMap's own reader leaves it: pyoctomap keeps colors there.
     Ok(())
 }
 
@@ -160,7 +160,7 @@ impl Header {
             if value.is_nan() {
                 return Err(Fault::malformed(place, "log odds", value));
             }
-            let color = if self.colors { Some(input.array("a node's colour")?) } else { None };
+            let color = if self.colors { Some(input.array("a node's color")?) } else { None };
             let [children] = input.array("a node's children")?;
             self.check_depth(node.depth, children != 0, &place)?;
             if children == 0 && f64::from(value) > threshold {

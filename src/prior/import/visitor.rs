@@ -10,7 +10,7 @@ use crate::geometry::Aabb;
 pub struct Point {
     /// Where, in the file's own space. Finite: readers see to it.
     pub position: DVec3,
-    /// sRGB, where the file has colours.
+    /// sRGB, where the file has colors.
     pub color: Option<[u8; 3]>,
 }
 
@@ -44,7 +44,7 @@ pub trait Visitor {
     /// To end the reading.
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault>;
 
-    /// A cell of a grid or an octree that is occupied; its corners are finite. sRGB where it has a colour.
+    /// A cell of a grid or an octree that is occupied; its corners are finite. sRGB where it has a color.
     ///
     /// # Errors
     ///

@@ -128,7 +128,7 @@ pub(super) struct PixelPair {
     pub(super) depth: f32,
     /// Samples whose density was evaluated.
     pub(super) evaluated: f32,
-    /// Samples that added colour.
+    /// Samples that added color.
     pub(super) colored: f32,
     pub(super) padding: f32,
 }

@@ -130,7 +130,7 @@ impl Packed {
             grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
             padding3: 0,
         };
-        // Of the march's inner loops: over candidates, over neighbours' components, and over neighbours.
+        // Of the march's inner loops: over candidates, over neighbors' components, and over neighbors.
         let of_scale = |s: &FieldScale<f32>| {
             longest_list(s) + s.top_k() * (s.density_rank.div_ceil(4) + 2) + 3 * shape.top_k as usize
         };

@@ -71,7 +71,7 @@ pub(super) struct Shape {
     pub(super) aggregation_is_clamped: bool,
     /// Every sample is decoded; else every ray.
     pub(super) decodes_samples: bool,
-    /// Where rays are decoded: samples add colours of their own.
+    /// Where rays are decoded: samples add colors of their own.
     pub(super) samples_have_colors: bool,
     /// Workgroup memory, in bytes.
     pub(super) workgroup_bytes: u32,
@@ -217,20 +217,20 @@ impl Stage {
         const LAYOUT: &str = shader!("layout");
         const HEAP: &str = shader!("heap");
         const REAL: &str = shader!("real");
-        const NEIGHBOURS: &str = shader!("neighbours");
+        const NEIGHBORS: &str = shader!("neighbors");
         const GATHER: &str = shader!("gather");
         const DENSITY: &str = shader!("density");
         match self {
             Self::Rays => &[LAYOUT, shader!("rays")],
             Self::March => {
-                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBOURS, GATHER, DENSITY, shader!("march")]
+                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBORS, GATHER, DENSITY, shader!("march")]
             }
             Self::Colored if extensions.subgroups => &[LAYOUT, shader!("places_subgroup"), shader!("colored")],
             Self::Colored => &[LAYOUT, shader!("places"), shader!("colored")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
-            Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, shader!("decoder")],
+            Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBORS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
-            Self::Normals => &[LAYOUT, HEAP, REAL, NEIGHBOURS, GATHER, DENSITY, shader!("normals")],
+            Self::Normals => &[LAYOUT, HEAP, REAL, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
         }
     }
 

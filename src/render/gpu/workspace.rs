@@ -4,7 +4,7 @@ use super::layout::{Counters, Frame, PixelPair, Ray};
 use super::shader::{RAY_LANES, SLOTS, Stage};
 use super::{Gpu, GpuError, StageTime};
 
-/// Blocks of samples that add colour, for each ray of a batch on average: rays that meet something have some 40 such samples,
+/// Blocks of samples that add color, for each ray of a batch on average: rays that meet something have some 40 such samples,
 /// seven to a block.
 const BLOCKS_PER_RAY: u32 = 8;
 /// Fewer would not do for a few rays that have many.

@@ -76,9 +76,9 @@ impl MachineSpeed {
 
 /// Of the reference's threads: seconds a ray for drawing, marching and compositing it.
 const RAY: f64 = 9.0e-6;
-/// A sample and scale, for finding neighbours.
-const NEIGHBOURS: f64 = 0.093e-6;
-/// A component of a sample's neighbour, gathered and given its gradient. Samples that hardly matter are left out of
+/// A sample and scale, for finding neighbors.
+const NEIGHBORS: f64 = 0.093e-6;
+/// A component of a sample's neighbor, gathered and given its gradient. Samples that hardly matter are left out of
 /// density's.
 const DENSITY_COMPONENT: f64 = 2.0e-9;
 const APPEARANCE_COMPONENT: f64 = 3.95e-9;
@@ -87,14 +87,14 @@ const ENCODED_FEATURE: f64 = 20e-9;
 /// A FLOP of the network, and of the appearance matrices, whose products are small.
 const NETWORK_FLOP: f64 = 1.0 / 79e9;
 const MATRIX_FLOP: f64 = 1.0 / 51e9;
-/// A parameter, for the optimiser.
+/// A parameter, for the optimizer.
 const PARAMETER: f64 = 0.93e-9;
 /// A product forward is two more backward.
 const PASSES: f64 = 3.0;
 
 /// Samples that are evaluated on a ray that meets something, with steps of half a cell.
 const SAMPLES: f64 = 29.0;
-/// How many of these get a colour where none is left out.
+/// How many of these get a color where none is left out.
 const COLORED: f64 = 14.8;
 /// The share of drawn rays that meet something, once the occupancy is known, where rays are not drawn anew.
 const MEETING: f64 = 0.67;
@@ -118,9 +118,9 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
     let [mut density, mut appearance, mut components] = [0.0; 3];
     for (scale, settings) in scales.iter().zip(&config.scales) {
         let covering: f64 = [0, 1, 2].map(|a| settings.edge[a] / settings.pitch[a]).iter().product();
-        let neighbours = (COVERED * covering).clamp(1.0, f64::from(scale.top_k.max(1)));
-        density += neighbours * f64::from(scale.density_rank);
-        appearance += neighbours * f64::from(scale.appearance_rank);
+        let neighbors = (COVERED * covering).clamp(1.0, f64::from(scale.top_k.max(1)));
+        density += neighbors * f64::from(scale.density_rank);
+        appearance += neighbors * f64::from(scale.appearance_rank);
         components += f64::from(scale.appearance_rank);
     }
     let parameters: u64 = scales.iter().map(|s| s.parameters).sum();
@@ -131,7 +131,7 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
         DecoderMode::Residual => (rays, colored),
     };
     let in_caches = rays * RAY
-        + samples * (scales.len() as f64 * NEIGHBOURS + density * DENSITY_COMPONENT)
+        + samples * (scales.len() as f64 * NEIGHBORS + density * DENSITY_COMPONENT)
         + colored * appearance * APPEARANCE_COMPONENT
         + decoded * features * ENCODED_FEATURE
         + parameters as f64 * PARAMETER;
@@ -143,7 +143,7 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
     core_seconds / machine.threads.max(1) as f64
 }
 
-/// The share of samples' colours that is kept where those of less weight than `below` are left out at random.
+/// The share of samples' colors that is kept where those of less weight than `below` are left out at random.
 fn left_by_thinning(below: f64) -> f64 {
     1.0 / (1.0 + (below / 0.005).powf(0.6))
 }

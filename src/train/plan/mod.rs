@@ -56,7 +56,7 @@ pub struct ScalePlan {
     pub density_rank: u32,
     /// Appearance components.
     pub appearance_rank: u32,
-    /// Neighbours that a point aggregates.
+    /// Neighbors that a point aggregates.
     pub top_k: u32,
     /// Factors and appearance matrix.
     pub parameters: u64,
@@ -203,7 +203,7 @@ fn ending_in(resolutions: &[[u32; 3]], end: [u32; 3]) -> Vec<[u32; 3]> {
     ending
 }
 
-/// Leaves out upsamplings that change no scale: each would restart the optimiser for nothing.
+/// Leaves out upsamplings that change no scale: each would restart the optimizer for nothing.
 fn without_idle_upsamplings(config: &mut TrainConfig) {
     for stage in (1..=config.upsample_at.len()).rev() {
         if config.scales.iter().all(|s| s.resolutions[stage] == s.resolutions[stage - 1]) {

@@ -20,7 +20,7 @@ const EXTENT_DIGITS: f64 = 1e9;
 ///
 /// `config`'s lengths count as those for a scene of the presets' extent and are scaled to this one's. Cells of all scales
 /// are [`PIXELS_APART`] pixels wide where pixels are small, a tensor having at most twice as many as in `config`. The
-/// steps of coarse to fine, ranks and neighbours stay; but a scale is left out where its tensors would have hardly any
+/// steps of coarse to fine, ranks and neighbors stay; but a scale is left out where its tensors would have hardly any
 /// cells, no tensor has more density components than would pay against a dense grid, and no upsampling changes nothing.
 ///
 /// Scenes that differ in their unit alone get the same tensors.

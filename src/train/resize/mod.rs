@@ -38,7 +38,7 @@ const MEASURED: usize = 1 << 16;
 pub struct Tuning {
     /// Steps of training after each round; the last one has twice as many.
     pub steps: u64,
-    /// Of the run that made the scene: batches, learning rates, regularisation. Its schedule and scales are not used.
+    /// Of the run that made the scene: batches, learning rates, regularization. Its schedule and scales are not used.
     pub config: TrainConfig,
 }
 

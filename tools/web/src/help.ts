@@ -12,7 +12,7 @@ const KEYS: [string, string][] = [
   ["F", "turn around what is under the pointer"],
   ["R", "back to the first view"],
   ["1 … 9", "go to a view that was kept; with Ctrl or Shift keep it"],
-  ["V", "colour, depth, opacity, normals, samples"],
+  ["V", "color, depth, opacity, normals, samples"],
   ["B", "tensor boxes"],
   ["P", "screenshot"],
   ["C, Space", "record a path, play it"],

@@ -96,7 +96,7 @@ export class Panel {
   readonly #boxes = element("input", { type: "checkbox" });
   readonly #boxesOf = element("div", { className: "row" });
   readonly #facts = element("dl", { id: "facts" });
-  readonly #neighbours = slider("neighbours", 1, 4, 1, (v) => `${v}`);
+  readonly #neighbors = slider("neighbors", 1, 4, 1, (v) => `${v}`);
   readonly #scales = slider("scales", 1, 1, 1, (v) => `${v}`);
   readonly #step = slider("step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
   readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
@@ -128,7 +128,7 @@ export class Panel {
     });
     this.#boxes.addEventListener("change", () => this.#do((player) => player.set_boxes(this.#boxes.checked)));
 
-    for (const { input } of [this.#neighbours, this.#scales, this.#step, this.#threshold, this.#finest]) {
+    for (const { input } of [this.#neighbors, this.#scales, this.#step, this.#threshold, this.#finest]) {
       input.addEventListener("change", () => this.#setQuality());
     }
     const exact = this.#button("exact", (player) => player.set_quality(undefined, undefined, 1, undefined, 1));
@@ -169,7 +169,7 @@ export class Panel {
       ),
       section(
         "Quality",
-        this.#neighbours.row,
+        this.#neighbors.row,
         this.#scales.row,
         this.#step.row,
         this.#threshold.row,
@@ -213,8 +213,8 @@ export class Panel {
     this.#showBoxes(state);
     this.#showChoices(state);
     const { quality } = state;
-    this.#neighbours.input.max = `${quality.most_neighbours}`;
-    this.#neighbours.show(quality.neighbours);
+    this.#neighbors.input.max = `${quality.most_neighbors}`;
+    this.#neighbors.show(quality.neighbors);
     this.#scales.input.max = `${state.scales}`;
     this.#scales.show(quality.scales);
     this.#step.show(Math.log2(quality.step));
@@ -288,14 +288,14 @@ export class Panel {
     if (!state) return;
     const { quality } = state;
     const value = (slider: Slider): number => slider.input.valueAsNumber;
-    const neighbours = value(this.#neighbours);
+    const neighbors = value(this.#neighbors);
     const scales = value(this.#scales);
     const threshold = 2 ** value(this.#threshold);
     // Where the slider stands at the scene's own, as near as it can, nothing is to change.
     const isOwn = Math.abs(Math.log2(threshold / Math.max(quality.own_threshold, 2 ** -20))) < 0.13;
     this.#do((player) =>
       player.set_quality(
-        neighbours < quality.most_neighbours ? neighbours : undefined,
+        neighbors < quality.most_neighbors ? neighbors : undefined,
         scales < state.scales ? scales : undefined,
         2 ** value(this.#step),
         isOwn ? undefined : threshold,

@@ -1,8 +1,8 @@
 // What the library says of the player (`Player.state`), as a panel shows it.
 
 export interface Quality {
-  neighbours: number;
-  most_neighbours: number;
+  neighbors: number;
+  most_neighbors: number;
   scales: number;
   step: number;
   threshold: number;

@@ -119,7 +119,7 @@ test("pointer, wheel and keys move the camera and change the picture", async () 
     views.push(await viewer.call((v) => v.state.view));
     assert.ok(mean > 0.2, `${views.at(-1)}: ${mean}`);
   }
-  assert.deepEqual(views, ["depth", "opacity", "normals", "samples", "colour"]);
+  assert.deepEqual(views, ["depth", "opacity", "normals", "samples", "color"]);
   const boxes = await picturesOf(viewer, () => keyboard.press("b"), "boxes");
   assert.ok(boxes.mean > 0.2);
 

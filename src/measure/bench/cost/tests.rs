@@ -18,7 +18,7 @@ fn shape() -> FieldShape {
     }
 }
 
-/// One ray of three samples, two of which count and one is coloured and decoded.
+/// One ray of three samples, two of which count and one is colored and decoded.
 fn work() -> Work {
     Work {
         rays: 1,
@@ -54,7 +54,7 @@ fn gathering_counts_pairs_times_ranks() {
 fn finding_counts_pairs_and_samples() {
     expect(Stage::March, 3.0 * 11.0, 3.0 * 16.0);
     // 3 samples in 2 scales: 9 words each, and 8 a sample.
-    expect(Stage::Neighbours, 9.0 * 25.0 + 6.0 * 7.0, 4.0 * (9.0 * 10.0 + 6.0 * 9.0 + 3.0 * 8.0));
+    expect(Stage::Neighbors, 9.0 * 25.0 + 6.0 * 7.0, 4.0 * (9.0 * 10.0 + 6.0 * 9.0 + 3.0 * 8.0));
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn scattering_counts_pairs_times_ranks() {
     let density = Cost { flop: 13.0 * 26.0 + 9.0 * 12.0, bytes: 4.0 * (13.0 * 18.0 + 9.0 * 6.0 + 8.0) };
     assert_eq!(all(Stage::DensityBackward), density);
     expect(Stage::AppearanceBackward, 7.0 * 27.0 + 3.0 * 12.0, 4.0 * (7.0 * 19.0 + 3.0 * 6.0 + 8.0));
-    // All 9 pairs and the 3 coloured; two sums over 8 tensors.
+    // All 9 pairs and the 3 colored; two sums over 8 tensors.
     assert_eq!(all(Stage::PairOrder), Cost { flop: 12.0, bytes: 4.0 * (12.0 * 6.0 + 32.0) });
 }
 
@@ -111,7 +111,7 @@ fn a_decoder_once_a_ray_composites_components() {
 }
 
 #[test]
-fn colours_of_samples_own_cost_a_product_and_a_sigmoid_each() {
+fn colors_of_samples_own_cost_a_product_and_a_sigmoid_each() {
     let more = |stage| more_of(DecoderMode::Residual, DecoderMode::PerRay, stage);
     // Two terms instead of one; 3 features of 4 components of two samples.
     assert_eq!(more(Stage::Composite), [6.0, 4.0 * 4.0]);
@@ -122,7 +122,7 @@ fn colours_of_samples_own_cost_a_product_and_a_sigmoid_each() {
     assert_eq!(more(Stage::Encoding), [0.0, 0.0]);
 }
 
-/// What `mode` costs more than `other`, FLOP and bytes, for two coloured samples of one ray.
+/// What `mode` costs more than `other`, FLOP and bytes, for two colored samples of one ray.
 fn more_of(mode: DecoderMode, other: DecoderMode, stage: Stage) -> [f64; 2] {
     let work = Work { colored: 2, ..work() };
     let [with, without] = [mode, other].map(|mode| FieldShape { mode, ..shape() }.cost(stage, &work, 1));
@@ -130,21 +130,21 @@ fn more_of(mode: DecoderMode, other: DecoderMode, stage: Stage) -> [f64; 2] {
 }
 
 #[test]
-fn the_optimiser_counts_entries_that_take_part() {
+fn the_optimizer_counts_entries_that_take_part() {
     // Densities 3·6·2 + 5·9·1 = 81; appearance 1·6·1 + 2·9·3 = 60 of the tensors that pairs can reach; networks
     // 2·4 + 15·4 + 4 + 4·3 + 3 = 87.
-    expect(Stage::Optimiser, 228.0 * 13.0 + 81.0, 228.0 * 28.0);
+    expect(Stage::Optimizer, 228.0 * 13.0 + 81.0, 228.0 * 28.0);
     let many = Work { colored_pairs: vec![1000, 1000], ..work() };
     let all = 81.0 + (3.0 * 6.0 + 5.0 * 9.0 * 3.0) + 87.0;
-    assert_eq!(shape().cost(Stage::Optimiser, &many, 1).bytes, all * 28.0);
-    assert_eq!(shape().cost(Stage::Optimiser, &many, 3).bytes, 3.0 * all * 28.0);
+    assert_eq!(shape().cost(Stage::Optimizer, &many, 1).bytes, all * 28.0);
+    assert_eq!(shape().cost(Stage::Optimizer, &many, 3).bytes, 3.0 * all * 28.0);
 }
 
 #[test]
-fn nothing_costs_nothing_but_the_optimiser() {
+fn nothing_costs_nothing_but_the_optimizer() {
     for stage in Stage::ALL {
         let cost = shape().cost(stage, &Work::default(), 1);
-        assert_eq!(cost == Cost::default(), stage != Stage::Optimiser, "{}", stage.name());
+        assert_eq!(cost == Cost::default(), stage != Stage::Optimizer, "{}", stage.name());
     }
 }
 

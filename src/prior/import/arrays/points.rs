@@ -1,4 +1,4 @@
-//! Rows of x, y, z, and of colours.
+//! Rows of x, y, z, and of colors.
 
 use glam::DVec3;
 
@@ -10,10 +10,10 @@ use crate::prior::import::{Fault, Point, Visitor};
 const MAX_COLUMNS: u64 = 1 << 12;
 /// The most numbers of an array in Fortran's order: all of x come first, so that the coordinates are held in memory (256 MiB).
 const MAX_HELD: u64 = 1 << 25;
-/// The most colours that lie in an array of their own, and are held in memory (192 MiB).
+/// The most colors that lie in an array of their own, and are held in memory (192 MiB).
 const MAX_COLORS: u64 = 1 << 26;
 
-/// How numbers stand for colours.
+/// How numbers stand for colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scale {
     /// 0 to 255.
@@ -37,7 +37,7 @@ pub(super) fn read(
 ) -> Result<(), Fault> {
     let [count, columns] = rows_and_columns(array, "points")?;
     if let Some(colors) = colors.as_ref().filter(|c| c.len() as u64 != count) {
-        return Err(Fault::malformed("the colours", format!("{count}, one a point"), colors.len()));
+        return Err(Fault::malformed("the colors", format!("{count}, one a point"), colors.len()));
     }
     let scale = if columns >= 6 && colors.is_none() { scale_of(array, 3)? } else { None };
     let used = if scale.is_some() { 6 } else { 3 };
@@ -54,13 +54,13 @@ pub(super) fn read(
     })
 }
 
-/// The colours of an array that holds nothing else.
+/// The colors of an array that holds nothing else.
 pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
-    let [count, _] = rows_and_columns(array, "colours")?;
-    Fault::unless_within("colours", MAX_COLORS, count)?;
+    let [count, _] = rows_and_columns(array, "colors")?;
+    Fault::unless_within("colors", MAX_COLORS, count)?;
     let Some(scale) = scale_of(array, 0)? else {
         return Err(Fault::malformed(
-            "the colours",
+            "the colors",
             "whole numbers within 0 to 255, or floats within 0 to 1",
             "others",
         ));
@@ -116,7 +116,7 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
     }
 }
 
-/// How the three columns from `first` on stand for colours, if they do: that takes reading them once. Whole numbers up to 255
+/// How the three columns from `first` on stand for colors, if they do: that takes reading them once. Whole numbers up to 255
 /// are bytes, except floats that are all within 0 and 1.
 fn scale_of(array: &mut dyn Array, first: usize) -> Result<Option<Scale>, Fault> {
     if array.header().number == Number::Unsigned(1) {

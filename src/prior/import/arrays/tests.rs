@@ -57,7 +57,7 @@ fn rows_are_points_in_either_order() {
 }
 
 #[test]
-fn columns_are_colours_where_all_of_them_can_be() {
+fn columns_are_colors_where_all_of_them_can_be() {
     let color = |rows: &[f64], n: usize| {
         let bytes = npy("<f8", false, &format!("({}, 6)", rows.len() / 6), &f64s(rows));
         seen(&bytes).unwrap().points[n].color
@@ -214,7 +214,7 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let pitch = ("pitch", npy("<f8", false, "(3,)", &f64s(&[1.0; 3])));
     assert!(message(&npz(&[cells, origin, pitch])).contains("integers of shape (n, 3)"));
     let colors = ("colors", npy("|u1", false, "(2, 3)", &[0; 6]));
-    assert_eq!(message(&npz(&[points, colors])), "xyz: the colours: expected 1, one a point, found 2");
+    assert_eq!(message(&npz(&[points, colors])), "xyz: the colors: expected 1, one a point, found 2");
 }
 
 #[test]

@@ -61,7 +61,7 @@ fn bits(record: &Record) -> u32 {
     }
 }
 
-/// A channel of a colour, and the numbers that stand for 0 and 255.
+/// A channel of a color, and the numbers that stand for 0 and 255.
 #[derive(Clone, Debug)]
 struct Channel {
     field: Field,

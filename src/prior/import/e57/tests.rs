@@ -13,7 +13,7 @@ const SINGLE: RecordDataType = RecordDataType::Single { min: None, max: None };
 const STATE: RecordDataType = RecordDataType::Integer { min: 0, max: 2 };
 const BYTE: RecordDataType = RecordDataType::Integer { min: 0, max: 255 };
 
-/// A scan's fields, points, pose and colours' limits.
+/// A scan's fields, points, pose and colors' limits.
 #[derive(Default)]
 struct Made {
     fields: Vec<(N, RecordDataType)>,
@@ -158,7 +158,7 @@ fn spherical_coordinates_become_cartesian_ones() {
 }
 
 #[test]
-fn colours_follow_their_limits() {
+fn colors_follow_their_limits() {
     let fields = |kind: RecordDataType, invalid: bool| {
         let mut fields = cartesian(DOUBLE);
         fields.extend([N::ColorRed, N::ColorGreen, N::ColorBlue].map(|name| (name, kind.clone())));

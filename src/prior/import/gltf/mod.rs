@@ -1,7 +1,7 @@
 //! glTF 2 and GLB: the document's parts as `gltf` describes them, their numbers read here.
 //!
 //! Read: the default scene, else all root nodes, with their transforms; triangles, strips and fans as triangles, points as
-//! points; `COLOR_0`, which is linear, as sRGB; sparse, normalised and quantised accessors; buffers in the GLB, in data URIs
+//! points; `COLOR_0`, which is linear, as sRGB; sparse, normalized and quantized accessors; buffers in the GLB, in data URIs
 //! and in files beside. Lines, materials, textures, cameras, lights, animations, morph targets and skins are passed over (a
 //! skinned mesh is read as it stands in the file). Compressed meshes, `EXT_mesh_gpu_instancing` and whatever else the file
 //! requires are refused by name. Geometry is handed over in glTF's own space, in which y is up: turning it is the caller's.

@@ -1,4 +1,4 @@
-//! A mesh's primitive: its vertices, how they join, and their colours.
+//! A mesh's primitive: its vertices, how they join, and their colors.
 
 use std::sync::LazyLock;
 
@@ -63,10 +63,10 @@ impl<'b> Primitive<'b> {
                 _ => false,
             };
             if !is_known || !matches!(colors.shape, Type::Vec3 | Type::Vec4) {
-                return wrong("colours of floats or normalised small integers", types(colors));
+                return wrong("colors of floats or normalized small integers", types(colors));
             }
             if colors.count != positions.count {
-                return wrong(&format!("{} colours", positions.count), colors.count.to_string());
+                return wrong(&format!("{} colors", positions.count), colors.count.to_string());
             }
         }
         if let Some(indices) = &indices {
@@ -134,7 +134,7 @@ impl<'b> Primitive<'b> {
 
 /// What an accessor holds, for messages.
 fn types(values: &Values<'_>) -> String {
-    format!("{}{:?} of {:?}", if values.normalized { "normalised " } else { "" }, values.shape, values.component)
+    format!("{}{:?} of {:?}", if values.normalized { "normalized " } else { "" }, values.shape, values.component)
 }
 
 /// The sRGB byte of a linear value from 0 to 1. The table is finer than a byte's steps everywhere.

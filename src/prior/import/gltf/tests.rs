@@ -44,7 +44,7 @@ fn data(bytes: &[u8]) -> String {
     format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes))
 }
 
-/// Four vertices, whose x is their number from 1, then colours of them, then the indices 0 1 2 2 1 3 of 16 bits.
+/// Four vertices, whose x is their number from 1, then colors of them, then the indices 0 1 2 2 1 3 of 16 bits.
 fn quad() -> Vec<u8> {
     let mut bytes = floats(&[1., 0., 0., 2., 0.5, 0., 3., 1., 0., 4., 1., -1.]);
     bytes.extend([255, 0, 55, 255, 0, 0, 0, 255, 188, 1, 128, 255, 0, 0, 0, 255]);
@@ -117,7 +117,7 @@ fn a_mesh_reads_alike_from_all_places_of_buffers() {
 }
 
 #[test]
-fn colours_become_srgb() {
+fn colors_become_srgb() {
     let seen = seen(&with(&[("/meshes/0/primitives/0/attributes/COLOR_0", json!(1))]));
     // 55/255 linear is 128 in sRGB; 188 is 223, 1 is 13, 128 is 188.
     assert_eq!(
@@ -191,13 +191,13 @@ fn nodes_turn_move_and_repeat_a_mesh() {
 }
 
 #[test]
-fn quantised_positions_and_strides_are_read() {
+fn quantized_positions_and_strides_are_read() {
     let mut bytes = Vec::new();
     for vertex in [[-32768_i16, 0, 0], [32767, 0, 0], [0, 16384, 0]] {
         bytes.extend(vertex.into_iter().flat_map(i16::to_le_bytes));
         bytes.extend([7, 7]);
     }
-    let quantised = |normalized: bool| {
+    let quantized = |normalized: bool| {
         seen(&with(&[
             ("/extensionsRequired", json!(["KHR_mesh_quantization", "KHR_materials_unlit"])),
             ("/buffers/0", json!({"byteLength": 24, "uri": data(&bytes)})),
@@ -209,9 +209,9 @@ fn quantised_positions_and_strides_are_read() {
             ("/meshes/0/primitives/0", json!({"attributes": {"POSITION": 0}})),
         ]))
     };
-    assert_eq!(corners(&quantised(false)), [[-32768.0, 32767.0, 0.0]]);
-    assert_eq!(corners(&quantised(true)), [[-1.0, 1.0, 0.0]]);
-    assert_eq!(quantised(true).triangles[0][2].position.y, 16384.0 / 32767.0);
+    assert_eq!(corners(&quantized(false)), [[-32768.0, 32767.0, 0.0]]);
+    assert_eq!(corners(&quantized(true)), [[-1.0, 1.0, 0.0]]);
+    assert_eq!(quantized(true).triangles[0][2].position.y, 16384.0 / 32767.0);
 }
 
 /// Replaces the vertices 1 and 3, in bytes of a buffer of their own.
@@ -339,7 +339,7 @@ fn indices_and_types_that_are_wrong() {
         (
             "/meshes/0/primitives/0/attributes/COLOR_0",
             json!(2),
-            format!("{primitive}expected colours of floats or normalised small integers, found Scalar of U16"),
+            format!("{primitive}expected colors of floats or normalized small integers, found Scalar of U16"),
         ),
     ];
     for (pointer, value, message) in cases {

@@ -207,7 +207,7 @@ fn items_of(header: &Header) -> Vec<(u16, u16)> {
     items
 }
 
-/// Layers in a chunk of `header`'s point format: nine of the point, one of each colour and waveform, one of each extra byte.
+/// Layers in a chunk of `header`'s point format: nine of the point, one of each color and waveform, one of each extra byte.
 fn layers(header: &Header) -> u64 {
     let layers = match header.format {
         6 => 9,

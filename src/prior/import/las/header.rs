@@ -140,7 +140,7 @@ impl Header {
         DVec3::new(axis(0), axis(4), axis(8)) * self.scale + self.offset
     }
 
-    /// The colour of `record`, in 16 bits.
+    /// The color of `record`, in 16 bits.
     pub(super) fn color(&self, record: &[u8]) -> Option<[u16; 3]> {
         let start = FORMATS[usize::from(self.format)].1?;
         Some([0, 2, 4].map(|channel| u16::from_le_bytes([record[start + channel], record[start + channel + 1]])))

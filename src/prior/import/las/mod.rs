@@ -1,6 +1,6 @@
 //! LAS 1.0 to 1.4, and LAZ, its compressed twin, through `laz`.
 //!
-//! Points that are withheld are left out, and those of the classes 7 and 18, which are noise. Colours have 16 bits; where the
+//! Points that are withheld are left out, and those of the classes 7 and 18, which are noise. Colors have 16 bits; where the
 //! first ten thousand stay below 256, their writer meant bytes, and they are taken for such. Waveforms, extra bytes and
 //! extended records are ignored.
 
@@ -17,7 +17,7 @@ use super::{Fault, Input, Point, ReadOptions, Visitor};
 /// Points that are read at once.
 const BATCH: u64 = 4096;
 
-/// Points that are held back until it is known what their colours are.
+/// Points that are held back until it is known what their colors are.
 const JUDGED: usize = 10_000;
 
 /// Classes of noise: low and high.
@@ -54,7 +54,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
 struct Points<'a> {
     header: &'a Header,
     held: Vec<(DVec3, [u16; 3])>,
-    /// What turns colours into bytes, once it is known.
+    /// What turns colors into bytes, once it is known.
     shift: Option<u32>,
     done: u64,
 }
@@ -97,7 +97,7 @@ impl Points<'_> {
     }
 }
 
-/// Later colours may be out of range: they are clamped.
+/// Later colors may be out of range: they are clamped.
 fn colored(position: DVec3, color: [u16; 3], shift: u32) -> Point {
     Point { position, color: Some(color.map(|channel| (channel >> shift).min(255) as u8)) }
 }

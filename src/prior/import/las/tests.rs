@@ -15,7 +15,7 @@ fn error(bytes: &[u8]) -> String {
 
 const LENGTHS: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
-/// A point at i, 2i and -i, with a flag byte, a class, and a colour of i in the upper bytes.
+/// A point at i, 2i and -i, with a flag byte, a class, and a color of i in the upper bytes.
 fn record(format: u8, i: i32, flags: u8, class: u8) -> Vec<u8> {
     let mut bytes = vec![0; LENGTHS[usize::from(format)].into()];
     for (at, value) in [i, 2 * i, -i].into_iter().enumerate() {
@@ -152,7 +152,7 @@ fn withheld_points_and_noise_are_left_out() {
 }
 
 #[test]
-fn colours_below_256_are_bytes() {
+fn colors_below_256_are_bytes() {
     let mut points = run(2, 3);
     for point in &mut points {
         point[20..26].copy_from_slice(&[200, 0, 7, 0, 255, 0]);

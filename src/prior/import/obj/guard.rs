@@ -17,7 +17,7 @@ pub(super) struct Guard<'g, 'a> {
     text: Vec<u8>,
     read: usize,
     vertices: u64,
-    /// Whether the vertices have colours: the first one says.
+    /// Whether the vertices have colors: the first one says.
     colored: bool,
     /// Corners since the last group.
     corners: usize,
@@ -54,10 +54,10 @@ impl<'g, 'a> Guard<'g, 'a> {
         if self.vertices == 0 {
             self.colored = colored;
         }
-        // tobj would give the colours to other vertices.
+        // tobj would give the colors to other vertices.
         if colored != self.colored {
             let expected =
-                if self.colored { "a colour, as the first vertex has" } else { "no colour, as at the first vertex" };
+                if self.colored { "a color, as the first vertex has" } else { "no color, as at the first vertex" };
             return Err(self.statements.wrong(expected));
         }
         self.vertices += 1;

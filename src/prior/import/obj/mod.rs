@@ -1,10 +1,10 @@
 //! OBJ: Wavefront's meshes, through `tobj`.
 //!
-//! Read: vertices with their colours (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without polygons is a
+//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without polygons is a
 //! cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are passed over; `mtllib` opens no
 //! file. Faces may count vertices from either end, but only those above them; free-form surfaces are refused.
 //!
-//! `tobj` overflows on some indices, shifts colours that are not at every vertex, wants UTF-8 and reports no lines. So a
+//! `tobj` overflows on some indices, shifts colors that are not at every vertex, wants UTF-8 and reports no lines. So a
 //! guard stands before it, which checks every statement and lets it see only vertices and polygons that are right.
 //! `tobj` holds the whole mesh in memory, up to about seven bytes for one of the file: hence [`MAX_BYTES`].
 

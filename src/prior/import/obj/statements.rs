@@ -67,7 +67,7 @@ impl<'i, 'a> Statements<'i, 'a> {
         words(&self.text).skip(1)
     }
 
-    /// The vertex that this statement is: three coordinates, then none, a weight that divides them, or a colour.
+    /// The vertex that this statement is: three coordinates, then none, a weight that divides them, or a color.
     pub(super) fn vertex(&self) -> Result<Point, Fault> {
         let mut values = [0.0; 6];
         let mut count = 0;
@@ -105,7 +105,7 @@ fn cut_comment(line: &mut Vec<u8>) {
     }
 }
 
-/// A colour from 0 to 1 as bytes.
+/// A color from 0 to 1 as bytes.
 pub(super) fn color(channels: DVec3) -> [u8; 3] {
     channels.to_array().map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8)
 }

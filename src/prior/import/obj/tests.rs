@@ -41,7 +41,7 @@ fn polygons_become_fans_whatever_their_corners_name() {
 }
 
 #[test]
-fn colours_stay_with_their_vertices() {
+fn colors_stay_with_their_vertices() {
     let seen = seen("v 1 0 0 1 0 0\nv 2 0 0 0 1 0\nv 3 0 0 0.5 2 -1\nf 3 1 2\n");
     assert_eq!(
         seen.triangles[0].map(|corner| corner.color),
@@ -110,11 +110,11 @@ fn what_is_no_obj() {
         ("v 1 2 3 0\nf 1 1 1\n", "line 1: expected finite coordinates, found [inf, inf, inf]".into()),
         (
             "v 1 2 3\nv 1 2 3 0 0 0\nf 1 1 1\n",
-            "line 2: expected no colour, as at the first vertex, found \"v 1 2 3 0 0 0\"".into(),
+            "line 2: expected no color, as at the first vertex, found \"v 1 2 3 0 0 0\"".into(),
         ),
         (
             "v 1 2 3 0 0 0\nv 1 2 3\nf 1 1 1\n",
-            "line 2: expected a colour, as the first vertex has, found \"v 1 2 3\"".into(),
+            "line 2: expected a color, as the first vertex has, found \"v 1 2 3\"".into(),
         ),
         (
             "v 0 0 0\ncstype bezier\nsurf 0 1 0 1 1 1 1 1\n",

@@ -58,12 +58,12 @@ impl Field {
         }
     }
 
-    /// The packed colour in `bytes`: the bits of the number, whatever it is.
+    /// The packed color in `bytes`: the bits of the number, whatever it is.
     pub(super) fn packed(&self, bytes: &[u8]) -> u32 {
         unsigned(bytes) as u32
     }
 
-    /// The packed colour in a line: an integer, or a float's digits, whose bits are the colour.
+    /// The packed color in a line: an integer, or a float's digits, whose bits are the color.
     pub(super) fn packed_of_text(&self, text: &str) -> Option<u32> {
         match (text.parse::<i64>(), self.kind) {
             (Ok(packed), _) => Some(packed as u32),

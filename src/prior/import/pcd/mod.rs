@@ -21,7 +21,7 @@ const MOST_LINE: usize = 1 << 16;
 /// Bytes of records that are read at once.
 const BATCH_BYTES: u64 = 1 << 18;
 
-/// The most bytes of coordinates and colours that are held: those of a compressed file lie column by column.
+/// The most bytes of coordinates and colors that are held: those of a compressed file lie column by column.
 const MOST_COLUMNS: u64 = 1 << 31;
 
 /// Reads `input`.
@@ -129,7 +129,7 @@ fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
     // After decompression all of the first field comes, then all of the second: what is needed is kept.
     let fields: Vec<_> = header.position.iter().chain(&header.color).collect();
     let kept = fields.iter().map(|field| header.points * field.size as u64).sum();
-    Fault::unless_within("bytes of coordinates and colours in a compressed file", MOST_COLUMNS, kept)?;
+    Fault::unless_within("bytes of coordinates and colors in a compressed file", MOST_COLUMNS, kept)?;
     let mut columns: Vec<Vec<u8>> = vec![Vec::new(); fields.len()];
     let ranges = fields.iter().map(|field| {
         let start = header.points * field.start as u64;

@@ -76,14 +76,14 @@ fn the_three_encodings_hold_the_same_points() {
 }
 
 #[test]
-fn a_colour_may_be_the_digits_of_a_float() {
+fn a_color_may_be_the_digits_of_a_float() {
     let digits = f32::from_bits(0x0a_0b_0c).to_string();
     let text = format!("FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nWIDTH 1\nHEIGHT 1\nDATA ascii\n1 2 3 {digits}\n");
     assert_eq!(read_of(text.as_bytes()).unwrap().points[0].color, Some([10, 11, 12]));
 }
 
 #[test]
-fn headers_without_points_or_colours_are_enough() {
+fn headers_without_points_or_colors_are_enough() {
     let text = "FIELDS x y z\nSIZE 1 8 4\nTYPE I U F\nWIDTH 1\nHEIGHT 1\nDATA binary\n";
     let mut file = text.as_bytes().to_vec();
     file.push(0xfe);

@@ -1,8 +1,8 @@
 //! PLY: Stanford's polygon files, meshes and clouds.
 //!
 //! Read: ASCII and binary of both byte orders, elements in any order, properties in any order and of any type. `vertex` needs
-//! `x`, `y` and `z`; its colours are `red`, `green`, `blue` (or `r`…, or `diffuse_red`…) as bytes, or as floats from 0 to 1;
-//! other colours are left out. `face` needs a list `vertex_indices` or `vertex_index`, whose polygons are cut into fans;
+//! `x`, `y` and `z`; its colors are `red`, `green`, `blue` (or `r`…, or `diffuse_red`…) as bytes, or as floats from 0 to 1;
+//! other colors are left out. `face` needs a list `vertex_indices` or `vertex_index`, whose polygons are cut into fans;
 //! `tristrips` has a list `vertex_indices`, in which −1 ends a strip. A file without faces and strips is a cloud, whose points
 //! `confidence` or `quality` may sort out. Everything else is skipped.
 //!

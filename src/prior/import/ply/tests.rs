@@ -46,7 +46,7 @@ fn fans() -> Vec<[[f64; 3]; 3]> {
     [[0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 2, 0]].map(|corners| corners.map(|n| CORNERS[n])).to_vec()
 }
 
-/// A mesh with colours between the coordinates, an unknown element with lists of two kinds, and a face with more than its
+/// A mesh with colors between the coordinates, an unknown element with lists of two kinds, and a face with more than its
 /// corners. `faces_first` puts the faces before the vertices.
 fn mesh(format: &str, faces_first: bool) -> Vec<u8> {
     let vertex = "element vertex 5\nproperty float y\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
@@ -199,7 +199,7 @@ fn no_faces_make_a_cloud_whose_confidences_sort() {
 }
 
 #[test]
-fn colours_of_other_types_are_left_out() {
+fn colors_of_other_types_are_left_out() {
     let mixed = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                  property uchar red\nproperty uchar green\nproperty int blue\nend_header\n0 0 0 1 2 3\n";
     assert_eq!(seen(mixed.as_bytes()).points[0].color, None);

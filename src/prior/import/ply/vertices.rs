@@ -6,13 +6,13 @@ use super::super::{Fault, Point, Visitor};
 use super::body::{Body, Place};
 use super::header::{Element, Kind, Scalar};
 
-/// Names of the three colour channels.
+/// Names of the three color channels.
 const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 /// Which properties of a vertex count.
 pub(super) struct Columns {
-    /// x, y, z, the three colours if any, the confidence if any.
+    /// x, y, z, the three colors if any, the confidence if any.
     wanted: Vec<usize>,
     color: Option<Scalar>,
     has_confidence: bool,
@@ -78,7 +78,7 @@ impl Columns {
     }
 }
 
-/// A colour channel as a byte.
+/// A color channel as a byte.
 fn channel(scalar: Scalar, value: f64) -> u8 {
     if scalar.is_integer() { value as u8 } else { (value.clamp(0.0, 1.0) * 255.0).round() as u8 }
 }

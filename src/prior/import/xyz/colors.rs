@@ -1,11 +1,11 @@
-//! Colours in columns of numbers, whose scale only the numbers tell.
+//! Colors in columns of numbers, whose scale only the numbers tell.
 
 use crate::prior::import::{Fault, Point, Visitor};
 
 /// Points that are held back until the scale is known.
 const JUDGED: usize = 1000;
 
-/// How numbers become colours.
+/// How numbers become colors.
 #[derive(Clone, Copy)]
 enum Scale {
     /// They are bytes.
@@ -18,10 +18,10 @@ enum Scale {
     None,
 }
 
-/// Gives points their colours.
+/// Gives points their colors.
 pub(super) struct Colors {
     scale: Option<Scale>,
-    /// Whether names say that the columns are colours.
+    /// Whether names say that the columns are colors.
     named: bool,
     held: Vec<(Point, [f64; 3])>,
 }

@@ -105,7 +105,7 @@ impl Columns {
         })
     }
 
-    /// By how many there are. PTS has an intensity before the colour; other files of seven columns may as well have an opacity
+    /// By how many there are. PTS has an intensity before the color; other files of seven columns may as well have an opacity
     /// after it.
     pub(super) fn unnamed(width: usize, pts: bool) -> Self {
         let color = match (width, pts) {

@@ -48,14 +48,14 @@ fn names_say_which_column_is_what() {
 }
 
 #[test]
-fn colours_are_bytes_shares_or_words() {
+fn colors_are_bytes_shares_or_words() {
     let color = |text: &str| read_of(text.as_bytes()).unwrap().points[0].color;
     assert_eq!(color("1 2 3 255 0 7\n"), Some([255, 0, 7]));
     assert_eq!(color("3\n1 2 3 -1200 255 0 7\n1 2 3 0 0 0 0\n1 2 3 0 0 0 0\n"), Some([255, 0, 7]));
     assert_eq!(color("1 2 3 0.6 0 0.8\n"), None);
-    // Intensity and colour, or colour and opacity?
+    // Intensity and color, or color and opacity?
     assert_eq!(color("1 2 3 255 0 7 255\n"), None);
-    // One line of the first thousand that is no colour is enough.
+    // One line of the first thousand that is no color is enough.
     assert_eq!(color("1 2 3 1 0 0\n1 2 3 0 0 -1\n"), None);
     assert_eq!(color("x,y,z,intensity,r,g,b\n1,2,3,9,255,0,7\n"), Some([255, 0, 7]));
     assert_eq!(color("x,y,z,blue,green,red\n1,2,3,0.5,0,1\n"), Some([255, 0, 128]));
@@ -68,7 +68,7 @@ fn colours_are_bytes_shares_or_words() {
 }
 
 #[test]
-fn the_scale_of_colours_holds_for_lines_after_the_first_thousand() {
+fn the_scale_of_colors_holds_for_lines_after_the_first_thousand() {
     let mut text = "0 0 0 1 2 3\n".repeat(1500);
     text.push_str("0 0 0 300 -3 4.6\n");
     let seen = read_of(text.as_bytes()).unwrap();

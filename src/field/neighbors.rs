@@ -51,8 +51,8 @@ impl<T: Real> Positions<T> {
     }
 }
 
-/// Neighbours of samples, and scratch for finding them.
-pub(super) struct Neighbours<'a, T> {
+/// Neighbors of samples, and scratch for finding them.
+pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
     /// What interpolating the pairs needs.
     located: &'a mut Vec<Located<T>>,
@@ -73,7 +73,7 @@ struct Covering<T> {
     fractions: [[[T; MAX_LANES]; 3]; BLOCK],
 }
 
-impl<'a, T: Real> Neighbours<'a, T> {
+impl<'a, T: Real> Neighbors<'a, T> {
     pub(super) fn new(
         aggregation: Aggregation,
         located: &'a mut Vec<Located<T>>,
@@ -96,7 +96,7 @@ impl<T: Real> FieldScale<T> {
         self.candidates(position).any(|(_, square)| square.is_finite())
     }
 
-    /// The candidates for `position`, ascending, and the squares of its distances to their centres, infinite where they
+    /// The candidates for `position`, ascending, and the squares of its distances to their centers, infinite where they
     /// do not cover it.
     fn candidates(&self, position: [T; 3]) -> impl Iterator<Item = (u32, T)> {
         self.index().blocks(self.index().list_at(position)).iter().flat_map(move |block| {
@@ -110,7 +110,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Appends, for each of `positions`, its `top_k` nearest covering tensors.
     #[inline(always)]
-    pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbours<T>) {
+    pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbors<T>) {
         let mut lists = std::mem::take(&mut found.lists);
         self.index().lists_at(simd, positions, &mut lists);
         let mut first = 0;
@@ -135,7 +135,7 @@ impl<T: Real> FieldScale<T> {
         positions: &Positions<T>,
         group: std::ops::Range<usize>,
         list: u32,
-        found: &mut Neighbours<T>,
+        found: &mut Neighbors<T>,
     ) {
         let known = match self.index().blocks(list) {
             [block] => self.cover(simd, block, positions, &group, found),
@@ -152,7 +152,7 @@ impl<T: Real> FieldScale<T> {
         }
     }
 
-    /// Finds the candidates of `block` that cover any sample of `group`; false where a sample is at a centre.
+    /// Finds the candidates of `block` that cover any sample of `group`; false where a sample is at a center.
     #[inline(always)]
     fn cover<S: Simd>(
         &self,
@@ -160,7 +160,7 @@ impl<T: Real> FieldScale<T> {
         block: &CandidateBlock<T>,
         positions: &Positions<T>,
         group: &std::ops::Range<usize>,
-        found: &mut Neighbours<T>,
+        found: &mut Neighbors<T>,
     ) -> bool {
         let aggregation = found.aggregation;
         let found = &mut found.covering;
@@ -218,13 +218,13 @@ impl<T: Real> FieldScale<T> {
         for square in squares.iter_mut() {
             let root = T::root(simd, *square);
             *square = match aggregation {
-                Aggregation::Normalised => T::over(simd, one, root),
+                Aggregation::Normalized => T::over(simd, one, root),
                 Aggregation::Clamped => T::over(simd, one, T::plus(simd, root, T::splat(simd, T::of(1e-6)))),
             };
             sum = T::plus(simd, sum, *square);
         }
         let divisor = match aggregation {
-            Aggregation::Normalised => sum,
+            Aggregation::Normalized => sum,
             Aggregation::Clamped => T::select(simd, T::less_or_equal(simd, one, sum), sum, one),
         };
         let scale = T::over(simd, one, divisor);
@@ -281,7 +281,7 @@ impl<T: Real> FieldScale<T> {
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
         for (tensor, square) in self.candidates(position).filter(|c| c.1.is_finite()) {
-            // Tensors ascend, so a tie leaves the smaller centre in front.
+            // Tensors ascend, so a tie leaves the smaller center in front.
             let mut at = count;
             while at > 0 && square < values[at - 1] {
                 at -= 1;
@@ -306,12 +306,12 @@ impl<T: Real> FieldScale<T> {
 fn weigh<T: Real>(aggregation: Aggregation, values: &mut [T]) {
     let Some(&nearest) = values.first() else { return };
     match aggregation {
-        // The limit at a centre: that tensor alone counts.
-        Aggregation::Normalised if nearest == T::zero() => {
+        // The limit at a center: that tensor alone counts.
+        Aggregation::Normalized if nearest == T::zero() => {
             values.fill(T::zero());
             values[0] = T::one();
         }
-        Aggregation::Normalised => {
+        Aggregation::Normalized => {
             values.iter_mut().for_each(|v| *v = (nearest / *v).sqrt());
             let sum: T = values.iter().copied().sum();
             values.iter_mut().for_each(|v| *v /= sum);

@@ -1,4 +1,4 @@
-// Finding the tensors that a sample aggregates. Twin: src/field/neighbours.rs.
+// Finding the tensors that a sample aggregates. Twin: src/field/neighbors.rs.
 
 const FAR: f32 = 3e38;
 
@@ -31,7 +31,7 @@ fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
         if any(abs(offset) > half) {
             continue;
         }
-        // Tensors ascend, so a tie leaves the smaller centre in front.
+        // Tensors ascend, so a tie leaves the smaller center in front.
         var square = dot(offset, offset);
         var moved = candidate;
         var inserted = false;
@@ -66,7 +66,7 @@ fn weigh(found: ptr<function, Nearest>) {
             } else if nearest > 0.0 {
                 weight = sqrt(nearest / square);
             } else {
-                // The limit at a centre: that tensor alone counts.
+                // The limit at a center: that tensor alone counts.
                 weight = select(0.0, 1.0, k == 0u);
             }
         }
