@@ -11,7 +11,7 @@ use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, v
 use strivec::geometry::Ray;
 use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
-use strivec::train::{Backward, BatchThinning, Target, TrainConfig};
+use strivec::train::{Backward, BatchRoulette, Target, TrainConfig};
 
 /// Rays of a kernel's call, as many as training gives one.
 const RAYS: usize = 128;
@@ -79,7 +79,7 @@ fn decode(bencher: Bencher<'_, '_>) {
     let rays = rays(RAYS);
     let mut samples = marched(&rays);
     let mut activations = Activations::default();
-    FIELD.choose_colored(&samples, None, &mut activations.colored);
+    FIELD.select_shaded(&samples, None, &mut activations.colored);
     bencher.counter(ItemsCount::new(activations.colored.len())).bench_local(|| {
         vectorized(
             #[inline(always)]
@@ -96,7 +96,7 @@ fn backward_loss(bencher: Bencher<'_, '_>) {
     let mut backward = Backward::new(&FIELD);
     bencher
         .counter(ItemsCount::new(rays.len()))
-        .bench_local(|| backward.loss(&FIELD, &rays, &targets, BatchThinning::default()));
+        .bench_local(|| backward.loss(&FIELD, &rays, &targets, BatchRoulette::default()));
 }
 
 /// Rows, inner length, columns: far beyond the caches, the decoder's layers, and the appearance matrices.

@@ -13,7 +13,7 @@ fn bit(words: u32, cell: vec3<i32>, sizes: vec3<i32>) -> bool {
 }
 
 // What is around `position` on a ray whose direction's reciprocal is `inverse`.
-fn surroundings(position: vec3<f32>, inverse: vec3<f32>) -> Surroundings {
+fn empty_span(position: vec3<f32>, inverse: vec3<f32>) -> Surroundings {
     let at = (position - scene.grid_min) * scene.grid_cells_per_unit;
     let cell = vec3<i32>(floor(at));
     if any(cell < vec3(0)) || any(cell >= scene.grid_cells) {

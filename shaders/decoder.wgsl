@@ -8,7 +8,7 @@ const ROW_QUADS: u32 = ROWS / 4u;
 
 var<workgroup> tile: array<Kept, TILE_QUADS>;
 // [row][scale][neighbor], nearest first; the first of weight 0 ends a list.
-var<workgroup> pairs: array<Located, PAIRS>;
+var<workgroup> pairs: array<InterpolationSite, PAIRS>;
 // [row][scale] whether the scale covers the row's sample.
 var<workgroup> covering: array<f32, ROWS * SCALES>;
 // [row] the ray it is of, and the sample.

@@ -4,12 +4,12 @@
 mod scenes;
 
 use glam::DVec3;
-use strivec::field::{Activations, Field, Real, Samples, Thinning};
+use strivec::field::{Activations, Field, Real, Roulette, Samples};
 use strivec::geometry::Ray;
 use strivec::model::{DecoderMode, Scene};
 use strivec::random::Random;
 use strivec::render::ReferenceRenderer;
-use strivec::train::{Backward, BatchThinning, Gradients, Target, TrainConfig, network_parts};
+use strivec::train::{Backward, BatchRoulette, Gradients, Target, TrainConfig, network_parts};
 
 /// Rays whose decisions a perturbation of the parameters by the difference's step does not reach.
 const MIN_MARGIN: f64 = 1e-4;
@@ -198,7 +198,7 @@ fn scene(config: &TrainConfig) -> Scene {
 fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
     let (mut samples, mut activations) = (Samples::default(), Activations::default());
     field.march(rays, &mut samples);
-    field.choose_colored(&samples, None, &mut activations.colored);
+    field.select_shaded(&samples, None, &mut activations.colored);
     field.decode(rays, &mut samples, &mut activations);
     let layers = &field.decoder.layers;
     let mut smallest = f64::INFINITY;
@@ -243,9 +243,9 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
         let mut field = Field::<f64>::new(&scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
-        let gradients = backward.gradients(&field, &rays, &targets, BatchThinning::default());
+        let gradients = backward.gradients(&field, &rays, &targets, BatchRoulette::default());
         let mut losses = |field: &Field<f64>| {
-            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchThinning::default());
+            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchRoulette::default());
             (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
         };
         for (name, values, reach) in groups(&scene, &gradients) {
@@ -267,9 +267,9 @@ fn gradients_in_f32_match_those_in_f64() {
         let rays = rays_far_from_decisions(&scene, 64);
         let targets = targets(rays.len());
         let exact_field = Field::<f64>::new(&scene);
-        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, BatchThinning::default());
+        let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, BatchRoulette::default());
         let field = Field::<f32>::new(&scene);
-        let single = Backward::new(&field).gradients(&field, &rays, &targets, BatchThinning::default());
+        let single = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
         let single = Gradients {
             loss: single.loss.f64(),
             density: single.density.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
@@ -300,13 +300,13 @@ fn thinned_density_gradients_are_right_on_average() {
     let targets = targets(rays.len());
     let field = Field::<f64>::new(scene);
     let mut backward = Backward::new(&field);
-    let exact = backward.gradients(&field, &rays, &targets, BatchThinning::default()).density.concat();
+    let exact = backward.gradients(&field, &rays, &targets, BatchRoulette::default()).density.concat();
     let mut mean = vec![0.0; exact.len()];
     let mut dropped = 0;
     for draw in 0..DRAWS {
-        let thinning = Thinning { below: 1.0, random: Random::new(0, "test").substream(draw), first_ray: 0 };
-        let thinning = BatchThinning { density: Some(thinning), ..BatchThinning::default() };
-        let thinned = backward.gradients(&field, &rays, &targets, thinning).density.concat();
+        let roulette = Roulette { below: 1.0, random: Random::new(0, "test").substream(draw), first_ray: 0 };
+        let roulette = BatchRoulette { density: Some(roulette), ..BatchRoulette::default() };
+        let thinned = backward.gradients(&field, &rays, &targets, roulette).density.concat();
         dropped += thinned.iter().zip(&exact).filter(|(t, e)| **t == 0.0 && **e != 0.0).count();
         mean.iter_mut().zip(&thinned).for_each(|(m, t)| *m += t / DRAWS as f64);
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use strivec::container::{EncodeOptions, Error, Extras, Fetch, Limits, Part, Reader, encode_document};
+use strivec::container::{EncodeOptions, Error, Fetch, Limits, Metadata, Part, Reader, encode_scene_file};
 use strivec::geometry::Aabb;
 use strivec::model::Scene;
 use strivec::train::TrainConfig;
@@ -86,7 +86,7 @@ fn scene() -> Scene {
 
 fn file(scene: &Scene) -> Vec<u8> {
     let options = EncodeOptions { chunk_tensors: 8, ..EncodeOptions::default() };
-    encode_document(scene, &Extras::default(), &options).unwrap()
+    encode_scene_file(scene, &Metadata::default(), &options).unwrap()
 }
 
 #[test]

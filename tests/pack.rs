@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
-use strivec::container::{EncodeOptions, Encoding, Extras, Limits, decode, decode_document, encode_document};
+use strivec::container::{EncodeOptions, Encoding, Limits, Metadata, decode, decode_scene_file, encode_scene_file};
 use strivec::geometry::Ray;
 use strivec::model::{ReferenceField, Scene};
 use strivec::render::{ReferenceRenderer, Renderer};
@@ -22,7 +22,7 @@ fn folder() -> (TempDir, Scene) {
     config.factor_deviation = 0.8;
     let scene = scenes::scene(&config);
     let bytes =
-        encode_document(&scene, &Extras::default(), &EncodeOptions::uniform(Encoding::F32)).expect("a valid scene");
+        encode_scene_file(&scene, &Metadata::default(), &EncodeOptions::uniform(Encoding::F32)).expect("a valid scene");
     fs::write(folder.path().join("scene.strivec"), bytes).unwrap();
     (folder, scene)
 }
@@ -161,13 +161,14 @@ fn packing_loses_what_was_asked_for_and_says_so() {
     assert!(row["bytes"].as_u64() < row["bytes_before"].as_u64(), "{row}");
     let psnr = row["psnr_to_before"].as_f64().expect("a loss");
     assert!(psnr >= 45.0, "{psnr}");
-    let document = decode_document(&fs::read(folder.path().join("small.strivec")).unwrap(), Limits::default()).unwrap();
-    let extras = document.extras;
-    assert_eq!(extras.probes.as_ref().map(|p| p.probes.len()), Some(64));
-    assert_eq!(extras.prefixes.iter().flatten().count(), scene.scales.len() - 1);
-    assert_eq!(extras.quality.unwrap().encoded, Some(psnr));
-    assert_eq!(extras.views.unwrap().path.len(), 36);
-    let thumbnail = extras.thumbnail.unwrap();
+    let document =
+        decode_scene_file(&fs::read(folder.path().join("small.strivec")).unwrap(), Limits::default()).unwrap();
+    let metadata = document.metadata;
+    assert_eq!(metadata.probes.as_ref().map(|p| p.probes.len()), Some(64));
+    assert_eq!(metadata.prefixes.iter().flatten().count(), scene.scales.len() - 1);
+    assert_eq!(metadata.quality.unwrap().encoded, Some(psnr));
+    assert_eq!(metadata.views.unwrap().path.len(), 36);
+    let thumbnail = metadata.thumbnail.unwrap();
     let picture = image::load_from_memory(&thumbnail.file).unwrap().to_rgb8();
     assert_eq!([picture.width(), picture.height()], thumbnail.size.map(u32::from));
     assert!(picture.pixels().any(|p| p.0 != picture.get_pixel(0, 0).0), "something is seen");

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use strivec::dataset::{Pixels, View};
 use strivec::model::Frame;
 use strivec::random::Random;
-use strivec::train::{Photographs, Target, TrainConfig};
+use strivec::train::{RaySampler, Target, TrainConfig};
 
 const SIZE: u32 = 6;
 const PIXELS: u64 = (SIZE * SIZE) as u64;
@@ -29,8 +29,8 @@ fn frame() -> Frame {
 /// Draws `count` rays of `views`, none of which is left out: for each its view and its target.
 fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Target)> {
     let frame = frame();
-    let mut photographs = Photographs::new(views, &frame, config);
-    assert!(photographs.set_kept_bits(&[u8::MAX; 2 * PIXELS as usize / 8]));
+    let mut photographs = RaySampler::new(views, &frame, config);
+    assert!(photographs.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]));
     assert_eq!(photographs.kept_count() as u64, 2 * PIXELS);
     let order = Random::new(config.seed, "rays");
     (0..count)

@@ -42,7 +42,7 @@ fn color(solid: &Aabb, ray: &Ray) -> [f32; 3] {
 }
 
 fn small_options() -> CoarseOptions {
-    CoarseOptions { voxels: 27_000, steps: vec![150, 150], rays: 512, seen_stride: 1, ..CoarseOptions::default() }
+    CoarseOptions { voxels: 27_000, steps: vec![150, 150], rays: 512, visibility_stride: 1, ..CoarseOptions::default() }
 }
 
 fn run(dataset: &Dataset, options: &CoarseOptions) -> Result<VoxelBoxes, Error> {
@@ -297,7 +297,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     }
     let load = LoadOptions { downscale: 8, ..LoadOptions::default() };
     let dataset = load_blender(&folder, "train", &load).unwrap();
-    let options = CoarseOptions { steps: vec![200, 200], rays: 1024, seen_stride: 2, ..CoarseOptions::default() };
+    let options = CoarseOptions { steps: vec![200, 200], rays: 1024, visibility_stride: 2, ..CoarseOptions::default() };
     let boxes = run(&dataset, &options).unwrap();
     let bounds = boxes.bounds();
     assert_eq!(canonical_map(&bounds, 1.2).unwrap(), Similarity::IDENTITY, "{bounds:?}");
@@ -406,7 +406,7 @@ fn eight_tensors_name_what_is_wrong() {
         ("steps = []", "bootstrap.steps"),
         ("components = 0", "bootstrap.components"),
         ("resolution = 4", "bootstrap.resolution"),
-        ("seen_weight = 1.0", "bootstrap.seen_weight"),
+        ("min_visibility_weight = 1.0", "bootstrap.min_visibility_weight"),
     ] {
         let error = TrainConfig::from_toml(&format!("[bootstrap]\n{text}"), None).unwrap_err().to_string();
         assert!(error.contains(place), "{error}");

@@ -11,7 +11,7 @@ use strivec::geometry::Ray;
 use strivec::model::{Coverage, Factors, Occupancy, Placement, Scale, Scene};
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
-use strivec::train::{MAX_LOSS, Photographs, TrainConfig, drop_unused, prune_unoccupied};
+use strivec::train::{MAX_LOSS, RaySampler, TrainConfig, prune_dead_components, prune_unoccupied};
 
 /// A scene that counts on one side only, with its centers on lattices or listed.
 fn one_sided(coverage: Coverage, listed: bool) -> Scene {
@@ -138,11 +138,11 @@ fn views(scene: &Scene) -> Vec<View> {
         .collect()
 }
 
-fn unused_of(scene: &mut Scene) -> strivec::train::Unused {
+fn unused_of(scene: &mut Scene) -> strivec::train::DeadComponents {
     let views = views(scene);
-    let mut photographs = Photographs::new(&views, &scene.frame, &config());
+    let mut photographs = RaySampler::new(&views, &scene.frame, &config());
     photographs.keep_rays_that_meet(&Field::<f32>::new(scene));
-    drop_unused(scene, &photographs, 3)
+    prune_dead_components(scene, &photographs, 3)
 }
 
 /// Whether all density, or all appearance, of tensor `n` is exactly zero.

@@ -88,7 +88,7 @@ fn cameras_see_the_aligned_mesh_of_a_synthetic_scan() {
     for view in train.views.iter().chain(&test.views) {
         assert_eq!((view.camera.width, view.camera.height, view.pixels.len()), (48, 36, 48 * 36));
         assert!(view.pixels.is_opaque());
-        // Around a room of 4.8 m, its middle in sight, upright.
+        // Around a room of 4.8 m, its middle in check_alignment, upright.
         assert!((view.camera.position.length() - 2.4 * 4.031).abs() < 1e-2);
         let middle = view.camera.ray_through(24.0, 18.0);
         assert!(middle.at(view.camera.position.length()).length() < 1e-3);

@@ -10,7 +10,7 @@ use strivec::field::Field;
 use strivec::measure::psnr_of_mse;
 use strivec::model::{Occupancy, Scene};
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{Photographs, Progress, TrainConfig, Trainer};
+use strivec::train::{Checkpoint, RaySampler, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
 fn views() -> Vec<View> {
@@ -33,7 +33,7 @@ fn config() -> TrainConfig {
     config.steps = 24;
     config.batch_rays = 200;
     config.occupancy_at = vec![8, 16];
-    config.redraw_rays = true;
+    config.refilter_rays = true;
     config.upsample_at = vec![8, 12];
     for scale in &mut config.scales {
         let [first] = scale.resolutions[..] else { panic!("one resolution") };
@@ -91,7 +91,7 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
         run_to(&mut first, stop);
         let state = first.progress().to_bytes(&file(&first.scene()));
         drop(first);
-        let (progress, scene) = Progress::from_bytes(&state).unwrap();
+        let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
         let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
         assert_eq!(second.steps_done(), stop);
         run_to(&mut second, config().steps);
@@ -137,7 +137,7 @@ fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_
         run_to(&mut first, stop);
         let state = first.progress().to_bytes(&file(&first.scene()));
         drop(first);
-        let (progress, scene) = Progress::from_bytes(&state).unwrap();
+        let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
         let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
         run_to(&mut second, config().steps);
         assert!(file(&second.scene()) == whole, "resumed after step {stop}");
@@ -154,11 +154,11 @@ fn clearing_what_is_unused_depends_on_no_thread_and_on_no_interruption() {
             run_to(&mut trainer, config().steps);
             if resume {
                 let state = trainer.progress().to_bytes(&file(&trainer.scene()));
-                let (progress, scene) = Progress::from_bytes(&state).unwrap();
+                let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
                 trainer = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
             }
             let mut scene = trainer.scene();
-            let unused = trainer.drop_unused(&mut scene);
+            let unused = trainer.prune_dead_components(&mut scene);
             (unused, file(&scene), file(&trainer.scene()))
         })
     };
@@ -176,12 +176,12 @@ fn a_new_occupancy_decides_which_rays_are_drawn() {
     let views = views();
     let counts = [false, true].map(|redraw| {
         let mut config = config();
-        config.redraw_rays = redraw;
+        config.refilter_rays = redraw;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
         let before = trainer.ray_count();
         run_to(&mut trainer, 8);
         assert!(trainer.scene().occupancy.is_some());
-        let mut meet = Photographs::new(&views, &trainer.scene().frame, &config);
+        let mut meet = RaySampler::new(&views, &trainer.scene().frame, &config);
         meet.keep_rays_that_meet(&Field::<f32>::new(&trainer.scene()));
         [before, trainer.ray_count(), meet.kept_count()]
     });
@@ -197,13 +197,13 @@ fn a_damaged_state_and_other_photographs_are_named() {
     run_to(&mut trainer, 2);
     let scene = trainer.scene();
     let state = trainer.progress().to_bytes(&file(&scene));
-    let (progress, _) = Progress::from_bytes(&state).unwrap();
+    let (progress, _) = Checkpoint::from_bytes(&state).unwrap();
     for at in (8..state.len()).step_by(state.len() / 50) {
         let mut damaged = state.clone();
         damaged[at] ^= 0x10;
-        let changed = Progress::from_bytes(&damaged).is_ok_and(|(p, _)| p == progress && at > state.len() / 2);
+        let changed = Checkpoint::from_bytes(&damaged).is_ok_and(|(p, _)| p == progress && at > state.len() / 2);
         assert!(!changed, "a flipped bit at {at} goes unnoticed");
-        assert!(Progress::from_bytes(&state[..at]).is_err(), "cut at {at}");
+        assert!(Checkpoint::from_bytes(&state[..at]).is_err(), "cut at {at}");
     }
     let mut colors = views[0].pixels.colors([0.0; 3]);
     colors[0][0] += 0.5;

@@ -17,8 +17,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use strivec::container::{
-    ArrayOptions, EncodeOptions, Encoding, Extras, FactorOptions, Filter, GRID_BITS, Limits, Part, decode_document,
-    encode_document, step_code,
+    ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, GRID_BITS, Limits, Metadata, Part, decode_scene_file,
+    encode_scene_file, step_code,
 };
 use strivec::measure::{check_probes, make_probes, probe_density_error};
 use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
@@ -57,12 +57,12 @@ fn ball() -> Scene {
 }
 
 /// The file of `scene` in this encoding, with probes.
-fn file(scene: &Scene, mut extras: Extras, options: &EncodeOptions) -> Vec<u8> {
+fn file(scene: &Scene, mut metadata: Metadata, options: &EncodeOptions) -> Vec<u8> {
     // Probes are of what a reader decodes.
-    let decoded = encode_document(scene, &Extras::default(), options).unwrap();
-    let decoded = decode_document(&decoded, Limits::default()).unwrap().scene;
-    extras.probes = Some(make_probes(&decoded, 64, 1));
-    encode_document(scene, &extras, options).unwrap()
+    let decoded = encode_scene_file(scene, &Metadata::default(), options).unwrap();
+    let decoded = decode_scene_file(&decoded, Limits::default()).unwrap().scene;
+    metadata.probes = Some(make_probes(&decoded, 64, 1));
+    encode_scene_file(scene, &metadata, options).unwrap()
 }
 
 fn in_arrays(encoding: Encoding, filter: Filter) -> EncodeOptions {
@@ -83,9 +83,9 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     let plain = in_arrays(Encoding::F32, Filter::None);
     let mut files = BTreeMap::new();
     let mut add = |name: &str, bytes| assert!(files.insert(name.into(), bytes).is_none());
-    add("smallest", encode_document(&made::smallest(), &Extras::default(), &plain).unwrap());
-    add("everything", encode_document(&made::two_scales(), &made::extras(), &plain).unwrap());
-    add("f32", file(&ball(), Extras::default(), &plain));
+    add("smallest", encode_scene_file(&made::smallest(), &Metadata::default(), &plain).unwrap());
+    add("everything", encode_scene_file(&made::two_scales(), &made::metadata(), &plain).unwrap());
+    add("f32", file(&ball(), Metadata::default(), &plain));
     for (name, encoding, filter) in [
         ("f32-planes", Encoding::F32, Filter::Planes),
         ("f16", Encoding::F16, Filter::None),
@@ -94,16 +94,19 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         ("cosine-planes", Encoding::Cosine, Filter::Planes),
         ("grid-8-differences", Encoding::Grid(8), Filter::Differences),
     ] {
-        add(name, file(&ball(), Extras::default(), &in_arrays(encoding, filter)));
+        add(name, file(&ball(), Metadata::default(), &in_arrays(encoding, filter)));
     }
     for bits in GRID_BITS {
-        add(&format!("grid-{bits}"), file(&ball(), Extras::default(), &in_arrays(Encoding::Grid(bits), Filter::None)));
+        add(
+            &format!("grid-{bits}"),
+            file(&ball(), Metadata::default(), &in_arrays(Encoding::Grid(bits), Filter::None)),
+        );
     }
     let network =
         |encoding| EncodeOptions { networks: ArrayOptions { encoding, filter: Filter::None }, ..plain.clone() };
-    add("networks-f16", file(&ball(), Extras::default(), &network(Encoding::F16)));
-    add("networks-grid", file(&ball(), Extras::default(), &network(Encoding::Grid(8))));
-    add("zstd", file(&ball(), Extras::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }));
+    add("networks-f16", file(&ball(), Metadata::default(), &network(Encoding::F16)));
+    add("networks-grid", file(&ball(), Metadata::default(), &network(Encoding::Grid(8))));
+    add("zstd", file(&ball(), Metadata::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }));
 
     let mut ragged = ball();
     for scale in &mut ragged.scales {
@@ -123,7 +126,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     }
     for (name, options) in [("ragged-f32", plain.clone()), ("ragged-grid", in_arrays(Encoding::Grid(6), Filter::None))]
     {
-        add(name, file(&ragged, Extras::default(), &options));
+        add(name, file(&ragged, Metadata::default(), &options));
     }
 
     type Change = fn(&mut Scene);
@@ -159,10 +162,10 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     for (name, change) in changes {
         let mut scene = ball();
         change(&mut scene);
-        add(name, file(&scene, Extras::default(), &plain));
+        add(name, file(&scene, Metadata::default(), &plain));
     }
 
-    let mut newer = File::of(&file(&ball(), Extras::default(), &plain));
+    let mut newer = File::of(&file(&ball(), Metadata::default(), &plain));
     newer.minor = 9;
     newer.sections.insert(2, Section::ancillary("X-FUTURE", b"something that a reader skips"));
     add("newer-minor", newer.bytes());
@@ -172,7 +175,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
 /// Name, bytes and the start of the error's text of each hostile vector: one at least for every variant of the error.
 fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     let plain = in_arrays(Encoding::F32, Filter::None);
-    let base = encode_document(&made::two_scales(), &made::extras(), &plain).unwrap();
+    let base = encode_scene_file(&made::two_scales(), &made::metadata(), &plain).unwrap();
     let changed = |change: &dyn Fn(&mut File)| {
         let mut file = File::of(&base);
         change(&mut file);
@@ -292,10 +295,11 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     let bomb = {
         let mut scene = made::smallest();
         scene.occupancy = Some(strivec::model::Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
-        encode_document(&scene, &Extras::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }).unwrap()
+        encode_scene_file(&scene, &Metadata::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() })
+            .unwrap()
     };
     files.push(("budget", bomb));
-    let error = |bytes: &[u8]| decode_document(bytes, HOSTILE_LIMITS).expect_err("it is hostile").to_string();
+    let error = |bytes: &[u8]| decode_scene_file(bytes, HOSTILE_LIMITS).expect_err("it is hostile").to_string();
     files.into_iter().map(|(name, bytes)| (name.to_owned(), (bytes.clone(), error(&bytes)))).collect()
 }
 
@@ -337,8 +341,8 @@ fn valid_vectors_open_and_their_probes_hold() {
     let mut probed = 0;
     for name in valid().keys() {
         let bytes = fs::read(folder("v1").join(format!("{name}.strivec"))).unwrap();
-        let document = decode_document(&bytes, Limits::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let Some(probes) = document.extras.probes.filter(|_| name != "everything") else { continue };
+        let document = decode_scene_file(&bytes, Limits::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let Some(probes) = document.metadata.probes.filter(|_| name != "everything") else { continue };
         probed += 1;
         assert_eq!(probes.probes.len(), 64, "{name}");
         assert!(probe_density_error(&document.scene, &probes) < 1e-9, "{name}");
@@ -361,7 +365,7 @@ fn hostile_vectors_are_refused_as_written() {
     for line in errors.lines() {
         let (name, error) = line.split_once('\t').unwrap();
         let bytes = fs::read(folder("hostile").join(format!("{name}.strivec"))).unwrap();
-        let found = decode_document(&bytes, HOSTILE_LIMITS).expect_err(name).to_string();
+        let found = decode_scene_file(&bytes, HOSTILE_LIMITS).expect_err(name).to_string();
         assert_eq!(found, error, "{name}");
     }
 }
@@ -392,8 +396,8 @@ fn the_number_of_threads_changes_neither_bytes_nor_numbers_nor_errors() {
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let bytes = encode_document(&scene, &Extras::default(), &options).unwrap();
-            let decoded = decode_document(&bytes, Limits::default());
+            let bytes = encode_scene_file(&scene, &Metadata::default(), &options).unwrap();
+            let decoded = decode_scene_file(&bytes, Limits::default());
             // Several sections are wrong behind checksums that are right.
             let wrong = (0..200).map(|n| {
                 let mut changed = File::of(&bytes);
@@ -401,7 +405,7 @@ fn the_number_of_threads_changes_neither_bytes_nor_numbers_nor_errors() {
                     let length = part.payload.len();
                     part.payload[n * 31 % length] ^= 0x55;
                 }
-                decode_document(&changed.bytes(), Limits::default())
+                decode_scene_file(&changed.bytes(), Limits::default())
             });
             let wrong: Vec<_> = wrong.collect();
             (bytes, decoded, wrong)

@@ -156,7 +156,7 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
     let train = |output: &str, more: &[&str]| {
         json(folder, &[&["train", "data", "-o", output, "--config", "tiny.toml", "--bootstrap"], more].concat())
     };
-    let kept = train("kept.strivec", &["--prune", "--keep-unused"]);
+    let kept = train("kept.strivec", &["--prune", "--keep-dead"]);
     assert!(kept["unused"].is_null(), "{kept}");
     let cleared = train("cleared.strivec", &["--prune"]);
     println!("{}", cleared["unused"]);

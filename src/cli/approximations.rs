@@ -5,9 +5,9 @@ use std::path::Path;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Error;
-use crate::container::Document;
+use crate::container::SceneFile;
 use crate::model::DecoderMode;
-use crate::render::{ApproximationError, Choice, Trade, TradeError, Wish};
+use crate::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
 
 /// What may be left out. Nothing is by default.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -37,17 +37,17 @@ pub(super) struct Approximations {
     /// Density baked on a grid of N cells along the longest edge; its memory is in --json
     #[arg(long, value_name = "N")]
     density_cache: Option<u32>,
-    /// Pictures rendered N times smaller, and enlarged
+    /// Pictures rendered N times smaller, and upsample_bilinear
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     divisor: Option<u32>,
     #[command(flatten)]
-    wish: WishArgs,
+    wish: QualityArgs,
 }
 
 /// A point of what `strivec trade --store` wrote into the file; the options above go before it.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[group(multiple = false)]
-struct WishArgs {
+struct QualityArgs {
     /// As the file's point of this name: fast, balanced or best
     #[arg(long, value_name = "NAME")]
     quality: Option<String>,
@@ -70,10 +70,10 @@ impl Approximations {
     /// As the renderer takes them, for pictures of `size` of the document in the file `path`.
     ///
     /// Fails where a point is wished for that the file has not.
-    pub(super) fn chosen(&self, document: &Document, path: &Path, size: [u32; 2]) -> Result<Choice, Error> {
+    pub(super) fn chosen(&self, document: &SceneFile, path: &Path, size: [u32; 2]) -> Result<RenderSettings, Error> {
         let mut choice = match self.wish.wish() {
             Some(wish) => granted(&wish, document, path, size)?,
-            None => Choice::default(),
+            None => RenderSettings::default(),
         };
         let approximation = &mut choice.approximation;
         approximation.neighbors = self.neighbors.or(approximation.neighbors);
@@ -93,20 +93,25 @@ impl Approximations {
 /// What `wish` means for pictures of `size` of the document in the file `path`.
 ///
 /// Fails where the file has nothing of the kind.
-pub(super) fn granted(wish: &Wish, document: &Document, path: &Path, size: [u32; 2]) -> Result<Choice, Error> {
-    let named = |e: TradeError| Error::Usage(format!("{}: {e}", path.display()));
-    let trade = Trade::of_notes(&document.extras.notes).ok_or_else(|| {
+pub(super) fn granted(
+    wish: &QualitySelector,
+    document: &SceneFile,
+    path: &Path,
+    size: [u32; 2],
+) -> Result<RenderSettings, Error> {
+    let named = |e: ParetoError| Error::Usage(format!("{}: {e}", path.display()));
+    let trade = ParetoFront::of_notes(&document.metadata.notes).ok_or_else(|| {
         let message = "expected what `strivec trade --store` writes, found no such note";
         Error::Usage(format!("{}: {message}", path.display()))
     })?;
     Ok(trade.map_err(named)?.pick(wish, size).map_err(named)?.choice)
 }
 
-impl WishArgs {
-    fn wish(&self) -> Option<Wish> {
+impl QualityArgs {
+    fn wish(&self) -> Option<QualitySelector> {
         let Self { quality, min_fps, min_psnr } = self;
-        let name = quality.clone().map(Wish::Name);
-        name.or(min_fps.map(Wish::FramesPerSecond)).or(min_psnr.map(Wish::Psnr))
+        let name = quality.clone().map(QualitySelector::Name);
+        name.or(min_fps.map(QualitySelector::FramesPerSecond)).or(min_psnr.map(QualitySelector::Psnr))
     }
 }
 

@@ -125,7 +125,7 @@ impl From<train::TrainError> for Error {
     fn from(error: train::TrainError) -> Self {
         let message = error.to_string();
         match error {
-            train::TrainError::NoRays(_) | train::TrainError::Progress(_) => Self::Malformed(message),
+            train::TrainError::NoRays(_) | train::TrainError::Checkpoint(_) => Self::Malformed(message),
             train::TrainError::Diverged { .. } => Self::Runtime(message),
         }
     }

@@ -17,7 +17,7 @@ use crate::dataset::{self, Dataset, View};
 use crate::measure::{
     self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map, side_by_side,
 };
-use crate::render::{Choice, enlarged};
+use crate::render::{RenderSettings, upsample_bilinear};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -68,7 +68,7 @@ struct Evaluation<'a> {
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
-    choice: Choice,
+    choice: RenderSettings,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     /// Rendering alone, the mean of all views.
@@ -84,7 +84,7 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (document, bytes) = scene_file::read_document(&args.file)?;
+    let (document, bytes) = scene_file::read_scene_file(&args.file)?;
     let bytes = bytes.len() as u64;
     let options = args.selection.options(args.downscale);
     let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
@@ -111,7 +111,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let start = Instant::now();
         let camera = view.camera.mapped(&frame.model_from_dataset);
         let size = [camera.width, camera.height];
-        let picture = enlarged(&renderer.render(&camera.downscaled(choice.divisor))?, size);
+        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(choice.divisor))?, size);
         seconds += start.elapsed().as_secs_f64();
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;

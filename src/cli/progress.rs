@@ -52,7 +52,7 @@ impl<'a> Progress<'a> {
     }
 
     /// Something else was done meanwhile, which says nothing about how long the rest takes.
-    pub(super) fn forget_pace(&self) {
+    pub(super) fn reset_rate(&self) {
         self.bar.reset_eta();
     }
 

@@ -14,7 +14,7 @@ use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::measure::{color_png, depth_png, opacity_png};
-use crate::render::{Choice, Picture, enlarged};
+use crate::render::{Picture, RenderSettings, upsample_bilinear};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -61,7 +61,7 @@ struct Report {
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
-    choice: Choice,
+    choice: RenderSettings,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     seconds: f64,
@@ -82,7 +82,7 @@ struct DepthScale {
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (document, _) = scene_file::read_document(&args.file)?;
+    let (document, _) = scene_file::read_scene_file(&args.file)?;
     let cameras = args.viewpoints.cameras(&document.scene.frame, &document.scene.bounds)?;
     let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
     let choice = args.approximations.chosen(&document, &args.file, size)?;
@@ -121,7 +121,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     for (done, named) in cameras.iter().enumerate() {
         let camera = named.camera.mapped(&frame.model_from_dataset);
         let size = [camera.width, camera.height];
-        let picture = enlarged(&renderer.render(&camera.downscaled(choice.divisor))?, size);
+        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(choice.divisor))?, size);
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
         if let Some(unit) = depth_unit {
             let scale = frame.model_from_dataset.scale;

@@ -23,7 +23,7 @@ use crate::measure;
 use crate::model::Scene;
 use crate::prior::{CoarseProgress, VoxelBoxes};
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{self, StepReport, TrainConfig, Trainer, Unused};
+use crate::train::{self, DeadComponents, StepReport, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -59,7 +59,7 @@ pub(super) struct Args {
     pub(super) print_config: bool,
     /// Keep, at the end, what no training ray makes use of
     #[arg(long)]
-    pub(super) keep_unused: bool,
+    pub(super) keep_dead: bool,
     /// Where the state of an unfinished run is kept [default: FILE.state]
     #[arg(long, value_name = "PATH")]
     pub(super) checkpoint: Option<PathBuf>,
@@ -141,7 +141,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     run.train(&mut trainer, &interrupted)?;
 
     let mut scene = trainer.scene();
-    let unused = (!args.keep_unused).then(|| trainer.drop_unused(&mut scene));
+    let unused = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene));
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     files.remove_state()?;
@@ -174,13 +174,13 @@ struct Trained<'a> {
     seconds: f64,
     scales: Vec<ScaleRow>,
     /// What was cleared at the end; absent where that was not to be.
-    unused: Option<Unused>,
+    unused: Option<DeadComponents>,
     curve: Vec<CurvePoint>,
 }
 
 /// A line on what was cleared, of `parameters` in all.
-fn unused_text(unused: &Unused, parameters: u64) -> String {
-    let Unused { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
+fn unused_text(unused: &DeadComponents, parameters: u64) -> String {
+    let DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
     if components_dropped == 0 {
         return "unused: nothing\n".into();
     }
@@ -343,7 +343,7 @@ impl<'a> Meter<'a> {
     /// `time` went by with something else than steps.
     fn skip(&mut self, time: Duration) {
         self.begun += time;
-        self.progress.forget_pace();
+        self.progress.reset_rate();
     }
 
     fn finish(self) {
@@ -432,9 +432,9 @@ impl Run<'_> {
 }
 
 /// The state that an unfinished run left in the file `path`.
-pub(super) fn read_state(path: &Path) -> Result<(train::Progress, Scene), Error> {
+pub(super) fn read_state(path: &Path) -> Result<(train::Checkpoint, Scene), Error> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    let (progress, scene) = train::Progress::from_bytes(&bytes).map_err(Error::malformed(path))?;
+    let (progress, scene) = train::Checkpoint::from_bytes(&bytes).map_err(Error::malformed(path))?;
     let scene = container::decode(&scene).map_err(Error::malformed(path))?;
     Ok((progress, scene))
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::array::{ArrayOptions, Encoding, Filter};
-use super::extras::Extras;
+use super::metadata::Metadata;
 use super::section::{Section, SectionKind};
 use super::writer::{Finished, Place, Writer};
 use super::{
@@ -69,18 +69,18 @@ impl Default for EncodeOptions {
 ///
 /// # Errors
 ///
-/// As for [`encode_document`].
+/// As for [`encode_scene_file`].
 pub fn encode(scene: &Scene, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
-    encode_document(scene, &Extras::default(), options)
+    encode_scene_file(scene, &Metadata::default(), options)
 }
 
-/// The `.strivec` file of `scene` and `extras`.
+/// The `.strivec` file of `scene` and `metadata`.
 ///
 /// # Errors
 ///
 /// Where the scene breaks an invariant ([`Scene::check`]) or exceeds a limit of the format ([`limits`]), where a
 /// number does not fit the encoding, or where the options are not valid.
-pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
+pub fn encode_scene_file(scene: &Scene, metadata: &Metadata, options: &EncodeOptions) -> Result<Vec<u8>, Error> {
     scene.check()?;
     if let Some(level) = options.zstd_level
         && !(1..=22).contains(&level)
@@ -92,7 +92,7 @@ pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) 
     writer.record(Place::of(SectionKind::Frame), frame::write(&scene.frame)?);
     writer.record(Place::of(SectionKind::Rules), rules::write(scene)?);
     writer.record(Place::of(SectionKind::Provenance), provenance::write(&scene.provenance)?);
-    extras.write_head(&mut writer)?;
+    metadata.write_head(&mut writer)?;
     decoder::write(&mut writer, &scene.decoder, options.networks)?;
     if let Some(occupancy) = &scene.occupancy {
         occupancy::write(&mut writer, occupancy)?;
@@ -121,11 +121,11 @@ pub fn encode_document(scene: &Scene, extras: &Extras, options: &EncodeOptions) 
         for sections in finished {
             sections?.into_iter().for_each(|section| writer.add(section));
         }
-        if let Some(Some(correction)) = extras.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
+        if let Some(Some(correction)) = metadata.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
             prefix::write(&mut writer, index, correction, options.networks)?;
         }
     }
-    extras.write_tail(&mut writer)?;
+    metadata.write_tail(&mut writer)?;
     writer.finish()
 }
 
@@ -142,7 +142,7 @@ pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<
     let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
     let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
     known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.as_it_was(s, payload(s)));
-    Extras { notes: notes.clone(), ..Extras::default() }.write_tail(&mut writer)?;
+    Metadata { notes: notes.clone(), ..Metadata::default() }.write_tail(&mut writer)?;
     unknown.iter().for_each(|s| writer.as_it_was(s, payload(s)));
     writer.finish()
 }

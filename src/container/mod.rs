@@ -14,12 +14,12 @@ mod cosine;
 mod decoder;
 mod encode;
 mod error;
-mod extras;
 mod factors;
 mod frame;
 mod header;
 pub mod limits;
 mod matrix;
+mod metadata;
 mod occupancy;
 mod parallel;
 mod payload;
@@ -36,15 +36,15 @@ mod writer;
 
 pub use array::{ArrayOptions, Encoding, Filter, GRID_BITS, step, step_code};
 pub use codec::Codec;
-pub use encode::{EncodeOptions, FactorOptions, encode, encode_document, with_notes};
+pub use encode::{EncodeOptions, FactorOptions, encode, encode_scene_file, with_notes};
 pub use error::Error;
-pub use extras::{
-    Extras, Pose, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, UnknownSection, Views,
-};
 pub use header::{MAGIC, VERSION, Version};
 pub use limits::Limits;
+pub use metadata::{
+    Metadata, Pose, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, UnknownSection, Views,
+};
 pub use prefix::{Prefix, beginning};
-pub use reader::{Document, Part, Reader, decode, decode_document};
+pub use reader::{Part, Reader, SceneFile, decode, decode_scene_file};
 pub use section::{Section, SectionKind};
 pub use source::{Fetch, Seekable, Source};
 pub use table::{Contents, sections};

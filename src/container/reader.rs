@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::extras::{Extras, UnknownSection};
 use super::limits::{Budget, Limits};
+use super::metadata::{Metadata, UnknownSection};
 use super::payload::Payload;
 use super::section::{Section, SectionKind};
 use super::source::Source;
@@ -24,11 +24,11 @@ const NEAR: u64 = 64 << 10;
 
 /// A scene and what its file holds besides.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Document {
+pub struct SceneFile {
     /// The scene.
     pub scene: Scene,
     /// The rest.
-    pub extras: Extras,
+    pub metadata: Metadata,
 }
 
 /// What to read of a file.
@@ -39,12 +39,12 @@ pub struct Part {
     /// The chunks that reach into this box of model space; `None` for all. The scene's bounds become what both share.
     pub within: Option<Aabb>,
     /// Whether thumbnail, probes, cameras, notes and unknown sections are wanted, too.
-    pub extras: bool,
+    pub metadata: bool,
 }
 
 impl Part {
     /// All of a file.
-    pub const WHOLE: Self = Self { scales: None, within: None, extras: true };
+    pub const WHOLE: Self = Self { scales: None, within: None, metadata: true };
 }
 
 /// The scene in a whole `.strivec` file, which passes [`Scene::check`].
@@ -56,7 +56,7 @@ impl Part {
 /// Where the bytes are anything but a whole, undamaged file of this major version whose scene is valid; the error
 /// says what and where. Memory stays within that of [`Limits::default`].
 pub fn decode(bytes: &[u8]) -> Result<Scene, Error> {
-    Ok(decode_document(bytes, Limits::default())?.scene)
+    Ok(decode_scene_file(bytes, Limits::default())?.scene)
 }
 
 /// [`decode`], with everything that the file holds besides.
@@ -64,7 +64,7 @@ pub fn decode(bytes: &[u8]) -> Result<Scene, Error> {
 /// # Errors
 ///
 /// As for [`decode`], and where decoding would take more than `limits`.
-pub fn decode_document(bytes: &[u8], limits: Limits) -> Result<Document, Error> {
+pub fn decode_scene_file(bytes: &[u8], limits: Limits) -> Result<SceneFile, Error> {
     let reader = Reader::open(bytes, limits)?;
     reader.contents.check_whole(bytes)?;
     reader.read(&Part::WHOLE)
@@ -106,9 +106,9 @@ impl<S: Source> Reader<S> {
     /// # Errors
     ///
     /// Where what is read is not what the format demands, and where no tensor of a scale is in the part.
-    pub fn read(&self, part: &Part) -> Result<Document, Error> {
+    pub fn read(&self, part: &Part) -> Result<SceneFile, Error> {
         let mut budget = Budget::new(self.limits);
-        let mut extras = Extras::default();
+        let mut metadata = Metadata::default();
         let (known, unknown): (Vec<&Section>, Vec<&Section>) =
             self.contents.sections.iter().partition(|s| !matches!(s.kind, SectionKind::Other(_)));
 
@@ -155,7 +155,7 @@ impl<S: Source> Reader<S> {
                     }
                     None => None,
                 };
-                extras.prefixes.push(prefix);
+                metadata.prefixes.push(prefix);
             }
         }
         beside.extend(
@@ -164,22 +164,22 @@ impl<S: Source> Reader<S> {
                 .filter_map(|kind| order.take_if(kind, None, None)),
         );
         order.finish()?;
-        if part.extras {
+        if part.metadata {
             let bytes = self.fetch(&beside)?;
             for section in beside {
-                extras.read(&bytes.payload(section)?, &mut budget)?;
+                metadata.read(&bytes.payload(section)?, &mut budget)?;
             }
             let bytes = self.fetch(&unknown)?;
             for section in unknown {
                 budget.spend(section, section.length)?;
                 let payload = bytes.payload(section)?.bytes().to_vec();
-                extras.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
+                metadata.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
             }
         }
 
         let mut scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
         if count < scale_count
-            && let Some(correction) = &extras.prefixes[count - 1]
+            && let Some(correction) = &metadata.prefixes[count - 1]
         {
             correction.apply(&mut scene);
         }
@@ -187,7 +187,7 @@ impl<S: Source> Reader<S> {
             scene.bounds = scene.bounds.intersection(&within);
         }
         scene.check()?;
-        Ok(Document { scene, extras })
+        Ok(SceneFile { scene, metadata })
     }
 
     /// The scale of these sections, or those of its chunks that reach into `within`.

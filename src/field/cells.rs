@@ -22,7 +22,7 @@ pub struct OccupancyCells<T> {
 /// Cells along a block's edge, as a shift.
 pub(crate) const BLOCK_SHIFT: i32 = 3;
 
-/// What a position's surroundings are.
+/// What a position's empty_span are.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings<T> {
     /// Whether samples there count.
@@ -122,7 +122,7 @@ impl<T: Real> OccupancyCells<T> {
 
     /// What is around `position` on a ray whose direction's reciprocal is `inverse`.
     #[inline(always)]
-    pub(super) fn surroundings(&self, position: [T; 3], inverse: [T; 3]) -> Surroundings<T> {
+    pub(super) fn empty_span(&self, position: [T; 3], inverse: [T; 3]) -> Surroundings<T> {
         let at = self.in_cells(position);
         let Some((occupied, width)) = self.look(at) else {
             return Surroundings { occupied: false, distance: T::zero() };
@@ -141,7 +141,7 @@ impl<T: Real> OccupancyCells<T> {
         [0, 1, 2].map(|a| (position[a] - self.min[a]) * self.cells_per_unit[a])
     }
 
-    /// Whether the cell counts, and how many cells wide its surroundings are that are the same; `None` outside.
+    /// Whether the cell counts, and how many cells wide its empty_span are that are the same; `None` outside.
     #[inline(always)]
     fn look(&self, at: [T; 3]) -> Option<(bool, i32)> {
         let cell = at.map(T::floor_i32);

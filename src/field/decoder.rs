@@ -3,7 +3,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::march::count_pairs;
-use super::{Colored, Field, Located, Matrix, MatrixMut, Real, Samples, Stage, Work, multiply};
+use super::{Field, InterpolationSite, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction, Scene};
 
@@ -41,7 +41,7 @@ pub struct FieldDecoder<T> {
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
     /// The samples that add color.
-    pub colored: Colored<T>,
+    pub colored: ShadedSamples<T>,
     /// \[colored\]\[ΣR\] aggregated appearance components, reduced over scales.
     pub components: Vec<T>,
     /// \[colored\] 1 over the number of covering scales; empty where scales are summed.
@@ -66,7 +66,7 @@ pub struct Activations<T> {
     own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
-    located: Vec<Located<T>>,
+    located: Vec<InterpolationSite<T>>,
 }
 
 impl<T: Real> Activations<T> {

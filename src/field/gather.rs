@@ -3,11 +3,11 @@
 use pulp::Simd;
 
 use super::vector::MAX_LANES;
-use super::{FieldScale, Pair, Real};
+use super::{Contribution, FieldScale, Real};
 
 /// A pair, ready for interpolation.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Located<T> {
+pub struct InterpolationSite<T> {
     /// The tensor's number, counted over all scales.
     pub tensor: u32,
     /// The lower of two rows on each axis, counted over the scale.
@@ -21,9 +21,10 @@ pub struct Located<T> {
 impl<T: Real> FieldScale<T> {
     /// What interpolating `pair` at `position` needs.
     #[inline(always)]
-    pub fn locate(&self, pair: Pair<T>, position: [T; 3]) -> Located<T> {
+    pub fn locate(&self, pair: Contribution<T>, position: [T; 3]) -> InterpolationSite<T> {
         let tensor = (pair.tensor - self.first_tensor) as usize;
-        let mut located = Located { tensor: pair.tensor, weight: pair.weight, ..Located::default() };
+        let mut located =
+            InterpolationSite { tensor: pair.tensor, weight: pair.weight, ..InterpolationSite::default() };
         for a in 0..3 {
             let (row, fraction) = self.rows().on_axis(a, position[a] - self.centers[tensor][a]);
             located.rows[a] = (tensor * self.rows().count) as u32 + row;
@@ -34,7 +35,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Σ over density components and `located` of weight·x·y·z.
     #[inline(always)]
-    pub(super) fn density_of<S: Simd>(&self, simd: S, located: &[Located<T>]) -> T {
+    pub(super) fn density_of<S: Simd>(&self, simd: S, located: &[InterpolationSite<T>]) -> T {
         let mut total = T::splat(simd, T::zero());
         let factors = Rows { values: &self.density, rank: self.density_rank };
         factors.each_register(
@@ -51,7 +52,7 @@ impl<T: Real> FieldScale<T> {
 
     /// components\[r\] = Σ over `located` of weight·x·y·z of appearance component r.
     #[inline(always)]
-    pub(super) fn appearance_of<S: Simd>(&self, simd: S, located: &[Located<T>], components: &mut [T]) {
+    pub(super) fn appearance_of<S: Simd>(&self, simd: S, located: &[InterpolationSite<T>], components: &mut [T]) {
         let factors = Rows { values: &self.appearance, rank: self.appearance_rank };
         factors.each_register(
             simd,
@@ -97,7 +98,7 @@ impl<T: Real> Rows<'_, T> {
     fn each_register<S: Simd>(
         &self,
         simd: S,
-        located: &[Located<T>],
+        located: &[InterpolationSite<T>],
         mut take: impl FnMut(usize, usize, T::Register<S>),
     ) {
         let registers = self.rank.div_ceil(T::lanes::<S>());
@@ -140,7 +141,7 @@ impl<T: Real> Rows<'_, T> {
         &self,
         simd: S,
         firsts: [usize; N],
-        located: &[Located<T>],
+        located: &[InterpolationSite<T>],
     ) -> [T::Register<S>; N] {
         let rank = self.rank;
         let mut sums = [T::splat(simd, T::zero()); N];

@@ -15,7 +15,7 @@ use crate::model::TensorCloud;
 pub(super) const BLOCK: usize = 16;
 
 /// Cells of a grid, at most: 8 bytes each while it is made, and what is in them.
-const MOST_CELLS: f64 = 33_554_432.0;
+const MAX_CELLS: f64 = 33_554_432.0;
 
 /// Some of a list's tensors, with what testing them needs side by side.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ impl<T: Real> CellIndex<T> {
     pub fn new(cloud: &TensorCloud, origin: DVec3) -> Self {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
-        let limit = (512.0 * cloud.len() as f64 + 65536.0).min(MOST_CELLS);
+        let limit = (512.0 * cloud.len() as f64 + 65536.0).min(MAX_CELLS);
         let mut width = cloud.half / 3.0;
         while (bounds.size() / width).ceil().max(DVec3::ONE).element_product() > limit {
             width *= 1.25;

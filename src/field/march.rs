@@ -6,7 +6,9 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::neighbors::{Neighbors, Positions};
-use super::{DensityCache, Field, Located, Pair, Real, Stage, StageClock, Walk, add_compensated};
+use super::{
+    Contribution, DensityCache, Field, InterpolationSite, RayMarcher, Real, Stage, StageClock, add_compensated,
+};
 use crate::geometry::Ray;
 use crate::model::{Coverage, Reduction};
 
@@ -31,7 +33,7 @@ pub struct Samples<T> {
     /// \[place × scales\] where its pairs of each scale begin and end.
     pub pair_ranges: Vec<[u32; 2]>,
     /// Pairs, in no particular order.
-    pub pairs: Vec<Pair<T>>,
+    pub pairs: Vec<Contribution<T>>,
     /// \[ray\] where its samples begin in `order`, and their number.
     pub ray_starts: Vec<u32>,
     /// The places of the samples that count, by ray and distance.
@@ -48,7 +50,7 @@ pub struct Samples<T> {
     /// \[scale × waiting\] where their pairs are in `located`.
     waiting_ranges: Vec<[u32; 2]>,
     /// What interpolating their pairs needs.
-    located: Vec<Located<T>>,
+    located: Vec<InterpolationSite<T>>,
 }
 
 /// A ray that is still on its way.
@@ -61,7 +63,7 @@ struct ActiveRay<T> {
     transmittance: T,
     /// What rounding has taken too much from the transmittance: many faint samples must not be lost.
     lost: T,
-    walk: Walk<T>,
+    walk: RayMarcher<T>,
 }
 
 /// Neighboring places of one ray, front to back.
@@ -136,7 +138,7 @@ impl<T: Real> Samples<T> {
 
     /// The pairs of the sample at `place` in `scale`, of `scales`.
     #[inline(always)]
-    pub fn pairs_of(&self, place: usize, scale: usize, scales: usize) -> &[Pair<T>] {
+    pub fn pairs_of(&self, place: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
         let [first, end] = self.pair_ranges[place * scales + scale];
         &self.pairs[first as usize..end as usize]
     }
@@ -168,7 +170,7 @@ impl<T: Real> Field<T> {
     /// Where the first sample of `ray` is that may count: occupied, or where there is no occupancy in the model.
     #[inline(always)]
     pub fn first_sample(&self, ray: &Ray) -> Option<[T; 3]> {
-        let mut walk = Walk::new(self, ray);
+        let mut walk = RayMarcher::new(self, ray);
         loop {
             let (_, position) = walk.advance(self)?;
             if self.occupancy.is_some() || self.covers(position) {
@@ -253,7 +255,7 @@ impl<T: Real> Field<T> {
             exhausted: false,
             transmittance: T::one(),
             lost: T::zero(),
-            walk: Walk::new(self, ray),
+            walk: RayMarcher::new(self, ray),
         }));
         while !samples.active.is_empty() {
             self.advance_rays(samples);
@@ -411,7 +413,7 @@ impl<T: Real> WithSimd for FindNeighbors<'_, T> {
         for scale in &self.field.scales {
             scale.find_nearest(simd, waiting_positions, &mut found);
         }
-        pairs.extend(located.iter().map(|at| Pair { tensor: at.tensor, weight: at.weight }));
+        pairs.extend(located.iter().map(|at| Contribution { tensor: at.tensor, weight: at.weight }));
     }
 }
 

@@ -4,7 +4,6 @@
 //! Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the origin.
 
 mod cells;
-mod colored;
 mod decoder;
 mod density_cache;
 mod gather;
@@ -12,32 +11,33 @@ mod index;
 mod march;
 mod matrix;
 mod neighbors;
+mod ray_marcher;
 mod real;
 mod scale;
+mod shaded;
 mod stages;
 mod vector;
-mod walk;
 
 #[cfg(feature = "gpu")]
 pub(crate) use cells::BLOCK_SHIFT;
 pub use cells::OccupancyCells;
-pub use colored::{Colored, Thinning};
 pub use decoder::{Activations, Dense, FieldDecoder};
 pub use density_cache::DensityCache;
-pub use gather::Located;
+pub use gather::InterpolationSite;
 #[cfg(feature = "toolkit")]
 pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};
+pub use ray_marcher::RayMarcher;
 pub use real::{Real, add_compensated};
 use scale::aligned;
-pub use scale::{FieldScale, Pair, TensorRows};
+pub use scale::{Contribution, FieldScale, TensorRows};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
+pub use shaded::{Roulette, ShadedSamples};
 pub use stages::{Stage, StageClock, Work};
 pub use vector::Vector;
-pub use walk::Walk;
 
 use aligned_vec::AVec;
 use glam::DVec3;

@@ -7,7 +7,7 @@ use pulp::Simd;
 
 use super::index::{BLOCK, CandidateBlock};
 use super::vector::MAX_LANES;
-use super::{FieldScale, Located, Pair, Real};
+use super::{Contribution, FieldScale, InterpolationSite, Real};
 use crate::model::{Aggregation, MAX_TOP_K};
 
 /// Positions by axis, with room to read a whole register from any of them.
@@ -55,7 +55,7 @@ impl<T: Real> Positions<T> {
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
     /// What interpolating the pairs needs.
-    located: &'a mut Vec<Located<T>>,
+    located: &'a mut Vec<InterpolationSite<T>>,
     /// \[sample\] where its pairs are in `located`.
     ranges: &'a mut Vec<[u32; 2]>,
     covering: Covering<T>,
@@ -76,7 +76,7 @@ struct Covering<T> {
 impl<'a, T: Real> Neighbors<'a, T> {
     pub(super) fn new(
         aggregation: Aggregation,
-        located: &'a mut Vec<Located<T>>,
+        located: &'a mut Vec<InterpolationSite<T>>,
         ranges: &'a mut Vec<[u32; 2]>,
     ) -> Self {
         let covering = Covering {
@@ -256,7 +256,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Appends what covers one sample of a group.
     #[inline(always)]
-    fn locate_lane(&self, covering: &Covering<T>, lane: usize, located: &mut Vec<Located<T>>) {
+    fn locate_lane(&self, covering: &Covering<T>, lane: usize, located: &mut Vec<InterpolationSite<T>>) {
         let rows = self.rows();
         for c in 0..covering.count.min(BLOCK) {
             let weight = covering.weights[c][lane];
@@ -264,7 +264,7 @@ impl<T: Real> FieldScale<T> {
                 let first = covering.tensors[c] * rows.count as u32;
                 let row = |a: usize| first + rows.first(a) + covering.lowers[c][a][lane].small_u32();
                 let fractions = &covering.fractions[c];
-                located.push(Located {
+                located.push(InterpolationSite {
                     tensor: self.first_tensor + covering.tensors[c],
                     rows: [row(0), row(1), row(2)],
                     fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
@@ -276,7 +276,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Appends the `top_k` nearest of any number of candidates, by insertion; nearest first.
     #[inline(never)]
-    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, located: &mut Vec<Located<T>>) {
+    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, located: &mut Vec<InterpolationSite<T>>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
@@ -297,7 +297,7 @@ impl<T: Real> FieldScale<T> {
         }
         weigh(aggregation, &mut values[..count]);
         for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
-            located.push(self.locate(Pair { tensor: self.first_tensor + tensor, weight }, position));
+            located.push(self.locate(Contribution { tensor: self.first_tensor + tensor, weight }, position));
         }
     }
 }

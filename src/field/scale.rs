@@ -103,7 +103,7 @@ impl<T: Real> TensorRows<T> {
 
 /// A tensor that a sample aggregates.
 #[derive(Clone, Copy, Debug)]
-pub struct Pair<T> {
+pub struct Contribution<T> {
     /// Its number, counted over all scales.
     pub tensor: u32,
     /// Its weight in its scale.

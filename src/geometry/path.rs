@@ -11,9 +11,9 @@ use glam::{DQuat, DVec3};
 use super::Viewpoint;
 
 /// Keyframes are at least so many seconds apart.
-const LEAST_SECONDS: f64 = 1e-6;
+const MIN_SECONDS: f64 = 1e-6;
 /// No path is longer, in seconds.
-const MOST_SECONDS: f64 = 1e6;
+const MAX_SECONDS: f64 = 1e6;
 /// No coordinate is larger.
 const LARGEST_COORDINATE: f64 = 1e12;
 /// How far a rotation's length may be from 1.
@@ -83,9 +83,9 @@ impl CameraPath {
                 let refused = || PathError::Keyframe { index, what, expected: expected(), found: format!("{found:?}") };
                 if holds { Ok(()) } else { Err(refused()) }
             };
-            let times = || format!("{earliest} to {MOST_SECONDS}, after the keyframe before");
-            check((earliest..=MOST_SECONDS).contains(seconds), "seconds", &times, seconds)?;
-            earliest = seconds + LEAST_SECONDS;
+            let times = || format!("{earliest} to {MAX_SECONDS}, after the keyframe before");
+            check((earliest..=MAX_SECONDS).contains(seconds), "seconds", &times, seconds)?;
+            earliest = seconds + MIN_SECONDS;
             let Viewpoint { position, rotation, vertical_angle } = viewpoint;
             let within = position.is_finite() && position.abs().max_element() <= LARGEST_COORDINATE;
             check(within, "position", &|| format!("coordinates within {LARGEST_COORDINATE:e}"), &position.to_array())?;
@@ -348,7 +348,7 @@ mod tests {
             (0.0, at(far, 1e-6)),
             (1e-6, at(-far, PI - 1e-3)),
             (2e-6, at(5e-324, 1.0)),
-            (MOST_SECONDS, at(0.0, 1.0)),
+            (MAX_SECONDS, at(0.0, 1.0)),
         ]);
         for n in 0..=200 {
             for scale in [1e-8, 5e3] {

@@ -92,7 +92,7 @@ impl CellMap {
                     #[inline(always)]
                     || {
                         field.march(rays, samples);
-                        field.choose_colored(samples, None, &mut activations.colored);
+                        field.select_shaded(samples, None, &mut activations.colored);
                     },
                 );
                 let colored = &activations.colored;

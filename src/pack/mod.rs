@@ -17,5 +17,5 @@ pub use lossy::{Lossy, lossy};
 pub use prefix::fit_prefix;
 pub use prune::{crop, prune};
 pub use rays::{Views, probe_views};
-pub use search::{Candidate, Goal, MOST_TRIED, search};
+pub use search::{Candidate, Goal, MAX_TRIED, search};
 pub use sensitivity::{Sensitivity, sensitivity};

@@ -11,7 +11,7 @@ use crate::geometry::Ray;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{Adam, Backward, BatchThinning, Moments, Target};
+use crate::train::{Adam, Backward, BatchRoulette, Moments, Target};
 
 /// Rays of a step.
 const RAYS: usize = 4096;
@@ -36,7 +36,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let background = scene.frame.background;
         let targets: Vec<Target> =
             whole.trace(&rays).iter().map(|pixel| Target { color: pixel.color, background }).collect();
-        let all = BatchThinning::default();
+        let all = BatchRoulette::default();
         let shift = field.rules.density_shift;
         let [above, below] = [PROBED, -PROBED].map(|by| {
             field.rules.density_shift = shift + by;

@@ -1,7 +1,7 @@
 //! Finding the loss that a user asked for.
 
 use super::{Judge, Lossy, Sensitivity, lossy};
-use crate::container::{EncodeOptions, Error, Extras, Limits, decode_document, encode_document};
+use crate::container::{EncodeOptions, Error, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
 
 /// What a file should be.
@@ -27,7 +27,7 @@ pub struct Candidate {
     pub options: EncodeOptions,
     /// What a reader gets.
     pub decoded: Scene,
-    /// Bytes of the file without extras, as `options` compress them.
+    /// Bytes of the file without metadata, as `options` compress them.
     pub bytes: u64,
     /// The mean squared error of a reader's pictures to those of the scene as it was.
     pub error: f64,
@@ -40,7 +40,7 @@ const APART: f64 = 0.01;
 /// The share of what the goal allows that a search may leave unused.
 const UNUSED: f64 = 0.02;
 /// The most losses that [`search`] tries.
-pub const MOST_TRIED: usize = 12;
+pub const MAX_TRIED: usize = 12;
 /// zstd's level where bytes decide nothing.
 const QUICK_LEVEL: i32 = 1;
 
@@ -51,8 +51,8 @@ impl Candidate {
     ///
     /// Where the scene cannot be encoded.
     pub fn new(scene: Scene, options: EncodeOptions, judge: &Judge) -> Result<Self, Error> {
-        let bytes = encode_document(&scene, &Extras::default(), &options)?;
-        let decoded = decode_document(&bytes, Limits { memory: u64::MAX })?.scene;
+        let bytes = encode_scene_file(&scene, &Metadata::default(), &options)?;
+        let decoded = decode_scene_file(&bytes, Limits { memory: u64::MAX })?.scene;
         let error = judge.error(&decoded);
         Ok(Self { scene, options, decoded, bytes: bytes.len() as u64, error })
     }
@@ -94,7 +94,7 @@ impl Goal {
     }
 }
 
-/// Chooses among all losses for `scene`, `reserved` bytes being wanted for extras; `None` where even the largest loss misses
+/// Chooses among all losses for `scene`, `reserved` bytes being wanted for metadata; `None` where even the largest loss misses
 /// `goal`. `tried` hears of every candidate. Where the goal is an error, candidates are compressed in haste, as that changes no
 /// number.
 ///
@@ -113,7 +113,7 @@ pub fn search(
     let mut next = goal.first_guess(scene).clamp(low + APART, high - APART);
     let mut before: Option<[f64; 2]> = None;
     let mut best: Option<(f64, Candidate)> = None;
-    for _ in 0..MOST_TRIED {
+    for _ in 0..MAX_TRIED {
         let Lossy { scene, mut options, .. } = lossy(scene, sensitivity, 10f64.powf(next));
         if matches!(goal, Goal::Error { .. }) {
             options.zstd_level = Some(QUICK_LEVEL);

@@ -1,6 +1,6 @@
 //! What a file holds, in words.
 
-use crate::container::{Contents, Document};
+use crate::container::{Contents, SceneFile};
 use crate::model::Coverage;
 
 /// A line of the panel.
@@ -13,7 +13,7 @@ pub struct Fact {
 }
 
 /// The facts of a file of `bytes` bytes.
-pub fn facts(document: &Document, contents: &Contents, bytes: u64) -> Vec<Fact> {
+pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
     let scene = &document.scene;
     let provenance = &scene.provenance;
     let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();
@@ -41,7 +41,7 @@ pub fn facts(document: &Document, contents: &Contents, bytes: u64) -> Vec<Fact> 
         Coverage::Any => "any scale covers",
     };
     facts.push(fact("field", format!("where {coverage}, decoded {}", scene.decoder.mode.name())));
-    if let Some(quality) = &document.extras.quality {
+    if let Some(quality) = &document.metadata.quality {
         let decibels = |value: Option<f64>| value.map(|v| format!("{v:.2} dB"));
         if let Some(value) = decibels(quality.encoded) {
             facts.push(fact("encoding", format!("pictures as before at {value}")));
@@ -55,7 +55,7 @@ pub fn facts(document: &Document, contents: &Contents, bytes: u64) -> Vec<Fact> 
         ("preset", provenance.preset.clone()),
         ("steps", if provenance.steps > 0 { grouped(provenance.steps) } else { String::new() }),
         ("made by", provenance.tool.clone()),
-        ("license", document.extras.license.clone().unwrap_or_default()),
+        ("license", document.metadata.license.clone().unwrap_or_default()),
     ] {
         if !value.is_empty() {
             facts.push(fact(name, value));

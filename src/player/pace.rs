@@ -5,7 +5,7 @@ const COARSEST: u32 = 16;
 /// Of what is known of the speed, how much a new measurement leaves.
 const KEPT: f64 = 0.7;
 /// Fewer rays at once than this would be all overhead.
-const LEAST_RAYS: f64 = 1024.0;
+const MIN_RAYS: f64 = 1024.0;
 
 /// Decides by what pictures have taken so far. Without a clock of its own: whoever draws says how long it took.
 #[derive(Clone, Debug)]
@@ -99,7 +99,7 @@ impl Pace {
 
     /// Rays that can be given to the device at once without the window standing still for longer than the target.
     pub fn rays_at_once(&self) -> u32 {
-        self.seconds_per_ray.map_or(LEAST_RAYS, |seconds| (0.5 * self.target / seconds).max(LEAST_RAYS)) as u32
+        self.seconds_per_ray.map_or(MIN_RAYS, |seconds| (0.5 * self.target / seconds).max(MIN_RAYS)) as u32
     }
 
     /// Whether the best picture is on the screen.

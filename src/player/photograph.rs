@@ -61,7 +61,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::container::{Limits, Pose, decode_document};
+    use crate::container::{Limits, Pose, decode_scene_file};
 
     fn cameras() -> Vec<TrainingCamera> {
         let at = |x: f64| Pose { position: DVec3::new(x, 0.0, 3.0), rotation: DQuat::IDENTITY };
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn a_photograph_fills_the_height_of_what_its_camera_sees() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
-        let document = decode_document(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let mut controls = Controls::new(&document.scene, None);
         let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
         assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::container::{Prefix, beginning};
 use crate::model::Scene;
-use crate::render::{Approximation, Choice, Trade};
+use crate::render::{Approximation, ParetoFront, RenderSettings};
 
 /// `scene` without the scales that `approximation` leaves out, corrected where the file's `prefixes` say how; and what of the
 /// approximation is left for a renderer. What is compared with another scene may be asked for more than it has. Without
@@ -27,8 +27,8 @@ pub fn adapted(
 }
 
 /// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.
-pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, Choice)> {
-    let trade = Trade::of_notes(notes).and_then(Result::ok);
+pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSettings)> {
+    let trade = ParetoFront::of_notes(notes).and_then(Result::ok);
     let points = trade.map(|trade| trade.points).unwrap_or_default();
     points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.choice))).collect()
 }
@@ -36,26 +36,22 @@ pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, Choice)> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::{TRADE_NOTE, TradePoint};
+    use crate::render::{ParetoPoint, TRADE_NOTE};
 
     #[test]
     fn scenes_are_adapted_to_and_files_name_choices() {
         let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
-        let wild = Approximation {
-            neighbors: Some(99),
-            scales: Some(1),
-            density_cache: Some(64),
-            ..Approximation::default()
-        };
+        let wild =
+            Approximation { neighbors: Some(99), scales: Some(1), density_cache: Some(64), ..Approximation::default() };
         let (one, left) = adapted(&scene, &[], &wild, false);
         assert_eq!((one.scales.len(), left.density_cache), (1, None));
         assert!(left.check(&one).is_ok(), "{left:?}");
         assert_eq!(adapted(&scene, &[], &wild, true).1.density_cache, Some(64));
         assert_eq!(adapted(&scene, &[], &Approximation::default(), true).0, scene);
 
-        let choice = Choice { approximation: wild, divisor: 2 };
-        let point = TradePoint { names: Vec::new(), choice, milliseconds: 1.0, psnr: 30.0 };
-        let trade = Trade::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
+        let choice = RenderSettings { approximation: wild, divisor: 2 };
+        let point = ParetoPoint { names: Vec::new(), choice, milliseconds: 1.0, psnr: 30.0 };
+        let trade = ParetoFront::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
         assert_eq!(named_choices(&notes), ["fast", "balanced", "best"].map(|name| (name.to_owned(), choice)));
         assert!(named_choices(&BTreeMap::new()).is_empty());

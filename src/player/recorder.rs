@@ -95,12 +95,12 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::container::{Limits, decode_document};
+    use crate::container::{Limits, decode_scene_file};
 
     #[test]
     fn what_was_recorded_is_played() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
-        let document = decode_document(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let map =
             Similarity { scale: 2.5, rotation: DQuat::from_rotation_z(0.7), translation: DVec3::new(1.0, -2.0, 3.0) };
         let mut controls = Controls::new(&document.scene, None);

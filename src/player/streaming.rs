@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::container::{Contents, Document, Error, Limits, Part, Reader, Section, SectionKind, Source};
+use crate::container::{Contents, Error, Limits, Part, Reader, SceneFile, Section, SectionKind, Source};
 
 /// Ranges that are no farther apart are asked for at once, as the reader does.
 const NEAR: u64 = 64 << 10;
@@ -16,7 +16,7 @@ const SMALL: u64 = 1 << 20;
 /// A scene, as far as it is there.
 pub struct Step {
     /// The scene; a prefix of it is corrected to look like the whole.
-    pub document: Document,
+    pub document: SceneFile,
     /// What is in the file.
     pub contents: Contents,
     /// Scales that are there.
@@ -97,10 +97,10 @@ impl Stream {
         let is_whole = scales == scale_count(&contents);
         (self.shown, self.is_done) = (scales, is_whole);
         let reader = Reader::open(&self.known, Limits::default())?;
-        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, extras: true } };
+        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
         let document = reader.read(&part)?;
         // Fewer scales that nothing makes up for are hardly opaque.
-        let is_shown = is_whole || document.extras.prefixes.get(scales - 1).is_some_and(Option::is_some);
+        let is_shown = is_whole || document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some);
         Ok(is_shown.then_some(Step { document, contents, scales, is_whole }))
     }
 
@@ -209,7 +209,7 @@ impl Source for &Sparse {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::decode_document;
+    use crate::container::decode_scene_file;
 
     fn fixture(name: &str) -> Vec<u8> {
         std::fs::read(format!("{}/fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"))).unwrap()
@@ -234,7 +234,7 @@ mod tests {
             }
             let found = found.unwrap();
             assert!(found.is_whole && asked == file.len(), "{name}: {asked} of {}", file.len());
-            assert_eq!(found.document, decode_document(&file, Limits::default()).unwrap());
+            assert_eq!(found.document, decode_scene_file(&file, Limits::default()).unwrap());
             assert!(stream.wanted().unwrap().is_empty() && stream.step().unwrap().is_none());
         }
     }

@@ -20,7 +20,7 @@ use crate::geometry::{Aabb, Lattice};
 /// The most points among which outliers are looked for; each takes some 50 bytes.
 const MAX_SEARCHED: usize = 1 << 27;
 /// No default makes cells smaller than this share of the longest extent, however flat the geometry is.
-const LEAST_SHARE: f64 = 1.0 / 1024.0;
+const MIN_SHARE: f64 = 1.0 / 1024.0;
 
 /// What becomes of files' geometry.
 #[derive(Clone, Debug, PartialEq)]
@@ -338,7 +338,7 @@ impl Survey {
             });
         }
         let voxels = f64::from(coarse::CoarseOptions::default().voxels);
-        let edge = (size.element_product() / voxels).cbrt().max(LEAST_SHARE * longest);
+        let edge = (size.element_product() / voxels).cbrt().max(MIN_SHARE * longest);
         Ok(Lattice { origin: bounds.min, pitch: DVec3::splat(edge) })
     }
 }

@@ -26,7 +26,7 @@ pub use options::CoarseOptions;
 use self::grid::Grid;
 use self::ray_loss::density_of_alpha;
 pub(crate) use self::trainer::check_views;
-use self::trainer::{Level, Photographs};
+use self::trainer::{Level, RaySampler};
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice};
@@ -56,7 +56,7 @@ pub fn reconstruct(
     progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
 ) -> Result<VoxelBoxes, Error> {
     options.check()?;
-    let photographs = Photographs::new(dataset, options.background)?;
+    let photographs = RaySampler::new(dataset, options.background)?;
     let [near, far] = near_and_far(dataset, options.near, options.far)?;
     let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
     if !frusta.is_solid() {
@@ -73,7 +73,7 @@ pub fn reconstruct(
     let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
     let mut seen = Vec::new();
     let mut done = 0;
-    let mut fit = Fit::default();
+    let mut fit = RunningMse::default();
     for (number, &steps) in options.steps.iter().enumerate() {
         if number > 0 {
             grid = grid.refined(&worth_refining(&grid, options).unwrap_or(frusta));
@@ -89,7 +89,7 @@ pub fn reconstruct(
             }
         }
         if number + 1 == levels {
-            seen = level.seen(&photographs, options.seen_weight as f32, options.seen_stride);
+            seen = level.seen(&photographs, options.min_visibility_weight as f32, options.visibility_stride);
         }
         grid = level.into_grid();
     }
@@ -135,12 +135,12 @@ fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
 
 /// A running mean of the squared error.
 #[derive(Default)]
-pub(crate) struct Fit {
+pub(crate) struct RunningMse {
     squared: f64,
     weight: f64,
 }
 
-impl Fit {
+impl RunningMse {
     pub(crate) fn add(&mut self, squared: f64) {
         const KEPT: f64 = 0.95;
         self.squared = KEPT * self.squared + squared;

@@ -5,13 +5,13 @@
 //! ([`placement`]). What the tensors hold is left to training.
 #![forbid(unsafe_code)]
 
+mod alignment;
 mod bounds;
 mod build;
 mod canonical;
 pub mod coarse;
 mod error;
 mod file;
-mod first_hit;
 mod holes;
 pub mod import;
 mod morphology;
@@ -19,21 +19,21 @@ mod outliers;
 mod overlap;
 mod overlay;
 pub mod placement;
-mod sight;
+mod sparse_voxel_tree;
 mod voxel_boxes;
 mod voxels;
 
+pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
 pub use bounds::{CameraBounds, frusta_box};
 pub use build::{BuildError, BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
-pub(crate) use coarse::{Fit, check_views, near_and_far};
+pub(crate) use coarse::{RunningMse, check_views, near_and_far};
 pub use error::Error;
 pub use file::to_npz;
-pub use first_hit::{CellTree, FirstHit};
 pub use outliers::Outliers;
 pub use overlay::overlay;
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
-pub use sight::{Advice, Sight, sight};
+pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
 pub use voxel_boxes::VoxelBoxes;
 pub use voxels::MAX_CELLS;

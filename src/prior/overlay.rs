@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{CellTree, Error, FirstHit, VoxelBoxes};
+use super::{Error, FirstHit, SparseVoxelTree, VoxelBoxes};
 use crate::geometry::{Camera, Ray};
 
 /// Near and far cells that have no colors of their own.
@@ -26,7 +26,7 @@ const OPACITY: f32 = 0.5;
 ///
 /// Where `photograph` has not as many pixels as the camera or `colors` not as many as there are cells.
 pub fn overlay(
-    tree: &CellTree,
+    tree: &SparseVoxelTree,
     boxes: &VoxelBoxes,
     colors: Option<&[[u8; 3]]>,
     camera: &Camera,
@@ -40,7 +40,8 @@ pub fn overlay(
         return Err(Error::option("colors", "as many as cells", colors.len()));
     }
     let ray = |pixel: usize| camera.ray((pixel % camera.width as usize) as u32, (pixel / camera.width as usize) as u32);
-    let hits: Vec<Option<FirstHit>> = (0..pixels).into_par_iter().map(|pixel| tree.first_hit(&ray(pixel))).collect();
+    let hits: Vec<Option<FirstHit>> =
+        (0..pixels).into_par_iter().map(|pixel| tree.sparse_voxel_tree(&ray(pixel))).collect();
     let distances = || hits.iter().flatten().map(|hit| hit.t);
     let (nearest, farthest) = (distances().fold(f64::INFINITY, f64::min), distances().fold(0.0, f64::max));
     let shaded = |pixel: usize, hit: &FirstHit| {
@@ -91,7 +92,7 @@ mod tests {
     fn cells_cover_half_of_what_they_hide_and_their_edges_are_dark() {
         let lattice = Lattice { origin: DVec3::new(-1.0, -1.0, 0.0), pitch: DVec3::splat(1.0) };
         let boxes = VoxelBoxes { lattice, cells: vec![UVec3::ZERO] };
-        let tree = CellTree::new(&boxes);
+        let tree = SparseVoxelTree::new(&boxes);
         // From above, 20 pixels a cell on its upper face; the cell is left of and below the middle.
         let camera = Camera::looking_at([60, 60], 40.0, DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y);
         let photograph = vec![[0.0, 1.0, 0.5]; 3600];
@@ -109,7 +110,7 @@ mod tests {
     fn pictures_and_colors_of_other_sizes_are_refused() {
         let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::ONE };
         let boxes = VoxelBoxes { lattice, cells: vec![UVec3::ZERO] };
-        let tree = CellTree::new(&boxes);
+        let tree = SparseVoxelTree::new(&boxes);
         let camera = Camera::looking_at([2, 2], 2.0, DVec3::ZERO, DVec3::X, DVec3::Z);
         let error = overlay(&tree, &boxes, None, &camera, &[[0.0; 3]; 3]).unwrap_err();
         assert_eq!(error.to_string(), "photograph: expected as many pixels as the camera has, found 3");

@@ -10,7 +10,7 @@ use crate::model::{DecoderMode, Scene, softplus};
 /// Pixels along the edge of a tile, whose rays are marched together: they meet mostly the same tensors.
 const TILE: usize = 16;
 
-/// Colored samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
+/// ShadedSamples samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
 const ROWS_AT_ONCE: usize = 768;
 
 /// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
@@ -151,7 +151,7 @@ impl<T: Real> CpuRenderer<T> {
         };
         let mut first = 0;
         while first < rays.len() {
-            let count = self.field.choose_some_colored(samples, first, at_once, None, &mut activations.colored);
+            let count = self.field.select_some_shaded(samples, first, at_once, None, &mut activations.colored);
             self.field.decode(&rays[first..first + count], samples, activations);
             (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
             samples.clock.lap(Stage::Composite);

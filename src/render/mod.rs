@@ -6,14 +6,16 @@ mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod keyframes;
+mod pareto;
 mod reference;
-mod trade;
 
 pub use approximation::{Approximation, ApproximationError};
 pub use cpu::{CpuRenderer, Look};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
+pub use pareto::{
+    ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE, upsample_bilinear,
+};
 pub use reference::{ReferenceRenderer, Trace};
-pub use trade::{Choice, TRADE_NOTE, Trade, TradeError, TradePoint, Wish, enlarged};
 
 use crate::geometry::{Camera, Ray};
 

@@ -5,9 +5,9 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::NetworkLayout;
-use super::chunk::{BatchThinning, Chunk, RAYS_PER_CHUNK, Scratch, Target};
+use super::chunk::{BatchRoulette, Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
-use crate::field::{Field, Real, Thinning, Work, vectorized};
+use crate::field::{Field, Real, Roulette, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
 
@@ -58,7 +58,7 @@ impl<T: Real> Backward<T> {
     }
 
     /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.
-    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], thinning: BatchThinning) -> f64 {
+    pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], roulette: BatchRoulette) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
         let (layout, scratch) = (&self.layout, &self.scratch);
@@ -66,13 +66,13 @@ impl<T: Real> Backward<T> {
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
             .for_each(|(n, (chunk, (rays, targets)))| {
-                let of_chunk = |t| Thinning { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
-                let thinning =
-                    BatchThinning { color: thinning.color.map(of_chunk), density: thinning.density.map(of_chunk) };
+                let of_chunk = |t| Roulette { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
+                let roulette =
+                    BatchRoulette { color: roulette.color.map(of_chunk), density: roulette.density.map(of_chunk) };
                 scratch.with(|scratch| {
                     vectorized(
                         #[inline(always)]
-                        || chunk.run(field, layout, rays, targets, loss_scale, thinning, scratch),
+                        || chunk.run(field, layout, rays, targets, loss_scale, roulette, scratch),
                     );
                 });
             });
@@ -105,9 +105,9 @@ impl<T: Real> Backward<T> {
         field: &Field<T>,
         rays: &[Ray],
         targets: &[Target],
-        thinning: BatchThinning,
+        roulette: BatchRoulette,
     ) -> Gradients<T> {
-        let loss = T::of(self.loss(field, rays, targets, thinning));
+        let loss = T::of(self.loss(field, rays, targets, roulette));
         let networks = self.network_gradients();
         let tensors = Pool::<TensorGradient<T>>::default();
         let (mut density, mut appearance) = (Vec::new(), Vec::new());
@@ -149,7 +149,7 @@ impl Backward<f32> {
             background: field.background,
         };
         let targets: Vec<Target> = colors.iter().enumerate().map(target).collect();
-        self.gradients(field, rays, &targets, BatchThinning::default())
+        self.gradients(field, rays, &targets, BatchRoulette::default())
     }
 }
 

@@ -1,7 +1,7 @@
 //! A prior from photographs with nothing but our own tensors (paper, appendix "Ablation Studies on Initial Geometry": "8
 //! coarse tri-vectors").
 //!
-//! In: posed photographs. Out: the voxels in which something is seen. Eight tensors, 2×2×2, of eight components each
+//! In: posed photographs. Out: the voxels in which something is seen. CoarseCube tensors, 2×2×2, of eight components each
 //! cover the box of all frusta and are trained as any scene is. They start empty (a feature of about 0 is none, with the
 //! shift of −10), and density grows where rays need it. What is found bounds the next round, in which eight tensors cover
 //! that alone. It takes longer than [`crate::prior::coarse`] and finds less detail: it is for those who want no other
@@ -19,7 +19,7 @@ use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
-use crate::prior::{self, CoarseProgress, Fit, VoxelBoxes};
+use crate::prior::{self, CoarseProgress, RunningMse, VoxelBoxes};
 
 /// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbors. Without it the
 /// planes in which they meet, the middle of the scene, show.
@@ -42,9 +42,9 @@ pub struct BootstrapOptions {
     /// Voxels are occupied where their α over one voxel edge exceeds this.
     pub occupied_alpha: f64,
     /// Voxels are occupied only next to a sample that adds more than this to some pixel.
-    pub seen_weight: f64,
+    pub min_visibility_weight: f64,
     /// Rays that are looked at for that, about, evenly over all photographs.
-    pub seen_rays: u32,
+    pub visibility_rays: u32,
 }
 
 impl Default for BootstrapOptions {
@@ -55,8 +55,8 @@ impl Default for BootstrapOptions {
             components: 8,
             resolution: 48,
             occupied_alpha: 3e-3,
-            seen_weight: 1e-3,
-            seen_rays: 1_000_000,
+            min_visibility_weight: 1e-3,
+            visibility_rays: 1_000_000,
         }
     }
 }
@@ -81,8 +81,13 @@ impl BootstrapOptions {
             ("components", (1..=256).contains(&self.components), "1 to 256", self.components.to_string()),
             ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
             ("occupied_alpha", fraction(self.occupied_alpha), "a number in [0, 1)", self.occupied_alpha.to_string()),
-            ("seen_weight", fraction(self.seen_weight), "a number in [0, 1)", self.seen_weight.to_string()),
-            ("seen_rays", self.seen_rays > 0, "at least 1", self.seen_rays.to_string()),
+            (
+                "min_visibility_weight",
+                fraction(self.min_visibility_weight),
+                "a number in [0, 1)",
+                self.min_visibility_weight.to_string(),
+            ),
+            ("visibility_rays", self.visibility_rays > 0, "at least 1", self.visibility_rays.to_string()),
         ] {
             if !valid {
                 return Err(ConfigError::Value {
@@ -126,11 +131,11 @@ pub fn bootstrap_prior(
     let (mut found, mut psnr) = (None, 0.0);
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
-        let eight = Eight::over(&within, resolution)?;
+        let eight = CoarseCube::over(&within, resolution)?;
         let config = eight.config(config, steps);
         let scene = eight.scene(&config, [near, far], &dataset.name)?;
         let mut trainer = Trainer::new(config, scene, &dataset.views)?;
-        let mut fit = Fit::default();
+        let mut fit = RunningMse::default();
         for _ in 0..steps {
             fit.add(trainer.step()?.mean_squared_error);
             done += 1;
@@ -150,8 +155,8 @@ pub fn bootstrap_prior(
     }
 }
 
-/// Eight boxes of cubic cells, and the space in which they are tensors.
-struct Eight {
+/// CoarseCube boxes of cubic cells, and the space in which they are tensors.
+struct CoarseCube {
     model_from_dataset: Similarity,
     /// The smallest corner, in model units.
     corner: DVec3,
@@ -161,7 +166,7 @@ struct Eight {
     resolution: UVec3,
 }
 
-impl Eight {
+impl CoarseCube {
     /// Over `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each.
     fn over(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
         let model_from_dataset = prior::canonical_map(within, prior::CANONICAL_HALF_EXTENT)?;
@@ -277,7 +282,7 @@ impl Eight {
     /// \[z\]\[y\]\[x\] the cells that hold a sample which adds enough to some pixel.
     fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
         let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
-        let stride = (pixels as f64 / f64::from(options.seen_rays)).sqrt().ceil().max(1.0) as usize;
+        let stride = (pixels as f64 / f64::from(options.visibility_rays)).sqrt().ceil().max(1.0) as usize;
         let corner = field.relative(self.corner);
         let last = 2 * self.resolution - 1;
         let look = |mut seen: Vec<bool>, view: &View| {
@@ -290,7 +295,7 @@ impl Eight {
                     || field.march(&rays, &mut samples),
                 );
                 for &place in &samples.order {
-                    if f64::from(samples.weight(place as usize)) <= options.seen_weight {
+                    if f64::from(samples.weight(place as usize)) <= options.min_visibility_weight {
                         continue;
                     }
                     let position = samples.positions[place as usize];

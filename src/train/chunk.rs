@@ -10,7 +10,7 @@
 
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
-use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Samples, Stage, Thinning, multiply};
+use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Samples, Stage, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
@@ -28,11 +28,11 @@ pub struct Target {
 
 /// What a batch leaves out at random.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct BatchThinning {
+pub struct BatchRoulette {
     /// Of the colors of samples, by weight.
-    pub color: Option<Thinning>,
+    pub color: Option<Roulette>,
     /// Of the gradients of samples' densities, by their size in means of a chunk.
-    pub density: Option<Thinning>,
+    pub density: Option<Roulette>,
 }
 
 /// What a chunk leaves for the tensors and the shared weights. Reused from step to step.
@@ -85,19 +85,19 @@ impl<T: Real> Chunk<T> {
         rays: &[Ray],
         targets: &[Target],
         loss_scale: f64,
-        thinning: BatchThinning,
+        roulette: BatchRoulette,
         scratch: &mut Scratch<T>,
     ) {
         field.march(rays, &mut self.samples);
-        field.choose_colored(&self.samples, thinning.color, &mut scratch.activations.colored);
+        field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.colored);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
         self.compare(field, targets, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
         self.weigh_backward(field, scratch);
         self.composite_backward(field, targets, scratch);
-        if let Some(thinning) = thinning.density {
-            self.thin_density(thinning, &mut scratch.feature_gradients);
+        if let Some(roulette) = roulette.density {
+            self.thin_density(roulette, &mut scratch.feature_gradients);
         }
         self.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
@@ -222,15 +222,15 @@ impl<T: Real> Chunk<T> {
 
     /// Leaves out a random part of the small gradients of density features.
     #[inline(always)]
-    fn thin_density(&self, thinning: Thinning, gradients: &mut [T]) {
+    fn thin_density(&self, roulette: Roulette, gradients: &mut [T]) {
         let samples = &self.samples;
         let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
         let mean = total.f64() / samples.len().max(1) as f64;
-        let thinning = Thinning { below: thinning.below * mean, ..thinning };
+        let roulette = Roulette { below: roulette.below * mean, ..roulette };
         for ray in 0..samples.remaining.len() {
             for (n, &place) in samples.order[samples.of_ray(ray)].iter().enumerate() {
                 let gradient = &mut gradients[place as usize];
-                *gradient = thinning.thin(gradient.abs(), ray, n).copysign(*gradient);
+                *gradient = roulette.thin(gradient.abs(), ray, n).copysign(*gradient);
             }
         }
     }

@@ -34,7 +34,7 @@ pub struct TrainConfig {
     pub random_background: bool,
     /// Whether every new occupancy decides anew which rays are drawn, so that none is wasted on what has turned out to be
     /// empty.
-    pub redraw_rays: bool,
+    pub refilter_rays: bool,
     /// Whether every new occupancy removes the tensors in whose boxes nothing counts any more. Pictures stay the same, and
     /// files get smaller.
     pub prune: bool,
@@ -51,10 +51,10 @@ pub struct TrainConfig {
     pub density_l1: f64,
     /// Samples that weigh less are colored at random, with a probability of their weight over this, and then weigh this:
     /// the expected pixel stays the same, at less cost. 0 colors all. Rendering never does this.
-    pub color_thinning: f64,
+    pub color_roulette: f64,
     /// Samples whose density's gradient is smaller than this many of a chunk's means are left out at random, in the same
     /// way. 0 leaves out none.
-    pub density_thinning: f64,
+    pub density_roulette: f64,
     /// Standard deviation of the factors at the start.
     pub factor_deviation: f64,
     /// After these steps the factors go to their next resolution.
@@ -142,15 +142,15 @@ impl Default for TrainConfig {
             batch_rays: 4096,
             background: [1.0; 3],
             random_background: false,
-            redraw_rays: true,
+            refilter_rays: true,
             prune: false,
             near_far: None,
             factor_learning_rate: 0.02,
             network_learning_rate: 0.001,
             learning_rate_decay: 0.1,
             density_l1: 1e-5,
-            color_thinning: 0.001,
-            density_thinning: 1.0,
+            color_roulette: 0.001,
+            density_roulette: 1.0,
             factor_deviation: 0.2,
             upsample_at: vec![2000, 3000, 4000, 5500, 7000],
             occupancy_at: vec![2000, 4000, 8000, 16_000],
@@ -285,19 +285,19 @@ impl TrainConfig {
         preset.scales = match name {
             "per-ray" => {
                 preset.decoder.mode = DecoderMode::PerRay;
-                preset.redraw_rays = false;
-                preset.color_thinning = 0.002;
+                preset.refilter_rays = false;
+                preset.color_roulette = 0.002;
                 preset_scales(48)
             }
             "best" => {
                 preset.decoder.mode = DecoderMode::Residual;
                 // Highlights come and go within a few degrees.
                 preset.decoder.direction_frequencies = 6;
-                preset.color_thinning = 0.002;
+                preset.color_roulette = 0.002;
                 preset_scales(48)
             }
             "fast" => {
-                preset.redraw_rays = false;
+                preset.refilter_rays = false;
                 preset_scales(48).into_iter().take(2).map(|s| ScaleConfig { top_k: 2, ..s }).collect()
             }
             "scannet" => {
@@ -382,8 +382,8 @@ impl TrainConfig {
         }
         for (place, value) in [
             ("density_l1", self.density_l1),
-            ("color_thinning", self.color_thinning),
-            ("density_thinning", self.density_thinning),
+            ("color_roulette", self.color_roulette),
+            ("density_roulette", self.density_roulette),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(error(place.into(), "a number of at least 0", value.to_string()));

@@ -81,20 +81,20 @@ impl Display for Divergence {
 
 /// What is remembered of a run's errors. A resumed run begins anew.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Watch {
+pub(super) struct DivergenceMonitor {
     steps: u64,
     first: Vec<f64>,
     /// The last errors, and what one color would have had, in a ring.
     last: Vec<[f64; 2]>,
 }
 
-impl Watch {
+impl DivergenceMonitor {
     /// Looks at a step's mean squared error before its update.
     ///
     /// # Errors
     ///
     /// Where it tells that the run has diverged.
-    pub(super) fn see_error(&mut self, error: f64, targets: &[Target], config: &TrainConfig) -> Result<(), Divergence> {
+    pub(super) fn record(&mut self, error: f64, targets: &[Target], config: &TrainConfig) -> Result<(), Divergence> {
         let rates = [config.factor_learning_rate, config.network_learning_rate];
         if !error.is_finite() {
             return Err(Divergence::NotFinite { found: error, rates });
@@ -173,9 +173,9 @@ mod tests {
     fn found(after: f64) -> Option<Divergence> {
         let target = |n: usize| Target { color: [(n % 2) as f32 * 0.6; 3], background: [1.0; 3] };
         let targets: Vec<Target> = (0..16).map(target).collect();
-        let mut watch = Watch::default();
+        let mut watch = DivergenceMonitor::default();
         let config = TrainConfig::default();
-        (0..128).find_map(|n| watch.see_error(if n < 64 { 0.1 } else { after }, &targets, &config).err())
+        (0..128).find_map(|n| watch.record(if n < 64 { 0.1 } else { after }, &targets, &config).err())
     }
 
     #[test]

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::chunk::RAYS_PER_CHUNK;
 use super::trainer::place_in_space;
-use super::{Photographs, Target};
+use super::{RaySampler, Target};
 use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
@@ -21,7 +21,7 @@ pub struct RayBatch {
 impl RayBatch {
     /// `count` rays of `photographs` from number `first` of `order`'s sequence on, ordered in space so that neighbors meet
     /// the same tensors.
-    pub fn draw(photographs: &Photographs<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
+    pub fn draw(photographs: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
         let mut drawn: Vec<_> = (first..first + count as u64)
             .into_par_iter()
             .map(|d| {
@@ -59,7 +59,7 @@ pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize
                 #[inline(always)]
                 || {
                     field.march(rays, samples);
-                    field.choose_colored(samples, None, &mut activations.colored);
+                    field.select_shaded(samples, None, &mut activations.colored);
                     field.decode(rays, samples, activations);
                     for (ray, color) in colors.iter_mut().enumerate() {
                         let remaining = samples.remaining[ray];

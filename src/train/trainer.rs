@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
-use super::divergence::{Divergence, Watch};
+use super::divergence::{Divergence, DivergenceMonitor};
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    BatchThinning, Photographs, Progress, ProgressError, TrainConfig, Unused, drop_unused, estimate_occupancy,
-    march_step, network_parts, prune_unoccupied, upsample,
+    BatchRoulette, Checkpoint, CheckpointError, DeadComponents, RaySampler, TrainConfig, estimate_occupancy,
+    march_step, network_parts, prune_dead_components, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldScale, Stage, StageClock, Thinning, Work, vectorized};
+use crate::field::{Field, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
 use crate::geometry::{Aabb, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -20,15 +20,15 @@ use crate::random::Random;
 #[derive(Debug)]
 pub struct Trainer<'a> {
     config: TrainConfig,
-    photographs: Photographs<'a>,
+    photographs: RaySampler<'a>,
     /// All but what `field` holds anew at every step: factors, matrices, decoder.
     scene: Scene,
     field: Field<f32>,
     backward: Backward<f32>,
     tensor_gradients: Pool<TensorGradient<f32>>,
     order: Random,
-    progress: Progress,
-    watch: Watch,
+    progress: Checkpoint,
+    watch: DivergenceMonitor,
 }
 
 /// What one step came to.
@@ -58,7 +58,7 @@ pub enum TrainError {
     },
     /// The saved progress does not fit.
     #[error(transparent)]
-    Progress(#[from] ProgressError),
+    Checkpoint(#[from] CheckpointError),
 }
 
 impl<'a> Trainer<'a> {
@@ -69,9 +69,9 @@ impl<'a> Trainer<'a> {
     /// [`TrainError::NoRays`].
     pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = Photographs::new(views, &scene.frame, &config);
+        let mut photographs = RaySampler::new(views, &scene.frame, &config);
         photographs.keep_rays_that_meet(&field);
-        let progress = Progress::start(&config, &field, &photographs);
+        let progress = Checkpoint::start(&config, &field, &photographs);
         Self::assemble(config, scene, field, photographs, progress)
     }
 
@@ -80,9 +80,9 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// Where `views` are not those that the run began with, or `scene` is not `progress`'s.
-    pub fn resume(progress: Progress, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+    pub fn resume(progress: Checkpoint, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = Photographs::new(views, &scene.frame, &progress.config);
+        let mut photographs = RaySampler::new(views, &scene.frame, &progress.config);
         progress.check(&field, &mut photographs)?;
         Self::assemble(progress.config.clone(), scene, field, photographs, progress)
     }
@@ -91,8 +91,8 @@ impl<'a> Trainer<'a> {
         config: TrainConfig,
         scene: Scene,
         field: Field<f32>,
-        photographs: Photographs<'a>,
-        progress: Progress,
+        photographs: RaySampler<'a>,
+        progress: Checkpoint,
     ) -> Result<Self, TrainError> {
         expect_rays(&photographs)?;
         Ok(Self {
@@ -104,7 +104,7 @@ impl<'a> Trainer<'a> {
             scene,
             field,
             progress,
-            watch: Watch::default(),
+            watch: DivergenceMonitor::default(),
         })
     }
 
@@ -114,7 +114,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// The photographs' rays.
-    pub(super) fn photographs(&self) -> &Photographs<'a> {
+    pub(super) fn photographs(&self) -> &RaySampler<'a> {
         &self.photographs
     }
 
@@ -139,7 +139,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// What has to be kept, besides [`Trainer::scene`], to go on later.
-    pub fn progress(&self) -> &Progress {
+    pub fn progress(&self) -> &Checkpoint {
         &self.progress
     }
 
@@ -173,9 +173,9 @@ impl<'a> Trainer<'a> {
     }
 
     /// Clears what this run's rays make no use of in `scene`, which is [`Trainer::scene`]'s at the end of the run: see
-    /// [`drop_unused`].
-    pub fn drop_unused(&self, scene: &mut Scene) -> Unused {
-        drop_unused(scene, &self.photographs, self.config.seed)
+    /// [`prune_dead_components`].
+    pub fn prune_dead_components(&self, scene: &mut Scene) -> DeadComponents {
+        prune_dead_components(scene, &self.photographs, self.config.seed)
     }
 
     /// One optimizer step, and what the schedule asks for after it.
@@ -196,22 +196,22 @@ impl<'a> Trainer<'a> {
             .collect();
         drawn.sort_by_key(|d| d.0);
         let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
-        let thinning = |below: f64, name: &str| {
+        let roulette = |below: f64, name: &str| {
             let random = Random::new(self.config.seed, name).substream(self.progress.step);
-            (below > 0.0).then_some(Thinning { below, random, first_ray: 0 })
+            (below > 0.0).then_some(Roulette { below, random, first_ray: 0 })
         };
-        let thinning = BatchThinning {
-            color: thinning(self.config.color_thinning, "thinning"),
-            density: thinning(self.config.density_thinning, "density thinning"),
+        let roulette = BatchRoulette {
+            color: roulette(self.config.color_roulette, "roulette"),
+            density: roulette(self.config.density_roulette, "density roulette"),
         };
         // Drawn by all threads.
         clock.lap(Stage::Rays);
         let threads = rayon::current_num_threads() as f64;
-        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, thinning);
+        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, roulette);
         self.progress.step += 1;
         let step = self.progress.step;
         let diverged = |found| TrainError::Diverged { step, found };
-        self.watch.see_error(mean_squared_error, &targets, &self.config).map_err(diverged)?;
+        self.watch.record(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimizer);
@@ -319,18 +319,18 @@ impl<'a> Trainer<'a> {
             self.field.rules.step = self.scene.rules.step;
             self.progress.restart(&self.field);
         }
-        if self.config.redraw_rays && self.config.occupancy_at.contains(&step) {
+        if self.config.refilter_rays && self.config.occupancy_at.contains(&step) {
             self.photographs.keep_rays_that_meet(&self.field);
             expect_rays(&self.photographs)?;
-            self.progress.kept = self.photographs.kept_bits();
+            self.progress.kept = self.photographs.active_ray_mask();
         }
         Ok(())
     }
 }
 
-fn expect_rays(photographs: &Photographs<'_>) -> Result<(), TrainError> {
+fn expect_rays(photographs: &RaySampler<'_>) -> Result<(), TrainError> {
     match photographs.kept_count() {
-        0 => Err(TrainError::NoRays(photographs.kept_bits().len() as u64 * 8)),
+        0 => Err(TrainError::NoRays(photographs.active_ray_mask().len() as u64 * 8)),
         _ => Ok(()),
     }
 }

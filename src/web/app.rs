@@ -11,7 +11,7 @@ use crate::player::{
     Action, Comparison, Controls, Drag, Fact, Pace, Photograph, Place, Recorder, Show, Step, View, action_of,
 };
 use crate::render::gpu::{GpuError, GpuRenderer};
-use crate::render::{Approximation, Choice, Pixel};
+use crate::render::{Approximation, Pixel, RenderSettings};
 
 /// Seconds that a picture may take while the camera moves, at first.
 const FRAME_TIME: f64 = 0.033;
@@ -84,7 +84,7 @@ impl App {
 
     /// Shows what has arrived, as the first scene or as the second: a new scene, or more of the one that is shown.
     pub(super) fn take(&mut self, step: Step, is_more_of_the_same: bool, n: usize) -> Result<(), GpuError> {
-        let (scene, views) = (&step.document.scene, step.document.extras.views.as_ref());
+        let (scene, views) = (&step.document.scene, step.document.metadata.views.as_ref());
         let controls = Controls::new(scene, views);
         let scales = scene.scales.len();
         let is_new = n == 0 && !is_more_of_the_same;
@@ -421,7 +421,7 @@ impl App {
     pub(super) fn choose(&mut self, name: &str) -> Result<bool, GpuError> {
         let choices = self.slots[0].iter().flat_map(|slot| &slot.choices);
         let chosen = choices.clone().find(|(of, _)| of == name).map(|(_, choice)| *choice);
-        let Some(Choice { approximation, divisor }) = chosen else { return Ok(false) };
+        let Some(RenderSettings { approximation, divisor }) = chosen else { return Ok(false) };
         self.approximate(&approximation, divisor)?;
         Ok(true)
     }

@@ -10,7 +10,7 @@ use web_sys::HtmlCanvasElement;
 use super::app::{App, rgba};
 use super::canvas::Canvas;
 use super::download::Download;
-use crate::container::{Limits, decode_document, sections};
+use crate::container::{Limits, decode_scene_file, sections};
 use crate::geometry::Camera;
 use crate::player::{Action, Comparison, Drag, Step, View, scale_count};
 use crate::render::Approximation;
@@ -41,7 +41,7 @@ impl Player {
     ///
     /// Where the bytes are no such file, and where the device is too small for it; what is shown then stays.
     pub fn open(&self, bytes: Vec<u8>, place: usize) -> Result<(), JsError> {
-        let document = decode_document(&bytes, Limits::default())?;
+        let document = decode_scene_file(&bytes, Limits::default())?;
         let contents = sections(&bytes)?;
         drop(bytes);
         let step = Step { document, scales: scale_count(&contents), contents, is_whole: true };

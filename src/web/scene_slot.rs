@@ -1,12 +1,12 @@
 //! A scene that is open, and what draws it.
 
 use super::clock;
-use crate::container::{Document, Prefix, TrainingCamera};
+use crate::container::{Prefix, SceneFile, TrainingCamera};
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::player::{BoxLines, Fact, Screen, Step, adapted, facts, named_choices, scale_count};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, Choice};
+use crate::render::{Approximation, RenderSettings};
 
 /// A scene that is open.
 pub(super) struct SceneSlot {
@@ -22,7 +22,7 @@ pub(super) struct SceneSlot {
     /// Those that the scene was trained from, as far as the file tells.
     pub(super) cameras: Vec<TrainingCamera>,
     /// What it names.
-    pub(super) choices: Vec<(String, Choice)>,
+    pub(super) choices: Vec<(String, RenderSettings)>,
     prefixes: Vec<Option<Prefix>>,
     pub(super) screen: Screen,
     pub(super) boxes: BoxLines,
@@ -46,12 +46,12 @@ impl SceneSlot {
     ) -> Result<Self, GpuError> {
         let Step { document, contents, scales, is_whole } = step;
         let facts = facts(&document, &contents, contents.file_length);
-        let Document { mut scene, extras } = document;
+        let SceneFile { mut scene, metadata } = document;
         let near_far = [scene.frame.near, scene.frame.far];
         // A viewer goes where no photograph was taken from; the bounds say where the scene is.
         scene.frame.near = 0.0;
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
-        let renderer = renderer(gpu, &scene, &extras.prefixes, approximation)?;
+        let renderer = renderer(gpu, &scene, &metadata.prefixes, approximation)?;
         let (screen, boxes) = (Screen::new(gpu, format), BoxLines::new(gpu, &scene, format));
         Ok(Self {
             scene,
@@ -60,9 +60,9 @@ impl SceneSlot {
             scales,
             is_whole,
             facts,
-            cameras: extras.cameras,
-            choices: named_choices(&extras.notes),
-            prefixes: extras.prefixes,
+            cameras: metadata.cameras,
+            choices: named_choices(&metadata.notes),
+            prefixes: metadata.prefixes,
             screen,
             boxes,
             renderer: Some(renderer),

@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use glam::{IVec3, UVec3};
-use strivec::container::{Error, Limits, decode_document, encode};
+use strivec::container::{Error, Limits, decode_scene_file, encode};
 use strivec::model::{Factors, Placement};
 
 use super::roundtrip::f32;
@@ -51,7 +51,7 @@ static ALLOCATOR: Remembering = Remembering;
 /// What reading with `memory` makes of a file, and the largest block it asked for.
 fn decode_measured(bytes: &[u8], memory: u64) -> (Result<(), Error>, usize) {
     LARGEST.set(0);
-    let result = decode_document(bytes, Limits { memory }).map(drop);
+    let result = decode_scene_file(bytes, Limits { memory }).map(drop);
     (result, LARGEST.get())
 }
 

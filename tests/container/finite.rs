@@ -1,9 +1,9 @@
 //! Every number of every section of a file, made NaN or infinite: named by the reader, never rendered.
 
-use strivec::container::{Document, Error, Limits, decode_document, encode_document};
+use strivec::container::{Error, Limits, SceneFile, decode_scene_file, encode_scene_file};
 
 use super::roundtrip::f32;
-use super::scenes::{extras, two_scales};
+use super::scenes::{metadata, two_scales};
 use super::surgery::{File, Part, name};
 
 /// `count` floats of `size` bytes from byte `first` on.
@@ -35,13 +35,13 @@ fn floats(part: &Part) -> Vec<(usize, usize)> {
     }
 }
 
-fn read(file: &File) -> Result<Document, Error> {
-    decode_document(&file.bytes(), Limits::default())
+fn read(file: &File) -> Result<SceneFile, Error> {
+    decode_scene_file(&file.bytes(), Limits::default())
 }
 
 #[test]
 fn no_number_of_a_file_may_be_nan_or_infinite() {
-    let file = File::of(&encode_document(&two_scales(), &extras(), &f32()).unwrap());
+    let file = File::of(&encode_scene_file(&two_scales(), &metadata(), &f32()).unwrap());
     assert!(read(&file).is_ok());
     let mut tried = 0;
     for (index, part) in file.sections.iter().enumerate() {

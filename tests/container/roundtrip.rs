@@ -3,8 +3,8 @@
 use glam::{DVec3, UVec3};
 use half::f16;
 use strivec::container::{
-    ArrayOptions, Codec, EncodeOptions, Encoding, Extras, FactorOptions, Filter, GRID_BITS, Limits, SectionKind,
-    decode, decode_document, encode, encode_document, sections, step,
+    ArrayOptions, Codec, EncodeOptions, Encoding, FactorOptions, Filter, GRID_BITS, Limits, Metadata, SectionKind,
+    decode, decode_scene_file, encode, encode_scene_file, sections, step,
 };
 use strivec::geometry::Lattice;
 use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
@@ -215,11 +215,11 @@ fn what_this_version_does_not_know_is_kept_through_reading_and_writing() {
     let mut strange = Part::ancillary("X-1", b"opaque");
     (strange.scale, strange.chunk, strange.codec, strange.decoded_length) = (900, 7, 77, 1 << 40);
     file.sections.insert(3, strange.clone());
-    let document = decode_document(&file.bytes(), Limits::default()).unwrap();
-    let written = encode_document(&document.scene, &document.extras, &f32()).unwrap();
+    let document = decode_scene_file(&file.bytes(), Limits::default()).unwrap();
+    let written = encode_scene_file(&document.scene, &document.metadata, &f32()).unwrap();
     let last = File::of(&written).sections.pop().unwrap();
     assert_eq!(last, strange);
-    assert_eq!(decode_document(&written, Limits::default()).unwrap(), document);
+    assert_eq!(decode_scene_file(&written, Limits::default()).unwrap(), document);
 }
 
 /// The largest difference between two scenes' factors.
@@ -303,10 +303,10 @@ fn filters_lose_nothing() {
 
 #[test]
 fn extras_come_back() {
-    let (scene, extras) = (two_scales(), super::scenes::extras());
-    let bytes = encode_document(&scene, &extras, &f32()).unwrap();
-    let document = decode_document(&bytes, Limits::default()).unwrap();
-    assert_eq!((document.scene, &document.extras), (scene.clone(), &extras));
-    assert_ne!(document.extras, Extras::default());
-    assert_eq!(encode_document(&scene, &extras, &f32()).unwrap(), bytes);
+    let (scene, metadata) = (two_scales(), super::scenes::metadata());
+    let bytes = encode_scene_file(&scene, &metadata, &f32()).unwrap();
+    let document = decode_scene_file(&bytes, Limits::default()).unwrap();
+    assert_eq!((document.scene, &document.metadata), (scene.clone(), &metadata));
+    assert_ne!(document.metadata, Metadata::default());
+    assert_eq!(encode_scene_file(&scene, &metadata, &f32()).unwrap(), bytes);
 }

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3, UVec3};
 use strivec::container::{
-    Extras, Pose, Prefix, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, Views,
+    Metadata, Pose, Prefix, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, Views,
 };
 use strivec::geometry::{Aabb, Lattice, Similarity};
 use strivec::model::{
@@ -129,7 +129,7 @@ pub(crate) fn scale(
 }
 
 /// Something of everything that a file with [`two_scales`] may hold besides.
-pub(crate) fn extras() -> Extras {
+pub(crate) fn metadata() -> Metadata {
     let mut numbers = Numbers(4);
     let pose = |z: f64| Pose { position: DVec3::new(1.0, -2.0, z), rotation: DQuat::from_xyzw(0.5, 0.5, -0.5, 0.5) };
     let probe = |n: f64| Probe {
@@ -143,7 +143,7 @@ pub(crate) fn extras() -> Extras {
         margin: 1e-4,
         reserved: [0; 2],
     };
-    Extras {
+    Metadata {
         license: Some("CC-BY-4.0, © somebody".into()),
         quality: Some(Quality {
             encoded: Some(54.5),

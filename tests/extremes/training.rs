@@ -11,7 +11,7 @@ use strivec::model::{DecoderMode, Scene};
 use strivec::prior::VoxelBoxes;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{
-    Backward, BatchThinning, Target, TrainConfig, TrainError, Trainer, place_scene, reconstruct_prior,
+    Backward, BatchRoulette, Target, TrainConfig, TrainError, Trainer, place_scene, reconstruct_prior,
 };
 
 use super::compare::rays_through;
@@ -24,7 +24,7 @@ fn assert_finite_gradients(name: &str, scene: &Scene) {
         .map(|n| Target { color: [(n % 3) as f32 / 2.0, 0.25, 0.75], background: scene.frame.background })
         .collect();
     let field = Field::<f32>::new(scene);
-    let found = Backward::new(&field).gradients(&field, &rays, &targets, BatchThinning::default());
+    let found = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
     assert!(found.loss.is_finite(), "{name}: loss {}", found.loss);
     let groups =
         [("density", found.density.concat()), ("appearance", found.appearance.concat()), ("networks", found.networks)];

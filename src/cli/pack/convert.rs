@@ -9,8 +9,8 @@ use super::input::{self, Inputs, Outputs};
 use crate::cli::approximations::granted;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session};
-use crate::container::{self, Document, EncodeOptions, Extras, VERSION};
-use crate::render::{Choice, TRADE_NOTE, Trade, Wish};
+use crate::container::{self, EncodeOptions, Metadata, SceneFile, VERSION};
+use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
 
 /// Arguments of `strivec-pack convert`.
 #[derive(Debug, clap::Args)]
@@ -73,19 +73,20 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         if let Some(name) = &args.quality {
             bake(&mut document, path, name, session)?;
         }
-        let bytes = container::encode_document(&document.scene, &document.extras, &options);
+        let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options);
         bytes.map_err(|e| Error::container(path, e))
     })
 }
 
 /// Makes the scene what the file's point `name` renders, as far as scenes can be.
-fn bake(document: &mut Document, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
-    let size = Trade::of_notes(&document.extras.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
-    let Choice { approximation, divisor } = granted(&Wish::Name(name.to_owned()), document, path, size)?;
+fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
+    let size = ParetoFront::of_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
+    let RenderSettings { approximation, divisor } =
+        granted(&QualitySelector::Name(name.to_owned()), document, path, size)?;
     approximation.check(&document.scene)?;
-    let scene = container::beginning(document.scene.clone(), &document.extras.prefixes, approximation.scales);
+    let scene = container::beginning(document.scene.clone(), &document.metadata.prefixes, approximation.scales);
     document.scene = approximation.applied(scene);
-    forget_measurements(&mut document.extras);
+    forget_measurements(&mut document.metadata);
     if approximation.density_cache.is_some() || divisor != 1 {
         let message = "a density cache and smaller pictures are the renderer's: the file cannot have them";
         session.console.say(&format!("{}: {message}", path.display()));
@@ -94,11 +95,11 @@ fn bake(document: &mut Document, path: &Path, name: &str, session: &Session) -> 
 }
 
 /// Forgets what was of the scene as it was.
-pub(super) fn forget_measurements(extras: &mut Extras) {
-    extras.probes = None;
-    extras.prefixes.clear();
-    extras.quality = None;
-    extras.notes.remove(TRADE_NOTE);
+pub(super) fn forget_measurements(metadata: &mut Metadata) {
+    metadata.probes = None;
+    metadata.prefixes.clear();
+    metadata.quality = None;
+    metadata.notes.remove(TRADE_NOTE);
 }
 
 /// Writes what `change` makes of each input.
@@ -107,7 +108,7 @@ pub(super) fn rewrite(
     output: &Path,
     dry_run: bool,
     session: &Session,
-    change: impl Fn(container::Document, &Path) -> Result<Vec<u8>, Error>,
+    change: impl Fn(container::SceneFile, &Path) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
     let paths = inputs.paths()?;
     let outputs = Outputs::new(&paths, output, dry_run, session)?;

@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let psnr = if same_bytes || args.no_pictures {
         None
     } else {
-        let error = Judge::new(&before.scene, probe_views(&before.scene, &before.extras.cameras, 6, JUDGED.1))
+        let error = Judge::new(&before.scene, probe_views(&before.scene, &before.metadata.cameras, 6, JUDGED.1))
             .error(&after.scene);
         (error > 0.0).then(|| psnr_of_mse(error))
     };

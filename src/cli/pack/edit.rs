@@ -10,7 +10,7 @@ use super::input::Inputs;
 use super::package::{JUDGED, PROBED};
 use crate::cli::numbers::{boxed, numbers};
 use crate::cli::{Error, Session};
-use crate::container::{self, Document, EncodeOptions};
+use crate::container::{self, EncodeOptions, SceneFile};
 use crate::geometry::{Aabb, Similarity};
 use crate::pack::{self, probe_views, sensitivity};
 
@@ -33,14 +33,14 @@ impl Target {
     fn rewrite(
         &self,
         session: &Session,
-        change: impl Fn(Document) -> Result<Document, container::Error>,
+        change: impl Fn(SceneFile) -> Result<SceneFile, container::Error>,
     ) -> Result<(), Error> {
         let options: EncodeOptions = self.layout.apply(lossless(&self.layout))?;
         rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
             let changed = || {
                 let mut document = change(document)?;
-                forget_measurements(&mut document.extras);
-                container::encode_document(&document.scene, &document.extras, &options)
+                forget_measurements(&mut document.metadata);
+                container::encode_scene_file(&document.scene, &document.metadata, &options)
             };
             changed().map_err(|e| Error::container(path, e))
         })
@@ -64,7 +64,7 @@ pub(super) struct PruneArgs {
 /// Drops components that pictures do not show.
 pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document| {
-        let views = probe_views(&document.scene, &document.extras.cameras, PROBED.0, JUDGED.1);
+        let views = probe_views(&document.scene, &document.metadata.cameras, PROBED.0, JUDGED.1);
         let sensitivity = sensitivity(&document.scene, &views, PROBED.1, args.seed);
         let share = pack::prune(&mut document.scene, &sensitivity, args.error);
         session.console.say(&format!("{:.1} % of the components dropped", 100.0 * share));
@@ -93,7 +93,7 @@ pub(super) struct CropArgs {
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document| {
         if let Some(scales) = args.scales.map(usize::from).filter(|n| *n < document.scene.scales.len()) {
-            let prefixes = &document.extras.prefixes;
+            let prefixes = &document.metadata.prefixes;
             if !matches!(prefixes.get(scales - 1), Some(Some(_))) {
                 session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them"));
             }

@@ -13,7 +13,7 @@ use super::convert::Written;
 use super::encoding::{LayoutArgs, lossless};
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::{Error, Session};
-use crate::container::{self, Document, Extras, TrainingCamera, Views};
+use crate::container::{self, Metadata, SceneFile, TrainingCamera, Views};
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{
     AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
@@ -130,7 +130,7 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
     let outputs = Outputs::new(std::slice::from_ref(&args.input), &args.output, false, session)?;
     let document = Folder(&args.input).document()?;
     let options = args.layout.apply(lossless(&args.layout))?;
-    let bytes = container::encode_document(&document.scene, &document.extras, &options)
+    let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;
     let output = outputs.write(&args.input, &bytes)?;
     if outputs.takes_standard_output() {
@@ -142,8 +142,8 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
 }
 
 /// Names and contents.
-fn files_of(document: Document) -> Result<BTreeMap<String, Vec<u8>>, Error> {
-    let Document { scene, extras } = document;
+fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
+    let SceneFile { scene, metadata } = document;
     let mut files = BTreeMap::new();
     let mut add = |name: String, bytes: Result<Vec<u8>, Error>| bytes.map(|bytes| drop(files.insert(name, bytes)));
     for (s, scale) in scene.scales.iter().enumerate() {
@@ -203,10 +203,10 @@ fn files_of(document: Document) -> Result<BTreeMap<String, Vec<u8>>, Error> {
         },
         occupancy: scene.occupancy.as_ref().map(|o| o.bounds),
         provenance: scene.provenance.clone(),
-        license: extras.license,
-        views: extras.views,
-        cameras: extras.cameras,
-        notes: extras.notes,
+        license: metadata.license,
+        views: metadata.views,
+        cameras: metadata.cameras,
+        notes: metadata.notes,
     };
     let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Runtime(e.to_string()))?;
     files.insert(DESCRIPTION.into(), json);
@@ -230,7 +230,7 @@ fn npy<T: npyz::AutoSerialize>(shape: &[usize], values: impl Iterator<Item = T>)
 struct Folder<'a>(&'a Path);
 
 impl Folder<'_> {
-    fn document(&self) -> Result<Document, Error> {
+    fn document(&self) -> Result<SceneFile, Error> {
         let path = self.0.join(DESCRIPTION);
         let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
         let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
@@ -251,7 +251,7 @@ impl Folder<'_> {
         let Description { frame, bounds, rules, provenance, license, views, cameras, notes, .. } = d;
         let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
         scene.check().map_err(|e| Error::Malformed(format!("{}: {e}", self.0.display())))?;
-        Ok(Document { scene, extras: Extras { license, views, cameras, notes, ..Extras::default() } })
+        Ok(SceneFile { scene, metadata: Metadata { license, views, cameras, notes, ..Metadata::default() } })
     }
 
     fn scale(&self, s: usize, scale: ScaleDescription) -> Result<Scale, Error> {

@@ -9,7 +9,7 @@ use super::input::{self, Inputs};
 use crate::cli::info::Info;
 use crate::cli::table::{Table, grouped};
 use crate::cli::{Error, Session};
-use crate::container::{self, Extras};
+use crate::container::{self, Metadata};
 
 /// Arguments of `strivec-pack info`.
 #[derive(Debug, clap::Args)]
@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 impl Row {
-    fn new(path: PathBuf, bytes: u64, document: container::Document, contents: &container::Contents) -> Self {
+    fn new(path: PathBuf, bytes: u64, document: container::SceneFile, contents: &container::Contents) -> Self {
         let parameters = document.scene.parameter_count().max(1) as f64;
         let mut budget: BTreeMap<String, (u64, f64)> = BTreeMap::new();
         for section in &contents.sections {
@@ -65,7 +65,7 @@ impl Row {
             entry.1 += 8.0 * section.length as f64 / parameters;
         }
         let info = Info::new(path, bytes, &document.scene, contents);
-        let Extras { license, quality, probes, cameras, notes, unknown, .. } = document.extras;
+        let Metadata { license, quality, probes, cameras, notes, unknown, .. } = document.metadata;
         let quality = quality.unwrap_or_default();
         Self {
             info,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use crate::cli::{Error, Session, check_output, write_atomically};
-use crate::container::{self, Document, Limits};
+use crate::container::{self, Limits, SceneFile};
 
 /// The name of standard input and output.
 pub(super) const STANDARD: &str = "-";
@@ -68,9 +68,9 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
 }
 
 /// What a file holds, and its bytes.
-pub(super) fn read(path: &Path, limits: Limits) -> Result<(Document, Vec<u8>), Error> {
+pub(super) fn read(path: &Path, limits: Limits) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = read_bytes(path)?;
-    let document = container::decode_document(&bytes, limits).map_err(|e| Error::container(path, e))?;
+    let document = container::decode_scene_file(&bytes, limits).map_err(|e| Error::container(path, e))?;
     Ok((document, bytes))
 }
 

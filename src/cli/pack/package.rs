@@ -11,12 +11,12 @@ use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session, quantity, train};
-use crate::container::{self, Document, Extras, Limits, Quality, TrainingCamera};
+use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
 use crate::pack::{
-    Candidate, Goal, Judge, MOST_TRIED, Sensitivity, Views, fit_prefix, probe_views, search, sensitivity,
+    Candidate, Goal, Judge, MAX_TRIED, Sensitivity, Views, fit_prefix, probe_views, search, sensitivity,
 };
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
@@ -239,11 +239,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// What a scene file or a training state holds, and its bytes.
-fn read_trained(path: &Path, limits: Limits) -> Result<(Document, u64), Error> {
+fn read_trained(path: &Path, limits: Limits) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
         let (_, scene) = train::read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
-        return Ok((Document { scene, extras: Extras::default() }, bytes));
+        return Ok((SceneFile { scene, metadata: Metadata::default() }, bytes));
     }
     let (document, bytes) = input::read(path, limits)?;
     Ok((document, bytes.len() as u64))
@@ -251,26 +251,26 @@ fn read_trained(path: &Path, limits: Limits) -> Result<(Document, u64), Error> {
 
 /// The file, and what was measured of it.
 fn pack(
-    document: Document,
+    document: SceneFile,
     args: &Args,
     photographs: Option<&(Vec<View>, String)>,
     session: &Session,
     path: &Path,
 ) -> Result<(Vec<u8>, Quality), Error> {
-    let Document { scene, mut extras } = document;
+    let SceneFile { scene, mut metadata } = document;
     if args.with_cameras {
-        extras.cameras = args.data.training_cameras(&scene)?;
+        metadata.cameras = args.data.training_cameras(&scene)?;
     }
     let packing = Packing {
-        views: probe_views(&scene, &extras.cameras, PROBED.0, args.judged_width()),
-        own: Judge::new(&scene, probe_views(&scene, &extras.cameras, JUDGED.0, args.judged_width())),
+        views: probe_views(&scene, &metadata.cameras, PROBED.0, args.judged_width()),
+        own: Judge::new(&scene, probe_views(&scene, &metadata.cameras, JUDGED.0, args.judged_width())),
         real: photographs.map(|(views, what)| {
             let judge = Judge::of_photographs(&scene, views);
             let before = judge.error(&scene);
             (judge, before, what.as_str())
         }),
         scene,
-        extras,
+        metadata,
         args,
         session,
     };
@@ -299,7 +299,7 @@ fn pack(
 /// What is known before anything is lost.
 struct Packing<'a> {
     scene: Scene,
-    extras: Extras,
+    metadata: Metadata,
     views: Views,
     /// The scene's own pictures.
     own: Judge,
@@ -318,9 +318,9 @@ impl Packing<'_> {
             (Some((judge, before, _)), Some(loss)) => {
                 (judge, Goal::Error { before: *before, more: before * grown(loss) })
             }
-            _ => (&self.own, goal(args, &self.extras)),
+            _ => (&self.own, goal(args, &self.metadata)),
         };
-        let progress = Progress::start(&self.session.console, "encodings", MOST_TRIED as u64);
+        let progress = Progress::start(&self.session.console, "encodings", MAX_TRIED as u64);
         let mut count = 0;
         let mut tried = |candidate: &Candidate| {
             count += 1;
@@ -335,15 +335,16 @@ impl Packing<'_> {
     fn finish(&self, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
         let Candidate { scene, decoded, options, .. } = candidate;
         let options = self.args.layout.apply(options.clone())?;
-        let mut extras = self.extras.clone();
-        let prefix_psnrs = self.fit_prefixes(decoded, &mut extras);
-        extras.probes = (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
-        extras.license = self.args.license.clone().or(extras.license);
+        let mut metadata = self.metadata.clone();
+        let prefix_psnrs = self.fit_prefixes(decoded, &mut metadata);
+        metadata.probes =
+            (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
+        metadata.license = self.args.license.clone().or(metadata.license);
         if !self.args.no_views {
-            extras.views = extras.views.or_else(|| Some(default_views(decoded)));
-            extras.thumbnail = Some(thumbnail(decoded)?);
+            metadata.views = metadata.views.or_else(|| Some(default_views(decoded)));
+            metadata.thumbnail = Some(thumbnail(decoded)?);
         }
-        let mut quality = extras.quality.take().unwrap_or_default();
+        let mut quality = metadata.quality.take().unwrap_or_default();
         let error = self.own.error(decoded);
         quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
         quality.prefixes = prefix_psnrs;
@@ -352,20 +353,20 @@ impl Packing<'_> {
             quality.test = Some(psnr_of_mse(judge.error(decoded)));
             quality.dataset = (*what).to_owned();
         }
-        extras.quality = Some(quality.clone());
-        let bytes = container::encode_document(scene, &extras, &options).map_err(|e| Error::container(path, e))?;
+        metadata.quality = Some(quality.clone());
+        let bytes = container::encode_scene_file(scene, &metadata, &options).map_err(|e| Error::container(path, e))?;
         Ok((bytes, quality))
     }
 
-    /// Fits the corrections of prefixes of `decoded` into `extras`; \[scale\] the PSNR of their pictures, nothing for the
+    /// Fits the corrections of prefixes of `decoded` into `metadata`; \[scale\] the PSNR of their pictures, nothing for the
     /// last.
-    fn fit_prefixes(&self, decoded: &Scene, extras: &mut Extras) -> Vec<Option<f64>> {
-        extras.prefixes.clear();
+    fn fit_prefixes(&self, decoded: &Scene, metadata: &mut Metadata) -> Vec<Option<f64>> {
+        metadata.prefixes.clear();
         let scales = decoded.scales.len();
         if self.args.no_prefixes || scales == 1 {
             return Vec::new();
         }
-        let judge = Judge::new(decoded, probe_views(decoded, &extras.cameras, 4, self.args.judged_width()));
+        let judge = Judge::new(decoded, probe_views(decoded, &metadata.cameras, 4, self.args.judged_width()));
         let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
         let mut psnrs = Vec::new();
         for count in 1..scales {
@@ -374,21 +375,21 @@ impl Packing<'_> {
             prefix.apply(&mut part);
             let psnr = psnr_of_mse(judge.error(&part));
             psnrs.push(Some(psnr));
-            extras.prefixes.push(Some(prefix));
+            metadata.prefixes.push(Some(prefix));
             progress.set(count as u64, || format!("{psnr:.1} dB"));
         }
-        extras.prefixes.push(None);
+        metadata.prefixes.push(None);
         psnrs.push(None);
         psnrs
     }
 }
 
-fn goal(args: &GoalArgs, extras: &Extras) -> Goal {
+fn goal(args: &GoalArgs, metadata: &Metadata) -> Goal {
     if let Some(bytes) = args.target_size {
         return Goal::Bytes(bytes);
     }
     if let Some(loss) = args.max_loss {
-        return Goal::Error { before: 0.0, more: scene_error(extras) * grown(loss) };
+        return Goal::Error { before: 0.0, more: scene_error(metadata) * grown(loss) };
     }
     Goal::Error { before: 0.0, more: args.quality.unwrap_or(QualityLevel::Balanced).error() }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::input::{self, Inputs};
 use crate::cli::{Error, Session};
-use crate::container::{Document, Limits};
+use crate::container::{Limits, SceneFile};
 use crate::measure::{ProbeReport, check_probes, probe_density_error};
 use crate::render::{CpuRenderer, ReferenceRenderer, Renderer};
 
@@ -71,7 +71,7 @@ fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
     row.warnings = warnings(&document);
     let mut failed = Vec::new();
     if args.render
-        && let Some(probes) = &document.extras.probes
+        && let Some(probes) = &document.metadata.probes
     {
         let reference = ReferenceRenderer::new(&document.scene);
         let fast = CpuRenderer::<f32>::new(&document.scene);
@@ -107,23 +107,23 @@ fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
 }
 
 /// What is allowed and yet not what a careful writer does.
-fn warnings(document: &Document) -> Vec<String> {
-    let extras = &document.extras;
+fn warnings(document: &SceneFile) -> Vec<String> {
+    let metadata = &document.metadata;
     let mut warnings = Vec::new();
-    match &extras.probes {
+    match &metadata.probes {
         None => warnings.push("no probes: pictures cannot be checked".into()),
         Some(probes) if probes.probes.len() < 64 => {
             warnings.push(format!("{} probes, where 64 are usual", probes.probes.len()));
         }
         Some(_) => {}
     }
-    if document.scene.scales.len() > 1 && extras.prefixes.iter().all(Option::is_none) {
+    if document.scene.scales.len() > 1 && metadata.prefixes.iter().all(Option::is_none) {
         warnings.push("no corrections of prefixes: fewer scales will look wrong".into());
     }
     if document.scene.occupancy.is_none() {
         warnings.push("no occupancy: rendering will be slow".into());
     }
-    warnings.extend(extras.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));
+    warnings.extend(metadata.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));
     warnings
 }
 

@@ -8,7 +8,7 @@ use super::shaping::Shaping;
 use crate::cli::progress::Progress;
 use crate::cli::{Error, Session, table};
 use crate::geometry::Camera;
-use crate::prior::{self, Built, Sight, VoxelBoxes};
+use crate::prior::{self, Built, PriorVisibility, VoxelBoxes};
 
 /// Where the scene is: of commands that train.
 #[derive(Clone, Debug, clap::Args)]
@@ -77,8 +77,12 @@ pub(super) fn build(
 }
 
 /// Says how many of the cameras' rays meet the prior, and warns where few do.
-pub(super) fn check_sight(boxes: &VoxelBoxes, cameras: impl Iterator<Item = Camera>, session: &Session) -> Sight {
-    let sight = prior::sight(boxes, &cameras.collect::<Vec<_>>());
+pub(super) fn check_sight(
+    boxes: &VoxelBoxes,
+    cameras: impl Iterator<Item = Camera>,
+    session: &Session,
+) -> PriorVisibility {
+    let sight = prior::check_alignment(boxes, &cameras.collect::<Vec<_>>());
     session.console.say(&format!("{:.1} % of the cameras' rays meet the prior", 100.0 * sight.share));
     if let Some(advice) = &sight.advice {
         session.console.say(&format!("warning: {advice}"));

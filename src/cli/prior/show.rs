@@ -11,7 +11,7 @@ use crate::cli::{Error, Session, check_output, write_atomically};
 use crate::dataset::{self, Dataset};
 use crate::geometry::Camera;
 use crate::measure::{Canvas, color_png, side_by_side, stacked};
-use crate::prior::{self, Built, CellTree, Sight};
+use crate::prior::{self, Built, PriorVisibility, SparseVoxelTree};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -73,7 +73,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         options.every = count.div_ceil(ROWS).max(1);
     }
     let Dataset { views, .. } = dataset::load(&args.data, &args.split, &options)?;
-    let tree = CellTree::new(&boxes);
+    let tree = SparseVoxelTree::new(&boxes);
     let mut rows = Vec::new();
     for view in &views {
         let photograph = view.pixels.colors(BACKGROUND);
@@ -86,7 +86,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     write_atomically(&args.out, &color_png(sheet.size, &sheet.colors)?, session.force)?;
 
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
-    let Sight { share, advice } = prior::sight(&boxes, &cameras);
+    let PriorVisibility { share, advice } = prior::check_alignment(&boxes, &cameras);
     let shown = Shown {
         file: &args.out,
         views: views.len(),

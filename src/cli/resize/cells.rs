@@ -7,7 +7,7 @@ use crate::field::Field;
 use crate::measure::{Cell, CellMap, FLAT};
 use crate::model::Scene;
 use crate::random::Random;
-use crate::train::{Photographs, RayBatch, TrainConfig};
+use crate::train::{RayBatch, RaySampler, TrainConfig};
 
 /// Cells along the scene's longest edge, and rays that look at them, at most.
 const CELLS_ALONG: usize = 64;
@@ -33,7 +33,7 @@ impl Cells {
     pub(super) fn new(scenes: [&Scene; 2], views: &[View], config: &TrainConfig) -> Self {
         let [before, _] = scenes;
         let field = Field::<f32>::new(before);
-        let mut photographs = Photographs::new(views, &before.frame, config);
+        let mut photographs = RaySampler::new(views, &before.frame, config);
         photographs.keep_rays_that_meet(&field);
         let count = photographs.kept_count().min(CELL_RAYS);
         let batch = RayBatch::draw(&photographs, &field, &Random::new(config.seed, "cells"), 0, count);

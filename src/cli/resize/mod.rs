@@ -16,7 +16,7 @@ use super::progress::Progress;
 use super::settings::Basics;
 use super::train::{Precision, Preset, RecentError, interrupts};
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
-use crate::container::{self, EncodeOptions, Extras};
+use crate::container::{self, EncodeOptions, Metadata};
 use crate::dataset;
 use crate::measure::color_png;
 use crate::model::Scene;
@@ -154,17 +154,17 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
     if let Some(path) = &args.picture {
         check_output(path, session.force)?;
     }
-    let (document, _) = scene_file::read_document(&args.file)?;
+    let (document, _) = scene_file::read_scene_file(&args.file)?;
     let tuning = args.tuning(&document.scene)?;
     let interrupted = interrupts()?;
     let dataset = dataset::load(&args.dataset, "train", &args.basics.photographs())?;
     let start = Instant::now();
     let before: Vec<ScaleUse> = document.scene.scales.iter().map(ScaleUse::of).collect();
-    let extras = Extras {
-        license: document.extras.license,
-        views: document.extras.views,
-        cameras: document.extras.cameras,
-        ..Extras::default()
+    let metadata = Metadata {
+        license: document.metadata.license,
+        views: document.metadata.views,
+        cameras: document.metadata.cameras,
+        ..Metadata::default()
     };
     let mut meter: Option<Meter> = None;
     let mut stepped = |step: &ResizeStep| {
@@ -191,8 +191,8 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
     };
     let cells = Cells::new([&document.scene, &resized.scene], &dataset.views, &tuning.config);
     let options = EncodeOptions::uniform(args.encoding.factors());
-    let bytes =
-        container::encode_document(&resized.scene, &extras, &options).map_err(|e| Error::container(&args.output, e))?;
+    let bytes = container::encode_scene_file(&resized.scene, &metadata, &options)
+        .map_err(|e| Error::container(&args.output, e))?;
     write_atomically(&args.output, &bytes, session.force)?;
     if let Some(path) = &args.picture {
         let (size, colors) = picture::draw(&cells.named()).map_err(Error::Runtime)?;

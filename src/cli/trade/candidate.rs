@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::cli::backend::Backend;
-use crate::render::{Approximation, Choice};
+use crate::render::{Approximation, RenderSettings};
 
 /// A point of the sweep. All of it decides which it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Candidate {
     /// Which of the scenes: the file's own is 0.
     pub(super) source: usize,
-    pub(super) choice: Choice,
+    pub(super) choice: RenderSettings,
     pub(super) engine: Engine,
     pub(super) threads: usize,
 }

@@ -3,7 +3,7 @@
 use super::sweep::Source;
 use crate::cli::pack::{JUDGED, PROBED};
 use crate::cli::{Error, Session};
-use crate::container::{EncodeOptions, Encoding, Extras, Limits, decode_document, encode_document};
+use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
 use crate::pack::{Goal, Judge, probe_views, search, sensitivity};
 
@@ -17,8 +17,8 @@ const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
 pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, Error> {
     let failed = |e: crate::container::Error| Error::Runtime(e.to_string());
     let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
-        let bytes = encode_document(scene, &Extras::default(), options).map_err(failed)?;
-        let scene = decode_document(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;
+        let bytes = encode_scene_file(scene, &Metadata::default(), options).map_err(failed)?;
+        let scene = decode_scene_file(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;
         Ok(Source { name, scene, prefixes: Vec::new(), bytes: bytes.len() as u64 })
     };
     let mut sources = Vec::new();

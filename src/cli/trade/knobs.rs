@@ -3,7 +3,7 @@
 use super::candidate::{Candidate, Engine};
 use super::measured::Measured;
 use crate::model::{DecoderMode, Scene};
-use crate::render::{Approximation, Choice};
+use crate::render::{Approximation, RenderSettings};
 
 /// One thing that can be traded, and its values besides the exact one.
 pub(super) struct Knob {
@@ -12,7 +12,7 @@ pub(super) struct Knob {
 }
 
 /// What a sweep may use.
-pub(super) struct Room<'a> {
+pub(super) struct SearchSpace<'a> {
     /// What everything is compared with: the file as it is, on all threads.
     pub(super) base: Candidate,
     pub(super) scene: &'a Scene,
@@ -23,12 +23,12 @@ pub(super) struct Room<'a> {
 }
 
 /// Everything that can be traded, one thing at a time.
-pub(super) fn knobs(room: &Room<'_>) -> Vec<Knob> {
-    let Room { base, scene, sources, engines, threads } = room;
+pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
+    let SearchSpace { base, scene, sources, engines, threads } = space;
     let approximations = |name, values: Vec<Approximation>| Knob {
         name,
         candidates: (values.into_iter())
-            .map(|approximation| Candidate { choice: Choice { approximation, divisor: 1 }, ..base.clone() })
+            .map(|approximation| Candidate { choice: RenderSettings { approximation, divisor: 1 }, ..base.clone() })
             .collect(),
     };
     let exact = Approximation::default();
@@ -70,7 +70,12 @@ pub(super) fn knobs(room: &Room<'_>) -> Vec<Knob> {
     let others = |name, candidates: Vec<Candidate>| Knob { name, candidates };
     all.push(others(
         "resolution",
-        [2, 4].map(|divisor| Candidate { choice: Choice { divisor, ..Choice::default() }, ..base.clone() }).into(),
+        [2, 4]
+            .map(|divisor| Candidate {
+                choice: RenderSettings { divisor, ..RenderSettings::default() },
+                ..base.clone()
+            })
+            .into(),
     ));
     all.push(others("file", (1..*sources).map(|source| Candidate { source, ..base.clone() }).collect()));
     all.push(others("arithmetic", engines.iter().map(|&engine| Candidate { engine, ..base.clone() }).collect()));
@@ -89,9 +94,9 @@ struct Value {
 }
 
 /// Values that make pictures faster by less are not worth their loss in a combination.
-const LEAST_GAIN: f64 = 0.97;
+const MIN_GAIN: f64 = 0.97;
 /// Decibels that a value may lose on its own.
-const MOST_LOSS: f64 = 6.0;
+const MAX_LOSS: f64 = 6.0;
 /// Values of a knob that are combined.
 const VALUES: usize = 3;
 
@@ -104,7 +109,7 @@ pub(super) fn combinations(
     most: usize,
     scene_error: f64,
 ) -> Vec<Candidate> {
-    let most_error = (base.error + scene_error) * 10f64.powf(MOST_LOSS / 10.0);
+    let most_error = (base.error + scene_error) * 10f64.powf(MAX_LOSS / 10.0);
     // Threads and arithmetic are the machine's, and are swept alone.
     let combined = knobs.iter().filter(|knob| !matches!(knob.name, "threads" | "arithmetic"));
     let values: Vec<Vec<Value>> = combined
@@ -114,7 +119,7 @@ pub(super) fn combinations(
                 .filter_map(|candidate| {
                     let found = measured(candidate)?;
                     let (time, error) = (found.ratio, found.error - base.error);
-                    let is_useful = time < LEAST_GAIN && found.error + scene_error < most_error;
+                    let is_useful = time < MIN_GAIN && found.error + scene_error < most_error;
                     is_useful.then(|| Value { candidate: candidate.clone(), time, error })
                 })
                 .collect();
@@ -193,7 +198,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     if source != 0 && approximation.decoder.is_some() {
         return None;
     }
-    Some(Candidate { source, choice: Choice { approximation, divisor }, ..a.clone() })
+    Some(Candidate { source, choice: RenderSettings { approximation, divisor }, ..a.clone() })
 }
 
 #[cfg(test)]
@@ -204,8 +209,8 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_judged_beside_what_the_scene_is_off() {
-        let base = Candidate { source: 0, choice: Choice::default(), engine: Engine::CPU, threads: 1 };
-        let with = |approximation| Candidate { choice: Choice { approximation, divisor: 1 }, ..base.clone() };
+        let base = Candidate { source: 0, choice: RenderSettings::default(), engine: Engine::CPU, threads: 1 };
+        let with = |approximation| Candidate { choice: RenderSettings { approximation, divisor: 1 }, ..base.clone() };
         let exact = Approximation::default();
         let knob = |name, approximation| Knob { name, candidates: vec![with(approximation)] };
         let knobs = [
@@ -229,7 +234,7 @@ mod tests {
         // The scene's own pictures, which nothing else shows exactly, where the scene has 36 dB.
         let of_own = combinations(&knobs, &measured(1.0, 0.0), &alone, 8, 2.5e-4);
         assert_eq!(of_own.len(), 1);
-        let Choice { approximation, .. } = of_own[0].choice;
+        let RenderSettings { approximation, .. } = of_own[0].choice;
         assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
         assert_eq!(approximation.neighbors, None, "it loses more than 6 dB");
     }

@@ -2,9 +2,9 @@
 
 mod candidate;
 mod encodings;
-mod front;
 mod knobs;
 mod measured;
+mod pareto;
 mod plot;
 mod report;
 mod sweep;
@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use candidate::{Candidate, Engine};
-use knobs::{Room, combinations, knobs};
+use knobs::{SearchSpace, combinations, knobs};
 use measured::{Belongs, Log};
 use report::{Report, Row, stored_front};
 use sweep::{Source, Sweep};
@@ -26,8 +26,8 @@ use super::backend::Backend;
 use super::output::make_folder;
 use super::settings::configuration;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::container::{self, Document};
-use crate::render::{Choice, TRADE_NOTE, Trade};
+use crate::container::{self, SceneFile};
+use crate::render::{ParetoFront, RenderSettings, TRADE_NOTE};
 use crate::train::TrainConfig;
 
 const EXAMPLES: &str = "\
@@ -126,23 +126,27 @@ fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
 /// Sweeps what can be traded in the scene of `file`.
 fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let console = &session.console;
-    let (document, bytes) = scene_file::read_document(file)?;
+    let (document, bytes) = scene_file::read_scene_file(file)?;
     let mut checksums = vec![crc32fast::hash(&bytes)];
-    let Document { scene, extras } = document;
+    let SceneFile { scene, metadata } = document;
     let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let views = match &args.data {
         Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
-        None => Views::own(&scene, &extras.cameras, args.views.into(), args.size, console)?,
+        None => Views::own(&scene, &metadata.cameras, args.views.into(), args.size, console)?,
     };
     // Photographs know of it.
-    let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&extras) };
-    let mut sources =
-        vec![Source { name: name.clone(), scene: scene.clone(), prefixes: extras.prefixes, bytes: bytes.len() as u64 }];
+    let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&metadata) };
+    let mut sources = vec![Source {
+        name: name.clone(),
+        scene: scene.clone(),
+        prefixes: metadata.prefixes,
+        bytes: bytes.len() as u64,
+    }];
     for path in &args.also {
-        let (Document { scene, extras }, bytes) = scene_file::read_document(path)?;
+        let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(path)?;
         checksums.push(crc32fast::hash(&bytes));
         let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        sources.push(Source { name, scene, prefixes: extras.prefixes, bytes: bytes.len() as u64 });
+        sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });
     }
     if args.encodings {
         sources.extend(encodings::encoded(&scene, session)?);
@@ -152,18 +156,18 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     let first = *args.backend.first().unwrap_or(&Backend::Cpu);
     let base = Candidate {
         source: 0,
-        choice: Choice::default(),
+        choice: RenderSettings::default(),
         engine: Engine { backend: first, half: false },
         threads: all_threads,
     };
-    let room = Room {
+    let space = SearchSpace {
         base: base.clone(),
         scene: &scene,
         sources: sources.len(),
         engines: engines(&args.backend, base.engine),
         threads: threads(&args.threads_list, all_threads, first),
     };
-    let knobs = knobs(&room);
+    let knobs = knobs(&space);
     make_folder(&args.out)?;
     let belongs = Belongs { version: 1, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
     let log = Log::open(&args.out.join("visits.jsonl"), &belongs, session.force)?;
@@ -186,7 +190,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     rows.extend(sweep.known(&finalists, 1).into_iter().map(|(c, m)| ("several", c, m)));
     let rows = Row::all(rows, &base, &sources);
     let machine = machine(all_threads);
-    let front = Trade::new(
+    let front = ParetoFront::new(
         machine.clone(),
         base.engine.name().to_owned(),
         views.size(),
@@ -198,7 +202,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     report.write(&args.out)?;
     report.write_pictures(&args.out, &sources[0], &base, &views, session)?;
     if args.store {
-        let mut notes = extras.notes;
+        let mut notes = metadata.notes;
         notes.insert(TRADE_NOTE.to_owned(), report.front.to_note());
         let with_notes = container::with_notes(&bytes, &notes).map_err(|e| Error::container(file, e))?;
         write_atomically(file, &with_notes, true)?;

@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::candidate::Candidate;
-use super::front::front;
 use super::measured::{Measured, SAME};
+use super::pareto::front;
 use super::plot::{self, Plot};
 use super::sweep::Source;
 use super::views::Views;
@@ -14,7 +14,7 @@ use crate::cli::render::colors;
 use crate::cli::table::Table;
 use crate::cli::{Error, Session, write_atomically};
 use crate::measure::{Canvas, color_png, error_map, side_by_side, stacked};
-use crate::render::{Trade, TradePoint, enlarged};
+use crate::render::{ParetoFront, ParetoPoint, upsample_bilinear};
 
 /// The difference that is brightest in an error picture.
 const ERROR_FULL: f32 = 0.2;
@@ -29,7 +29,7 @@ pub(super) struct Report {
     pub(super) machine: String,
     pub(super) rows: Vec<Row>,
     /// The front of the file's own backend, as `--store` writes it.
-    pub(super) front: Trade,
+    pub(super) front: ParetoFront,
 }
 
 /// A candidate.
@@ -77,7 +77,7 @@ impl Row {
 }
 
 /// The front of what `base`'s engine and scene do on its threads, the fastest first.
-pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<TradePoint> {
+pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<ParetoPoint> {
     let own: Vec<&Row> = (rows.iter())
         .filter(|row| {
             let c = &row.candidate;
@@ -88,7 +88,7 @@ pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<TradePoint> {
     // Medians of different views' times are not compared: ratios to the base's time in the same rounds are.
     let whole = own.iter().find(|row| row.candidate == *base).map_or(1.0, |row| row.measured.milliseconds.median);
     (front(&points).into_iter())
-        .map(|n| TradePoint {
+        .map(|n| ParetoPoint {
             names: Vec::new(),
             choice: own[n].candidate.choice,
             milliseconds: whole * own[n].measured.ratio,
@@ -215,7 +215,7 @@ impl Report {
             let scene = source.with_scales_of(approximation);
             let mut renderer = base.engine.prepare(scene, approximation, &session.console)?;
             let small = renderer.render(&view.camera.downscaled(point.choice.divisor))?;
-            let drawn = colors(&enlarged(&small, size));
+            let drawn = colors(&upsample_bilinear(&small, size));
             let difference = error_map(&drawn, &view.truth, ERROR_FULL)?;
             let pictures = [drawn, view.truth.clone(), difference].map(|colors| Canvas { size, colors });
             rows.push(side_by_side(&pictures));

@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use super::candidate::{Candidate, Engine};
-use super::front::below_front;
 use super::measured::{Log, Measured, Visit};
+use super::pareto::below_front;
 use super::views::{View, Views};
 use crate::cli::backend::{BackendOptions, Prepared};
 use crate::cli::console::Console;
@@ -14,7 +14,7 @@ use crate::cli::{Error, Session};
 use crate::container::{Prefix, beginning};
 use crate::measure::{Error as MeasureError, mse, ssim};
 use crate::model::Scene;
-use crate::render::{Approximation, enlarged};
+use crate::render::{Approximation, upsample_bilinear};
 
 /// A scene that candidates draw.
 pub(super) struct Source {
@@ -112,7 +112,7 @@ impl Sweep<'_> {
             let start = Instant::now();
             let small = renderer.render(&camera)?;
             let size = [view.camera.width, view.camera.height];
-            let picture = colors(&enlarged(&small, size));
+            let picture = colors(&upsample_bilinear(&small, size));
             let milliseconds = 1e3 * start.elapsed().as_secs_f64();
             let differences = picture.iter().zip(&view.exact).flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()));
             Ok(Visit {

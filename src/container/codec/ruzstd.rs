@@ -11,7 +11,7 @@ use crate::container::Error;
 /// The first bytes of a frame.
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// The largest window that the C library takes, as a power of two.
-const MOST_WINDOW_LOG: u8 = 31;
+const MAX_WINDOW_LOG: u8 = 31;
 
 /// Always an error: nothing is written in browsers.
 #[cfg(target_arch = "wasm32")]
@@ -77,7 +77,7 @@ impl Header {
         }
         if !is_one_segment {
             let (&window, after) = rest.split_first()?;
-            if 10 + (window >> 3) > MOST_WINDOW_LOG {
+            if 10 + (window >> 3) > MAX_WINDOW_LOG {
                 return None;
             }
             rest = after;

@@ -76,11 +76,11 @@ impl Mesh {
         }
         let mut kept = kept.into_iter();
         self.triangles.retain(|_| kept.next() == Some(true));
-        (gone / below, self.drop_unused())
+        (gone / below, self.prune_dead_components())
     }
 
     /// Drops vertices of no triangle; returns which each of the others was.
-    fn drop_unused(&mut self) -> Vec<u32> {
+    fn prune_dead_components(&mut self) -> Vec<u32> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.as_flattened().iter().for_each(|&index| used[index as usize] = true);
         let was: Vec<u32> = (0..used.len() as u32).filter(|&index| used[index as usize]).collect();

@@ -20,7 +20,7 @@ const SINE_COSINE: f64 = 30.0;
 const WORD: f64 = 4.0;
 /// Offset from the center (3), then u = (offset + half)·cells a unit and its fraction on each axis (3·3).
 const INTERPOLATION: f64 = 12.0;
-/// Words of a `field::Pair`, of a `field::Located` and of a `train::pairs::TensorPair`.
+/// Words of a `field::Contribution`, of a `field::InterpolationSite` and of a `train::pairs::TensorPair`.
 const PAIR: f64 = 2.0;
 const LOCATED: f64 = 8.0;
 const TENSOR_PAIR: f64 = 3.0;

@@ -8,13 +8,13 @@ use super::arguments::Arguments;
 use super::opening::{self, News, Opened};
 use super::recent;
 use super::scene_slot::{Device, SceneSlot};
-use crate::container::{Document, TrainingCamera};
+use crate::container::{SceneFile, TrainingCamera};
 use crate::dataset::{self, LoadOptions};
 use crate::geometry::Camera;
 use crate::measure::color_png;
 use crate::player::{Action, Comparison, Controls, Pace, Photograph, Recorder, Show, View, named_choices};
 use crate::render::gpu::GpuError;
-use crate::render::{Approximation, Choice};
+use crate::render::{Approximation, RenderSettings};
 
 /// The player.
 pub(super) struct App {
@@ -199,7 +199,7 @@ impl App {
             self.slots[slot].as_ref().is_some_and(|s| !s.opened.is_whole && s.opened.name == opened.name);
         if slot == 0 && !is_more_of_the_same {
             let document = &opened.document;
-            self.controls = Some(Controls::new(&document.scene, document.extras.views.as_ref()));
+            self.controls = Some(Controls::new(&document.scene, document.metadata.views.as_ref()));
             (self.approximation, self.finest) = (Approximation::default(), 1);
             self.background = None;
             (self.seconds, self.seconds_before) = (None, None);
@@ -208,9 +208,9 @@ impl App {
         if slot == 0 {
             self.add_cameras(&mut opened.document);
             // The names come last of all.
-            let choices = named_choices(&opened.document.extras.notes);
+            let choices = named_choices(&opened.document.metadata.notes);
             let chosen = choices.into_iter().find(|(name, _)| Some(name) == self.quality.as_ref());
-            if let Some((_, Choice { approximation, divisor })) = chosen.filter(|_| opened.is_whole) {
+            if let Some((_, RenderSettings { approximation, divisor })) = chosen.filter(|_| opened.is_whole) {
                 (self.approximation, self.finest) = (approximation, divisor);
             }
             self.boxes.resize(opened.document.scene.scales.len(), true);
@@ -232,13 +232,13 @@ impl App {
     }
 
     /// The dataset's cameras, where the file holds none.
-    fn add_cameras(&mut self, document: &mut Document) {
-        let Some(folder) = self.data.as_ref().filter(|_| document.extras.cameras.is_empty()) else { return };
+    fn add_cameras(&mut self, document: &mut SceneFile) {
+        let Some(folder) = self.data.as_ref().filter(|_| document.metadata.cameras.is_empty()) else { return };
         match dataset::load_cameras(folder, "train", None, 1) {
             Ok(cameras) => {
                 let map = document.scene.frame.model_from_dataset;
                 let cameras = cameras.iter().map(|named| TrainingCamera::of(&named.camera.mapped(&map)));
-                document.extras.cameras = cameras.collect();
+                document.metadata.cameras = cameras.collect();
             }
             Err(error) => self.say(error.to_string()),
         }
@@ -364,7 +364,7 @@ impl App {
                 }
             }
             Action::NextCamera | Action::CameraBefore => {
-                let count = self.slots[0].as_ref().map_or(0, |s| s.opened.document.extras.cameras.len());
+                let count = self.slots[0].as_ref().map_or(0, |s| s.opened.document.metadata.cameras.len());
                 self.go_to_camera(self.photograph.neighbor(count, action == Action::NextCamera));
             }
         }
@@ -396,7 +396,7 @@ impl App {
     }
 
     /// Draws all scenes as `choice` says.
-    pub(super) fn choose(&mut self, choice: &Choice) {
+    pub(super) fn choose(&mut self, choice: &RenderSettings) {
         (self.approximation, self.finest) = (choice.approximation, choice.divisor);
         self.approximate();
     }
@@ -441,7 +441,7 @@ impl App {
     /// Puts the camera where training camera number `n` of the file was.
     pub(super) fn go_to_camera(&mut self, n: usize) {
         let (Some(controls), Some(slot)) = (&mut self.controls, &self.slots[0]) else { return };
-        if self.photograph.go_to(n, &slot.opened.document.extras.cameras, controls) {
+        if self.photograph.go_to(n, &slot.opened.document.metadata.cameras, controls) {
             self.changed();
         }
     }
@@ -478,7 +478,7 @@ impl App {
     pub(super) fn show(&self, n: usize) -> Option<Show> {
         let slot = self.slots[n].as_ref()?;
         let show = Show::of(&slot.scene, slot.shown(), self.view, self.background);
-        let place = slot.shown().and_then(|shown| self.photograph.place(&slot.opened.document.extras.cameras, shown));
+        let place = slot.shown().and_then(|shown| self.photograph.place(&slot.opened.document.metadata.cameras, shown));
         Some(match place.filter(|_| n == 0) {
             Some(photograph) => Show { photograph_share: self.photograph.shown_share(), photograph, ..show },
             None => show,

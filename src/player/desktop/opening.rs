@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use crate::container::{Contents, Document, Error, Fetch, Limits, Part, Reader, Seekable, Source};
+use crate::container::{Contents, Error, Fetch, Limits, Part, Reader, SceneFile, Seekable, Source};
 use crate::player::scale_count;
 
 /// A server that says nothing for so long is gone.
@@ -28,7 +28,7 @@ pub(super) enum News {
 /// A scene, as far as it is there.
 pub(super) struct Opened {
     /// The scene; a prefix of it is corrected to look like the whole.
-    pub(super) document: Document,
+    pub(super) document: SceneFile,
     pub(super) contents: Contents,
     /// Scales that are there.
     pub(super) scales: usize,
@@ -105,10 +105,10 @@ fn read_in_steps<S: Source>(source: S, name: String, tell: &mut dyn FnMut(News) 
     steps.push(all);
     for scales in steps {
         let is_whole = scales == all;
-        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, extras: true } };
+        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
         let document = reader.read(&part)?;
         // Fewer scales that nothing makes up for are hardly opaque.
-        if !is_whole && !document.extras.prefixes.get(scales - 1).is_some_and(Option::is_some) {
+        if !is_whole && !document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some) {
             continue;
         }
         let opened = Opened { document, contents: contents.clone(), scales, is_whole, name: name.clone() };

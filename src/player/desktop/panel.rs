@@ -5,7 +5,7 @@ use egui::{Color32, RichText, Slider, Ui};
 use super::app::App;
 use super::opening;
 use crate::player::{Action, Comparison, View, scale_count};
-use crate::render::Choice;
+use crate::render::RenderSettings;
 
 const KEYS: [(&str, &str); 16] = [
     ("left drag, one finger", "turn around the scene"),
@@ -221,7 +221,7 @@ fn quality(app: &mut App, ui: &mut Ui) {
     app.approximation = wanted;
     let mut chosen = None;
     ui.horizontal_wrapped(|ui| {
-        let exact = [("exact".to_owned(), Choice::default())];
+        let exact = [("exact".to_owned(), RenderSettings::default())];
         for (name, choice) in exact.into_iter().chain(choices) {
             if ui.button(name).clicked() {
                 chosen = Some(choice);
@@ -251,7 +251,7 @@ fn cameras(app: &mut App, ui: &mut Ui) {
             }
         }
     });
-    let count = app.slots[0].as_ref().map_or(0, |s| s.opened.document.extras.cameras.len());
+    let count = app.slots[0].as_ref().map_or(0, |s| s.opened.document.metadata.cameras.len());
     if count > 0 {
         let mut n = app.photograph.camera.unwrap_or(0);
         if ui.add(Slider::new(&mut n, 0..=count - 1).text("training camera")).changed() {

@@ -8,7 +8,7 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::player::{BoxLines, Fact, Screen, adapted, facts, named_choices};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, Choice, CpuRenderer, Look, Pixel, Renderer};
+use crate::render::{Approximation, CpuRenderer, Look, Pixel, RenderSettings, Renderer};
 
 /// What there is to draw with.
 #[derive(Clone)]
@@ -71,7 +71,7 @@ pub(super) struct SceneSlot {
     pub(super) opened: Opened,
     pub(super) facts: Vec<Fact>,
     /// What the file names.
-    pub(super) choices: Vec<(String, Choice)>,
+    pub(super) choices: Vec<(String, RenderSettings)>,
     pub(super) painter: Painter,
     /// The camera of the picture that is being drawn.
     drawing: Option<Camera>,
@@ -88,9 +88,9 @@ impl SceneSlot {
         // A viewer goes where no photograph was taken from; the bounds say where the scene is.
         scene.frame.near = 0.0;
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
-        let painter = Painter::new(&scene, &opened.document.extras.prefixes, device, approximation)?;
+        let painter = Painter::new(&scene, &opened.document.metadata.prefixes, device, approximation)?;
         let facts = facts(&opened.document, &opened.contents, opened.contents.file_length);
-        let choices = named_choices(&opened.document.extras.notes);
+        let choices = named_choices(&opened.document.metadata.notes);
         Ok(Self {
             scene,
             opened,
@@ -106,7 +106,7 @@ impl SceneSlot {
 
     /// Draws with `approximation` from now on.
     pub(super) fn approximate(&mut self, device: &Device, approximation: &Approximation) -> Result<(), String> {
-        let prefixes = &self.opened.document.extras.prefixes;
+        let prefixes = &self.opened.document.metadata.prefixes;
         let mut painter = Painter::new(&self.scene, prefixes, device, approximation)?;
         painter.take_picture_of(&mut self.painter);
         (self.painter, self.drawing) = (painter, None);

@@ -39,9 +39,9 @@ pub struct CoarseOptions {
     pub occupied_alpha: f64,
     /// Voxels that add no more than this to any pixel that is looked at are not occupied, whatever their α: fog, and
     /// what opaque surfaces have always hidden. 0 keeps all that any ray reaches. (DVGO, Strivec: no such rule.)
-    pub seen_weight: f64,
+    pub min_visibility_weight: f64,
     /// Every how many-th pixel of every how many-th row is looked at for that.
-    pub seen_stride: u32,
+    pub visibility_stride: u32,
     /// The sRGB color behind everything, photographs' transparent parts included.
     #[serde(skip)]
     pub background: [f32; 3],
@@ -70,8 +70,8 @@ impl Default for CoarseOptions {
             min_views: 3,
             view_count_rate: true,
             occupied_alpha: 1e-4,
-            seen_weight: 1e-3,
-            seen_stride: 3,
+            min_visibility_weight: 1e-3,
+            visibility_stride: 3,
             background: [1.0; 3],
             near: None,
             far: None,
@@ -92,7 +92,7 @@ impl CoarseOptions {
         let counts = [
             ("voxels", self.voxels, (64..=1 << 27).contains(&self.voxels), "64 to 134217728"),
             ("rays", self.rays, (1..=1 << 20).contains(&self.rays), "1 to 1048576"),
-            ("seen_stride", self.seen_stride, self.seen_stride > 0, "at least 1"),
+            ("visibility_stride", self.visibility_stride, self.visibility_stride > 0, "at least 1"),
         ];
         for (name, found, valid, expected) in counts {
             if !valid {
@@ -111,7 +111,12 @@ impl CoarseOptions {
             ("point_color", self.point_color, weight(self.point_color), "at least 0"),
             ("skip_alpha", self.skip_alpha, fraction(self.skip_alpha), "a number between 0 and 1"),
             ("min_transmittance", self.min_transmittance, fraction(self.min_transmittance), "a number between 0 and 1"),
-            ("seen_weight", self.seen_weight, (0.0..1.0).contains(&self.seen_weight), "a number in [0, 1)"),
+            (
+                "min_visibility_weight",
+                self.min_visibility_weight,
+                (0.0..1.0).contains(&self.min_visibility_weight),
+                "a number in [0, 1)",
+            ),
             ("occupied_alpha", self.occupied_alpha, fraction(self.occupied_alpha), "a number between 0 and 1"),
         ] {
             if !valid {

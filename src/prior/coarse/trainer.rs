@@ -19,7 +19,7 @@ const CHUNK: u32 = 128;
 const LIVE_EVERY: u32 = 16;
 
 /// All pixels of a dataset, numbered through.
-pub(super) struct Photographs<'a> {
+pub(super) struct RaySampler<'a> {
     dataset: &'a Dataset,
     /// The number of each view's first pixel, and of all pixels.
     begins: Vec<u64>,
@@ -27,7 +27,7 @@ pub(super) struct Photographs<'a> {
     background: [f32; 3],
 }
 
-impl<'a> Photographs<'a> {
+impl<'a> RaySampler<'a> {
     pub(super) fn new(dataset: &'a Dataset, background: [f32; 3]) -> Result<Self, Error> {
         check_views(dataset)?;
         let mut begins = vec![0];
@@ -101,7 +101,7 @@ impl Level {
     /// Begins to train `grid`, whose voxels are `finest_voxels` times as large as the finest grid's.
     pub(super) fn new(
         grid: Grid<f32>,
-        photographs: &Photographs,
+        photographs: &RaySampler,
         options: &CoarseOptions,
         near: f64,
         far: f64,
@@ -153,7 +153,7 @@ impl Level {
     }
 
     /// One step on random rays, keyed by (`seed`, `key`); returns their mean squared error. `step` counts on this grid.
-    pub(super) fn step(&mut self, photographs: &Photographs, seed: u64, key: u64, step: u32) -> f64 {
+    pub(super) fn step(&mut self, photographs: &RaySampler, seed: u64, key: u64, step: u32) -> f64 {
         if step.is_multiple_of(LIVE_EVERY) {
             self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
         }
@@ -198,7 +198,7 @@ impl Level {
 
     /// For each vertex, whether the voxel around it holds a sample that adds more than `weight` to any pixel. Every
     /// `stride`th pixel of every `stride`th row is looked at.
-    pub(super) fn seen(&mut self, photographs: &Photographs, weight: f32, stride: u32) -> Vec<bool> {
+    pub(super) fn seen(&mut self, photographs: &RaySampler, weight: f32, stride: u32) -> Vec<bool> {
         self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
         let views = &photographs.dataset.views;
         let none = || vec![false; self.grid.values.len()];

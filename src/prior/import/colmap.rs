@@ -11,7 +11,7 @@ const POINT_BYTES: u64 = 8 + 24 + 3 + 8 + 8;
 const SIGHTING_BYTES: u64 = 4 + 4;
 
 /// The longest line of the text, in bytes: two numbers for each picture that a point is seen in.
-const MOST_LINE: usize = 1 << 24;
+const MAX_LINE: usize = 1 << 24;
 
 /// Reads `points3D.bin`.
 ///
@@ -56,7 +56,7 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
 pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut line = Vec::new();
     let mut at = 0_u64;
-    while input.line(&mut line, MOST_LINE)? {
+    while input.line(&mut line, MAX_LINE)? {
         at += 1;
         input.report(visitor)?;
         let line = line.trim_ascii();

@@ -14,7 +14,7 @@ pub struct Gpu {
     adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
     /// What the device has complained of first, where nobody asked it to.
-    complaint: Arc<Mutex<Option<String>>>,
+    uncaptured_error: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -35,23 +35,23 @@ impl Gpu {
             max_buffer_size: own.max_buffer_size,
             max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,
             max_storage_buffers_per_shader_stage: own.max_storage_buffers_per_shader_stage,
-            max_compute_workgroup_storage_size: own.max_compute_workgroup_storage_size.min(MOST_WORKGROUP_BYTES),
+            max_compute_workgroup_storage_size: own.max_compute_workgroup_storage_size.min(MAX_WORKGROUP_BYTES),
             ..wgpu::Limits::downlevel_defaults()
         };
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("strivec"),
-            required_features: adapter.features() & WELCOME,
+            required_features: adapter.features() & OPTIONAL_FEATURES,
             required_limits: required_limits.using_resolution(own),
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|e| GpuError::Device(e.to_string()))?;
-        let complaint = Arc::new(Mutex::new(None));
-        let first = Arc::clone(&complaint);
+        let uncaptured_error = Arc::new(Mutex::new(None));
+        let first = Arc::clone(&uncaptured_error);
         // Without this the process would end.
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
-        Ok(Self { device, queue, info: adapter.get_info(), adapter, complaint })
+        Ok(Self { device, queue, info: adapter.get_info(), adapter, uncaptured_error })
     }
 
     /// Name, driver and kind.
@@ -89,9 +89,9 @@ impl Gpu {
     }
 
     /// What went wrong on the device, if anything did since this was asked last.
-    pub(super) fn complaint(&self) -> Result<(), GpuError> {
-        let complaint = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
-        complaint.map_or(Ok(()), |text| Err(GpuError::Device(text)))
+    pub(super) fn uncaptured_error(&self) -> Result<(), GpuError> {
+        let uncaptured_error = self.uncaptured_error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        uncaptured_error.map_or(Ok(()), |text| Err(GpuError::Device(text)))
     }
 
     /// Waits for all work that was given to the device, but no longer than `time`.
@@ -165,9 +165,9 @@ impl Mapping {
     }
 }
 
-/// Larger tiles of the decoder would leave room for fewer of them at a time.
-const MOST_WORKGROUP_BYTES: u32 = 32 << 10;
+/// Larger tiles of the decoder would leave limits for fewer of them at a time.
+const MAX_WORKGROUP_BYTES: u32 = 32 << 10;
 
 /// What is used where a device has it.
-const WELCOME: wgpu::Features =
+const OPTIONAL_FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);

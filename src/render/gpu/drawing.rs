@@ -6,7 +6,7 @@ use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
 use super::{Gpu, GpuError, GpuRenderer};
 
 /// Twice the samples that a ray of a sound scene may take.
-const MOST_STRIDES: u64 = 1 << 21;
+const MAX_STRIDES: u64 = 1 << 21;
 
 /// How far a picture is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,13 +30,13 @@ pub(super) struct Job {
     given: Vec<Ray>,
     rays: u32,
     done: u32,
-    /// Rays whose samples have room together, as far as is known.
+    /// Rays whose samples have limits together, as far as is known.
     at_once: u32,
-    flight: Option<Flight>,
+    flight: Option<InFlightBatch>,
 }
 
 /// A batch that the device is at.
-struct Flight {
+struct InFlightBatch {
     rays: u32,
     /// Of its counters.
     mapping: Mapping,
@@ -48,7 +48,7 @@ impl Job {
     }
 
     /// The end of the batch that the device is at, if it is at one.
-    pub(super) fn landing(&self) -> Option<impl Future<Output = ()> + use<>> {
+    pub(super) fn completion(&self) -> Option<impl Future<Output = ()> + use<>> {
         self.flight.as_ref().map(|flight| flight.mapping.clone().ended())
     }
 }
@@ -59,7 +59,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// [`GpuError::Device`]; [`GpuError::TooLarge`] where the samples of a few rays have no room.
+    /// [`GpuError::Device`]; [`GpuError::TooLarge`] where the samples of a few rays have no limits.
     pub fn advance(&mut self, most_rays: u32) -> Result<Drawing, GpuError> {
         let Some(mut job) = self.job.take() else { return Ok(Drawing::Finished) };
         let advanced = self.advance_job(&mut job, most_rays);
@@ -70,7 +70,7 @@ impl GpuRenderer {
     }
 
     fn advance_job(&mut self, job: &mut Job, most_rays: u32) -> Result<Drawing, GpuError> {
-        self.gpu.complaint()?;
+        self.gpu.uncaptured_error()?;
         if let Some(flight) = &job.flight {
             self.gpu.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Device(e.to_string()))?;
             match flight.mapping.result() {
@@ -88,33 +88,33 @@ impl GpuRenderer {
 
     /// Books the batch that the device is done with.
     fn land(&mut self, job: &mut Job) -> Result<(), GpuError> {
-        let Some(Flight { rays, .. }) = job.flight.take() else { return Ok(()) };
+        let Some(InFlightBatch { rays, .. }) = job.flight.take() else { return Ok(()) };
         let back = &self.workspace.counters_back;
         let counters: Counters = {
             let bytes = back.get_mapped_range(..).map_err(|e| GpuError::Device(e.to_string()))?;
             bytemuck::pod_read_unaligned(&bytes)
         };
         back.unmap();
-        let room = self.workspace.blocks();
-        if counters.unfinished > 0 && counters.blocks <= room {
+        let limits = self.workspace.blocks();
+        if counters.unfinished > 0 && counters.blocks <= limits {
             // The same rays again, and as many passes for all that come after them.
-            if u64::from(self.passes) * u64::from(self.strides) > MOST_STRIDES {
+            if u64::from(self.passes) * u64::from(self.strides) > MAX_STRIDES {
                 return Err(GpuError::Device("rays do not come to their end: it leaves loops early".into()));
             }
             self.passes *= 2;
-        } else if counters.blocks <= room {
+        } else if counters.blocks <= limits {
             job.done += rays;
         } else if rays > RAY_LANES {
             job.at_once = (rays / 2).next_multiple_of(RAY_LANES);
         } else {
-            let (found, limit) = (u64::from(counters.blocks), u64::from(room));
+            let (found, limit) = (u64::from(counters.blocks), u64::from(limits));
             return Err(GpuError::TooLarge { what: "samples of a few rays", found, limit });
         }
         Ok(())
     }
 
     /// Gives the device the next `ray_count` rays.
-    fn submit(&self, job: &Job, ray_count: u32) -> Flight {
+    fn submit(&self, job: &Job, ray_count: u32) -> InFlightBatch {
         let Gpu { device, queue, .. } = &self.gpu;
         let work = &self.workspace;
         let strides = self.strides;
@@ -150,7 +150,7 @@ impl GpuRenderer {
                 Stage::March => {
                     (0..self.passes).for_each(|_| pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1));
                 }
-                Stage::Colored => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
+                Stage::ShadedSamples => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
                 Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
                 Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
             }
@@ -160,7 +160,7 @@ impl GpuRenderer {
             work.resolve_queries(&mut encoder, set);
         }
         queue.submit([encoder.finish()]);
-        Flight { rays: ray_count, mapping: Mapping::of(&work.counters_back) }
+        InFlightBatch { rays: ray_count, mapping: Mapping::of(&work.counters_back) }
     }
 
     fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {

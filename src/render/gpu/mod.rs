@@ -2,7 +2,7 @@
 //!
 //! In: a scene, an open device. Out: pictures that agree with the reference's within [`POSITION_ERROR`]. A batch of rays goes
 //! through a few compute stages (`shader::Stage`); the host only says how many rays there are, and looks afterwards whether
-//! their samples had room. Whoever waits for the device can do so without holding up the thread; `blocking` does hold it up,
+//! their samples had limits. Whoever waits for the device can do so without holding up the thread; `blocking` does hold it up,
 //! where there is more than a browser's one.
 
 #[cfg(not(target_arch = "wasm32"))]
@@ -22,7 +22,7 @@ pub use shader::Precision;
 
 use drawing::Job;
 use layout::{Frame, PixelPair, Ray as DeviceRay};
-use packed::{Packed, Room};
+use packed::{BufferLimits, Packed};
 use shader::{RAY_LANES, Stage, TILE};
 use workspace::Workspace;
 
@@ -89,7 +89,7 @@ pub struct GpuRenderer {
 
 /// Turns of all its loops together that an invocation may take on a device that is no hardware: Mesa's llvmpipe ends loops
 /// without a word after 65 535, a few of which are turns that other invocations of the same group need.
-const MOST_TURNS: u32 = 1 << 15;
+const MAX_TURNS: u32 = 1 << 15;
 /// Strides that few rays exceed.
 const USUAL_STRIDES: u32 = 1024;
 
@@ -100,16 +100,16 @@ impl GpuRenderer {
     ///
     /// Where an option is out of range, a density cache is asked for, or the device is too small for the scene.
     pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
-        Self::with_room(gpu, scene, approximation, precision, gpu.room())
+        Self::with_room(gpu, scene, approximation, precision, gpu.limits())
     }
 
-    /// As [`GpuRenderer::new`], with no more of the device than `room`.
+    /// As [`GpuRenderer::new`], with no more of the device than `limits`.
     fn with_room(
         gpu: &Gpu,
         mut scene: Scene,
         approximation: &Approximation,
         precision: Precision,
-        room: Room,
+        limits: BufferLimits,
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         if let Some(cells) = approximation.density_cache {
@@ -118,18 +118,18 @@ impl GpuRenderer {
         }
         approximation.reduce(&mut scene);
         let field = Field::<f32>::consuming(scene);
-        let packed = Packed::new(&field, precision, room)?;
+        let packed = Packed::new(&field, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let chunks = (packed.words.chunks(4 << room.chunk_shift))
+        let chunks = (packed.words.chunks(4 << limits.chunk_shift))
             .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
             .collect();
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
         let strides = match gpu.info().device_type {
-            wgpu::DeviceType::Cpu => (MOST_TURNS / packed.turns_per_sample).max(1),
+            wgpu::DeviceType::Cpu => (MAX_TURNS / packed.turns_per_sample).max(1),
             _ => u32::MAX,
         };
-        gpu.complaint()?;
+        gpu.uncaptured_error()?;
         Ok(Self {
             gpu: gpu.clone(),
             pipelines,
@@ -218,8 +218,8 @@ impl GpuRenderer {
     /// Draws what was begun.
     async fn finish(&mut self) -> Result<(), GpuError> {
         while self.advance(u32::MAX)? != Drawing::Finished {
-            if let Some(landing) = self.job.as_ref().and_then(Job::landing) {
-                landing.await;
+            if let Some(completion) = self.job.as_ref().and_then(Job::completion) {
+                completion.await;
             }
             if !self.times.is_empty() {
                 let mut times = std::mem::take(&mut self.times);
@@ -232,7 +232,7 @@ impl GpuRenderer {
 
     /// Forgets what was begun. What the device is at ends unheard.
     fn abandon(&mut self) {
-        if self.job.take().is_some_and(|job| job.landing().is_some()) {
+        if self.job.take().is_some_and(|job| job.completion().is_some()) {
             self.workspace.counters_back.unmap();
         }
     }
@@ -299,10 +299,10 @@ impl GpuRenderer {
 }
 
 impl Gpu {
-    /// What it has room for.
-    fn room(&self) -> Room {
+    /// What it has limits for.
+    fn limits(&self) -> BufferLimits {
         let limits = self.device.limits();
-        Room {
+        BufferLimits {
             // Rays, samples and counters take three bindings of a stage.
             chunks: limits.max_storage_buffers_per_shader_stage.saturating_sub(3),
             chunk_shift: shader::CHUNK_SHIFT,
@@ -354,8 +354,13 @@ mod tests {
         (scene, camera)
     }
 
-    fn picture(gpu: &Gpu, (scene, camera): &(Scene, Camera), precision: Precision, room: Room) -> (Picture, usize) {
-        let renderer = GpuRenderer::with_room(gpu, scene.clone(), &Approximation::default(), precision, room);
+    fn picture(
+        gpu: &Gpu,
+        (scene, camera): &(Scene, Camera),
+        precision: Precision,
+        limits: BufferLimits,
+    ) -> (Picture, usize) {
+        let renderer = GpuRenderer::with_room(gpu, scene.clone(), &Approximation::default(), precision, limits);
         let mut renderer = renderer.unwrap();
         let picture = renderer.render(camera).unwrap();
         assert!(picture.pixels.iter().any(|p| p.opacity > 0.1));
@@ -368,12 +373,12 @@ mod tests {
         let gpu = Gpu::open().unwrap();
         let scene = fixture(include_bytes!("../../../fixtures/v1/occupancy.strivec"));
         for precision in [Precision::F32, Precision::F16] {
-            let (whole, _) = picture(&gpu, &scene, precision, gpu.room());
-            let (split, chunks) = picture(&gpu, &scene, precision, Room { chunk_shift: 8, ..gpu.room() });
+            let (whole, _) = picture(&gpu, &scene, precision, gpu.limits());
+            let (split, chunks) = picture(&gpu, &scene, precision, BufferLimits { chunk_shift: 8, ..gpu.limits() });
             assert!(chunks > 2);
             assert_eq!(whole, split);
         }
-        let small = Room { chunks: 2, chunk_shift: 4, ..gpu.room() };
+        let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.limits() };
         let refused = Packed::new(&Field::consuming(scene.0), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of the scene", limit: 512, .. })),
@@ -385,17 +390,17 @@ mod tests {
     fn a_device_without_extensions_draws_the_same() {
         let gpu = Gpu::open().unwrap();
         println!("{:?}", gpu.extensions());
-        let plain = Room { extensions: Extensions::default(), ..gpu.room() };
+        let plain = BufferLimits { extensions: Extensions::default(), ..gpu.limits() };
         for bytes in [
             &include_bytes!("../../../fixtures/v1/occupancy.strivec")[..],
             include_bytes!("../../../fixtures/v1/per-ray.strivec"),
             include_bytes!("../../../fixtures/v1/residual.strivec"),
         ] {
             let scene = fixture(bytes);
-            let [with, without] = [gpu.room(), plain].map(|room| picture(&gpu, &scene, Precision::F32, room).0);
+            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F32, limits).0);
             assert_eq!(with, without);
             // Numbers of 16 bits within the decoder are rounded; factors are in both.
-            let [with, without] = [gpu.room(), plain].map(|room| picture(&gpu, &scene, Precision::F16, room).0);
+            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F16, limits).0);
             let far = (with.pixels.iter().zip(&without.pixels))
                 .flat_map(|(a, b)| [0, 1, 2].map(|c| (a.color[c] - b.color[c]).abs()))
                 .fold(0.0, f32::max);

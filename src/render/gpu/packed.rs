@@ -6,9 +6,9 @@ use super::shader::{Extensions, Precision, Shape};
 use crate::field::{BLOCK_SHIFT, Field, FieldScale};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
 
-/// What a device has room for.
+/// What a device has limits for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
+pub(super) struct BufferLimits {
     /// Bindings for the scene's numbers.
     pub(super) chunks: u32,
     /// Quads of one, as a shift.
@@ -30,9 +30,9 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs `field` for a device with `room`.
-    pub(super) fn new(field: &Field<f32>, precision: Precision, room: Room) -> Result<Self, GpuError> {
-        let Room { chunks, chunk_shift, workgroup_bytes, extensions } = room;
+    /// Packs `field` for a device with `limits`.
+    pub(super) fn new(field: &Field<f32>, precision: Precision, limits: BufferLimits) -> Result<Self, GpuError> {
+        let BufferLimits { chunks, chunk_shift, workgroup_bytes, extensions } = limits;
         let mut words = Words::default();
         let decoder = &field.decoder;
         let quads = |components: usize| components.div_ceil(4);

@@ -182,7 +182,7 @@ impl Shape {
 pub(super) enum Stage {
     Rays,
     March,
-    Colored,
+    ShadedSamples,
     Workgroups,
     Decoder,
     Resolve,
@@ -192,14 +192,14 @@ pub(super) enum Stage {
 
 impl Stage {
     pub(super) const ALL: [Self; 7] =
-        [Self::Rays, Self::March, Self::Colored, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
+        [Self::Rays, Self::March, Self::ShadedSamples, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
 
     /// As the shader's file is called.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Rays => "rays",
             Self::March => "march",
-            Self::Colored => "colored",
+            Self::ShadedSamples => "compact",
             Self::Workgroups => "workgroups",
             Self::Decoder => "decoder",
             Self::Resolve => "resolve",
@@ -215,22 +215,32 @@ impl Stage {
             };
         }
         const LAYOUT: &str = shader!("layout");
-        const HEAP: &str = shader!("heap");
+        const SCENE_BUFFER: &str = shader!("scene_buffer");
         const REAL: &str = shader!("real");
         const NEIGHBORS: &str = shader!("neighbors");
         const GATHER: &str = shader!("gather");
         const DENSITY: &str = shader!("density");
         match self {
             Self::Rays => &[LAYOUT, shader!("rays")],
-            Self::March => {
-                &[LAYOUT, HEAP, REAL, shader!("cells"), shader!("walk"), NEIGHBORS, GATHER, DENSITY, shader!("march")]
+            Self::March => &[
+                LAYOUT,
+                SCENE_BUFFER,
+                REAL,
+                shader!("cells"),
+                shader!("ray_marcher"),
+                NEIGHBORS,
+                GATHER,
+                DENSITY,
+                shader!("march"),
+            ],
+            Self::ShadedSamples if extensions.subgroups => {
+                &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")]
             }
-            Self::Colored if extensions.subgroups => &[LAYOUT, shader!("places_subgroup"), shader!("colored")],
-            Self::Colored => &[LAYOUT, shader!("places"), shader!("colored")],
+            Self::ShadedSamples => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
-            Self::Decoder => &[LAYOUT, HEAP, REAL, NEIGHBORS, GATHER, shader!("decoder")],
+            Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, NEIGHBORS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
-            Self::Normals => &[LAYOUT, HEAP, REAL, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
+            Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
         }
     }
 
@@ -239,7 +249,7 @@ impl Stage {
         match self {
             Self::Rays => (&[0, 1, 2], false),
             Self::March => (&[0, 1, 2, 3, 5], true),
-            Self::Colored => (&[1, 2, 3, 4, 5], false),
+            Self::ShadedSamples => (&[1, 2, 3, 4, 5], false),
             Self::Workgroups => (&[5, 6], false),
             Self::Decoder => (&[0, 2, 4, 5], true),
             Self::Resolve => (&[0, 1, 2, 4, 7], false),

@@ -8,9 +8,9 @@ use super::{Gpu, GpuError, StageTime};
 /// seven to a block.
 const BLOCKS_PER_RAY: u32 = 8;
 /// Fewer would not do for a few rays that have many.
-const LEAST_BLOCKS: u32 = 1 << 14;
+const MIN_BLOCKS: u32 = 1 << 14;
 /// Beyond this a batch gains nothing.
-const MOST_RAYS: u32 = 1 << 18;
+const MAX_RAYS: u32 = 1 << 18;
 const ROW_BYTES: u32 = 16;
 const SLOT_BYTES: u32 = 8;
 
@@ -39,7 +39,7 @@ impl Gpu {
     /// Rays of a batch whose largest buffer is still within the device's limits.
     pub(super) fn most_rays_at_once(&self) -> u32 {
         let of_ray = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
-        let rays = (self.binding_limit() / of_ray).min(u64::from(MOST_RAYS)) as u32;
+        let rays = (self.binding_limit() / of_ray).min(u64::from(MAX_RAYS)) as u32;
         (rays / RAY_LANES * RAY_LANES).max(RAY_LANES)
     }
 }
@@ -110,5 +110,5 @@ impl Workspace {
 }
 
 fn blocks_for(rays: u32) -> u32 {
-    (rays * BLOCKS_PER_RAY).max(LEAST_BLOCKS)
+    (rays * BLOCKS_PER_RAY).max(MIN_BLOCKS)
 }

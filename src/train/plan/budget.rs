@@ -11,9 +11,9 @@ use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
 const STEPS: u32 = 64;
 /// What is left of each at the end: cells along an edge (pixels 1.3 apart are then 2 apart), appearance components,
 /// density components.
-const LEAST_CELLS: f64 = 0.65;
-const LEAST_APPEARANCE: f64 = 0.25;
-const LEAST_DENSITY: f64 = 0.5;
+const MIN_CELLS: f64 = 0.65;
+const MIN_APPEARANCE: f64 = 0.25;
+const MIN_DENSITY: f64 = 0.5;
 /// Ranks are multiples of this where they can be: kernels work in registers of at least as many numbers.
 const LANES: u32 = 4;
 
@@ -98,7 +98,7 @@ fn reduced(config: &TrainConfig, scales: usize, step: u32) -> TrainConfig {
         let done = f64::from(step.saturating_sub(stage * STEPS).min(STEPS)) / f64::from(STEPS);
         1.0 - done * (1.0 - least)
     };
-    let (cells, appearance, density) = (left(0, LEAST_CELLS), left(1, LEAST_APPEARANCE), left(2, LEAST_DENSITY));
+    let (cells, appearance, density) = (left(0, MIN_CELLS), left(1, MIN_APPEARANCE), left(2, MIN_DENSITY));
     let scale = |s: &ScaleConfig| {
         let end = last(s).map(|d| ((f64::from(d) * cells).round() as u32).max(1));
         ScaleConfig {

@@ -104,7 +104,7 @@ const COVERED: f64 = 0.85;
 /// Of all steps of `config` with `scales` on `machine`.
 pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed) -> f64 {
     let first_occupancy = config.occupancy_at.first().map_or(config.steps, |&at| at.min(config.steps));
-    let later = if config.redraw_rays { 1.0 } else { MEETING };
+    let later = if config.refilter_rays { 1.0 } else { MEETING };
     let seconds = first_occupancy as f64 * step_seconds(config, scales, machine, 1.0)
         + (config.steps - first_occupancy) as f64 * step_seconds(config, scales, machine, later);
     seconds / 60.0
@@ -114,7 +114,7 @@ pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &Mach
 fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed, meeting: f64) -> f64 {
     let rays = config.batch_rays as f64;
     let samples = rays * meeting * SAMPLES * (0.5 / config.field.step_cells).sqrt();
-    let colored = rays * meeting * COLORED * left_by_thinning(config.color_thinning);
+    let colored = rays * meeting * COLORED * left_by_thinning(config.color_roulette);
     let [mut density, mut appearance, mut components] = [0.0; 3];
     for (scale, settings) in scales.iter().zip(&config.scales) {
         let covering: f64 = [0, 1, 2].map(|a| settings.edge[a] / settings.pitch[a]).iter().product();

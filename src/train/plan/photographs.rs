@@ -9,7 +9,7 @@ use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 /// Edge of a tensor's cell in pixels at the nearest cells: what `docs/configs/quarter.toml` has, which was found by hand.
 pub const PIXELS_APART: f64 = 1.3;
 /// A tensor has at most this many times the cells of the settings that are fitted: nothing was measured beyond.
-const MOST_TIMES: u32 = 2;
+const MAX_TIMES: u32 = 2;
 /// A finer scale whose tensors have fewer cells on every axis adds next to nothing to the scale before it.
 const FEWEST_CELLS: u32 = 4;
 /// Lengths are relative to the scene's extent, up to this: far below what placing tensors takes for rounding.
@@ -65,7 +65,7 @@ pub fn fit_to_photographs(
     let cell = PIXELS_APART * pixel;
     let mut limited = false;
     for scale in &mut config.scales {
-        let most = last(scale).map(|d| d.saturating_mul(MOST_TIMES));
+        let most = last(scale).map(|d| d.saturating_mul(MAX_TIMES));
         let end = [0, 1, 2].map(|a| cells_along(scale.edge[a], cell));
         limited |= (0..3).any(|a| end[a] > most[a]);
         scale.resolutions = ending_in(&scale.resolutions, [0, 1, 2].map(|a| end[a].min(most[a])));

@@ -183,14 +183,16 @@ fn the_schedule_keeps_its_proportions() {
 /// What the runs in `docs/measurements.md` came to: lego's tensors, its parameters, bytes and minutes.
 #[test]
 fn estimates_are_near_what_was_measured() {
-    let measured = |preset: &str, redraw_rays: bool, bytes: f64, minutes: f64| {
-        let config = TrainConfig { redraw_rays, ..TrainConfig::preset(preset).unwrap() };
+    let measured = |preset: &str, refilter_rays: bool, bytes: f64, minutes: f64| {
+        let config = TrainConfig { refilter_rays, ..TrainConfig::preset(preset).unwrap() };
         let scales = scale_plans(&config, &[92, 518, 3128]);
         let decoder = initial_decoder(&config).parameter_count();
         let file = cost::file_bytes(&config, &scales, decoder) as f64 / (bytes * 1e6);
         let time = cost::minutes(&config, &scales, &MachineSpeed::REFERENCE) / minutes;
         let parameters = total(&scales, decoder);
-        println!("{preset} {redraw_rays}: {parameters} parameters, file {file:.3}, minutes {time:.2} of the measured");
+        println!(
+            "{preset} {refilter_rays}: {parameters} parameters, file {file:.3}, minutes {time:.2} of the measured"
+        );
         assert!((0.97..1.03).contains(&file), "{preset}: {file}");
         assert!((0.7..1.4).contains(&time), "{preset}: {time}");
     };

@@ -19,14 +19,14 @@ use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
 use crate::random::Random;
-use crate::train::{Backward, BatchThinning, Photographs, RayBatch, TrainError, march_step};
+use crate::train::{Backward, BatchRoulette, RayBatch, RaySampler, TrainError, march_step};
 
 /// How many times the parameters a round of components leads to.
 const GROWN: f64 = 4.0 / 3.0;
 /// Components of density, and of appearance, that every tensor is given to choose among.
 const OFFERED: usize = 4;
 /// The most cells along an axis.
-const MOST_CELLS: u32 = 1024;
+const MAX_CELLS: u32 = 1024;
 /// The standard deviation of their numbers: about that of trained ones.
 const DEVIATION: f64 = 0.3;
 
@@ -63,7 +63,7 @@ pub fn grow<E: From<TrainError>>(
 }
 
 /// `scene` with more components, and `most` parameters at most where that are not fewer than it has.
-fn with_more_components(scene: &Scene, photographs: &Photographs<'_>, most: u64, random: &Random) -> Scene {
+fn with_more_components(scene: &Scene, photographs: &RaySampler<'_>, most: u64, random: &Random) -> Scene {
     let mut larger = scene.clone();
     let old: Vec<[usize; 2]> =
         scene.scales.iter().map(|s| [s.factors.density_rank as usize, s.factors.appearance_rank as usize]).collect();
@@ -80,7 +80,7 @@ fn with_more_components(scene: &Scene, photographs: &Photographs<'_>, most: u64,
 fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
     let mut scene = scene.clone();
     for scale in &mut scene.scales[scales] {
-        let to = scale.cloud.resolution.map(|cells| if cells > MOST_CELLS / 2 { cells } else { 2 * cells });
+        let to = scale.cloud.resolution.map(|cells| if cells > MAX_CELLS / 2 { cells } else { 2 * cells });
         resample(scale, to);
     }
     scene.rules.step = scene.rules.step.min(march_step(&scene.scales[0].cloud, step_cells));
@@ -128,7 +128,7 @@ fn offer(scale: &mut Scale, random: &Random) {
 
 /// How steeply the photographs' error falls along the third vector of the components that `scene` has beyond the `old` ranks:
 /// the squared length of its gradient. Others are beyond price.
-fn worth(scene: &Scene, old: &[[usize; 2]], photographs: &Photographs<'_>, random: &Random) -> Worth {
+fn worth(scene: &Scene, old: &[[usize; 2]], photographs: &RaySampler<'_>, random: &Random) -> Worth {
     let field = Field::new(scene);
     let mut backward = Backward::new(&field);
     let mut sums: Vec<[Vec<f32>; 2]> =
@@ -136,7 +136,7 @@ fn worth(scene: &Scene, old: &[[usize; 2]], photographs: &Photographs<'_>, rando
     let count = photographs.kept_count().min(RAYS);
     for n in 0..BATCHES {
         let batch = RayBatch::draw(photographs, &field, &random.substream(0), n * count as u64, count);
-        let gradients = backward.gradients(&field, &batch.rays, &batch.targets, BatchThinning::default());
+        let gradients = backward.gradients(&field, &batch.rays, &batch.targets, BatchRoulette::default());
         for ((sums, density), appearance) in sums.iter_mut().zip(gradients.density).zip(gradients.appearance) {
             for (sums, gradients) in sums.iter_mut().zip([density, appearance]) {
                 sums.par_iter_mut().zip(gradients).for_each(|(sum, g)| *sum += g / BATCHES as f32);

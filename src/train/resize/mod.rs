@@ -12,8 +12,10 @@ use serde::Serialize;
 pub use grow::grow;
 pub use shrink::{ShrinkGoal, shrink};
 
-use super::cleared::Cleared;
-use super::{Photographs, RayBatch, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, drop_unused, upsample};
+use super::component_mask::ComponentMask;
+use super::{
+    RayBatch, RaySampler, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, prune_dead_components, upsample,
+};
 use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
@@ -118,7 +120,7 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         })
     }
 
-    fn photographs(&self) -> &Photographs<'v> {
+    fn photographs(&self) -> &RaySampler<'v> {
         self.trainer.photographs()
     }
 
@@ -190,7 +192,7 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
             if self.psnr_of(&tuned) >= self.psnr_of(&good) {
                 good = tuned;
             }
-            drop_unused(&mut good, self.photographs(), self.seed);
+            prune_dead_components(&mut good, self.photographs(), self.seed);
             ranks::drop_ranks(&mut good);
             let taken = self.rounds.iter().filter(|r| r.is_taken).count() as u64;
             good.provenance.steps = self.steps_before + (taken + LAST_LENGTH) * self.steps;
@@ -245,7 +247,7 @@ impl Worth {
     /// Of all components of `scene` nothing yet.
     fn nothing(scene: &Scene) -> Self {
         let zeros = |s: &[Vec<bool>; 2]| s.each_ref().map(|c| vec![0.0; c.len()]);
-        Self { scales: Cleared::nothing(scene).scales.iter().map(zeros).collect() }
+        Self { scales: ComponentMask::nothing(scene).scales.iter().map(zeros).collect() }
     }
 
     /// All components of `scene` that it holds: what each is worth for each of the parameters it holds, how many these are, and
@@ -268,8 +270,8 @@ impl Worth {
     }
 
     /// The components of `scene` that are worth least for each parameter they hold, so many that `most` parameters are left.
-    fn least(&self, scene: &Scene, most: u64) -> Cleared {
-        let mut cleared = Cleared::nothing(scene);
+    fn least(&self, scene: &Scene, most: u64) -> ComponentMask {
+        let mut cleared = ComponentMask::nothing(scene);
         let mut held = scene.held_parameter_count();
         for (_, parameters, [s, part, n]) in self.ranking(scene) {
             if held <= most {

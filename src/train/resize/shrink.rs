@@ -12,12 +12,12 @@ use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
-use crate::train::{Backward, Photographs, RayBatch, TrainError};
+use crate::train::{Backward, RayBatch, RaySampler, TrainError};
 
 /// The share of its parameters that a scene keeps in a round.
 const KEPT: f64 = 0.75;
 /// Where a round costs more than may be lost, the next tries to give up the half; less than this share is left alone.
-const LEAST_GIVEN: f64 = 0.05;
+const MIN_GIVEN: f64 = 0.05;
 /// The share of its cells along an axis that a scale keeps where it gives up resolution.
 const CELLS_KEPT: f64 = 0.85;
 /// The least cells along an axis that are left.
@@ -68,7 +68,7 @@ pub fn shrink<E: From<TrainError>>(
         if matches!(goal, ShrinkGoal::Loss(most) if is_too_much(before - round.psnr, most)) {
             round.is_taken = false;
             kept = 1.0 - 0.5 * (1.0 - kept);
-            if 1.0 - kept < LEAST_GIVEN {
+            if 1.0 - kept < MIN_GIVEN {
                 break;
             }
         } else {
@@ -84,7 +84,7 @@ fn is_too_much(lost: f64, most: f64) -> bool {
 }
 
 /// `scene` with at most `most` parameters, or nothing but those that all tensors share; `choosing`'s rays choose.
-fn smaller(scene: &Scene, photographs: &Photographs<'_>, choosing: &RayBatch, most: u64, random: &Random) -> Scene {
+fn smaller(scene: &Scene, photographs: &RaySampler<'_>, choosing: &RayBatch, most: u64, random: &Random) -> Scene {
     let worth = worth(scene, &Field::new(scene), photographs, random);
     let mut best: Option<(f64, Scene)> = None;
     for coarser in (0..scene.scales.len()).map(Some).chain([None]) {
@@ -112,7 +112,7 @@ fn make_coarser(scene: &mut Scene, s: usize) -> bool {
 
 /// By how much pictures' mean squared error would rise if a component of `scene` were taken away, to first order of the
 /// pictures.
-fn worth(scene: &Scene, field: &Field<f32>, photographs: &Photographs<'_>, random: &Random) -> Worth {
+fn worth(scene: &Scene, field: &Field<f32>, photographs: &RaySampler<'_>, random: &Random) -> Worth {
     let mut backward = Backward::new(field);
     let mut worth = Worth::nothing(scene);
     let count = photographs.kept_count().min(RAYS);

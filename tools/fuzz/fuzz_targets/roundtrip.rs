@@ -8,12 +8,12 @@ mod surgery;
 
 use arbitrary::{Arbitrary, Unstructured};
 use libfuzzer_sys::fuzz_target;
-use strivec::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, Limits, decode, decode_document, encode};
+use strivec::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, Limits, decode, decode_scene_file, encode};
 use strivec::model::Scene;
 use surgery::{File, Part, name};
 
 #[derive(Debug, Arbitrary)]
-struct Choice {
+struct RenderSettings {
     file: u8,
     encoding: u8,
     filter: u8,
@@ -61,7 +61,7 @@ fn change(scene: &mut Scene, stride: u8, numbers: &[f32]) {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    let Ok(choice) = Choice::arbitrary(&mut Unstructured::new(bytes)) else { return };
+    let Ok(choice) = RenderSettings::arbitrary(&mut Unstructured::new(bytes)) else { return };
     let mut scene = decode(FILES[choice.file as usize % FILES.len()]).expect("a valid vector");
     change(&mut scene, choice.stride, &choice.numbers);
     let of_factors = encoding(choice.encoding);
@@ -77,7 +77,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     // Numbers that are not finite or too large for the encoding are refused.
     let Ok(written) = encode(&scene, &options) else { return };
-    let read = decode_document(&written, Limits::default()).expect("what was written can be read").scene;
+    let read = decode_scene_file(&written, Limits::default()).expect("what was written can be read").scene;
     if of_factors == Encoding::F32 && networks == Encoding::F32 {
         assert_eq!(read, scene);
         assert_eq!(encode(&read, &options).expect("and written again"), written);

@@ -59,11 +59,7 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     let [count, _] = rows_and_columns(array, "colors")?;
     Fault::unless_within("colors", MAX_COLORS, count)?;
     let Some(scale) = scale_of(array, 0)? else {
-        return Err(Fault::malformed(
-            "the colors",
-            "whole numbers within 0 to 255, or floats within 0 to 1",
-            "others",
-        ));
+        return Err(Fault::malformed("the colors", "whole numbers within 0 to 255, or floats within 0 to 1", "others"));
     };
     let mut colors = Vec::new();
     rows(array, 3, &mut |_, row| {

@@ -17,13 +17,13 @@ use self::scan::Scan;
 use super::{Fault, Input, ReadOptions, Visitor};
 
 /// The longest XML section that is read, in bytes. It has some thousand of them for each scan.
-const MOST_XML: u64 = 1 << 24;
+const MAX_XML: u64 = 1 << 24;
 
 /// The most attributes of an XML element: the time that XML takes grows with the square of them.
-const MOST_ATTRIBUTES: usize = 1000;
+const MAX_ATTRIBUTES: usize = 1000;
 
 /// The most namespaces in all: nested elements hold those around them, each its own.
-const MOST_NAMESPACES: usize = 100;
+const MAX_NAMESPACES: usize = 100;
 
 /// Reads `input`.
 ///
@@ -63,14 +63,14 @@ fn check_xml(pages: &mut Pages<'_, '_>) -> Result<(), Fault> {
         return Err(Fault::malformed("byte 40", format!("pages of {} bytes", pages::PAGE), number(40)));
     }
     let (offset, length) = (number(24), number(32));
-    Fault::unless_within("bytes of the XML section", MOST_XML, length)?;
+    Fault::unless_within("bytes of the XML section", MAX_XML, length)?;
     pages.go_to(offset, "the XML section")?;
     pages.expect_left(length, "the XML section")?;
     let mut xml = vec![0; length as usize];
     pages.fill(&mut xml, "the XML section")?;
     let namespaces = xml.windows(5).filter(|word| word == b"xmlns").count();
-    Fault::unless_within("namespaces in the XML section", MOST_NAMESPACES as u64, namespaces as u64)?;
+    Fault::unless_within("namespaces in the XML section", MAX_NAMESPACES as u64, namespaces as u64)?;
     let element = xml.split(|byte| *byte == b'<');
     let attributes = element.map(|element| element.iter().filter(|byte| **byte == b'=').count()).max().unwrap_or(0);
-    Fault::unless_within("attributes of an element in the XML section", MOST_ATTRIBUTES as u64, attributes as u64)
+    Fault::unless_within("attributes of an element in the XML section", MAX_ATTRIBUTES as u64, attributes as u64)
 }

@@ -4,7 +4,7 @@ use super::pages::Pages;
 use crate::prior::import::Fault;
 
 /// The most bytes that streams may have ahead of what the slowest of them has.
-const MOST_AHEAD: usize = 1 << 24;
+const MAX_AHEAD: usize = 1 << 24;
 
 /// A field's numbers, one after the other without gaps.
 pub(super) struct Stream {
@@ -82,8 +82,8 @@ pub(super) fn read(
         left -= taken as u64;
         sink(streams, taken)?;
         streams.iter_mut().for_each(|stream| stream.finish(taken));
-        if left > 0 && streams.iter().map(|stream| stream.bytes.len() - stream.done / 8).sum::<usize>() > MOST_AHEAD {
-            return Err(Fault::malformed(place, "streams that keep step", format!("one {MOST_AHEAD} bytes ahead")));
+        if left > 0 && streams.iter().map(|stream| stream.bytes.len() - stream.done / 8).sum::<usize>() > MAX_AHEAD {
+            return Err(Fault::malformed(place, "streams that keep step", format!("one {MAX_AHEAD} bytes ahead")));
         }
     }
     Ok(())

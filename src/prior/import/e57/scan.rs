@@ -8,7 +8,7 @@ use super::pages::Pages;
 use crate::prior::import::{Fault, Point, Visitor};
 
 /// The most fields of a scan.
-const MOST_FIELDS: u64 = 255;
+const MAX_FIELDS: u64 = 255;
 
 /// A field: in which stream, and how its bits become a number.
 #[derive(Clone, Debug)]
@@ -125,7 +125,7 @@ impl Scan {
     /// Where its fields are none that points can be read from, or its pose is none.
     pub(super) fn of(described: &PointCloud, place: String) -> Result<Self, Fault> {
         let prototype = &described.prototype;
-        Fault::unless_within(&format!("fields of {place}"), MOST_FIELDS, prototype.len() as u64)?;
+        Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
         let bits: Vec<u32> = prototype.iter().map(bits).collect();
         if bits.iter().all(|bits| *bits == 0) {
             return Err(Fault::malformed(place, "a field whose numbers differ", "none"));

@@ -21,7 +21,7 @@ use crate::prior::import::{Fault, Input};
 const RECORD_HEADER: u64 = 54;
 
 /// The most bytes of a chunk's layers, which are held in memory. Encoders write some 50 000 points a chunk.
-const MOST_LAYERS: u64 = 1 << 28;
+const MAX_LAYERS: u64 = 1 << 28;
 
 /// How points are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -230,7 +230,7 @@ fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
     for _ in 0..layers(header) {
         bytes += u64::from(u32::from_le_bytes(input.array("a layer's length")?));
     }
-    Fault::unless_within("bytes of a chunk's layers", MOST_LAYERS, bytes)?;
+    Fault::unless_within("bytes of a chunk's layers", MAX_LAYERS, bytes)?;
     input.expect_left(bytes, "layers")?;
     input.go_to(start)?;
     if points == 0 {

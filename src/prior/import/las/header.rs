@@ -31,7 +31,7 @@ const EXTENDED: u8 = 6;
 
 /// The most points that a byte of LAZ stands for. Scans have some three bytes a point; a file that says it has more than this
 /// would only keep its reader busy.
-const MOST_POINTS_PER_BYTE: u64 = 100;
+const MAX_POINTS_PER_BYTE: u64 = 100;
 
 /// What the header says.
 #[derive(Debug)]
@@ -117,7 +117,7 @@ impl Header {
             ));
         }
         let left = len - self.offset_to_points;
-        let most = if self.compressed { left.saturating_mul(MOST_POINTS_PER_BYTE) } else { left / self.record };
+        let most = if self.compressed { left.saturating_mul(MAX_POINTS_PER_BYTE) } else { left / self.record };
         if self.points <= most {
             return Ok(());
         }

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use super::MOST_LINE;
+use super::MAX_LINE;
 use crate::prior::import::{Fault, Input};
 
 /// The longest record that is read, in bytes.
-const MOST_RECORD: u64 = 1 << 16;
+const MAX_RECORD: u64 = 1 << 16;
 
 /// The most header lines, so that comments end.
-const MOST_LINES: u64 = 1000;
+const MAX_LINES: u64 = 1000;
 
 /// How the points are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,8 +112,8 @@ impl Header {
         let data = loop {
             lines += 1;
             let place = || format!("line {lines}");
-            Fault::unless_within("lines of a header", MOST_LINES, lines)?;
-            if !input.line(&mut line, MOST_LINE)? {
+            Fault::unless_within("lines of a header", MAX_LINES, lines)?;
+            if !input.line(&mut line, MAX_LINE)? {
                 return Err(Fault::malformed(place(), "DATA", "the end of the file"));
             }
             if line.starts_with(b"#") || line.trim_ascii().is_empty() {
@@ -171,7 +171,7 @@ impl Header {
             fields.push((name.as_str(), count, Field { kind, size: size as usize, start, column }));
             columns = columns.saturating_add(count);
             record = record.saturating_add(size.saturating_mul(count));
-            Fault::unless_within("bytes of a record", MOST_RECORD, record)?;
+            Fault::unless_within("bytes of a record", MAX_RECORD, record)?;
         }
         let find = |wanted: &str| {
             fields.iter().find(|(name, count, _)| *name == wanted && *count > 0).map(|(_, _, field)| field.clone())

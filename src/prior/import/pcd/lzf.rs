@@ -7,7 +7,7 @@
 use crate::prior::import::{Fault, Input, Visitor};
 
 /// A copy of 264 bytes takes three.
-pub(super) const MOST_EXPANSION: u64 = 264 / 3;
+pub(super) const MAX_EXPANSION: u64 = 264 / 3;
 
 /// How far back copies reach.
 const WINDOW: usize = 1 << 13;

@@ -16,13 +16,13 @@ use self::header::{Data, Field, Header};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// The longest line that is read, in bytes.
-const MOST_LINE: usize = 1 << 16;
+const MAX_LINE: usize = 1 << 16;
 
 /// Bytes of records that are read at once.
 const BATCH_BYTES: u64 = 1 << 18;
 
 /// The most bytes of coordinates and colors that are held: those of a compressed file lie column by column.
-const MOST_COLUMNS: u64 = 1 << 31;
+const MAX_COLUMNS: u64 = 1 << 31;
 
 /// Reads `input`.
 ///
@@ -47,7 +47,7 @@ fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) 
     while points < header.points {
         at += 1;
         let place = || format!("line {at}");
-        if !input.line(&mut line, MOST_LINE)? {
+        if !input.line(&mut line, MAX_LINE)? {
             return Err(Fault::malformed(place(), format!("{} points", header.points), points));
         }
         input.report(visitor)?;
@@ -122,14 +122,14 @@ fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
         return Err(Fault::malformed(place, expected, format!("{size} bytes")));
     }
     input.expect_left(packed.into(), "compressed points")?;
-    if size > u64::from(packed) * lzf::MOST_EXPANSION {
-        let expected = format!("compressed points of at least {} bytes", size.div_ceil(lzf::MOST_EXPANSION));
+    if size > u64::from(packed) * lzf::MAX_EXPANSION {
+        let expected = format!("compressed points of at least {} bytes", size.div_ceil(lzf::MAX_EXPANSION));
         return Err(Fault::malformed(place, expected, format!("{packed} bytes")));
     }
     // After decompression all of the first field comes, then all of the second: what is needed is kept.
     let fields: Vec<_> = header.position.iter().chain(&header.color).collect();
     let kept = fields.iter().map(|field| header.points * field.size as u64).sum();
-    Fault::unless_within("bytes of coordinates and colors in a compressed file", MOST_COLUMNS, kept)?;
+    Fault::unless_within("bytes of coordinates and colors in a compressed file", MAX_COLUMNS, kept)?;
     let mut columns: Vec<Vec<u8>> = vec![Vec::new(); fields.len()];
     let ranges = fields.iter().map(|field| {
         let start = header.points * field.start as u64;

@@ -20,7 +20,7 @@ use self::columns::{Columns, Separator};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// The longest line that is read, in bytes.
-const MOST_LINE: usize = 1 << 16;
+const MAX_LINE: usize = 1 << 16;
 
 /// Reads `input`.
 ///
@@ -34,7 +34,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let mut before = Before::default();
     let mut table: Option<Table> = None;
     let mut points = 0_u64;
-    while input.line(&mut text, MOST_LINE)? {
+    while input.line(&mut text, MAX_LINE)? {
         input.report(visitor)?;
         line = Line { number: line.number + 1, bytes: &[] };
         let line = Line::of(&text, line.number)?;

@@ -108,7 +108,7 @@ fn hostile_lines_are_named() {
     ] {
         assert_eq!(error(text), expected);
     }
-    let endless = vec![b'1'; MOST_LINE + 2];
+    let endless = vec![b'1'; MAX_LINE + 2];
     assert_eq!(error(&endless), "byte 0: expected a line of at most 65536 bytes, found a longer one");
 }
 

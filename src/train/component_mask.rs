@@ -10,12 +10,12 @@ pub(super) type Parts<V> = [V; 2];
 
 /// Which components are to be cleared.
 #[derive(Clone)]
-pub(super) struct Cleared {
+pub(super) struct ComponentMask {
     /// \[scale\] density and appearance, \[tensor\]\[component\].
     pub(super) scales: Vec<Parts<Vec<bool>>>,
 }
 
-impl Cleared {
+impl ComponentMask {
     pub(super) fn nothing(scene: &Scene) -> Self {
         let none = |s: &crate::model::Scale| {
             [s.factors.density_rank, s.factors.appearance_rank].map(|rank| vec![false; s.cloud.len() * rank as usize])

@@ -15,15 +15,15 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::chunk::RAYS_PER_CHUNK;
-use super::cleared::Cleared;
-use super::{Photographs, RayBatch};
+use super::component_mask::ComponentMask;
+use super::{RayBatch, RaySampler};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::Ray;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
 /// Rays that decide what is made use of, at most.
-const LOOKED_AT: usize = 1 << 18;
+const SELECTION_RAYS: usize = 1 << 18;
 /// Other rays that measure what it cost, at most.
 const MEASURED: usize = 1 << 15;
 /// dB that clearing may cost on the rays that measure it.
@@ -32,11 +32,11 @@ pub const MAX_LOSS: f64 = 0.01;
 /// features: a thousandth of σ where that is small, and less than a thousandth of what the network tells apart.
 const MAX_CHANGE: f64 = 1e-3;
 /// After so many looks at what clearing densities wakes up, those that still wake something keep theirs.
-const MOST_LOOKS: usize = 8;
+const MAX_LOOKS: usize = 8;
 
 /// What was cleared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Unused {
+pub struct DeadComponents {
     /// Tensors of which nothing is left.
     pub tensors_dropped: u64,
     /// Components of tensors, of density and of appearance; those of `tensors_dropped` included.
@@ -52,17 +52,17 @@ pub struct Unused {
 /// Clears what the rays of `photographs` make no use of in `scene`, which was trained on them. The same scene,
 /// photographs and `seed` always give the same result, on any number of threads. Where nothing is unused, or clearing it
 /// would cost more than [`MAX_LOSS`], the scene stays as it is.
-pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) -> Unused {
+pub fn prune_dead_components(scene: &mut Scene, photographs: &RaySampler<'_>, seed: u64) -> DeadComponents {
     let mut field = Field::<f32>::new(scene);
     // A permutation of the rays: the first ones decide, the next ones measure. Where there are few, they do both.
     let kept = photographs.kept_count();
-    let looked_at = kept.min(LOOKED_AT);
+    let looked_at = kept.min(SELECTION_RAYS);
     let order = Random::new(seed, "unused");
     let draw = |first: usize, count: usize| RayBatch::draw(photographs, &field, &order, first as u64, count);
     let (looked, measured) = (draw(0, looked_at), draw(looked_at, kept.min(MEASURED)));
 
     let psnr_before = measured.psnr(&field);
-    let mut cleared = Cleared::nothing(scene);
+    let mut cleared = ComponentMask::nothing(scene);
     clear_idle_tensors(&mut cleared, scene, &mut field, &looked);
     let idle = cleared.clone();
     clear_small_components(&mut cleared, scene);
@@ -76,15 +76,15 @@ pub fn drop_unused(scene: &mut Scene, photographs: &Photographs<'_>, seed: u64) 
                 break;
             }
             cleared.clear(scene);
-            return Unused { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after };
+            return DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after };
         }
     }
-    Unused { psnr_before, psnr_after: psnr_before, ..Unused::default() }
+    DeadComponents { psnr_before, psnr_after: psnr_before, ..DeadComponents::default() }
 }
 
 /// Clears the density of tensors that touch only empty samples, and the appearance of those that touch no colored one.
 /// Leaves in `field` what the scene then is.
-fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f32>, looked: &RayBatch) {
+fn clear_idle_tensors(cleared: &mut ComponentMask, scene: &Scene, field: &mut Field<f32>, looked: &RayBatch) {
     let mut used = uses(looked, field);
     let mut idle: Vec<bool> = used.iter().map(|u| !u.density).collect();
     for look in 0.. {
@@ -98,7 +98,7 @@ fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f3
         }
         for (now, idle) in now.iter().zip(&mut idle) {
             // What woke something keeps its density, so this ends.
-            *idle &= !now.density && look < MOST_LOOKS;
+            *idle &= !now.density && look < MAX_LOOKS;
         }
     }
     let idle: Vec<bool> = used.iter().map(|u| !u.appearance).collect();
@@ -109,7 +109,7 @@ fn clear_idle_tensors(cleared: &mut Cleared, scene: &Scene, field: &mut Field<f3
 ///
 /// A component adds at most the product of its vectors' largest magnitudes to a feature; an appearance component that times
 /// its weight in the appearance matrix. A scale's weights add up to 1 at most, so this holds for a sample, scale by scale.
-fn clear_small_components(cleared: &mut Cleared, scene: &Scene) {
+fn clear_small_components(cleared: &mut ComponentMask, scene: &Scene) {
     for (scale, cleared) in scene.scales.iter().zip(&mut cleared.scales) {
         let (rows, axes) = (Factors::rows(scale.cloud.resolution), Factors::axis_ranges(scale.cloud.resolution));
         let matrix = &scale.appearance_matrix;

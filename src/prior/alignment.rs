@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{CameraBounds, CellTree, VoxelBoxes};
+use super::{CameraBounds, SparseVoxelTree, VoxelBoxes};
 use crate::geometry::{Aabb, Camera, Ray};
 use crate::model::UpAxis;
 
@@ -31,16 +31,16 @@ const UPS: [UpAxis; 6] = [UpAxis::Z, UpAxis::Y, UpAxis::X, UpAxis::MinusY, UpAxi
 
 /// How much of a prior the cameras see.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sight {
+pub struct PriorVisibility {
     /// The share of rays that meet an occupied cell in front of their camera, in \[0, 1\]. A camera in a cell sees nothing.
     pub share: f64,
     /// What would make them meet it, where the share is less than 0.05 and something would.
-    pub advice: Option<Advice>,
+    pub advice: Option<AlignmentHint>,
 }
 
 /// A change of a prior after which the cameras see it. Its display is the likely cause and its cure.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Advice {
+pub struct AlignmentHint {
     /// The prior's axis that should point up.
     pub up: UpAxis,
     /// Quarter turns about z after that, counterclockwise seen from above.
@@ -60,13 +60,13 @@ pub struct Advice {
 /// Where that is little, the 24 ways to turn the prior by quarter turns are tried, exchanges of two axes, usual units, both
 /// together, and a shift of its middle to the point that the cameras look at; the change that raises the share most is
 /// named, where it is at least 0.05 and threefold. Simpler changes go before others that do little better. Units count only
-/// where they bring the prior's size nearer to that of the cameras' surroundings: a small thing that is made a thousand
+/// where they bring the prior's size nearer to that of the cameras' empty_span: a small thing that is made a thousand
 /// times larger would always be seen.
-pub fn sight(boxes: &VoxelBoxes, cameras: &[Camera]) -> Sight {
-    let tree = CellTree::new(boxes);
-    let share = Advice::NOTHING.share(&tree, &rays(cameras, RAYS));
+pub fn check_alignment(boxes: &VoxelBoxes, cameras: &[Camera]) -> PriorVisibility {
+    let tree = SparseVoxelTree::new(boxes);
+    let share = AlignmentHint::NOTHING.share(&tree, &rays(cameras, RAYS));
     let advice = if share < LOW { advice(&tree, &boxes.bounds(), cameras) } else { None };
-    Sight { share, advice }
+    PriorVisibility { share, advice }
 }
 
 /// A grid of rays through the pictures of cameras that are evenly chosen.
@@ -84,16 +84,16 @@ fn rays(cameras: &[Camera], (side, most): (u32, usize)) -> Vec<Ray> {
 }
 
 /// The best change, if it is good enough.
-fn advice(tree: &CellTree, bounds: &Aabb, cameras: &[Camera]) -> Option<Advice> {
+fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<AlignmentHint> {
     if cameras.is_empty() || !bounds.is_solid() {
         return None;
     }
     let rays = rays(cameras, TRIED_RAYS);
-    let before = Advice::NOTHING.share(tree, &rays);
+    let before = AlignmentHint::NOTHING.share(tree, &rays);
     let focus = CameraBounds::of_cameras(cameras.iter()).focus;
     let distance = cameras.iter().map(|c| c.position.distance(focus)).sum::<f64>() / cameras.len() as f64;
     let apart = Aabb::of_points(cameras.iter().map(|c| c.position)).size().length();
-    // The prior's size as a multiple of the cameras' surroundings, ideally about 1.
+    // The prior's size as a multiple of the cameras' empty_span, ideally about 1.
     let ratio = bounds.size().length() / distance.max(apart);
     let better = |scale: f64| (ratio * scale).ln().abs() + 2_f64.ln() < ratio.ln().abs();
     let fits = |scale: f64| (0.05..20.0).contains(&(ratio * scale));
@@ -102,23 +102,26 @@ fn advice(tree: &CellTree, bounds: &Aabb, cameras: &[Camera]) -> Option<Advice> 
     let scales = [1.0].into_iter().chain(scales).filter(|&scale| fits(scale));
 
     // Each with what its share is multiplied by when changes are compared.
-    let mut turns: Vec<(f64, Advice)> = Vec::new();
+    let mut turns: Vec<(f64, AlignmentHint)> = Vec::new();
     for (up, quarter_turns) in UPS.iter().flat_map(|&up| (0..4).map(move |turns| (up, turns))) {
-        turns.push((if quarter_turns == 0 { 1.0 } else { 0.9 }, Advice { up, quarter_turns, ..Advice::NOTHING }));
+        turns.push((
+            if quarter_turns == 0 { 1.0 } else { 0.9 },
+            AlignmentHint { up, quarter_turns, ..AlignmentHint::NOTHING },
+        ));
     }
     for exchanged in [[1, 2], [0, 1], [0, 2]] {
-        turns.push((0.85, Advice { exchanged: Some(exchanged), ..Advice::NOTHING }));
+        turns.push((0.85, AlignmentHint { exchanged: Some(exchanged), ..AlignmentHint::NOTHING }));
     }
-    let mut tried: Vec<(f64, Advice)> = Vec::new();
+    let mut tried: Vec<(f64, AlignmentHint)> = Vec::new();
     for scale in scales {
         for (weight, turn) in &turns {
-            let both = if scale != 1.0 && *turn != Advice::NOTHING { 0.8 } else { 1.0 };
-            tried.push((weight * both, Advice { scale, ..turn.clone() }));
+            let both = if scale != 1.0 && *turn != AlignmentHint::NOTHING { 0.8 } else { 1.0 };
+            tried.push((weight * both, AlignmentHint { scale, ..turn.clone() }));
         }
         let weight = if scale == 1.0 { 0.7 } else { 0.6 };
-        tried.push((weight, Advice { scale, shift: focus - scale * bounds.center(), ..Advice::NOTHING }));
+        tried.push((weight, AlignmentHint { scale, shift: focus - scale * bounds.center(), ..AlignmentHint::NOTHING }));
     }
-    let mut best: Option<(f64, Advice)> = None;
+    let mut best: Option<(f64, AlignmentHint)> = None;
     for (weight, mut change) in tried {
         change.share = change.share(tree, &rays);
         let worth = weight * change.share;
@@ -131,7 +134,7 @@ fn advice(tree: &CellTree, bounds: &Aabb, cameras: &[Camera]) -> Option<Advice> 
     best.map(|(_, change)| change)
 }
 
-impl Advice {
+impl AlignmentHint {
     /// The change that changes nothing.
     const NOTHING: Self =
         Self { up: UpAxis::Z, quarter_turns: 0, exchanged: None, scale: 1.0, shift: DVec3::ZERO, share: 0.0 };
@@ -163,11 +166,11 @@ impl Advice {
     }
 
     /// The share of `rays` that meet the changed prior: the rays are brought to where it is unchanged.
-    fn share(&self, tree: &CellTree, rays: &[Ray]) -> f64 {
+    fn share(&self, tree: &SparseVoxelTree, rays: &[Ray]) -> f64 {
         let back = self.turn().transpose();
         let meets = |ray: &Ray| {
             let origin = back * ((ray.origin - self.shift) / self.scale);
-            tree.first_hit(&Ray { origin, direction: back * ray.direction }).is_some_and(|hit| hit.t > 0.0)
+            tree.sparse_voxel_tree(&Ray { origin, direction: back * ray.direction }).is_some_and(|hit| hit.t > 0.0)
         };
         rays.par_iter().filter(|ray| meets(ray)).count() as f64 / rays.len().max(1) as f64
     }
@@ -185,7 +188,7 @@ fn name(up: UpAxis) -> &'static str {
     }
 }
 
-impl fmt::Display for Advice {
+impl fmt::Display for AlignmentHint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut causes: Vec<String> = Vec::new();
         let mut cures: Vec<String> = Vec::new();
@@ -258,19 +261,19 @@ mod tests {
 
     #[test]
     fn a_prior_that_is_right_is_seen_and_needs_no_advice() {
-        let Sight { share, advice } = sight(&scene(), &cameras());
+        let PriorVisibility { share, advice } = check_alignment(&scene(), &cameras());
         assert!(share > 0.3 && advice.is_none(), "{share} {advice:?}");
         // By hand: one ray straight down on the slab, one past it.
         let above =
             |x: f64| Camera::looking_at([2, 2], 1e6, DVec3::new(x, 3.0, 15.0), DVec3::new(x, 3.0, 0.0), DVec3::X);
-        assert_eq!(sight(&scene(), &[above(4.5), above(4.7), above(9.0), above(10.0)]).share, 0.5);
-        assert_eq!(sight(&scene(), &[]), Sight { share: 0.0, advice: None });
+        assert_eq!(check_alignment(&scene(), &[above(4.5), above(4.7), above(9.0), above(10.0)]).share, 0.5);
+        assert_eq!(check_alignment(&scene(), &[]), PriorVisibility { share: 0.0, advice: None });
     }
 
     #[test]
     fn a_wrong_axis_is_named() {
         let advice = |prior: &VoxelBoxes| {
-            let Sight { share, advice } = sight(prior, &cameras());
+            let PriorVisibility { share, advice } = check_alignment(prior, &cameras());
             assert!(share < LOW, "{share}");
             advice.unwrap()
         };
@@ -295,7 +298,7 @@ mod tests {
     fn every_turn_is_one_and_its_up_goes_up() {
         for (up, axis) in UPS.iter().zip([DVec3::Z, DVec3::Y, DVec3::X, -DVec3::Y, -DVec3::X, -DVec3::Z]) {
             for quarter_turns in 0..4 {
-                let turn = Advice { up: *up, quarter_turns, ..Advice::NOTHING }.turn();
+                let turn = AlignmentHint { up: *up, quarter_turns, ..AlignmentHint::NOTHING }.turn();
                 assert_eq!(turn * axis, DVec3::Z);
                 assert_eq!(turn.determinant(), 1.0);
             }
@@ -305,11 +308,12 @@ mod tests {
     #[test]
     fn a_wrong_unit_is_named_alone_and_with_an_axis() {
         for (factor, scale) in [(1000.0, 0.001), (100.0, 0.01), (0.01, 100.0), (0.001, 1000.0)] {
-            let Advice { up, scale: found, .. } = sight(&changed(&scene(), |p| factor * p), &cameras()).advice.unwrap();
+            let AlignmentHint { up, scale: found, .. } =
+                check_alignment(&changed(&scene(), |p| factor * p), &cameras()).advice.unwrap();
             assert_eq!((up, found), (UpAxis::Z, scale));
         }
         let both = changed(&scene(), |p| 1000.0 * DVec3::new(p.x, p.z, -p.y));
-        let found = sight(&both, &cameras()).advice.unwrap();
+        let found = check_alignment(&both, &cameras()).advice.unwrap();
         assert_eq!((found.up, found.scale), (UpAxis::Y, 0.001));
         let text = found.to_string();
         assert!(text.contains("as millimeters are of meters: try --up y --scale 0.001"), "{text}");
@@ -318,7 +322,7 @@ mod tests {
     #[test]
     fn a_prior_beside_what_the_cameras_look_at_is_told_where_that_is() {
         let aside = changed(&scene(), |p| p + DVec3::new(20.0, -11.0, 3.0));
-        let found = sight(&aside, &cameras()).advice.unwrap();
+        let found = check_alignment(&aside, &cameras()).advice.unwrap();
         assert!((found.shift + DVec3::new(20.0, -11.0, 3.0)).length() < 0.6, "{found}");
         assert!(found.to_string().contains("beside what the cameras look at, which is (-20."), "{found}");
     }
@@ -329,7 +333,7 @@ mod tests {
             lattice: Lattice { origin: DVec3::new(5.35, 3.35, 12.35), pitch: DVec3::splat(0.3) },
             cells: vec![UVec3::ZERO],
         };
-        let Sight { share, advice } = sight(&small, &cameras());
+        let PriorVisibility { share, advice } = check_alignment(&small, &cameras());
         assert!(share > 0.0 && share < LOW && advice.is_none(), "{share} {advice:?}");
     }
 }

@@ -1,6 +1,6 @@
-// Walking one ray from sample to sample, over what is empty in strides. Twin: src/field/walk.rs.
+// Walking one ray from sample to sample, over what is empty in strides. Twin: src/field/ray_marcher.rs.
 
-struct Walk {
+struct RayMarcher {
     start: vec3<f32>,
     direction: vec3<f32>,
     // 1 over the direction; where that is 0, large.
@@ -19,13 +19,13 @@ struct Walk {
 const NO_SAMPLE = -1.0;
 const LATER = -2.0;
 
-fn walk_of(ray: Ray) -> Walk {
+fn walk_of(ray: Ray) -> RayMarcher {
     let inverse = select(1.0 / ray.direction, vec3(1e30), ray.direction == vec3(0.0));
-    return Walk(ray.start, ray.direction, inverse, ray.length, ray.next, 0u, frame.strides);
+    return RayMarcher(ray.start, ray.direction, inverse, ray.length, ray.next, 0u, frame.strides);
 }
 
 // How far behind the start the next sample is that may count; else NO_SAMPLE or LATER.
-fn advance(walk: ptr<function, Walk>) -> f32 {
+fn advance(walk: ptr<function, RayMarcher>) -> f32 {
     loop {
         let distance = f32((*walk).next) * scene.step;
         if !(distance < (*walk).length) {
@@ -37,7 +37,7 @@ fn advance(walk: ptr<function, Walk>) -> f32 {
         (*walk).strides -= 1u;
         if (*walk).known == 0u && HAS_GRID {
             let position = (*walk).start + distance * (*walk).direction;
-            let around = surroundings(position, (*walk).inverse);
+            let around = empty_span(position, (*walk).inverse);
             let margin = 0.01 * scene.step + scene.position_error;
             let steps = clamp((around.distance - margin) / scene.step, 0.0, 1e6);
             let alike = u32(steps) + 1u;

@@ -14,7 +14,7 @@ const MAX_LEVELS: u32 = 16;
 
 /// The occupied cells of a [`VoxelBoxes`], ready for rays.
 #[derive(Clone, Debug)]
-pub struct CellTree {
+pub struct SparseVoxelTree {
     /// Its origin is the smallest corner of the cells' bounds; the space is that of the boxes.
     lattice: Lattice,
     /// Levels of nodes below the root, which spans 4^levels cells along each axis.
@@ -43,7 +43,7 @@ pub struct FirstHit {
     pub axis: usize,
 }
 
-impl CellTree {
+impl SparseVoxelTree {
     /// The tree of the cells of `boxes`; of at most 2³² of them.
     pub fn new(boxes: &VoxelBoxes) -> Self {
         let smallest = boxes.cells.iter().copied().reduce(UVec3::min).unwrap_or_default();
@@ -87,7 +87,7 @@ impl CellTree {
 
     /// The first cell that `ray` meets at its origin or after it. Its direction may have any length; distances are multiples
     /// of it.
-    pub fn first_hit(&self, ray: &Ray) -> Option<FirstHit> {
+    pub fn sparse_voxel_tree(&self, ray: &Ray) -> Option<FirstHit> {
         self.nodes.first()?;
         // In cells from the smallest corner.
         let origin = (ray.origin - self.lattice.origin) / self.lattice.pitch;
@@ -213,7 +213,7 @@ mod tests {
             let mut cell =
                 || UVec3::new((extent * uniform()) as u32, (extent * uniform()) as u32, (extent * uniform()) as u32);
             let boxes = boxes((0..count).map(|_| cell()).collect());
-            let tree = CellTree::new(&boxes);
+            let tree = SparseVoxelTree::new(&boxes);
             let (mut met, rounding) = (0, 1e-6 + 1e-13 * extent);
             for i in 0..400 {
                 // Half of them towards a cell, or the large lattices would never be hit.
@@ -225,7 +225,7 @@ mod tests {
                     _ => point([uniform(), uniform(), uniform()]),
                 };
                 let ray = Ray { origin, direction: (target - origin).normalize() };
-                let (found, expected) = (tree.first_hit(&ray), nearest(&boxes, &ray));
+                let (found, expected) = (tree.sparse_voxel_tree(&ray), nearest(&boxes, &ray));
                 met += u32::from(expected.is_some());
                 match (found, expected) {
                     (Some(found), Some(expected)) => {
@@ -248,19 +248,19 @@ mod tests {
     #[test]
     fn axis_parallel_rays_and_empty_trees_are_no_trouble() {
         let boxes = boxes(vec![UVec3::new(5, 5, 5), UVec3::new(9, 5, 5)]);
-        let tree = CellTree::new(&boxes);
+        let tree = SparseVoxelTree::new(&boxes);
         let middle = boxes.cell_box(0).center();
         let ray = |origin, direction| Ray { origin, direction };
-        let hit = tree.first_hit(&ray(middle - 3.0 * DVec3::Y, DVec3::Y)).unwrap();
+        let hit = tree.sparse_voxel_tree(&ray(middle - 3.0 * DVec3::Y, DVec3::Y)).unwrap();
         assert_eq!((hit.cell, hit.axis), (0, 1));
         assert!((hit.t - 2.9).abs() < 1e-12);
-        let inside = tree.first_hit(&ray(middle, DVec3::NEG_Z)).unwrap();
+        let inside = tree.sparse_voxel_tree(&ray(middle, DVec3::NEG_Z)).unwrap();
         assert_eq!(inside, FirstHit { t: 0.0, cell: 0, axis: 2 });
-        assert_eq!(tree.first_hit(&ray(middle + DVec3::X, DVec3::NEG_X)).unwrap().cell, 1);
-        assert_eq!(tree.first_hit(&ray(middle + DVec3::Y, DVec3::Y)), None, "behind");
-        assert_eq!(tree.first_hit(&ray(middle + 0.15 * DVec3::X, DVec3::Z)), None, "between");
-        assert_eq!(tree.first_hit(&ray(DVec3::NAN, DVec3::Z)), None);
+        assert_eq!(tree.sparse_voxel_tree(&ray(middle + DVec3::X, DVec3::NEG_X)).unwrap().cell, 1);
+        assert_eq!(tree.sparse_voxel_tree(&ray(middle + DVec3::Y, DVec3::Y)), None, "behind");
+        assert_eq!(tree.sparse_voxel_tree(&ray(middle + 0.15 * DVec3::X, DVec3::Z)), None, "between");
+        assert_eq!(tree.sparse_voxel_tree(&ray(DVec3::NAN, DVec3::Z)), None);
         let none = VoxelBoxes { cells: Vec::new(), ..boxes };
-        assert_eq!(CellTree::new(&none).first_hit(&ray(middle, DVec3::Z)), None);
+        assert_eq!(SparseVoxelTree::new(&none).sparse_voxel_tree(&ray(middle, DVec3::Z)), None);
     }
 }

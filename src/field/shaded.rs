@@ -5,7 +5,7 @@ use crate::random::Random;
 
 /// The samples of a march that add color, by ray and distance.
 #[derive(Clone, Debug, Default)]
-pub struct Colored<T> {
+pub struct ShadedSamples<T> {
     /// Their places among the samples.
     pub places: Vec<u32>,
     /// What their colors weigh in the pixel.
@@ -17,7 +17,7 @@ pub struct Colored<T> {
 /// Leaving out a random part of the samples that matter little, for training: one of magnitude m < `below` is kept with
 /// probability m/`below` and then counts as `below`, so that expectations stay the same.
 #[derive(Clone, Copy, Debug)]
-pub struct Thinning {
+pub struct Roulette {
     /// The magnitude from which on every sample is kept.
     pub below: f64,
     /// The batch's draws.
@@ -26,7 +26,7 @@ pub struct Thinning {
     pub first_ray: u64,
 }
 
-impl Thinning {
+impl Roulette {
     /// What a sample of `magnitude` counts as; 0 where it is left out.
     #[inline(always)]
     pub fn thin<T: Real>(&self, magnitude: T, ray: usize, sample: usize) -> T {
@@ -42,7 +42,7 @@ impl Thinning {
     }
 }
 
-impl<T: Real> Colored<T> {
+impl<T: Real> ShadedSamples<T> {
     /// How many.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -62,20 +62,20 @@ impl<T: Real> Colored<T> {
 impl<T: Real> Field<T> {
     /// The samples of all rays that weigh enough for a color.
     #[inline(always)]
-    pub fn choose_colored(&self, samples: &Samples<T>, thinning: Option<Thinning>, colored: &mut Colored<T>) {
-        self.choose_some_colored(samples, 0, usize::MAX, thinning, colored);
+    pub fn select_shaded(&self, samples: &Samples<T>, roulette: Option<Roulette>, colored: &mut ShadedSamples<T>) {
+        self.select_some_shaded(samples, 0, usize::MAX, roulette, colored);
     }
 
-    /// As [`Field::choose_colored`], of the rays from number `first_ray` on, as many as together have no more than
+    /// As [`Field::select_shaded`], of the rays from number `first_ray` on, as many as together have no more than
     /// `at_most` colored samples, but at least one; returns how many. `colored` counts rays from `first_ray`.
     #[inline(always)]
-    pub fn choose_some_colored(
+    pub fn select_some_shaded(
         &self,
         samples: &Samples<T>,
         first_ray: usize,
         at_most: usize,
-        thinning: Option<Thinning>,
-        colored: &mut Colored<T>,
+        roulette: Option<Roulette>,
+        colored: &mut ShadedSamples<T>,
     ) -> usize {
         let min_weight = T::of(self.rules.min_weight);
         colored.places.clear();
@@ -91,7 +91,7 @@ impl<T: Real> Field<T> {
                 if weight <= min_weight {
                     continue;
                 }
-                let weight = thinning.map_or(weight, |t| t.thin(weight, ray, at - first));
+                let weight = roulette.map_or(weight, |t| t.thin(weight, ray, at - first));
                 if weight > T::zero() {
                     colored.places.push(place);
                     colored.weights.push(weight);

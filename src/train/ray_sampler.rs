@@ -9,9 +9,9 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Frame;
 use crate::random::Random;
 
-/// Photographs in the model's space, and which of their pixels are trained on.
+/// RaySampler in the model's space, and which of their pixels are trained on.
 #[derive(Debug)]
-pub struct Photographs<'a> {
+pub struct RaySampler<'a> {
     views: &'a [View],
     cameras: Vec<Camera>,
     /// \[view\] the number of its first pixel, and the number of pixels.
@@ -24,7 +24,7 @@ pub struct Photographs<'a> {
     random: Option<(Random, Vec<bool>)>,
 }
 
-impl<'a> Photographs<'a> {
+impl<'a> RaySampler<'a> {
     /// All pixels of `views`, whose cameras `frame` maps into the model's space; none kept yet. `config` says what is
     /// behind transparent ones: `frame`'s background or random ones.
     ///
@@ -70,7 +70,7 @@ impl<'a> Photographs<'a> {
     }
 
     /// One bit a pixel, least significant first: whether it is kept.
-    pub fn kept_bits(&self) -> Vec<u8> {
+    pub fn active_ray_mask(&self) -> Vec<u8> {
         let mut bits = vec![0; self.firsts[self.views.len()].div_ceil(8) as usize];
         for &pixel in &self.kept {
             bits[pixel as usize / 8] |= 1 << (pixel % 8);
@@ -78,8 +78,8 @@ impl<'a> Photographs<'a> {
         bits
     }
 
-    /// Keeps what [`Photographs::kept_bits`] told; false where it told of another number of pixels.
-    pub fn set_kept_bits(&mut self, bits: &[u8]) -> bool {
+    /// Keeps what [`RaySampler::active_ray_mask`] told; false where it told of another number of pixels.
+    pub fn restore_active_rays(&mut self, bits: &[u8]) -> bool {
         let pixels = self.firsts[self.views.len()];
         if bits.len() as u64 != pixels.div_ceil(8) {
             return false;

@@ -1,4 +1,4 @@
-// As places.wgsl, with nothing to wait for: each subgroup takes places for its own lanes.
+// As compact_alloc.wgsl, with nothing to wait for: each subgroup takes places for its own lanes.
 
 fn place_of(own: vec2<u32>, lane: u32) -> vec2<u32> {
     let before = subgroupExclusiveAdd(own);

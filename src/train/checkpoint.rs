@@ -7,12 +7,12 @@ use std::collections::HashMap;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::{ConfigError, Moments, NetworkLayout, Photographs, TrainConfig};
+use super::{ConfigError, Moments, NetworkLayout, RaySampler, TrainConfig};
 use crate::field::{Field, Real};
 
 /// Optimizer state and counters. What it says of resolutions and occupancy is in the scene.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Progress {
+pub struct Checkpoint {
     /// The run's settings.
     pub config: TrainConfig,
     /// Steps done.
@@ -24,14 +24,14 @@ pub struct Progress {
     pub(super) density: Vec<Moments<f32>>,
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
-    /// [`Photographs::kept_bits`].
+    /// [`RaySampler::active_ray_mask`].
     pub(super) kept: Vec<u8>,
     photographs: u32,
 }
 
 /// What is wrong with a saved progress.
 #[derive(Debug, thiserror::Error)]
-pub enum ProgressError {
+pub enum CheckpointError {
     /// Not the file it should be.
     #[error("{place}: expected {expected}, found {found}")]
     Malformed {
@@ -47,12 +47,12 @@ pub enum ProgressError {
     Config(#[from] ConfigError),
 }
 
-fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> ProgressError {
-    ProgressError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
+fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
+    CheckpointError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
 }
 
-impl Progress {
-    pub(super) fn start(config: &TrainConfig, field: &Field<f32>, photographs: &Photographs<'_>) -> Self {
+impl Checkpoint {
+    pub(super) fn start(config: &TrainConfig, field: &Field<f32>, photographs: &RaySampler<'_>) -> Self {
         let mut progress = Self {
             config: config.clone(),
             step: 0,
@@ -61,7 +61,7 @@ impl Progress {
             density: Vec::new(),
             appearance: Vec::new(),
             networks: Moments::default(),
-            kept: photographs.kept_bits(),
+            kept: photographs.active_ray_mask(),
             photographs: photographs.checksum(),
         };
         progress.restart(field);
@@ -88,8 +88,8 @@ impl Progress {
     pub(super) fn check<T: Real>(
         &self,
         field: &Field<T>,
-        photographs: &mut Photographs<'_>,
-    ) -> Result<(), ProgressError> {
+        photographs: &mut RaySampler<'_>,
+    ) -> Result<(), CheckpointError> {
         let expect = |place: &str, expected: usize, found: usize| {
             if expected == found { Ok(()) } else { Err(malformed(place, expected, found)) }
         };
@@ -100,7 +100,7 @@ impl Progress {
             expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
         }
         expect("network moments", NetworkLayout::of(&field.decoder).len(), self.networks.first.len())?;
-        if photographs.checksum() != self.photographs || !photographs.set_kept_bits(&self.kept) {
+        if photographs.checksum() != self.photographs || !photographs.restore_active_rays(&self.kept) {
             return Err(malformed("photographs", "those that the run began with", "others"));
         }
         Ok(())
@@ -140,19 +140,19 @@ impl Progress {
             .chain([("networks".to_string(), &self.networks)])
     }
 
-    /// Reads what [`Progress::to_bytes`] wrote: the progress, and the scene's own file.
+    /// Reads what [`Checkpoint::to_bytes`] wrote: the progress, and the scene's own file.
     ///
     /// # Errors
     ///
     /// Names the first part that is not as it should be.
-    pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), ProgressError> {
+    pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), CheckpointError> {
         let not_safetensors = |e: safetensors::SafeTensorError| malformed("file", "safetensors", e);
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
         let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         let text =
             |key: &str| metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "a value", "nothing"));
-        fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, ProgressError> {
+        fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, CheckpointError> {
             text.parse().map_err(|_| malformed(&format!("metadata {key}"), "a number", text))
         }
         let mut tensors = file.tensors();
@@ -171,9 +171,9 @@ impl Progress {
             }
             Ok(view.data())
         };
-        let moments = |name: &str| -> Result<Moments<f32>, ProgressError> {
+        let moments = |name: &str| -> Result<Moments<f32>, CheckpointError> {
             let part = |which: &str| {
-                Ok::<_, ProgressError>(bytemuck::pod_collect_to_vec(tensor(&format!("{name}.{which}"), Dtype::F32)?))
+                Ok::<_, CheckpointError>(bytemuck::pod_collect_to_vec(tensor(&format!("{name}.{which}"), Dtype::F32)?))
             };
             let moments: Moments<f32> = Moments { first: part("first")?, second: part("second")? };
             if moments.first.len() != moments.second.len() {

@@ -5,7 +5,7 @@ use crate::geometry::Ray;
 
 /// Where a ray has come to.
 #[derive(Clone, Copy, Debug)]
-pub struct Walk<T> {
+pub struct RayMarcher<T> {
     ray: Ray,
     /// Distances between which samples are.
     span: (f64, f64),
@@ -20,7 +20,7 @@ pub struct Walk<T> {
 /// What skipping keeps off the faces of cells: a share of a step, so that rounding never skips a sample.
 const MARGIN: f64 = 0.01;
 
-impl<T: Real> Walk<T> {
+impl<T: Real> RayMarcher<T> {
     /// At the first sample of `ray` in `field`.
     #[inline(always)]
     pub fn new(field: &Field<T>, ray: &Ray) -> Self {
@@ -61,7 +61,7 @@ impl<T: Real> Walk<T> {
     /// How many samples to pass over; or `None`, with `known` set, where samples count.
     #[inline(always)]
     fn look_around(&mut self, field: &Field<T>, cells: &OccupancyCells<T>, position: [T; 3]) -> Option<u32> {
-        let around = cells.surroundings(position, self.inverse);
+        let around = cells.empty_span(position, self.inverse);
         let margin = T::of(MARGIN * field.rules.step) + field.position_error;
         let steps = (around.distance - margin) * T::of(1.0 / field.rules.step);
         let alike = steps.max(T::zero()).min(T::of(1e6)).floor_i32() as u32 + 1;

@@ -1,6 +1,6 @@
 // Compaction: the samples that add color, row after row, those of a ray side by side; and the rays that have any. Where
-// rows lie depends on which workgroup or subgroup came first, what is in them does not (`place_of`: places.wgsl or
-// places_subgroup.wgsl). Twin: src/field/colored.rs.
+// rows lie depends on which workgroup or subgroup came first, what is in them does not (`place_of`: compact_alloc.wgsl or
+// compact_alloc_subgroup.wgsl). Twin: src/field/shaded.rs.
 
 @compute @workgroup_size(COMPACT_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {

@@ -14,19 +14,19 @@ const VERSION: u32 = 1;
 /// Decibels: what is worse than the best by more is not called fast but bad.
 const FAST_LOSS: f64 = 2.0;
 /// More points than anybody measures.
-const MOST_POINTS: usize = 256;
+const MAX_POINTS: usize = 256;
 
 /// A way to render.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Choice {
+pub struct RenderSettings {
     /// What is left out.
     pub approximation: Approximation,
-    /// Pictures are rendered this many times smaller, and enlarged.
+    /// Pictures are rendered this many times smaller, and upsample_bilinear.
     pub divisor: u32,
 }
 
-impl Default for Choice {
+impl Default for RenderSettings {
     fn default() -> Self {
         Self { approximation: Approximation::default(), divisor: 1 }
     }
@@ -35,12 +35,12 @@ impl Default for Choice {
 /// A way to render, and what it gave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TradePoint {
+pub struct ParetoPoint {
     /// Of `fast`, `balanced` and `best`, each of which is one point.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
     /// What was rendered with.
-    pub choice: Choice,
+    pub choice: RenderSettings,
     /// The median of a picture's milliseconds.
     pub milliseconds: f64,
     /// In dB, the mean over the views.
@@ -50,7 +50,7 @@ pub struct TradePoint {
 /// The points that no other beats in both time and PSNR, the fastest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Trade {
+pub struct ParetoFront {
     /// How this is written: 1.
     pub version: u32,
     /// What it was measured on, and with how many threads or what device.
@@ -62,12 +62,12 @@ pub struct Trade {
     /// What pictures were compared with: a dataset and split, or the scene's own pictures.
     pub against: String,
     /// The points.
-    pub points: Vec<TradePoint>,
+    pub points: Vec<ParetoPoint>,
 }
 
-/// Which point of a [`Trade`].
+/// Which point of a [`ParetoFront`].
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
+pub enum QualitySelector {
     /// The one of this name.
     Name(String),
     /// The best that renders so many pictures a second.
@@ -76,10 +76,10 @@ pub enum Wish {
     Psnr(f64),
 }
 
-/// Why there is no [`Trade`], or none of its points is meant.
+/// Why there is no [`ParetoFront`], or none of its points is meant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}: expected {expected}, found {found}")]
-pub struct TradeError {
+pub struct ParetoError {
     /// What is wrong.
     pub what: String,
     /// What it should be.
@@ -88,36 +88,36 @@ pub struct TradeError {
     pub found: String,
 }
 
-impl TradeError {
+impl ParetoError {
     fn new(what: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
         Self { what: what.into(), expected: expected.into(), found: found.to_string() }
     }
 }
 
-impl Trade {
+impl ParetoFront {
     /// The one in a file's `notes`; `None` where there is none.
     ///
     /// # Errors
     ///
     /// Where the note is not as this version writes it.
-    pub fn of_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, TradeError>> {
+    pub fn of_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, ParetoError>> {
         notes.get(TRADE_NOTE).map(|text| Self::parse(text))
     }
 
-    fn parse(text: &str) -> Result<Self, TradeError> {
+    fn parse(text: &str) -> Result<Self, ParetoError> {
         let note = format!("note {TRADE_NOTE}");
-        let trade: Self = serde_json::from_str(text).map_err(|e| TradeError::new(&note, "a trade as JSON", e))?;
+        let trade: Self = serde_json::from_str(text).map_err(|e| ParetoError::new(&note, "a trade as JSON", e))?;
         if trade.version != VERSION {
-            return Err(TradeError::new(note + " version", VERSION.to_string(), trade.version));
+            return Err(ParetoError::new(note + " version", VERSION.to_string(), trade.version));
         }
-        if !(1..=MOST_POINTS).contains(&trade.points.len()) {
-            return Err(TradeError::new(note + " points", format!("1 to {MOST_POINTS}"), trade.points.len()));
+        if !(1..=MAX_POINTS).contains(&trade.points.len()) {
+            return Err(ParetoError::new(note + " points", format!("1 to {MAX_POINTS}"), trade.points.len()));
         }
         for (n, point) in trade.points.iter().enumerate() {
-            let TradePoint { choice: Choice { divisor, .. }, milliseconds, psnr, .. } = *point;
+            let ParetoPoint { choice: RenderSettings { divisor, .. }, milliseconds, psnr, .. } = *point;
             if !(milliseconds > 0.0 && milliseconds.is_finite() && psnr.is_finite() && (1..=16).contains(&divisor)) {
                 let found = format!("{milliseconds} ms, {psnr} dB, {divisor}");
-                return Err(TradeError::new(
+                return Err(ParetoError::new(
                     format!("{note} point {n}"),
                     "a time, a PSNR, a divisor of 1 to 16",
                     found,
@@ -141,10 +141,10 @@ impl Trade {
         backend: String,
         size: [u32; 2],
         against: String,
-        mut points: Vec<TradePoint>,
+        mut points: Vec<ParetoPoint>,
         scene_error: f64,
     ) -> Self {
-        points.truncate(MOST_POINTS);
+        points.truncate(MAX_POINTS);
         if let Some(chosen) = named(&points, scene_error) {
             for (name, n) in ["fast", "balanced", "best"].into_iter().zip(chosen) {
                 points[n].names.push(name.to_owned());
@@ -158,7 +158,7 @@ impl Trade {
     /// # Errors
     ///
     /// Where no point is as wished.
-    pub fn pick(&self, wish: &Wish, size: [u32; 2]) -> Result<&TradePoint, TradeError> {
+    pub fn pick(&self, wish: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, ParetoError> {
         let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
         // Time is in proportion to pixels.
         let scale = pixels(size) / pixels(self.size).max(1.0);
@@ -170,27 +170,27 @@ impl Trade {
                 .join(", ")
         };
         match wish {
-            Wish::Name(name) => {
+            QualitySelector::Name(name) => {
                 let names = || self.points.iter().flat_map(|p| p.names.clone()).collect::<Vec<_>>().join(", ");
                 let found = self.points.iter().find(|p| p.names.contains(name));
-                found.ok_or_else(|| TradeError::new("quality", names(), name))
+                found.ok_or_else(|| ParetoError::new("quality", names(), name))
             }
-            Wish::FramesPerSecond(fps) => {
+            QualitySelector::FramesPerSecond(fps) => {
                 let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
                 let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
-                best.ok_or_else(|| TradeError::new("frames per second", format!("what a point gives: {}", all()), fps))
+                best.ok_or_else(|| ParetoError::new("frames per second", format!("what a point gives: {}", all()), fps))
             }
-            Wish::Psnr(least) => {
+            QualitySelector::Psnr(least) => {
                 let good = self.points.iter().filter(|p| p.psnr >= *least);
                 let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-                fastest.ok_or_else(|| TradeError::new("PSNR", format!("what a point gives: {}", all()), least))
+                fastest.ok_or_else(|| ParetoError::new("PSNR", format!("what a point gives: {}", all()), least))
             }
         }
     }
 }
 
 /// The points of a front that are called fast, balanced and best; `None` where there are no points.
-fn named(points: &[TradePoint], scene_error: f64) -> Option<[usize; 3]> {
+fn named(points: &[ParetoPoint], scene_error: f64) -> Option<[usize; 3]> {
     let psnrs: Vec<f64> = points.iter().map(|p| -10.0 * (10f64.powf(-p.psnr / 10.0) + scene_error).log10()).collect();
     let best = (0..points.len()).max_by(|&a, &b| psnrs[a].total_cmp(&psnrs[b]))?;
     let fast = psnrs.iter().position(|p| *p >= psnrs[best] - FAST_LOSS)?;
@@ -205,7 +205,7 @@ fn named(points: &[TradePoint], scene_error: f64) -> Option<[usize; 3]> {
 }
 
 /// `small` made `size` pixels large, linear between its pixels.
-pub fn enlarged(small: &Picture, size: [u32; 2]) -> Picture {
+pub fn upsample_bilinear(small: &Picture, size: [u32; 2]) -> Picture {
     let [width, height] = size;
     if [small.width, small.height] == size {
         return small.clone();
@@ -239,12 +239,16 @@ pub fn enlarged(small: &Picture, size: [u32; 2]) -> Picture {
 mod tests {
     use super::*;
 
-    fn trade() -> Trade {
-        let point =
-            |milliseconds, psnr| TradePoint { names: Vec::new(), choice: Choice::default(), milliseconds, psnr };
+    fn trade() -> ParetoFront {
+        let point = |milliseconds, psnr| ParetoPoint {
+            names: Vec::new(),
+            choice: RenderSettings::default(),
+            milliseconds,
+            psnr,
+        };
         let points =
             vec![point(10.0, 20.0), point(20.0, 33.0), point(30.0, 34.5), point(90.0, 34.6), point(100.0, 35.0)];
-        Trade::new("a machine".into(), "cpu".into(), [80, 60], "lego, test".into(), points, 0.0)
+        ParetoFront::new("a machine".into(), "cpu".into(), [80, 60], "lego, test".into(), points, 0.0)
     }
 
     #[test]
@@ -253,9 +257,9 @@ mod tests {
         let names: Vec<_> = trade.points.iter().map(|p| p.names.join(" ")).collect();
         assert_eq!(names, ["", "fast", "balanced", "", "best"]);
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
-        assert_eq!(Trade::of_notes(&notes), Some(Ok(trade)));
-        assert_eq!(Trade::of_notes(&BTreeMap::new()), None);
-        let alone = Trade::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()], 0.0);
+        assert_eq!(ParetoFront::of_notes(&notes), Some(Ok(trade)));
+        assert_eq!(ParetoFront::of_notes(&BTreeMap::new()), None);
+        let alone = ParetoFront::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()], 0.0);
         assert_eq!(alone.points[0].names, ["fast", "balanced", "best"]);
     }
 
@@ -266,24 +270,30 @@ mod tests {
         for (point, psnr) in points.iter_mut().zip([20.0, 41.0, 50.0, 58.0, 99.0]) {
             (point.psnr, point.names) = (psnr, Vec::new());
         }
-        let own = Trade::new(String::new(), String::new(), [1, 1], String::new(), points, 10f64.powf(-3.6));
+        let own = ParetoFront::new(String::new(), String::new(), [1, 1], String::new(), points, 10f64.powf(-3.6));
         let names: Vec<_> = own.points.iter().map(|p| p.names.join(" ")).collect();
         assert_eq!(names, ["", "fast", "balanced", "", "best"]);
     }
 
-    fn notes_point() -> TradePoint {
+    fn notes_point() -> ParetoPoint {
         trade().points.swap_remove(0)
     }
 
     #[test]
     fn wishes_are_granted_or_refused_with_what_there_is() {
         let trade = trade();
-        let pick = |wish: Wish, size| trade.pick(&wish, size).map(|p| p.milliseconds);
-        assert_eq!(pick(Wish::Name("fast".into()), [80, 60]), Ok(20.0));
-        assert_eq!(pick(Wish::FramesPerSecond(30.0), [80, 60]), Ok(30.0));
-        assert_eq!(pick(Wish::FramesPerSecond(30.0), [160, 60]), Ok(10.0), "twice as many pixels take twice as long");
-        assert_eq!(pick(Wish::Psnr(34.0), [160, 60]), Ok(30.0));
-        for wish in [Wish::Name("wild".into()), Wish::FramesPerSecond(200.0), Wish::Psnr(40.0)] {
+        let pick = |wish: QualitySelector, size| trade.pick(&wish, size).map(|p| p.milliseconds);
+        assert_eq!(pick(QualitySelector::Name("fast".into()), [80, 60]), Ok(20.0));
+        assert_eq!(pick(QualitySelector::FramesPerSecond(30.0), [80, 60]), Ok(30.0));
+        assert_eq!(
+            pick(QualitySelector::FramesPerSecond(30.0), [160, 60]),
+            Ok(10.0),
+            "twice as many pixels take twice as long"
+        );
+        assert_eq!(pick(QualitySelector::Psnr(34.0), [160, 60]), Ok(30.0));
+        for wish in
+            [QualitySelector::Name("wild".into()), QualitySelector::FramesPerSecond(200.0), QualitySelector::Psnr(40.0)]
+        {
             let error = pick(wish, [80, 60]).unwrap_err();
             assert!(error.expected.contains("fast, balanced, best") || error.expected.contains("35.00 dB"), "{error}");
         }
@@ -300,7 +310,7 @@ mod tests {
             ("\"backend\"", "\"backhand\""),
         ] {
             assert!(note.contains(from), "{from} in {note}");
-            let error = Trade::parse(&note.replacen(from, to, 1)).unwrap_err();
+            let error = ParetoFront::parse(&note.replacen(from, to, 1)).unwrap_err();
             assert!(error.what.starts_with("note trade"), "{error}");
         }
     }
@@ -309,9 +319,9 @@ mod tests {
     fn enlarging_keeps_flat_parts_and_the_mean() {
         let pixel = |v: f32| Pixel { color: [v; 3], opacity: v, depth: v };
         let small = Picture { width: 2, height: 1, pixels: vec![pixel(0.0), pixel(1.0)] };
-        let large = enlarged(&small, [4, 2]);
+        let large = upsample_bilinear(&small, [4, 2]);
         let values: Vec<f32> = large.pixels.iter().map(|p| p.opacity).collect();
         assert_eq!(values, [0.0, 0.25, 0.75, 1.0, 0.0, 0.25, 0.75, 1.0]);
-        assert_eq!(enlarged(&small, [2, 1]), small);
+        assert_eq!(upsample_bilinear(&small, [2, 1]), small);
     }
 }

@@ -16,7 +16,7 @@ use crate::geometry::Camera;
 
 /// The ancillary parts of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Extras {
+pub struct Metadata {
     /// The terms of its use, and who made it.
     pub license: Option<String>,
     /// What was measured.
@@ -148,7 +148,7 @@ impl TrainingCamera {
     }
 }
 
-impl Extras {
+impl Metadata {
     /// Writes what stands before the decoder.
     pub(super) fn write_head(&self, writer: &mut Writer) -> Result<(), Error> {
         if let Some(text) = &self.license {
