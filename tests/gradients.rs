@@ -245,8 +245,8 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
         let mut backward = Backward::new(&field);
         let gradients = backward.gradients(&field, &rays, &targets, BatchRoulette::default());
         let mut losses = |field: &Field<f64>| {
-            let of_ray = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchRoulette::default());
-            (0..rays.len()).map(of_ray).map(|loss| loss / rays.len() as f64).collect()
+            let ray_range = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchRoulette::default());
+            (0..rays.len()).map(ray_range).map(|loss| loss / rays.len() as f64).collect()
         };
         for (name, values, reach) in groups(&scene, &gradients) {
             // A weight of the decoder moves its hidden units further than a factor does.

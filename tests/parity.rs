@@ -36,7 +36,7 @@ fn single_precision_follows_the_reference_under_every_rule_and_a_planted_differe
 #[test]
 fn the_fast_field_in_double_precision_is_the_reference_to_rounding() {
     for (name, scene) in scenes::rule_cases() {
-        let found = parity(&scene, &CpuRenderer::of_field(Field::<f64>::new(&scene)), &cameras(), 1e-12);
+        let found = parity(&scene, &CpuRenderer::from_field(Field::<f64>::new(&scene)), &cameras(), 1e-12);
         // Pixels are f32.
         assert!(found.clear_maximum < 1e-7, "{name}: {found:?}");
     }

@@ -95,7 +95,7 @@ fn cameras_see_the_aligned_mesh_of_a_synthetic_scan() {
         assert!(view.camera.ray_through(24.0, 0.0).direction.z > middle.direction.z, "up is up");
     }
 
-    let scan = Scan::of(&folder).unwrap().unwrap();
+    let scan = Scan::open(&folder).unwrap().unwrap();
     let (vertices, colors, triangles) = mesh(scan.mesh.as_deref().unwrap());
     assert_eq!(triangles.len(), made.triangles);
     let some = || vertices.iter().step_by(97).copied();

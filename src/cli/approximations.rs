@@ -100,7 +100,7 @@ pub(super) fn granted(
     size: [u32; 2],
 ) -> Result<RenderSettings, Error> {
     let named = |e: ParetoError| Error::Usage(format!("{}: {e}", path.display()));
-    let trade = ParetoFront::of_notes(&document.metadata.notes).ok_or_else(|| {
+    let trade = ParetoFront::from_notes(&document.metadata.notes).ok_or_else(|| {
         let message = "expected what `strivec trade --store` writes, found no such note";
         Error::Usage(format!("{}: {message}", path.display()))
     })?;

@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         seconds += start.elapsed().as_secs_f64();
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
-        errors.add(&Region::of_photograph(size, &photograph, &view.pixels.opacities())?, &rendered, &photograph)?;
+        errors.add(&Region::from_photograph(size, &photograph, &view.pixels.opacities())?, &rendered, &photograph)?;
         if let Some(folder) = &args.sheets {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
             let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });

@@ -30,14 +30,14 @@ enum Encoder {
 
 impl Format {
     /// By the extension of `file`.
-    fn of(file: &Path) -> Result<Self, Error> {
-        let is = |known: &str| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(known));
+    fn from_path(path: &Path) -> Result<Self, Error> {
+        let is = |known: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(known));
         if is("mp4") {
             Ok(Self::Mp4)
         } else if is("webp") {
             Ok(Self::Webp)
         } else {
-            Err(Error::Usage(format!("--video: expected a name that ends in .mp4 or .webp, found {}", file.display())))
+            Err(Error::Usage(format!("--video: expected a name that ends in .mp4 or .webp, found {}", path.display())))
         }
     }
 
@@ -81,7 +81,7 @@ impl Video {
     ///
     /// Fails where its format is not known or does not go with the size, and where no program for it is found.
     pub(super) fn plan(file: &Path, size: [u32; 2]) -> Result<Self, Error> {
-        let format = Format::of(file)?;
+        let format = Format::from_path(file)?;
         if format == Format::Mp4 && size.iter().any(|extent| extent % 2 == 1) {
             let [width, height] = size;
             let message = format!("--video: expected an even --size for MP4, found {width}x{height}");
@@ -191,10 +191,10 @@ mod tests {
 
     #[test]
     fn a_videos_format_is_its_extension() {
-        assert_eq!(Format::of(Path::new("a.b/c.MP4")).unwrap(), Format::Mp4);
-        assert_eq!(Format::of(Path::new("c.webp")).unwrap(), Format::Webp);
+        assert_eq!(Format::from_path(Path::new("a.b/c.MP4")).unwrap(), Format::Mp4);
+        assert_eq!(Format::from_path(Path::new("c.webp")).unwrap(), Format::Webp);
         for wrong in ["mp4", "a.gif", "a.mp4/b", ""] {
-            assert_eq!(Format::of(Path::new(wrong)).unwrap_err().exit_code(), 1, "{wrong}");
+            assert_eq!(Format::from_path(Path::new(wrong)).unwrap_err().exit_code(), 1, "{wrong}");
         }
     }
 

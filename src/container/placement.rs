@@ -241,7 +241,7 @@ impl Centers {
 }
 
 fn covered_by(centers: impl Iterator<Item = DVec3>, half: DVec3) -> Aabb {
-    let centers = Aabb::of_points(centers);
+    let centers = Aabb::from_points(centers);
     Aabb { min: centers.min - half, max: centers.max + half }
 }
 

@@ -34,7 +34,7 @@ impl Scan {
     /// # Errors
     ///
     /// Where it is a scan whose files cannot be read, whose alignment is not rigid, or whose name is not clear.
-    pub fn of(path: &Path) -> Result<Option<Self>, Error> {
+    pub fn open(path: &Path) -> Result<Option<Self>, Error> {
         let scan = if path.is_dir() {
             let Some(name) = name_in(path)? else { return Ok(None) };
             let mesh = MESHES.iter().map(|ending| path.join(format!("{name}{ending}"))).find(|mesh| mesh.is_file());
@@ -181,26 +181,26 @@ mod tests {
         let folder = folder(&[("scene0101_04.txt", &text), ("scene0101_04_vh_clean.ply", ""), ("a.ply", "")]);
         let mesh = folder.path().join("scene0101_04_vh_clean.ply");
         for path in [folder.path(), &mesh] {
-            let scan = Scan::of(path).unwrap().unwrap();
+            let scan = Scan::open(path).unwrap().unwrap();
             assert_eq!((scan.name.as_str(), scan.mesh.as_ref()), ("scene0101_04", Some(&mesh)));
             assert_eq!(scan.folder, folder.path());
             assert_eq!(scan.aligned(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 5.0, 8.0));
         }
         let better = folder.path().join("scene0101_04_vh_clean_2.ply");
         fs::write(&better, "").unwrap();
-        assert_eq!(Scan::of(folder.path()).unwrap().unwrap().mesh, Some(better));
-        assert_eq!(Scan::of(&folder.path().join("a.ply")).unwrap(), None);
-        assert_eq!(Scan::of(&folder.path().join("absent")).unwrap(), None);
+        assert_eq!(Scan::open(folder.path()).unwrap().unwrap().mesh, Some(better));
+        assert_eq!(Scan::open(&folder.path().join("a.ply")).unwrap(), None);
+        assert_eq!(Scan::open(&folder.path().join("absent")).unwrap(), None);
     }
 
     #[test]
     fn photographs_alone_are_a_scan_without_a_mesh_and_other_folders_are_none() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Scan::of(folder.path()).unwrap(), None);
+        assert_eq!(Scan::open(folder.path()).unwrap(), None);
         for part in ["pose", "color"] {
             fs::create_dir(folder.path().join(part)).unwrap();
         }
-        let scan = Scan::of(folder.path()).unwrap().unwrap();
+        let scan = Scan::open(folder.path()).unwrap().unwrap();
         assert_eq!((scan.mesh, scan.alignment), (None, DMat4::IDENTITY));
     }
 
@@ -216,13 +216,13 @@ mod tests {
         ] {
             let folder = folder(&[("scene1_vh_clean_2.ply", "")]);
             fs::write(folder.path().join("scene1.txt"), text).unwrap();
-            let message = Scan::of(folder.path()).unwrap_err().to_string();
+            let message = Scan::open(folder.path()).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");
         }
         let two = folder(&[("a_vh_clean_2.ply", ""), ("b_vh_clean_2.ply", "")]);
-        let message = Scan::of(two.path()).unwrap_err().to_string();
+        let message = Scan::open(two.path()).unwrap_err().to_string();
         assert!(message.contains("expected those of one scan, found a, b of several"), "{message}");
         let long = folder(&[("a_vh_clean_2.ply", ""), ("a.txt", &" ".repeat((1 << 20) + 1))]);
-        assert_eq!(Scan::of(long.path()).unwrap_err().kind(), super::super::ErrorKind::Limit);
+        assert_eq!(Scan::open(long.path()).unwrap_err().kind(), super::super::ErrorKind::Limit);
     }
 }

@@ -215,7 +215,7 @@ impl<T: Real> Field<T> {
         composite_weights.clear();
         ray_rows.clear();
         ray_rows.push(0);
-        for ray in (0..rays).map(|ray| colored.of_ray(ray)) {
+        for ray in (0..rays).map(|ray| colored.ray_range(ray)) {
             if !ray.is_empty() {
                 let weight: T = colored.weights[ray.clone()].iter().copied().sum();
                 let first = composites.len();

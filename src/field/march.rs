@@ -126,7 +126,7 @@ impl<T: Real> Samples<T> {
     }
 
     /// Where `ray`'s samples are in `order`.
-    pub fn of_ray(&self, ray: usize) -> std::ops::Range<usize> {
+    pub fn ray_range(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 

@@ -54,7 +54,7 @@ impl<T: Real> ShadedSamples<T> {
     }
 
     /// Where `ray`'s colored samples are in `places` and `weights`.
-    pub fn of_ray(&self, ray: usize) -> std::ops::Range<usize> {
+    pub fn ray_range(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 }
@@ -84,8 +84,8 @@ impl<T: Real> Field<T> {
         colored.ray_starts.push(0);
         for ray in first_ray..samples.remaining.len() {
             let before = colored.len();
-            let first = samples.of_ray(ray).start;
-            for at in samples.of_ray(ray) {
+            let first = samples.ray_range(ray).start;
+            for at in samples.ray_range(ray) {
                 let place = samples.order[at];
                 let weight = samples.weight(place as usize);
                 if weight <= min_weight {

@@ -24,7 +24,7 @@ impl Aabb {
     }
 
     /// The smallest box that contains every one of `points`, [`Aabb::EMPTY`] for none.
-    pub fn of_points(points: impl IntoIterator<Item = DVec3>) -> Self {
+    pub fn from_points(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
     }
 

@@ -286,7 +286,7 @@ mod tests {
         // Cameras that look along x and along −x, z upwards; the same rotations with either sign.
         let level = |towards: DVec3| {
             let camera = Camera::looking_at([2, 2], 1.0, DVec3::ZERO, towards, DVec3::Z);
-            Viewpoint::of_camera(&camera)
+            Viewpoint::from_camera(&camera)
         };
         let (a, b) = (level(DVec3::X), level(-DVec3::X));
         for b in [b, Viewpoint { rotation: -b.rotation, ..b }] {

@@ -17,7 +17,7 @@ pub struct Viewpoint {
 
 impl Viewpoint {
     /// That of `camera`, whose principal point is taken to be its picture's middle.
-    pub fn of_camera(camera: &Camera) -> Self {
+    pub fn from_camera(camera: &Camera) -> Self {
         Self {
             position: camera.position,
             rotation: DQuat::from_mat3(&camera.world_from_camera).normalize(),
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn a_viewpoint_is_a_cameras() {
         let camera = Camera::looking_at([40, 30], 25.0, DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
-        let again = Viewpoint::of_camera(&camera).camera([40, 30]);
+        let again = Viewpoint::from_camera(&camera).camera([40, 30]);
         assert!((again.focal[0] - 25.0).abs() < 1e-12 && again.position == camera.position);
         assert!(again.world_from_camera.abs_diff_eq(camera.world_from_camera, 1e-12));
     }

@@ -98,7 +98,7 @@ impl CellMap {
                 let colored = &activations.colored;
                 let mut seen = Vec::with_capacity(colored.len());
                 for ray in 0..rays.len() {
-                    for at in colored.of_ray(ray) {
+                    for at in colored.ray_range(ray) {
                         let position = samples.positions[colored.places[at] as usize].map(f64::from);
                         if let Some(cell) = self.cell_of(lattice, field.origin + DVec3::from_array(position)) {
                             seen.push(Seen { cell, ray: n * CHUNK + ray, weight: f64::from(colored.weights[at]) });

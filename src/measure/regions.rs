@@ -47,7 +47,7 @@ impl Region {
     /// # Errors
     ///
     /// Where either is not of that size.
-    pub fn of_photograph(size: [u32; 2], colors: &[[f32; 3]], opacities: &[f32]) -> Result<Vec<Self>, Error> {
+    pub fn from_photograph(size: [u32; 2], colors: &[[f32; 3]], opacities: &[f32]) -> Result<Vec<Self>, Error> {
         Error::unless_size(size, colors.len())?;
         Error::unless_size(size, opacities.len())?;
         let [width, height] = size.map(|s| s as usize);
@@ -144,7 +144,7 @@ mod tests {
         let color = |x: usize| if (14..20).contains(&x) { [0.9; 3] } else { [0.2, 0.3, 0.1] };
         let colors: Vec<_> = (0..30).map(color).collect();
         let opacities: Vec<_> = (0..30).map(|x| if x < 8 { 0.0 } else { 1.0 }).collect();
-        let regions = Region::of_photograph([30, 1], &colors, &opacities).unwrap();
+        let regions = Region::from_photograph([30, 1], &colors, &opacities).unwrap();
         let count = |region| regions.iter().filter(|&&r| r == region).count();
         assert_eq!(Region::ALL.map(count), [6, 4, 4, 4, 12]);
         assert_eq!(
@@ -155,7 +155,7 @@ mod tests {
             [13, 14, 15, 18, 19, 20].map(|x| regions[x] == Region::Edge),
             [true, true, false, false, true, true]
         );
-        assert!(Region::of_photograph([29, 1], &colors, &opacities).is_err());
+        assert!(Region::from_photograph([29, 1], &colors, &opacities).is_err());
     }
 
     #[test]

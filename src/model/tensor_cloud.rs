@@ -63,7 +63,7 @@ impl TensorCloud {
 
     /// The box around everything the cloud covers; [`Aabb::EMPTY`] for no tensors.
     pub fn bounds(&self) -> Aabb {
-        let centers = Aabb::of_points(self.centers());
+        let centers = Aabb::from_points(self.centers());
         if self.is_empty() { centers } else { centers.grown(self.half) }
     }
 

@@ -31,7 +31,7 @@ impl Judge {
     }
 
     /// Against photographs of what `scene` shows.
-    pub fn of_photographs(scene: &Scene, views: &[View]) -> Self {
+    pub fn from_photographs(scene: &Scene, views: &[View]) -> Self {
         Self {
             cameras: views.iter().map(|view| view.camera.mapped(&scene.frame.model_from_dataset)).collect(),
             pictures: views.iter().map(|view| view.pixels.colors(scene.frame.background)).collect(),

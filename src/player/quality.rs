@@ -28,7 +28,7 @@ pub fn adapted(
 
 /// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.
 pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSettings)> {
-    let trade = ParetoFront::of_notes(notes).and_then(Result::ok);
+    let trade = ParetoFront::from_notes(notes).and_then(Result::ok);
     let points = trade.map(|trade| trade.points).unwrap_or_default();
     points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.choice))).collect()
 }

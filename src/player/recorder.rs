@@ -76,7 +76,7 @@ impl Recorder {
             let is_due = keyframes.last().is_none_or(|last| self.seconds - last.seconds >= RECORDED_EVERY);
             if is_due && keyframes.len() < MAX_KEYFRAMES {
                 let seen = controls.camera([2, 2]).mapped(&model_from_dataset.inverse());
-                keyframes.push(Keyframe { seconds: self.seconds, viewpoint: Viewpoint::of_camera(&seen) });
+                keyframes.push(Keyframe { seconds: self.seconds, viewpoint: Viewpoint::from_camera(&seen) });
             }
             return false;
         }

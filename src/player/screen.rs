@@ -70,7 +70,7 @@ pub struct Show {
 
 impl Show {
     /// The picture of `scene` that `camera` took, as `view`, on `background` or else the scene's own; without a photograph.
-    pub fn of(scene: &Scene, camera: Option<&Camera>, view: View, background: Option<[f32; 3]>) -> Self {
+    pub fn new(scene: &Scene, camera: Option<&Camera>, view: View, background: Option<[f32; 3]>) -> Self {
         let (own, bounds) = (scene.frame.background, &scene.bounds);
         let distance = camera.map_or(1.0, |camera| (camera.position - bounds.center()).length());
         let reach = 0.5 * bounds.size().length();

@@ -90,9 +90,9 @@ fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<A
     }
     let rays = rays(cameras, TRIED_RAYS);
     let before = AlignmentHint::NOTHING.share(tree, &rays);
-    let focus = CameraBounds::of_cameras(cameras.iter()).focus;
+    let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distance = cameras.iter().map(|c| c.position.distance(focus)).sum::<f64>() / cameras.len() as f64;
-    let apart = Aabb::of_points(cameras.iter().map(|c| c.position)).size().length();
+    let apart = Aabb::from_points(cameras.iter().map(|c| c.position)).size().length();
     // The prior's size as a multiple of the cameras' empty_span, ideally about 1.
     let ratio = bounds.size().length() / distance.max(apart);
     let better = |scale: f64| (ratio * scale).ln().abs() + 2_f64.ln() < ratio.ln().abs();

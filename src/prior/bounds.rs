@@ -31,7 +31,7 @@ impl CameraBounds {
     /// Parallel axes, a single camera, or cameras that look away from one another determine no focus in front of them.
     /// Then the focus lies on the mean axis: abreast of the origin where that is in front of the cameras, else as far
     /// ahead as the cameras are apart, else 1 unit ahead.
-    pub fn of_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
+    pub fn from_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
         let count = cameras.clone().count().max(1) as f64;
         let focus = nearest_to_axes(cameras.clone(), count).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
         let distance = cameras.map(|c| c.position.distance(focus)).sum::<f64>() / count;
@@ -42,7 +42,7 @@ impl CameraBounds {
 /// The box of everything any camera sees between `near` and `far`; [`Aabb::EMPTY`] for no cameras.
 pub fn frusta_box<'a>(cameras: impl Iterator<Item = &'a Camera>, near: f64, far: f64) -> Aabb {
     let steps = || (0..FRUSTUM_POINTS).map(|i| f64::from(i) / f64::from(FRUSTUM_POINTS - 1));
-    Aabb::of_points(cameras.flat_map(|camera| {
+    Aabb::from_points(cameras.flat_map(|camera| {
         steps().flat_map(move |v| {
             steps().flat_map(move |u| {
                 let ray = camera.ray_through(u * f64::from(camera.width), v * f64::from(camera.height));
@@ -86,7 +86,7 @@ fn focus_ahead<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64
     // Axes that cancel out leave no mean: any camera's will do.
     let ahead = mean_axis.try_normalize().or_else(|| cameras.clone().next().map(axis)).unwrap_or(DVec3::NEG_Z);
     let to_origin = -center.dot(ahead);
-    let apart = Aabb::of_points(cameras.map(|c| c.position)).size().length();
+    let apart = Aabb::from_points(cameras.map(|c| c.position)).size().length();
     let distance = [to_origin, apart].into_iter().find(|&d| d.is_finite() && d > 1e-6 * center.length());
     center + ahead * distance.unwrap_or(1.0)
 }
@@ -110,14 +110,14 @@ mod tests {
         for scale in [1e-6, 1.0, 1e6] {
             let target = DVec3::new(1.0, -2.0, 3.0);
             let cameras = ring(4.0, target, scale);
-            let bounds = CameraBounds::of_cameras(cameras.iter());
+            let bounds = CameraBounds::from_cameras(cameras.iter());
             assert!(bounds.focus.distance(scale * target) < 1e-9 * scale, "{bounds:?}");
             assert!((bounds.near / scale - 2.0).abs() < 1e-9 && (bounds.far / scale - 6.0).abs() < 1e-9, "{bounds:?}");
         }
     }
 
     fn assert_usable(cameras: &[Camera], near: f64, far: f64) {
-        let bounds = CameraBounds::of_cameras(cameras.iter());
+        let bounds = CameraBounds::from_cameras(cameras.iter());
         assert!((bounds.near - near).abs() < 1e-6 * near && (bounds.far - far).abs() < 1e-6 * far, "{bounds:?}");
         assert!(frusta_box(cameras.iter(), bounds.near, bounds.far).is_solid());
     }
@@ -140,7 +140,7 @@ mod tests {
                 Camera::looking_at([8, 8], 9.0, position, position + DVec3::Y, DVec3::Z)
             })
             .collect();
-        let bounds = CameraBounds::of_cameras(cameras.iter());
+        let bounds = CameraBounds::from_cameras(cameras.iter());
         assert!(bounds.focus.length() < 1e-9, "{bounds:?}");
         assert!(bounds.near > 4.9 && bounds.far < 16.0);
     }
@@ -155,7 +155,7 @@ mod tests {
                     Camera::looking_at([8, 8], 9.0, radius * out, (radius + 1.0) * out, DVec3::Z)
                 })
                 .collect();
-            let bounds = CameraBounds::of_cameras(cameras.iter());
+            let bounds = CameraBounds::from_cameras(cameras.iter());
             assert!(bounds.near > 0.0 && bounds.near < bounds.far && bounds.far.is_finite(), "{bounds:?}");
             assert!(bounds.focus.is_finite());
         }

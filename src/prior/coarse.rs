@@ -104,7 +104,7 @@ pub fn reconstruct(
 
 /// Where rays begin and end, in dataset units: as given, or as the cameras tell.
 pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64>) -> Result<[f64; 2], Error> {
-    let derived = CameraBounds::of_cameras(dataset.views.iter().map(|v| &v.camera));
+    let derived = CameraBounds::from_cameras(dataset.views.iter().map(|v| &v.camera));
     let (near, far) = (near.unwrap_or(derived.near), far.unwrap_or(derived.far));
     if near >= 0.0 && near < far && far.is_finite() {
         Ok([near, far])

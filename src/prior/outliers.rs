@@ -102,7 +102,7 @@ fn split(points: &[DVec3], part: &mut [u32], axes: &mut [u8]) {
     if part.len() <= LEAF {
         return;
     }
-    let size = Aabb::of_points(part.iter().map(|&n| points[n as usize])).size();
+    let size = Aabb::from_points(part.iter().map(|&n| points[n as usize])).size();
     let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(0);
     let middle = part.len() / 2;
     part.select_nth_unstable_by(middle, |&a, &b| {

@@ -26,7 +26,7 @@ pub(super) trait Convex {
 
     /// The smallest upright box that contains it.
     fn bounds(&self) -> Aabb {
-        Aabb::of_points(self.corners().iter().copied())
+        Aabb::from_points(self.corners().iter().copied())
     }
 
     /// Calls `test` with directions, of which one separates it from any upright box that it has no point in common with, the

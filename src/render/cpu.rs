@@ -67,7 +67,7 @@ impl<T: Real> CpuRenderer<T> {
     }
 
     /// Renders with `field`.
-    pub fn of_field(field: Field<T>) -> Self {
+    pub fn from_field(field: Field<T>) -> Self {
         Self { field }
     }
 
@@ -112,7 +112,7 @@ impl<T: Real> CpuRenderer<T> {
                     || {
                         self.trace_chunk(chunk, scratch, |pixel| looks.push(Look { pixel, ..Look::default() }));
                         for (n, (look, ray)) in looks.iter_mut().zip(chunk).enumerate() {
-                            look.samples = scratch.samples.of_ray(n).len() as u32;
+                            look.samples = scratch.samples.ray_range(n).len() as u32;
                             if has_normals && look.pixel.opacity >= 0.5 && look.pixel.depth > 0.0 {
                                 look.normal = self.normal_at(ray.at(f64::from(look.pixel.depth)), points);
                             }
@@ -168,7 +168,7 @@ impl<T: Real> CpuRenderer<T> {
         let (mut weights, mut distances) = (T::zero(), T::zero());
         // What rounding has added too much to them.
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
-        for &place in &samples.order[samples.of_ray(ray)] {
+        for &place in &samples.order[samples.ray_range(ray)] {
             let weight = samples.weight(place as usize);
             add_compensated(&mut weights, &mut weights_lost, weight);
             add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[place as usize]);

@@ -100,7 +100,7 @@ impl ParetoFront {
     /// # Errors
     ///
     /// Where the note is not as this version writes it.
-    pub fn of_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, ParetoError>> {
+    pub fn from_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, ParetoError>> {
         notes.get(TRADE_NOTE).map(|text| Self::parse(text))
     }
 
@@ -257,8 +257,8 @@ mod tests {
         let names: Vec<_> = trade.points.iter().map(|p| p.names.join(" ")).collect();
         assert_eq!(names, ["", "fast", "balanced", "", "best"]);
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
-        assert_eq!(ParetoFront::of_notes(&notes), Some(Ok(trade)));
-        assert_eq!(ParetoFront::of_notes(&BTreeMap::new()), None);
+        assert_eq!(ParetoFront::from_notes(&notes), Some(Ok(trade)));
+        assert_eq!(ParetoFront::from_notes(&BTreeMap::new()), None);
         let alone = ParetoFront::new(String::new(), String::new(), [1, 1], String::new(), vec![notes_point()], 0.0);
         assert_eq!(alone.points[0].names, ["fast", "balanced", "best"]);
     }

@@ -113,13 +113,13 @@ impl<'a> ReferenceRenderer<'a> {
         }
         if composed_weight > 0.0 {
             composed.iter_mut().for_each(|f| *f /= composed_weight);
-            let of_ray = self.field.decoder_output(&composed, ray.direction);
+            let ray_range = self.field.decoder_output(&composed, ray.direction);
             if scene.decoder.mode == DecoderMode::Residual {
                 for (weight, own) in own_colors {
-                    (0..3).for_each(|c| color[c] += weight * sigmoid(own[c] + of_ray[c]));
+                    (0..3).for_each(|c| color[c] += weight * sigmoid(own[c] + ray_range[c]));
                 }
             } else {
-                color = of_ray.map(|v| composed_weight * sigmoid(v));
+                color = ray_range.map(|v| composed_weight * sigmoid(v));
             }
         }
         for (c, &background) in color.iter_mut().zip(&scene.frame.background) {

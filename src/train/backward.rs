@@ -54,7 +54,7 @@ pub struct Gradients<T> {
 impl<T: Real> Backward<T> {
     /// For batches on `field` or a field of the same decoder.
     pub fn new(field: &Field<T>) -> Self {
-        Self { layout: NetworkLayout::of(&field.decoder), chunks: Vec::new(), scratch: Pool::default() }
+        Self { layout: NetworkLayout::new(&field.decoder), chunks: Vec::new(), scratch: Pool::default() }
     }
 
     /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.

@@ -73,7 +73,7 @@ impl Checkpoint {
         self.restarted_at = self.step;
         self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
         self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.len())).collect();
-        self.networks = Moments::zeros(NetworkLayout::of(&field.decoder).len());
+        self.networks = Moments::zeros(NetworkLayout::new(&field.decoder).len());
     }
 
     /// Forgets the optimizer's state of all tensors but those of the numbers `kept`, by scale of `field`.
@@ -99,7 +99,7 @@ impl Checkpoint {
             let place = format!("appearance moments of scale {s}");
             expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
         }
-        expect("network moments", NetworkLayout::of(&field.decoder).len(), self.networks.first.len())?;
+        expect("network moments", NetworkLayout::new(&field.decoder).len(), self.networks.first.len())?;
         if photographs.checksum() != self.photographs || !photographs.restore_active_rays(&self.kept) {
             return Err(malformed("photographs", "those that the run began with", "others"));
         }

@@ -149,7 +149,7 @@ impl<T: Real> Chunk<T> {
         weight_gradients.clear();
         for (ray, gradient) in pixel_gradients.iter().enumerate() {
             let ray_row = activations.rows_of_ray(ray).start;
-            for c in colored.of_ray(ray) {
+            for c in colored.ray_range(ray) {
                 let (term, row) = match mode {
                     DecoderMode::PerSample | DecoderMode::Residual => (c, c),
                     DecoderMode::PerRay => (ray_row, ray_row),
@@ -200,12 +200,12 @@ impl<T: Real> Chunk<T> {
             for i in 0..3 {
                 behind += samples.remaining[ray] * T::of_f32(target.background[i]) * gradient[i];
             }
-            let mut of_ray = colored.of_ray(ray);
-            for &place in samples.order[samples.of_ray(ray)].iter().rev() {
+            let mut ray_range = colored.ray_range(ray);
+            for &place in samples.order[samples.ray_range(ray)].iter().rev() {
                 let mut weight_gradient = T::zero();
-                if of_ray.end > of_ray.start && colored.places[of_ray.end - 1] == place {
-                    of_ray.end -= 1;
-                    weight_gradient = weight_gradients[of_ray.end];
+                if ray_range.end > ray_range.start && colored.places[ray_range.end - 1] == place {
+                    ray_range.end -= 1;
+                    weight_gradient = weight_gradients[ray_range.end];
                 }
                 let place = place as usize;
                 let after = samples.transmittances[place] * (T::one() - samples.alphas[place]);
@@ -228,7 +228,7 @@ impl<T: Real> Chunk<T> {
         let mean = total.f64() / samples.len().max(1) as f64;
         let roulette = Roulette { below: roulette.below * mean, ..roulette };
         for ray in 0..samples.remaining.len() {
-            for (n, &place) in samples.order[samples.of_ray(ray)].iter().enumerate() {
+            for (n, &place) in samples.order[samples.ray_range(ray)].iter().enumerate() {
                 let gradient = &mut gradients[place as usize];
                 *gradient = roulette.thin(gradient.abs(), ray, n).copysign(*gradient);
             }

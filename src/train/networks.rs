@@ -14,7 +14,7 @@ pub struct NetworkLayout {
 
 impl NetworkLayout {
     /// The layout of `decoder`'s weights.
-    pub fn of<T>(decoder: &FieldDecoder<T>) -> Self {
+    pub fn new<T>(decoder: &FieldDecoder<T>) -> Self {
         let appearance = decoder.appearance.len();
         let mut end = appearance;
         let layers = (decoder.layers.iter())

@@ -86,7 +86,7 @@ fn near_far(dataset: &Dataset, bounds: &Aabb) -> [f64; 2] {
     let cameras = dataset.views.iter().map(|view| &view.camera);
     let inside = |p: DVec3| p.clamp(bounds.min, bounds.max) == p;
     if !cameras.clone().any(|camera| inside(camera.position)) {
-        let CameraBounds { near, far, .. } = CameraBounds::of_cameras(cameras);
+        let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras);
         return [near, far];
     }
     let farthest = |p: DVec3| (p - bounds.min).abs().max((p - bounds.max).abs()).length();

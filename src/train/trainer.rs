@@ -288,7 +288,7 @@ impl<'a> Trainer<'a> {
         let step = self.progress.step;
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
-            let dense = Aabb::of_points(occupancy.iter().map(|v| occupancy.position(v)));
+            let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
             // Very short runs have nothing dense yet: they go on without.
             if dense.is_solid() {
                 if which == 0 {

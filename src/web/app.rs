@@ -271,7 +271,7 @@ impl App {
     /// How `slot`, number `n`, is shown.
     fn show(&self, slot: &SceneSlot, n: usize) -> Show {
         let shown = slot.screen.camera();
-        let show = Show::of(&slot.scene, shown, self.view, self.background);
+        let show = Show::new(&slot.scene, shown, self.view, self.background);
         match shown.and_then(|shown| self.photograph.place(&slot.cameras, shown)).filter(|_| n == 0) {
             Some(photograph) => Show { photograph_share: self.photograph.shown_share(), photograph, ..show },
             None => show,

@@ -56,7 +56,7 @@ impl Way {
     /// What `rays` see of `scene`.
     pub(crate) fn trace(self, scene: &Scene, rays: &[Ray]) -> Vec<Pixel> {
         match self {
-            Self::CpuF64 => CpuRenderer::of_field(Field::<f64>::new(scene)).trace(rays),
+            Self::CpuF64 => CpuRenderer::from_field(Field::<f64>::new(scene)).trace(rays),
             Self::CpuF32 => CpuRenderer::new(scene).trace(rays),
             #[cfg(feature = "gpu")]
             Self::GpuF32 => on_device(scene, rays, Precision::F32),

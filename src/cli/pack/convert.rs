@@ -80,7 +80,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 /// Makes the scene what the file's point `name` renders, as far as scenes can be.
 fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
-    let size = ParetoFront::of_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
+    let size =
+        ParetoFront::from_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
     let RenderSettings { approximation, divisor } =
         granted(&QualitySelector::Name(name.to_owned()), document, path, size)?;
     approximation.check(&document.scene)?;

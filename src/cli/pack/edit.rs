@@ -102,7 +102,7 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
         if let Some(corners) = args.corners {
             let map = document.scene.frame.model_from_dataset;
             // The box around the box, where the map turns it.
-            let within = Aabb::of_points(corners.corners().map(|corner| map.point(corner)));
+            let within = Aabb::from_points(corners.corners().map(|corner| map.point(corner)));
             document.scene = pack::crop(&document.scene, &within)?;
         }
         Ok(document)

@@ -265,7 +265,7 @@ fn pack(
         views: probe_views(&scene, &metadata.cameras, PROBED.0, args.judged_width()),
         own: Judge::new(&scene, probe_views(&scene, &metadata.cameras, JUDGED.0, args.judged_width())),
         real: photographs.map(|(views, what)| {
-            let judge = Judge::of_photographs(&scene, views);
+            let judge = Judge::from_photographs(&scene, views);
             let before = judge.error(&scene);
             (judge, before, what.as_str())
         }),

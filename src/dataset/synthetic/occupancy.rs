@@ -66,7 +66,7 @@ pub(super) fn write_npz(cells: &[bool], out: impl Write + Seek) -> io::Result<()
 
 /// The solid's bounds in the world.
 fn around(solid: &Solid) -> Aabb {
-    Aabb::of_points(solid.bounds.corners().map(|corner| solid.world(corner)))
+    Aabb::from_points(solid.bounds.corners().map(|corner| solid.world(corner)))
 }
 
 /// Whether a closed cell and a closed solid have a point in common.

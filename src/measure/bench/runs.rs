@@ -58,7 +58,7 @@ pub fn training_steps(
 pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
     let field = Field::<f32>::new(scene);
     let shape = FieldShape::of(&field);
-    let renderer = CpuRenderer::of_field(field);
+    let renderer = CpuRenderer::from_field(field);
     let rays: Vec<Ray> = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.trace_with_work(&rays).1));
     let Ok((seconds, works)) = timed;

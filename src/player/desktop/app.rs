@@ -477,7 +477,7 @@ impl App {
     /// How slot `n` is shown.
     pub(super) fn show(&self, n: usize) -> Option<Show> {
         let slot = self.slots[n].as_ref()?;
-        let show = Show::of(&slot.scene, slot.shown(), self.view, self.background);
+        let show = Show::new(&slot.scene, slot.shown(), self.view, self.background);
         let place = slot.shown().and_then(|shown| self.photograph.place(&slot.opened.document.metadata.cameras, shown));
         Some(match place.filter(|_| n == 0) {
             Some(photograph) => Show { photograph_share: self.photograph.shown_share(), photograph, ..show },

@@ -65,7 +65,7 @@ impl Format {
     /// # Errors
     ///
     /// Where its ending is none of those that are read.
-    pub fn of(path: &Path) -> Result<Self, Fault> {
+    pub fn from_path(path: &Path) -> Result<Self, Fault> {
         match path.file_name().and_then(|n| n.to_str()) {
             Some("points3D.bin") => return Ok(Self::ColmapBinary),
             Some("points3D.txt") => return Ok(Self::ColmapText),
@@ -107,7 +107,7 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
 
 fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), ImportError> {
     let mut read = || {
-        let format = Format::of(path)?;
+        let format = Format::from_path(path)?;
         let mut input = Input::open(path)?;
         match format {
             Format::Ply => ply::read(&mut input, options, visitor),

@@ -37,7 +37,7 @@ impl<'a> Input<'a> {
     }
 
     /// These bytes.
-    pub fn of_bytes(bytes: &'a [u8]) -> Self {
+    pub fn from_bytes(bytes: &'a [u8]) -> Self {
         Self::new(Box::new(std::io::Cursor::new(bytes)), bytes.len() as u64)
     }
 

@@ -18,7 +18,7 @@ pub(super) struct Scan {
 
 /// The scan that `path`, a folder or a mesh in one, belongs to, if it is one.
 pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
-    let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::of(path).map_err(|e| refused(path, e))?
+    let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::open(path).map_err(|e| refused(path, e))?
     else {
         return Ok(None);
     };

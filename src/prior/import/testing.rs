@@ -43,6 +43,6 @@ type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fau
 /// What `read` hands over of `bytes`.
 pub(crate) fn seen_with(bytes: &[u8], options: &ReadOptions, read: Read) -> Result<Seen, Fault> {
     let mut seen = Seen::default();
-    read(&mut Input::of_bytes(bytes), options, &mut seen)?;
+    read(&mut Input::from_bytes(bytes), options, &mut seen)?;
     Ok(seen)
 }

@@ -38,8 +38,8 @@ impl Gpu {
 
     /// Rays of a batch whose largest buffer is still within the device's limits.
     pub(super) fn most_rays_at_once(&self) -> u32 {
-        let of_ray = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
-        let rays = (self.binding_limit() / of_ray).min(u64::from(MAX_RAYS)) as u32;
+        let ray_range = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
+        let rays = (self.binding_limit() / ray_range).min(u64::from(MAX_RAYS)) as u32;
         (rays / RAY_LANES * RAY_LANES).max(RAY_LANES)
     }
 }

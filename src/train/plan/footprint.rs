@@ -29,7 +29,7 @@ impl Footprints {
     /// sphere around it may be in its picture, between near and far. What lies in front of the cell is not asked: the
     /// prior knows it only roughly.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
-        let derived = CameraBounds::of_cameras(cameras.iter());
+        let derived = CameraBounds::from_cameras(cameras.iter());
         let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]);
         let radius = 0.5 * occupied.lattice.pitch.length();
         let frusta: Vec<_> = cameras.iter().map(Frustum::new).collect();

@@ -54,6 +54,6 @@ pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn
         ..usual
     };
     for options in [usual, filtered] {
-        let _ = read(&mut Input::of_bytes(bytes), &options, &mut Doubting::default());
+        let _ = read(&mut Input::from_bytes(bytes), &options, &mut Doubting::default());
     }
 }

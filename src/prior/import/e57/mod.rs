@@ -40,7 +40,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
         E57Reader::new(input).map_err(|error| Fault::malformed("the XML section", "what E57 says", error))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
-        scans.push(Scan::of(described, format!("scan {at}"))?);
+        scans.push(Scan::new(described, format!("scan {at}"))?);
     }
     let total = scans.iter().map(|scan| scan.records).fold(0, u64::saturating_add);
     let mut done = 0;

@@ -123,7 +123,7 @@ impl Scan {
     /// # Errors
     ///
     /// Where its fields are none that points can be read from, or its pose is none.
-    pub(super) fn of(described: &PointCloud, place: String) -> Result<Self, Fault> {
+    pub(super) fn new(described: &PointCloud, place: String) -> Result<Self, Fault> {
         let prototype = &described.prototype;
         Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
         let bits: Vec<u32> = prototype.iter().map(bits).collect();

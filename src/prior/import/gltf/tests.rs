@@ -14,7 +14,7 @@ fn no_files(name: &str) -> Result<Vec<u8>, Fault> {
 
 fn try_seen(file: &[u8], beside: &dyn Fn(&str) -> Result<Vec<u8>, Fault>) -> Result<Seen, Fault> {
     let mut seen = Seen::default();
-    read(&mut Input::of_bytes(file), beside, &ReadOptions::default(), &mut seen)?;
+    read(&mut Input::from_bytes(file), beside, &ReadOptions::default(), &mut seen)?;
     Ok(seen)
 }
 
@@ -160,7 +160,7 @@ fn of_a_mesh_the_vertices_alone_can_be_had() {
     let options = ReadOptions { vertices: true, ..ReadOptions::default() };
     let mut seen = Seen::default();
     let file = document().to_string();
-    read(&mut Input::of_bytes(file.as_bytes()), &no_files, &options, &mut seen).unwrap();
+    read(&mut Input::from_bytes(file.as_bytes()), &no_files, &options, &mut seen).unwrap();
     assert_eq!(seen.positions(), [[1.0, 0.0, 0.0], [2.0, 0.5, 0.0], [3.0, 1.0, 0.0], [4.0, 1.0, -1.0]]);
     assert!(seen.triangles.is_empty());
 }
@@ -507,7 +507,7 @@ fn a_mesh_cannot_be_asked_for_without_end() {
         }
     }
     let file = document.to_string();
-    let result = read(&mut Input::of_bytes(file.as_bytes()), &no_files, &ReadOptions::default(), &mut Many(0));
+    let result = read(&mut Input::from_bytes(file.as_bytes()), &no_files, &ReadOptions::default(), &mut Many(0));
     assert!(matches!(result, Err(Fault::Stopped)), "it asks whether to go on");
     let mut budget = super::Budget::default();
     let spent: Result<(), Fault> = (0..300).try_for_each(|_| budget.spend(1 << 24));

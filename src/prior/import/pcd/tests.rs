@@ -106,7 +106,7 @@ fn decompression_is_the_same_over_many_batches() {
     (0..8000).for_each(|_| packed.extend([0xff, 255, 0xff]));
     let size = 8192 + 8000 * 264;
     let mut out: Vec<u8> = Vec::new();
-    let mut input = Input::of_bytes(&packed);
+    let mut input = Input::from_bytes(&packed);
     let mut sink = |offset: u64, bytes: &[u8]| {
         assert_eq!(offset, out.len() as u64);
         out.extend(bytes);

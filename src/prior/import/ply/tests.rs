@@ -370,6 +370,6 @@ fn a_visitor_can_end_it() {
         }
     }
     let file = mesh("ascii", true);
-    let result = read(&mut super::Input::of_bytes(&file), &ReadOptions::default(), &mut Stopping);
+    let result = read(&mut super::Input::from_bytes(&file), &ReadOptions::default(), &mut Stopping);
     assert!(matches!(result, Err(Fault::Stopped)));
 }
