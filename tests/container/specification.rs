@@ -1,4 +1,4 @@
-//! The specification's example is a file.
+//! The example and the limits of the specification are those of the code.
 
 use strivec::container::{decode, encode, limits};
 
@@ -40,7 +40,7 @@ fn the_limits_are_those_of_the_code() {
         ("scales", limits::SCALES),
         ("tensors of a scale", limits::TENSORS),
         ("extent of a lattice, per axis", limits::CELL_EXTENT),
-        ("neighbors M", limits::TOP_K),
+        ("neighbors, `top_k`", limits::TOP_K),
         ("resolution, per axis", limits::RESOLUTION),
         ("density rank, appearance rank", limits::RANK),
         ("features P", limits::FEATURES),
