@@ -6,7 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, UVec3};
-use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
 
 use super::convert::Written;
@@ -19,7 +18,7 @@ use crate::model::{
     AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
     Rules, Scale, Scene, TensorCloud,
 };
-use crate::npy::{Header, NpyError, Number};
+use crate::npy::{self, Element, Header, NpyError};
 
 /// The description's file name.
 const DESCRIPTION: &str = "scene.json";
@@ -213,16 +212,10 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     Ok(files)
 }
 
-/// The file of an array of this shape, in C order.
-fn npy<T: npyz::AutoSerialize>(shape: &[usize], values: impl Iterator<Item = T>) -> Result<Vec<u8>, Error> {
-    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+/// The `.npy` file of an array of this shape, in C order.
+fn npy<T: Element>(shape: &[usize], values: impl Iterator<Item = T>) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
-    let write = || -> std::io::Result<()> {
-        let mut array = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd()?;
-        array.extend(values)?;
-        array.finish()
-    };
-    write().map_err(|e| Error::Runtime(e.to_string()))?;
+    npy::write(&mut bytes, shape, values).map_err(|e| Error::Runtime(e.to_string()))?;
     Ok(bytes)
 }
 
@@ -332,38 +325,12 @@ impl Folder<'_> {
         let mut values = Vec::with_capacity(header.count as usize);
         header
             .for_each(&mut rest, |_, value| {
-                values.push(T::of(value));
+                values.push(T::from_f64(value));
                 Ok::<_, NpyError>(())
             })
             .map_err(|e| malformed(e.to_string()))?;
         Ok((shape.try_into().expect("of this many dimensions"), values))
     }
-}
-
-/// What the arrays hold.
-trait Element {
-    /// Its type in the file.
-    const NUMBER: Number;
-    /// The value that was read.
-    fn of(value: f64) -> Self;
-}
-
-macro_rules! elements {
-    ($($type:ty, $number:expr, $of:expr;)*) => {$(
-        impl Element for $type {
-            const NUMBER: Number = $number;
-            fn of(value: f64) -> Self {
-                $of(value)
-            }
-        }
-    )*};
-}
-
-elements! {
-    bool, Number::Bool, |v| v != 0.0;
-    u32, Number::Unsigned(4), |v| v as Self;
-    f32, Number::Float(4), |v| v as Self;
-    f64, Number::Float(8), |v| v;
 }
 
 /// As the model counts.

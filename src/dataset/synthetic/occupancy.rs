@@ -3,14 +3,13 @@
 use std::io::{self, Seek, Write};
 
 use glam::{DVec3, IVec3};
-use npyz::WriterBuilder;
 use rayon::prelude::*;
-use zip::write::FileOptions;
 
 use super::polytope::Polytope;
 use super::scene::Scene;
 use super::solid::{About, Solid};
 use crate::geometry::{Aabb, Lattice};
+use crate::npy::NpzWriter;
 
 /// Cells along each axis.
 pub(super) const CELLS: usize = 100;
@@ -51,16 +50,10 @@ pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
 /// Writes `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the grid's smallest and largest corner as
 /// x, y, z) as an NPZ file.
 pub(super) fn write_npz(cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
-    // The default is the time of day; bytes must depend on the seed alone.
-    let options = FileOptions::default().last_modified_time(zip::DateTime::default());
-    let mut archive = npyz::npz::NpzWriter::new(out);
-    let mut array = archive.array("occupancy", options)?.default_dtype().shape(&[CELLS as u64; 3]).begin_nd()?;
-    array.extend(cells.iter().copied())?;
-    array.finish()?;
-    let mut array = archive.array("bounds", options)?.default_dtype().shape(&[2, 3]).begin_nd()?;
-    array.extend([BOUNDS.min, BOUNDS.max].iter().flat_map(|corner| corner.to_array()))?;
-    array.finish()?;
-    archive.zip_writer().finish()?;
+    let mut archive = NpzWriter::new(out, false);
+    archive.add("occupancy", &[CELLS; 3], cells.iter().copied())?;
+    archive.add("bounds", &[2, 3], [BOUNDS.min, BOUNDS.max].iter().flat_map(|corner| corner.to_array()))?;
+    archive.finish()?;
     Ok(())
 }
 

@@ -40,9 +40,10 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// Where there is none, where it has too many entries, and where two have the same name.
     pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
-        check_end(input)?;
+        let entries = check_end(input)?;
         let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
-        if zip.file_names().count() != zip.len() {
+        // The library keeps one entry of each name.
+        if zip.len() as u64 != entries {
             return Err(Fault::malformed("the archive", "every name once", "a name twice"));
         }
         Ok(Self { zip })
@@ -50,7 +51,7 @@ impl<'a, 'b> Archive<'a, 'b> {
 
     /// What the entries are called, sorted.
     pub(super) fn names(&self) -> Vec<String> {
-        let mut names: Vec<_> = self.zip.file_names().map(String::from).collect();
+        let mut names: Vec<_> = self.zip.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
         names.sort_unstable();
         names
     }
@@ -60,7 +61,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     /// # Errors
     ///
     /// Where there is none, or one that is too long or compressed in another way.
-    pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_>, Fault> {
+    pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_, &'a mut Input<'b>>, Fault> {
         let entry = self.zip.by_name(name).map_err(|e| fault(name, e))?;
         match entry.compression() {
             CompressionMethod::Stored if entry.size() != entry.compressed_size() => {
@@ -97,8 +98,8 @@ impl<'a, 'b> Archive<'a, 'b> {
     }
 }
 
-/// Looks at the directory's end before the library does.
-fn check_end(input: &mut Input<'_>) -> Result<(), Fault> {
+/// Checks the directory's end before the library reads it, and returns the number of entries.
+fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
     let no_end = || Fault::malformed("the archive's end", "a zip directory", "none");
     let tail_len = input.len().min(22 + u64::from(u16::MAX));
     let tail_start = input.len() - tail_len;
@@ -127,7 +128,8 @@ fn check_end(input: &mut Input<'_>) -> Result<(), Fault> {
         }
     }
     Fault::unless_within("the archive's entries", MAX_ENTRIES.min(input.len() / DIRECTORY_ENTRY), entries)?;
-    input.go_to(0)
+    input.go_to(0)?;
+    Ok(entries)
 }
 
 fn fault(place: &str, error: ZipError) -> Fault {
@@ -138,6 +140,10 @@ fn fault(place: &str, error: ZipError) -> Fault {
             Fault::unsupported(format!("{place}: {what}"), "save it stored or deflated, without a password")
         }
         ZipError::FileNotFound => Fault::malformed("the archive", place, "none"),
+        ZipError::CompressionMethodNotSupported(method) => {
+            Fault::unsupported(format!("{place}: compression by method {method}"), "save it stored or deflated")
+        }
+        other => Fault::malformed(place, "a zip archive", other),
     }
 }
 

@@ -2,7 +2,7 @@ use std::io::{Cursor, Write};
 
 use glam::DVec3;
 use zip::CompressionMethod;
-use zip::write::{FileOptions, ZipWriter};
+use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::read;
 use crate::geometry::Aabb;
@@ -23,7 +23,7 @@ fn npz(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (n, (name, bytes)) in arrays.iter().enumerate() {
         let method = if n % 2 == 0 { CompressionMethod::Stored } else { CompressionMethod::Deflated };
-        zip.start_file(format!("{name}.npy"), FileOptions::default().compression_method(method)).unwrap();
+        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default().compression_method(method)).unwrap();
         zip.write_all(bytes).unwrap();
     }
     zip.finish().unwrap().into_inner()

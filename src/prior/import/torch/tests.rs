@@ -3,7 +3,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use zip::CompressionMethod;
-use zip::write::{FileOptions, ZipWriter};
+use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::pickle::Pickle;
 use super::read;
@@ -120,7 +120,7 @@ fn other_files_are_told_what_to_do() {
 fn zip(files: &[(&str, &[u8])]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, bytes) in files {
-        zip.start_file(*name, FileOptions::default().compression_method(CompressionMethod::Stored)).unwrap();
+        zip.start_file(*name, SimpleFileOptions::default().compression_method(CompressionMethod::Stored)).unwrap();
         zip.write_all(bytes).unwrap();
     }
     zip.finish().unwrap().into_inner()

@@ -1,70 +1,25 @@
-//! Reading NumPy's `.npy` arrays from anyone: numbers one after the other, whatever their type.
+//! Streaming reader for untrusted `.npy` arrays of any numeric type.
 //!
-//! The format is that of NumPy's "NEP 1": magic, version, and a header that is a Python literal. Only literals that NumPy itself
-//! writes are taken (three keys, flat), by a scanner that cannot recurse; libraries that parse any literal can be made to
-//! overflow the stack.
+//! The header is a Python literal. Only the flat literal of three keys that NumPy itself writes is accepted, by a scanner
+//! that cannot recurse: parsers of any literal overflow the stack on hostile input.
 
-use std::io::{self, Read};
+use std::io::Read;
 
 use half::f16;
 
-/// The longest header that is read: NumPy pads to 64 bytes and needs some 80.
+use super::{Header, NpyError, Number};
+
+/// Bytes of the longest header that is accepted: NumPy pads to 64 bytes and needs some 80.
 const MAX_HEADER: usize = 1 << 16;
-/// The most axes of an array (NumPy's own limit).
+/// Axes of an array at most (NumPy's own limit).
 const MAX_AXES: usize = 64;
-
-/// An array's type and shape.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Header {
-    /// What each number is.
-    pub number: Number,
-    /// Whether its bytes come most significant first.
-    pub big_endian: bool,
-    /// Whether the first axis, not the last, is fastest.
-    pub fortran_order: bool,
-    /// Lengths of the axes; none for a single number.
-    pub shape: Vec<u64>,
-    /// Numbers in all.
-    pub count: u64,
-}
-
-/// What an array holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Number {
-    /// `?`
-    Bool,
-    /// `i` of so many bytes.
-    Signed(u8),
-    /// `u` of so many bytes.
-    Unsigned(u8),
-    /// `f` of so many bytes.
-    Float(u8),
-}
-
-/// What is wrong with an array.
-#[derive(Debug, thiserror::Error)]
-pub enum NpyError {
-    /// The system could not read it.
-    #[error("expected to read it, found: {0}")]
-    Io(#[from] io::Error),
-    /// Not what NumPy writes.
-    #[error("{place}: expected {expected}, found {found}")]
-    Malformed {
-        /// Which part.
-        place: &'static str,
-        /// What should be there.
-        expected: &'static str,
-        /// What is there.
-        found: String,
-    },
-}
 
 fn malformed(place: &'static str, expected: &'static str, found: impl ToString) -> NpyError {
     NpyError::Malformed { place, expected, found: found.to_string() }
 }
 
 impl Number {
-    /// Bytes of one.
+    /// Bytes of one number.
     pub fn width(self) -> usize {
         match self {
             Self::Bool => 1,
@@ -72,7 +27,7 @@ impl Number {
         }
     }
 
-    /// The number in these bytes, least significant first, of which there are [`Number::width`].
+    /// The number in these bytes: [`Number::width`] of them, least significant first.
     fn value(self, bytes: &[u8]) -> f64 {
         let mut eight = [0; 8];
         eight[..bytes.len()].copy_from_slice(bytes);
@@ -92,12 +47,12 @@ impl Number {
 }
 
 impl Header {
-    /// Reads it; the numbers come next.
+    /// Reads the header, after which the input stands at the first number.
     ///
     /// # Errors
     ///
-    /// Where it is not what NumPy writes, where numbers are complex, structured or text, and where there are more than can be
-    /// counted.
+    /// [`NpyError::Malformed`] if NumPy does not write such a header, if the numbers are complex, structured or text, or if
+    /// their bytes are 2^64 and more; [`NpyError::Io`] if the input fails or ends.
     pub fn read(input: &mut dyn Read) -> Result<Self, NpyError> {
         let mut start = [0; 8];
         input.read_exact(&mut start)?;
@@ -122,7 +77,7 @@ impl Header {
         }
         let mut text = vec![0; length];
         input.read_exact(&mut text)?;
-        let text = String::from_utf8(text).map_err(|_| malformed("header", "text", "bytes that are none"))?;
+        let text = String::from_utf8(text).map_err(|_| malformed("header", "UTF-8", "other bytes"))?;
         Self::parse(&text)
     }
 
@@ -173,16 +128,16 @@ impl Header {
         Ok(Self { number, big_endian, fortran_order, shape, count })
     }
 
-    /// Bytes of all numbers.
+    /// Bytes of all numbers together.
     pub fn bytes(&self) -> u64 {
         self.count * self.number.width() as u64
     }
 
-    /// Reads the numbers and calls `visit` with each, in the order of the file.
+    /// Calls `visit` with the index and value of each number, in the order of the file.
     ///
     /// # Errors
     ///
-    /// Where they end too early, and what `visit` returns.
+    /// [`NpyError::Io`] if the input fails or ends before the last number, and any error that `visit` returns.
     pub fn for_each<E: From<NpyError>>(
         &self,
         input: &mut dyn Read,
@@ -207,11 +162,11 @@ impl Header {
         Ok(())
     }
 
-    /// All numbers, of which the caller knows that there are few enough.
+    /// All numbers at once; the caller bounds [`Header::count`] first.
     ///
     /// # Errors
     ///
-    /// Where they end too early.
+    /// [`NpyError::Io`] if the input fails or ends before the last number.
     pub fn numbers(&self, input: &mut dyn Read) -> Result<Vec<f64>, NpyError> {
         let mut numbers = Vec::new();
         self.for_each(input, |_, value| {
@@ -222,13 +177,13 @@ impl Header {
     }
 }
 
-/// What is between the quotes at the start of `text`, and the rest.
+/// The text between the quotes that `text` starts with, and the rest after them.
 fn quoted(text: &str) -> Option<(&str, &str)> {
     let quote = text.chars().next().filter(|c| ['\'', '"'].contains(c))?;
     text[1..].split_once(quote)
 }
 
-/// The type of number that NumPy calls so.
+/// The type of number with this NumPy name, such as `<f4`, and whether it is big-endian.
 pub(crate) fn number_of(descr: &str) -> Result<(Number, bool), NpyError> {
     let unknown = || malformed("descr", "booleans, integers or floats", descr);
     let mut letters = descr.chars();
