@@ -1,6 +1,6 @@
 //! Strivec: sparse tri-vector radiance fields (ICCV 2023) as a compact, versioned file and the toolkit around it.
 //!
-//! Layers, each importing only from those above it in this list (`tests/import_order.rs` checks it):
+//! Layers, each importing only from those above it in this list (`tests/import_order` checks it):
 //!
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
 //!    [`random`]: counter-based random numbers. `npy`: NumPy's arrays from anyone.
