@@ -54,7 +54,7 @@ pub struct Quality {
 
 /// Where a camera is and how it is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Pose {
     /// In model units.
     pub position: DVec3,
@@ -64,7 +64,7 @@ pub struct Pose {
 
 /// Where a viewer begins, and a path.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Views {
     /// Vertical, in radians.
     pub angle_of_view: f64,
@@ -115,7 +115,7 @@ pub struct Probes {
 
 /// A camera that a scene was trained from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct TrainingCamera {
     /// In the model's space.
     pub pose: Pose,

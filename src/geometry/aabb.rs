@@ -6,7 +6,7 @@ use super::Ray;
 
 /// A closed axis-aligned box; both corners belong to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Aabb {
     /// The smallest corner.
     pub min: DVec3,

@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3};
 
 /// A lattice of box cells: cell (i, j, k) spans `origin` + (i, j, k)·`pitch` to `origin` + (i+1, j+1, k+1)·`pitch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Lattice {
     /// The smallest corner of cell (0, 0, 0).
     pub origin: DVec3,

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 /// x ↦ `scale` · `rotation` · x + `translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Similarity {
     /// Uniform, positive.
     pub scale: f64,

@@ -28,7 +28,7 @@ pub struct Linear {
 
 /// Where along the ray the decoder is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "render", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum DecoderMode {
     /// At every sample that counts; colors are composited (the paper).
     PerSample,

@@ -4,7 +4,7 @@ use super::BrokenInvariant;
 
 /// How a tensor is factorized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum FactorKind {
     /// CP: three vectors a component (paper, equations 4 and 5).
     Cp,

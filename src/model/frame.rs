@@ -5,7 +5,7 @@ use crate::geometry::Similarity;
 
 /// Which axis of the dataset's right-handed space points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum UpAxis {
     /// +x.
     X,
@@ -23,7 +23,7 @@ pub enum UpAxis {
 
 /// What the numbers of a color mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum ColorSpace {
     /// Display-referred sRGB, composited without linearisation, as the photographs were.
     Srgb,
@@ -31,7 +31,7 @@ pub enum ColorSpace {
 
 /// The scene's frame. The model's space is right-handed; cameras look along their −z with y up.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Frame {
     /// From the dataset's space to the model's canonical box.
     pub model_from_dataset: Similarity,

@@ -2,7 +2,7 @@
 
 /// What made the scene, for people: nothing is computed from it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Provenance {
     /// The dataset's name.
     pub dataset: String,

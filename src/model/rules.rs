@@ -4,7 +4,7 @@ use super::BrokenInvariant;
 
 /// Which points are in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Coverage {
     /// Those that every scale covers.
     All,
@@ -14,7 +14,7 @@ pub enum Coverage {
 
 /// How the scales that cover a point are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Reduction {
     /// Added up (what gave the paper's numbers).
     Sum,
@@ -24,7 +24,7 @@ pub enum Reduction {
 
 /// How the neighbors within a scale are weighed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Aggregation {
     /// 1/d over the sum of 1/d; at d = 0 that tensor alone.
     Normalized,
@@ -34,7 +34,7 @@ pub enum Aggregation {
 
 /// The field's and the march's rules (DESIGN, section 2).
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "toolkit", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Rules {
     /// Which points are in the model.
     pub coverage: Coverage,
