@@ -1,19 +1,19 @@
-"""A reader of .strivec scenes, made from the format's text alone.
+"""A reader of .strivec scenes, written from the text of the format alone.
 
     scene = strivec.open("lego.strivec")            # a strivec.scene.Scene, or a strivec.StrivecError
-    report = strivec.check_probes(scene)            # how far the rays that the file holds are from what they should be
-    rays = strivec.trace(scene, origins, directions)  # colour, opacity and depth in float64
+    report = strivec.check_probes(scene)            # compares the file's stored rays with this reader's
+    rays = strivec.trace(scene, origins, directions)  # color, opacity and depth in float64
 """
 
 from .errors import (
     Corrupt,
-    LineEndings,
+    LineEndingDamage,
     Malformed,
     MissingSection,
-    NotAScene,
+    InvalidScene,
     NotStrivec,
-    OutOfRange,
-    OverBudget,
+    LimitExceeded,
+    BudgetExceeded,
     StrivecError,
     Truncated,
     UnknownCritical,

@@ -1,7 +1,8 @@
 """The command: `python -m strivec info FILE` and `python -m strivec verify FILE...`.
 
-Exit codes: 0 fine, 2 usage (a file that cannot be read among it), 3 a malformed or damaged file or probes that do not
-hold, 5 a file that this reader or its budget does not support. Of several files the largest code counts.
+Exit codes: 0 success; 2 usage error, or a file that cannot be read; 3 a damaged or invalid file, or probes out of
+tolerance; 5 a file that this reader does not support or that exceeds the memory budget. Of several files, the largest
+code is returned.
 """
 
 import argparse
@@ -9,20 +10,26 @@ import sys
 
 from . import limits, reader
 from .errors import StrivecError
-from .probes import SMALLEST_MARGIN, check_probes
+from .probes import MIN_MARGIN, check_probes
 
-USAGE, AT_FAULT = 2, 3
+USAGE_ERROR, INVALID_FILE = 2, 3
 
 
 def main(arguments=None):
     """Runs the command and returns its exit code."""
-    parser = argparse.ArgumentParser(prog="strivec", description="Reads .strivec scenes.")
-    parser.add_argument("--budget", type=int, default=limits.DEFAULT_BUDGET, metavar="BYTES", help="memory to use")
+    parser = argparse.ArgumentParser(prog="strivec", description="Read .strivec scenes")
+    parser.add_argument(
+        "--budget",
+        type=int,
+        default=limits.DEFAULT_BUDGET,
+        metavar="BYTES",
+        help="maximum memory in bytes (default: %(default)s)",
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    command = commands.add_parser("info", help="say what a scene is")
+    command = commands.add_parser("info", help="print a summary of a scene")
     command.add_argument("files", nargs=1, metavar="FILE")
     command.set_defaults(run=info)
-    command = commands.add_parser("verify", help="check structure, checksums, numbers and probes")
+    command = commands.add_parser("verify", help="check structure, checksums, values and probes")
     command.add_argument("files", nargs="+", metavar="FILE")
     command.set_defaults(run=verify)
     options = parser.parse_args(arguments)
@@ -37,19 +44,19 @@ def _run(command, path, budget):
         return error.exit_code
     except OSError as error:
         print(f"{path}: {error.strerror}", file=sys.stderr)
-        return USAGE
+        return USAGE_ERROR
 
 
 def info(path, scene):
-    """Prints what a scene is."""
+    """Prints a summary of a scene."""
     rules, decoder = scene.rules, scene.decoder
     print(f"{path}: version 1.{scene.minor_version}")
     print(f"bounds {list(rules.bounds[0])} to {list(rules.bounds[1])}, step {rules.step}, up {scene.frame.up}")
     print(f"coverage {rules.coverage}, aggregation {rules.aggregation}")
     for index, scale in enumerate(scene.scales):
         ranks = f"density rank {scale.density[0].shape[1]}, appearance rank {scale.appearance[0].shape[1]}"
-        chunks = f"{scale.chunks} chunk" + ("s" if scale.chunks > 1 else "")
-        print(f"scale {index}: {len(scale.centres)} tensors in {chunks}, resolution {scale.resolution}, {ranks}")
+        chunks = _count(scale.chunks, "chunk", "chunks")
+        print(f"scale {index}: {len(scale.centers)} tensors in {chunks}, resolution {scale.resolution}, {ranks}")
     widths = [decoder.layers[0].weights.shape[1]] + [len(layer.bias) for layer in decoder.layers]
     print(f"decoder {decoder.mode}, {decoder.features} features, widths {widths}")
     if scene.occupancy is not None:
@@ -57,37 +64,41 @@ def info(path, scene):
     for name in ("dataset", "preset", "tool"):
         if getattr(scene.provenance, name):
             print(f"{name} {getattr(scene.provenance, name)!r}")
-    if scene.licence is not None:
-        print(f"licence {scene.licence!r}")
-    extras = {
+    if scene.license is not None:
+        print(f"license {scene.license!r}")
+    metadata = {
         "quality": scene.quality is not None,
         "views": scene.views is not None,
         "thumbnail": scene.thumbnail is not None,
-        f"{len(scene.prefixes)} prefixes": bool(scene.prefixes),
-        f"{len(scene.probes.margins) if scene.probes else 0} probes": scene.probes is not None,
-        f"{len(scene.cameras)} cameras": bool(scene.cameras),
-        f"{len(scene.notes)} notes": bool(scene.notes),
+        _count(len(scene.prefixes), "prefix", "prefixes"): bool(scene.prefixes),
+        _count(len(scene.probes.margins) if scene.probes else 0, "probe", "probes"): scene.probes is not None,
+        _count(len(scene.cameras), "camera", "cameras"): bool(scene.cameras),
+        _count(len(scene.notes), "note", "notes"): bool(scene.notes),
         "unknown " + " ".join(section.kind for section in scene.unknown): bool(scene.unknown),
     }
-    print("with " + (", ".join(name for name, there in extras.items() if there) or "no extras"))
+    print("with " + (", ".join(name for name, there in metadata.items() if there) or "no metadata"))
     return 0
 
 
+def _count(number, singular, plural):
+    return f"{number} {singular if number == 1 else plural}"
+
+
 def verify(path, scene):
-    """Checks the probes of a scene that was read without an error, and prints how far they are off."""
+    """Checks the probes of a scene that was read without an error, and prints the largest differences."""
     report = check_probes(scene)
     if report is None:
-        print(f"{path}: fine, without probes")
+        print(f"{path}: valid, without probes")
         return 0
     differences = (
-        f"largest difference in colour {report.colour:.1e}, opacity {report.opacity:.1e}, "
+        f"largest difference in color {report.color:.1e}, opacity {report.opacity:.1e}, "
         f"depth {report.depth:.1e}, density feature {report.density:.1e}"
     )
-    compared = f"{report.compared} of {report.probes} probes compared (decision margin above {SMALLEST_MARGIN})"
+    compared = f"{report.compared} of {report.probes} probes compared (decision margin above {MIN_MARGIN})"
     if report.failed:
         print(f"{path}: probes {report.failed} are out of tolerance; {compared}; {differences}", file=sys.stderr)
-        return AT_FAULT
-    print(f"{path}: fine; {compared}; {differences}")
+        return INVALID_FILE
+    print(f"{path}: valid; {compared}; {differences}")
     return 0
 
 

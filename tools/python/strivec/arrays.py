@@ -1,7 +1,7 @@
 """Arrays of numbers (section 3.3 of the format): their head, and their decoding to float32.
 
-The numbers of an array come in groups, vectors of one length. `decode` returns them in the order of the file; what that
-order means is the caller's part.
+The numbers of an array form groups, each a vector. `decode` returns them in the order of the file. The caller
+interprets the order.
 """
 
 from collections import namedtuple
@@ -9,11 +9,11 @@ from collections import namedtuple
 import numpy as np
 
 from . import limits
-from .errors import Malformed, NotAScene, Unsupported
+from .errors import Malformed, InvalidScene, Unsupported
 
 ENCODINGS = ("f32", "f16", "grid", "cosine")
 FILTERS = ("none", "planes", "differences")
-WIDTH = {"f32": 4, "f16": 2, "grid": 1, "cosine": 2}  # bytes a number
+WIDTH = {"f32": 4, "f16": 2, "grid": 1, "cosine": 2}  # bytes of a number
 BITS = {"f32": (0,), "f16": (0,), "grid": (8, 6, 5, 4, 3), "cosine": (16,)}
 FILTERS_OF = {
     "f32": ("none", "planes"),
@@ -22,8 +22,8 @@ FILTERS_OF = {
     "cosine": ("none", "planes"),
 }
 NETWORK_ENCODINGS = ("f32", "f16", "grid")
-TRANSIENT = 32  # bytes a number that decoding may take besides its result, at most
-COSINE_BATCH = 1 << 16  # numbers of the cosine transform that are in float64 at a time
+TRANSIENT = 32  # maximum bytes for each number that decoding takes besides its result
+COSINE_BATCH = 1 << 16  # numbers of the cosine transform that are in float64 at once
 
 _MANTISSAS = np.array(
     [0x3F800000, 0x3F8B95C2, 0x3F9837F0, 0x3FA5FED7, 0x3FB504F3, 0x3FC5672A, 0x3FD744FD, 0x3FEAC0C7], dtype="<u4"
@@ -36,19 +36,19 @@ def _steps():
     return np.concatenate([np.zeros(1, np.float32), steps])
 
 
-STEPS = _steps()  # the step of each step code, float32[256]
+STEPS = _steps()  # [step code], float32[256]
 
 ArrayHead = namedtuple("ArrayHead", "encoding bits filter error")
 
 
 def read_head(record, encodings=ENCODINGS):
-    """The array head at the record's place, of an encoding among `encodings`."""
+    """Reads the array head at the record's position; its encoding must be one of `encodings`."""
     encoding = record.code("encoding", ENCODINGS)
     if encoding not in encodings:
         raise Malformed(f"{record.place} encoding", " or ".join(encodings), encoding)
     bits = record.u8("bits")
     if bits not in BITS[encoding]:
-        raise Malformed(f"{record.place} bits", f"one of {BITS[encoding]} for {encoding}", bits)
+        raise Unsupported(f"{record.place} bits of {encoding}", f"code {bits}")
     filter = record.code("filter", FILTERS)
     if filter not in FILTERS_OF[encoding]:
         raise Malformed(f"{record.place} filter", f"one of {FILTERS_OF[encoding]} for {encoding}", filter)
@@ -66,9 +66,9 @@ def encoded_size(head, numbers, groups):
 
 
 def decode(head, data, lengths, place):
-    """The numbers of an array, float32[sum of lengths], all finite.
+    """Decodes an array to float32[sum of lengths], all finite.
 
-    `data` is bytes-like and of `encoded_size`, `lengths` the groups' numbers of elements, int[groups].
+    `data` is bytes-like, of `encoded_size` bytes. `lengths` holds the length of each group, int[groups].
     """
     total = int(lengths.sum())
     if head.encoding == "f32":
@@ -85,7 +85,7 @@ def decode(head, data, lengths, place):
     finite = np.isfinite(numbers)
     if not finite.all():
         entry = int(np.argmin(finite))
-        raise NotAScene(f"{place} entry {entry}", "a finite number", numbers[entry])
+        raise InvalidScene(f"{place} entry {entry}", "a finite number", numbers[entry])
     return numbers
 
 
@@ -106,18 +106,18 @@ def _decode_grid(head, data, lengths, steps, place):
         before = np.concatenate([np.zeros(1, np.uint8), integers[ends[:-1] - 1]])
         integers = integers - np.repeat(before, lengths)
     integers = integers.view(np.int8)
-    most = 2 ** (head.bits - 1) - 1
-    outside = (integers > most) | (integers < -most)
+    largest = 2 ** (head.bits - 1) - 1
+    outside = (integers > largest) | (integers < -largest)
     if outside.any():
         entry = int(np.argmax(outside))
-        raise Malformed(f"{place} integer {entry}", f"{-most} to {most}", integers[entry])
+        raise Malformed(f"{place} integer {entry}", f"{-largest} to {largest}", integers[entry])
     of_number = np.repeat(steps, lengths)
     _check_zero_steps(of_number, integers, place)
     return of_number * integers.astype(np.float32)
 
 
 def _decode_cosine(head, data, lengths, steps, place):
-    limits.check(int(lengths.max()), limits.COSINE_GROUP, f"{place} numbers of a group")
+    limits.check(int(lengths.max()), limits.COSINE_LENGTH, f"{place} numbers of a group")
     total = int(lengths.sum())
     zigzag = _without_planes(head, data, "<u2", total)
     integers = (zigzag >> 1).astype(np.int32) ^ -(zigzag & 1).astype(np.int32)
@@ -137,7 +137,7 @@ def _decode_cosine(head, data, lengths, steps, place):
 
 
 def cosine_basis(n):
-    """The orthonormal cosine transform of n numbers, float64[coefficient k][number i]."""
+    """The basis of the orthonormal cosine transform of n numbers, float64[coefficient k][number i]."""
     k = np.arange(n)[:, None]
     i = np.arange(n)[None, :]
     scale = np.where(k == 0, np.sqrt(1.0 / n), np.sqrt(2.0 / n))

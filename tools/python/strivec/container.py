@@ -1,7 +1,7 @@
-"""Header, section table and payloads (section 2 of the format): from the bytes of a file to records and bodies.
+"""Header, section table and payloads (section 2 of the format): the bytes of a file to records and bodies.
 
-A `Container` hands sections out in the order of the file and checks each as it passes: padding, then length, then
-checksum, so that of several faults the first in the file is reported. What records and bodies mean is `sections`' part.
+A `Container` returns sections in the order of the file. It checks the length, padding and checksum of each section
+before it returns it. The module `sections` interprets records and bodies.
 """
 
 import struct
@@ -14,7 +14,7 @@ import zstandard
 from . import limits
 from .errors import (
     Corrupt,
-    LineEndings,
+    LineEndingDamage,
     Malformed,
     MissingSection,
     NotStrivec,
@@ -60,7 +60,7 @@ KINDS = {
 
 
 class Section(namedtuple("Section", "kind critical scale chunk codec checksum offset length decoded_length")):
-    """One row of the table; `offset` and the lengths are in bytes."""
+    """One entry of the table; `offset` and the lengths are in bytes."""
 
     @property
     def key(self):
@@ -76,7 +76,7 @@ class Section(namedtuple("Section", "kind critical scale chunk codec checksum of
 
 
 def section_name(kind, scale, chunk):
-    """How errors name a section, `DENSITY of chunk 0 of scale 1`."""
+    """The name of a section in errors, such as `DENSITY of chunk 0 of scale 1`."""
     name = kind
     if chunk != NO_CHUNK:
         name += f" of chunk {chunk}"
@@ -86,7 +86,7 @@ def section_name(kind, scale, chunk):
 
 
 def align(offset):
-    """The first multiple of 64 that is not before `offset`."""
+    """The first multiple of 64 that is at least `offset`."""
     return -(-offset // ALIGNMENT) * ALIGNMENT
 
 
@@ -99,7 +99,7 @@ class Container:
         self.unknown = []  # ancillary sections of unknown kinds
         self._read_header()
         self._read_table()
-        self._next = 0  # index of the section that has not passed yet
+        self._next = 0  # index of the next section
         self._keys = {section.key for section in self.sections}
 
     def _read_header(self):
@@ -109,7 +109,7 @@ class Container:
             if MAGIC.startswith(start):
                 raise Truncated("header", len(data), HEADER)
             damaged = bytes(data[:12])
-            raise (LineEndings if is_damaged_magic(damaged) else NotStrivec)(start)
+            raise (LineEndingDamage if is_damaged_magic(damaged) else NotStrivec)(start)
         if len(data) >= 12:
             major, minor = struct.unpack_from("<HH", data, 8)
             if major != 1:
@@ -140,7 +140,7 @@ class Container:
             raise Malformed("header file length", end, self.length)
 
     def _pass(self):
-        """Checks the next section's padding, length and checksum, and steps over it."""
+        """Checks the next section's length, padding and checksum, and advances past it."""
         section = self.sections[self._next]
         before = self.sections[self._next - 1].end if self._next else HEADER + self.count * ENTRY.size
         if section.end > len(self.data):
@@ -156,14 +156,14 @@ class Container:
             self.unknown.append(self._pass())
 
     def find(self, kind, scale=NO_SCALE, chunk=NO_CHUNK):
-        """The `Payload` of this section where it comes next in the file, else None."""
+        """The `Payload` of this section if it is next in the file, otherwise None."""
         self._pass_unknown()
         if self._next == self.count or self.sections[self._next].key != (kind, scale, chunk):
             return None
         return Payload(self, self._pass())
 
     def require(self, kind, scale=NO_SCALE, chunk=NO_CHUNK):
-        """The `Payload` of this section, which must come next in the file."""
+        """The `Payload` of this section, which must be next in the file."""
         payload = self.find(kind, scale, chunk)
         if payload is None:
             if (kind, scale, chunk) not in self._keys:
@@ -173,7 +173,7 @@ class Container:
         return payload
 
     def finish(self):
-        """Checks that no known section is left, and the file's end and checksum."""
+        """Checks that no known section is left, and the end and checksum of the file."""
         self._pass_unknown()
         if self._next < self.count:
             raise Malformed("order of sections", "no further section", self.sections[self._next].name)
@@ -183,7 +183,7 @@ class Container:
 
 
 class Payload:
-    """A section's bytes: `record` to be read first, then `body`, or `end` where the section has none."""
+    """A section's bytes. Read `record` first, then `body`, or call `end` if the section has no body."""
 
     def __init__(self, container, section):
         self.name = section.name
@@ -193,28 +193,28 @@ class Payload:
         self.record = Record(self.data, self.name)
 
     def end(self):
-        """Checks that the record is all there is."""
+        """Checks that the record fills the payload."""
         if self.record.offset != len(self.data):
             raise Malformed(f"{self.name} length", self.record.offset, len(self.data))
 
     @property
     def body_length(self):
-        """Bytes of the body when it is decoded, by the table; for sections that have a body, after their record."""
+        """Bytes of the decoded body, by the table. Read the record first."""
         start = self._body_start()
         if self.section.decoded_length < start:
             raise Malformed(f"{self.name} decoded length", f"at least {start}", self.section.decoded_length)
         return self.section.decoded_length - start
 
     @contextmanager
-    def body(self, least, most=None):
-        """The decoded body for the length of a `with` block; its bytes must be `least`, or from `least` to `most`.
+    def body(self, minimum, maximum=None):
+        """The decoded body for the duration of a `with` block, of `minimum` bytes or of `minimum` to `maximum` bytes.
 
-        A stored body is a view into the file; one of zstd is decoded, out of the budget.
+        A stored body is a view into the file. A zstd body is decoded into memory of the budget.
         """
-        most = least if most is None else most
+        maximum = minimum if maximum is None else maximum
         length = self.body_length
-        if not least <= length <= most:
-            expected = f"{least}" if least == most else f"{least} to {most}"
+        if not minimum <= length <= maximum:
+            expected = f"{minimum}" if minimum == maximum else f"{minimum} to {maximum}"
             raise Malformed(f"{self.name} bytes of the body", expected, length)
         stored = self.data[self._body_start() :]
         if self.section.codec == STORED:
@@ -235,7 +235,7 @@ class Payload:
 
 
 def is_damaged_magic(start):
-    """Whether a file that begins with `start` was transferred as text (section 2.1)."""
+    """Whether `start` begins with a damaged magic (section 2.1)."""
     for first in (b"\xb3", b"\x33", b"\xc2\xb3", b"\xef\xbf\xbd"):
         if start.startswith(first + b"STV"):
             rest = start[len(first) + 3 :]
@@ -278,7 +278,7 @@ def _read_entry(index, fields):
 
 
 def _check_zstd_frame(frame, length, place):
-    """Checks that a zstd frame without dictionary begins here and declares `length` bytes of content."""
+    """Checks that `frame` begins a zstd frame without dictionary that declares `length` bytes of content."""
     if frame[:4] != ZSTD_MAGIC:
         raise Malformed(place, "a zstd frame", f"[{bytes(frame[:4]).hex(' ')}]")
     try:
@@ -294,7 +294,7 @@ def _check_zstd_frame(frame, length, place):
 
 
 def _decode_zstd(frame, length, place):
-    """The content of one zstd frame that declares `length` bytes; no more than those are ever written."""
+    """The content of one zstd frame that declares `length` bytes; never writes more than those."""
     try:
         # One pass into a buffer of the declared size: the frame's window takes no memory of its own.
         content = zstandard.ZstdDecompressor().decompress(frame, allow_extra_data=False)

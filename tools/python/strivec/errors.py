@@ -1,7 +1,7 @@
-"""The classes of error of section 7 of the format, one exception each.
+"""The classes of error of section 7 of the format, one exception for each.
 
-Every message names the place, what was expected and what was found. `exit_code` is what the command returns: 3 where
-the file is at fault, 5 where this reader or its caller's budget is.
+Every message names the place, what was expected and what was found. `exit_code` is what the command returns: 3 if
+the file is damaged or invalid, 5 if this reader does not support it or it exceeds the caller's budget.
 """
 
 
@@ -18,8 +18,8 @@ class NotStrivec(StrivecError):
         super().__init__(f"not a .strivec file: it begins with [{_hex(start)}]")
 
 
-class LineEndings(StrivecError):
-    """The file begins with what a transfer as text makes of the magic."""
+class LineEndingDamage(StrivecError):
+    """The file begins with a damaged magic: it was transferred as text."""
 
     def __init__(self, start):
         super().__init__(f"damaged by a transfer as text: the magic arrived as [{_hex(start)}]")
@@ -35,7 +35,7 @@ class UnsupportedVersion(StrivecError):
 
 
 class Truncated(StrivecError):
-    """The file ends before what it announces."""
+    """The file is shorter than its header, table or declared length."""
 
     def __init__(self, place, start, end):
         super().__init__(f"truncated: {place} needs bytes {start} to {end}, which are missing")
@@ -46,7 +46,7 @@ class Corrupt(StrivecError):
 
     def __init__(self, place, start, end, found, expected):
         super().__init__(
-            f"corrupt: {place} (bytes {start} to {end}) has checksum {found:08x} where {expected:08x} was written"
+            f"corrupt: {place} (bytes {start} to {end}) has checksum {found:08x}, expected {expected:08x}"
         )
 
 
@@ -56,11 +56,11 @@ class UnknownCritical(StrivecError):
     exit_code = 5
 
     def __init__(self, kind):
-        super().__init__(f"section {kind} is unknown to this reader, and the scene cannot be understood without it")
+        super().__init__(f"section {kind} is unknown to this reader, and the scene cannot be read without it")
 
 
 class Unsupported(StrivecError):
-    """A code, codec, contraction or factor kind that this reader does not know or support."""
+    """A code that this reader does not know, or that version 1.0 reserves."""
 
     exit_code = 5
 
@@ -69,37 +69,37 @@ class Unsupported(StrivecError):
 
 
 class MissingSection(StrivecError):
-    """A section that every file, scale or chunk has is not in the table."""
+    """A section that every file, scale or chunk must have is not in the table."""
 
     def __init__(self, section):
         super().__init__(f"section {section} is missing")
 
 
-class OutOfRange(StrivecError):
-    """A number outside the table of section 5."""
+class LimitExceeded(StrivecError):
+    """A number outside the limits of section 5."""
 
-    def __init__(self, place, found, least, most):
-        super().__init__(f"{place}: {found} is not in the format's range of {least} to {most}")
+    def __init__(self, place, found, minimum, maximum):
+        super().__init__(f"{place}: {found} is not in the format's range of {minimum} to {maximum}")
 
 
-class OverBudget(StrivecError):
-    """More memory than the caller allows."""
+class BudgetExceeded(StrivecError):
+    """The file needs more memory than the caller allows."""
 
     exit_code = 5
 
     def __init__(self, place, needed, left):
-        super().__init__(f"{place} needs {needed} bytes of memory where {left} are left of what is allowed")
+        super().__init__(f"{place} needs {needed} bytes of memory, but {left} bytes of the budget are left")
 
 
 class Malformed(StrivecError):
-    """A rule on how bytes are laid out is broken."""
+    """The file breaks a rule on the layout of bytes."""
 
     def __init__(self, place, expected, found):
         super().__init__(f"malformed: {place}: expected {expected}, found {found}")
 
 
-class NotAScene(StrivecError):
-    """A rule on values is broken."""
+class InvalidScene(StrivecError):
+    """The file breaks a rule on values."""
 
     def __init__(self, place, expected, found):
         super().__init__(f"not a valid scene: {place}: expected {expected}, found {found}")

@@ -7,24 +7,24 @@ from .errors import Malformed
 
 
 def read_factors(payload, rank, resolution, out):
-    """Decodes a chunk's vectors into `out`, for each axis a zeros float32[T][rank][D_a + 1].
+    """Decodes a chunk's vectors into `out`, for each axis a an array float32[N][rank][D_a + 1] of zeros.
 
-    A component that a tensor does not have is left as it is in `out`.
+    Leaves the components that are not stored as they are in `out`.
     """
     tensors = len(out[0])
     record = payload.record
-    ragged = record.flag("ragged")
+    has_masks = record.flag("list of nonzero components")
     record.zeros(7)
     head = arrays.read_head(record)
     vertices = [cells + 1 for cells in resolution]
 
     components = tensors * rank
     full = arrays.encoded_size(head, components * sum(vertices), components * 3)
-    mask_size = tensors * -(-rank // 8) if ragged else 0
-    least = mask_size if ragged else full
+    mask_size = tensors * -(-rank // 8) if has_masks else 0
+    minimum = mask_size if has_masks else full
     transient = arrays.TRANSIENT * components * sum(vertices) + 16 * mask_size
-    with payload.budget.borrow(transient, payload.name), payload.body(least, mask_size + full) as body:
-        if ragged:
+    with payload.budget.borrow(transient, payload.name), payload.body(minimum, mask_size + full) as body:
+        if has_masks:
             mask = _read_mask(body[:mask_size], tensors, rank, payload.name)
             components = int(mask.sum())
             size = mask_size + arrays.encoded_size(head, components * sum(vertices), components * 3)
@@ -42,7 +42,7 @@ def read_factors(payload, rank, resolution, out):
 
 
 def _read_mask(data, tensors, rank, place):
-    """Which components each tensor has, bool[tensors][rank]."""
+    """Which components are stored, bool[tensors][rank]."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8).reshape(tensors, -1), axis=1, bitorder="little")
     if bits[:, rank:].any():
         raise Malformed(f"{place} unused bits of components", "zeros", "another bit")
@@ -50,7 +50,7 @@ def _read_mask(data, tensors, rank, place):
 
 
 def _place_by_component(numbers, mask, vertices, out):
-    """From the order [tensor][component][axis][vertex]."""
+    """Puts numbers in the order [tensor][component][axis][vertex] into `out`."""
     rows = numbers.reshape(-1, sum(vertices))
     start = 0
     for axis, count in enumerate(vertices):
@@ -59,7 +59,7 @@ def _place_by_component(numbers, mask, vertices, out):
 
 
 def _place_by_vertex(numbers, mask, vertices, out):
-    """From the order [tensor][axis][vertex][component], a tensor's own components only."""
+    """Puts numbers in the order [tensor][axis][vertex][stored component] into `out`."""
     present = mask.sum(axis=1)
     starts = (np.cumsum(present) - present) * sum(vertices)
     for components in np.unique(present[present > 0]):

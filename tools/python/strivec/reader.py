@@ -1,4 +1,4 @@
-"""From a file to a `Scene`: the order of sections (section 2.3 of the format)."""
+"""A file to a `Scene`: the order of sections (sections 2.3 and 2.4 of the format)."""
 
 import mmap
 import os
@@ -12,13 +12,13 @@ from .scene import Provenance, Scene, UnknownSection
 
 
 def open(path, budget=limits.DEFAULT_BUDGET):
-    """The scene of the file at `path`, using at most `budget` bytes of memory besides the file's pages.
+    """Reads the scene of the file at `path` with at most `budget` bytes of memory besides the file's pages.
 
-    Fails with OSError where the file cannot be read and with a StrivecError where it is refused.
+    Raises OSError if the file cannot be read, and a StrivecError if it is refused.
     """
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     try:
-        if os.fstat(descriptor).st_size == 0:  # which cannot be mapped
+        if os.fstat(descriptor).st_size == 0:  # an empty file cannot be mapped
             return read(b"", budget)
         return read(mmap.mmap(descriptor, 0, access=mmap.ACCESS_READ), budget)
     finally:
@@ -26,8 +26,8 @@ def open(path, budget=limits.DEFAULT_BUDGET):
 
 
 def read(data, budget=limits.DEFAULT_BUDGET):
-    """The scene of a bytes-like object that holds a whole file; fails with a StrivecError."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is found and refused
+    """Reads the scene of a bytes-like object that holds a whole file. Raises a StrivecError if it is refused."""
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers that overflow are refused
         return _read_scene(Container(data, limits.Budget(budget)))
 
 
@@ -40,7 +40,7 @@ def _read_scene(container):
         return None if payload is None else read_section(payload, *arguments)
 
     provenance = optional(sections.read_provenance, "PROVENANCE") or Provenance()
-    licence = optional(sections.read_licence, "LICENCE")
+    license = optional(sections.read_license, "LICENCE")
     quality = optional(sections.read_quality, "QUALITY", rules.scales)
     views = optional(sections.read_views, "VIEWS")
     thumbnail = optional(sections.read_thumbnail, "THUMBNAIL")
@@ -64,7 +64,7 @@ def _read_scene(container):
         frame,
         rules,
         provenance,
-        licence,
+        license,
         quality,
         views,
         thumbnail,

@@ -4,13 +4,13 @@ import math
 import struct
 
 from . import limits
-from .errors import Malformed, NotAScene, Unsupported
+from .errors import Malformed, InvalidScene, Unsupported
 
-_ABSENT = b"\xff" * 8  # an f64 that says "not measured"
+_ABSENT = b"\xff" * 8  # the f64 for "not measured"
 
 
 class Record:
-    """Reads fields in their order from the beginning of `data`; `place` names the section in errors."""
+    """Reads fields in order from the start of `data`; `place` names the section in errors."""
 
     def __init__(self, data, place):
         self.data = data
@@ -37,16 +37,16 @@ class Record:
         return self._numbers("H", name)[0]
 
     def u32(self, name, limit=None):
-        """A u32, in `limit` where one is given."""
+        """A u32, within `limit` if one is given."""
         value = self._numbers("I", name)[0]
         return value if limit is None else limits.check(value, limit, f"{self.place} {name}")
 
     def u32s(self, count, name, limit):
-        """A tuple of `count` u32, each in `limit`."""
+        """A tuple of `count` u32, each within `limit`."""
         return tuple(limits.check(value, limit, f"{self.place} {name}") for value in self._numbers(f"{count}I", name))
 
     def u64(self, name, limit=None):
-        """A u64, in `limit` where one is given."""
+        """A u64, within `limit` if one is given."""
         value = self._numbers("Q", name)[0]
         return value if limit is None else limits.check(value, limit, f"{self.place} {name}")
 
@@ -57,32 +57,32 @@ class Record:
         return self._numbers(f"{count}f", name)
 
     def f64(self, name, rule="a finite number"):
-        """An f64 that keeps `rule`, a key of `RULES`."""
+        """An f64 that satisfies `rule`, a key of `RULES`."""
         value = self._numbers("d", name)[0]
         self.require(RULES[rule](value), name, rule, value)
         return value
 
     def f64s(self, count, name, rule="a finite number"):
-        """A tuple of `count` f64 that each keep `rule`."""
+        """A tuple of `count` f64 that each satisfy `rule`."""
         values = self._numbers(f"{count}d", name)
         for value in values:
             self.require(RULES[rule](value), name, rule, value)
         return values
 
     def f64_unless_zero(self, name, rule):
-        """An f64 that keeps `rule`, or None where all its bits are zero."""
+        """An f64 that satisfies `rule`, or None if all its bits are zero."""
         if self.take(8, name) == bytes(8):
             return None
         self.offset -= 8
         return self.f64(name, rule)
 
     def f64_unless_absent(self, name):
-        """An f64, or None where all its bits are set."""
+        """A finite f64 or +infinity, or None if all its bits are set."""
         field = self.take(8, name)
         if field == _ABSENT:
             return None
         value = struct.unpack("<d", field)[0]
-        self.require(not math.isnan(value), name, "a number or all bits set", value)
+        self.require(value > -math.inf, name, "a finite number, +infinity or all bits set", value)
         return value
 
     def quaternion(self, name):
@@ -93,7 +93,7 @@ class Record:
         return values
 
     def string(self, name, limit=limits.STRING):
-        """A string of UTF-8 whose number of bytes is in `limit`."""
+        """A UTF-8 string whose number of bytes is within `limit`."""
         size = self.u64(name, limit)
         field = self.take(size, name)
         try:
@@ -102,7 +102,7 @@ class Record:
             raise Malformed(f"{self.place} {name}", "UTF-8", f"{error.reason} at byte {error.start}") from None
 
     def code(self, name, choices):
-        """The choice that a u8 stands for."""
+        """The entry of `choices` that a u8 selects."""
         value = self.u8(name)
         if value >= len(choices):
             raise Unsupported(f"{self.place} {name}", f"code {value}")
@@ -121,9 +121,9 @@ class Record:
             raise Malformed(f"{self.place} {name}", "zeros", "another byte")
 
     def require(self, holds, name, expected, found):
-        """NotAScene unless `holds`."""
+        """Raises InvalidScene unless `holds`."""
         if not holds:
-            raise NotAScene(f"{self.place} {name}", expected, found)
+            raise InvalidScene(f"{self.place} {name}", expected, found)
 
 
 RULES = {

@@ -1,4 +1,4 @@
-"""SCALE, MATRIX and the chunks (sections 3.7 to 3.10 of the format): one scale, its tensors in canonical order."""
+"""SCALE, MATRIX and the chunks (sections 3.7 to 3.10 of the format): one scale with its tensors in canonical order."""
 
 import math
 from collections import namedtuple
@@ -6,23 +6,23 @@ from collections import namedtuple
 import numpy as np
 
 from . import limits
-from .errors import Malformed, NotAScene, Unsupported
+from .errors import Malformed, InvalidScene, Unsupported
 from .factors import read_factors
 from .scene import Scale
 from .sections import read_matrix
 
-CHUNK = np.dtype([("tensors", "<u4"), ("smallest", "<f8", 3), ("largest", "<f8", 3)])  # 52 bytes
-LEB128_BYTES = 9  # of a cell's number, at most
-PLACEMENT_TRANSIENT = 96  # bytes a tensor
+CHUNK = np.dtype([("tensors", "<u4"), ("box_min", "<f8", 3), ("box_max", "<f8", 3)])  # 52 bytes
+MAX_LEB128_BYTES = 9  # of a cell's number
+PLACEMENT_TRANSIENT = 96  # bytes for each tensor
 
 Layout = namedtuple(
     "Layout",
-    "tensors neighbours half_edges resolution placement density_rank appearance_rank origin pitch extent chunks",
+    "tensors top_k half_edges resolution placement density_rank appearance_rank origin pitch extent chunks",
 )
 
 
 def read_scale(container, index, features):
-    """The `Scale` of this index, from its SCALE to its last chunk, of a scene of `features` features."""
+    """Reads the `Scale` of this index, from SCALE to its last chunk, in a scene of `features` features."""
     budget = container.budget
     payload = container.require("SCALE", index)
     layout = _read_layout(payload)
@@ -31,7 +31,7 @@ def read_scale(container, index, features):
     vertices = sum(cells + 1 for cells in layout.resolution)
     numbers = layout.tensors * (layout.density_rank + layout.appearance_rank) * vertices
     budget.take(24 * layout.tensors + 4 * numbers, payload.name)
-    centres = np.zeros((layout.tensors, 3))
+    centers = np.zeros((layout.tensors, 3))
     density, appearance = (
         [np.zeros((layout.tensors, rank, cells + 1), np.float32) for cells in layout.resolution]
         for rank in (layout.density_rank, layout.appearance_rank)
@@ -41,8 +41,8 @@ def read_scale(container, index, features):
     for chunk, row in enumerate(layout.chunks):
         rows = slice(start, start + int(row["tensors"]))
         placement = container.require("PLACEMENT", index, chunk)
-        extent = np.maximum(extent, _read_placement(placement, layout, centres[rows]))
-        _check_box(placement.name, centres[rows], layout.half_edges, row)
+        extent = np.maximum(extent, _read_placement(placement, layout, centers[rows]))
+        _check_box(placement.name, centers[rows], layout.half_edges, row)
         for kind, rank, out in (
             ("DENSITY", layout.density_rank, density),
             ("APPEARANCE", layout.appearance_rank, appearance),
@@ -51,13 +51,13 @@ def read_scale(container, index, features):
         start = rows.stop
     if layout.placement == "lattice" and tuple(extent) != layout.extent:
         raise Malformed(f"{payload.name} extent", tuple(int(e) for e in extent), layout.extent)
-    _sort(payload.name, budget, centres, density + appearance)
+    _sort(payload.name, budget, centers, density + appearance)
     return Scale(
-        layout.neighbours,
+        layout.top_k,
         np.array(layout.half_edges),
         layout.resolution,
         len(layout.chunks),
-        centres,
+        centers,
         density,
         appearance,
         matrix,
@@ -67,7 +67,7 @@ def read_scale(container, index, features):
 def _read_layout(payload):
     record = payload.record
     tensors = record.u32("tensors", limits.TENSORS)
-    neighbours = record.u32("neighbours", limits.NEIGHBOURS)
+    top_k = record.u32("top_k", limits.TOP_K)
     half_edges = record.f64s(3, "half edges", "a positive finite number")
     resolution = record.u32s(3, "resolution", limits.RESOLUTION)
     if record.code("factor kind", ("cp", "vm")) == "vm":
@@ -81,7 +81,7 @@ def _read_layout(payload):
     if placement == "lattice":
         origin = record.f64s(3, "origin")
         pitch = record.f64s(3, "pitch", "a positive finite number")
-        extent = record.u32s(3, "extent", limits.EXTENT)
+        extent = record.u32s(3, "extent", limits.CELL_EXTENT)
     else:
         origin = pitch = extent = None
         record.zeros(60, "origin, pitch and extent of an explicit placement")
@@ -97,7 +97,7 @@ def _read_layout(payload):
         raise Malformed(f"{payload.name} tensors of all chunks", tensors, total)
     return Layout(
         tensors,
-        neighbours,
+        top_k,
         half_edges,
         resolution,
         placement,
@@ -110,36 +110,36 @@ def _read_layout(payload):
     )
 
 
-def _read_placement(payload, layout, centres):
-    """Fills `centres`, float64[n][3]; returns one more than the largest coordinates of their cells, int[3]."""
-    count = len(centres)
+def _read_placement(payload, layout, centers):
+    """Fills `centers`, float64[n][3]; returns their extent in cells, int[3]."""
+    count = len(centers)
     extent = np.zeros(3, np.int64)
     with payload.budget.borrow(PLACEMENT_TRANSIENT * count, payload.name):
         if layout.placement == "explicit":
             with payload.body(24 * count) as body:
-                centres[:] = np.frombuffer(body, "<f8").reshape(count, 3)
+                centers[:] = np.frombuffer(body, "<f8").reshape(count, 3)
         else:
-            with payload.body(count, LEB128_BYTES * count) as body:
+            with payload.body(count, MAX_LEB128_BYTES * count) as body:
                 gaps = _read_leb128(body, count, payload.name)
             cells = _cells(gaps, layout.extent, payload.name)
-            centres[:] = layout.origin + (cells + 0.5) * np.array(layout.pitch)
+            centers[:] = layout.origin + (cells + 0.5) * np.array(layout.pitch)
             extent = cells.max(axis=0) + 1
-        if not np.isfinite(centres).all():
-            raise NotAScene(f"{payload.name} centres", "finite numbers", "another number")
-        _check_ascending(payload.name, centres)
+        if not np.isfinite(centers).all():
+            raise InvalidScene(f"{payload.name} centers", "finite numbers", "another number")
+        _check_ascending(payload.name, centers)
     return extent
 
 
 def _read_leb128(data, count, place):
-    """`count` integers of 7 bits a byte, least significant first, uint64[count]; all of `data`, no byte too many."""
+    """Decodes `count` LEB128 integers that fill `data`, uint64[count]."""
     data = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(data < 0x80)
     if len(ends) != count or ends[-1] != len(data) - 1:
         raise Malformed(place, f"{count} integers in all of the body", f"{len(ends)} in {len(data)} bytes")
     starts = np.concatenate([[0], ends[:-1] + 1])
     lengths = ends - starts + 1
-    if lengths.max() > LEB128_BYTES:
-        raise Malformed(place, f"integers of at most {LEB128_BYTES} bytes", f"one of {lengths.max()}")
+    if lengths.max() > MAX_LEB128_BYTES:
+        raise Malformed(place, f"integers of at most {MAX_LEB128_BYTES} bytes", f"one of {lengths.max()}")
     if ((lengths > 1) & (data[ends] == 0)).any():
         raise Malformed(place, "integers of as few bytes as possible", "one that ends with a zero")
     numbers = np.zeros(count, np.uint64)
@@ -151,9 +151,9 @@ def _read_leb128(data, count, place):
 
 
 def _cells(gaps, extent, place):
-    """The cells (i, j, k), int64[n][3], of numbers that are given by their gaps."""
+    """The cells (i, j, k), int64[n][3], of ascending numbers, given as the gaps between them."""
     total = math.prod(extent)
-    rough = np.cumsum(gaps.astype(np.float64) + 1.0) - 1.0  # does not overflow
+    rough = np.cumsum(gaps.astype(np.float64) + 1.0) - 1.0  # in float64, which does not overflow
     if rough[-1] < 2.0**62:
         numbers = np.cumsum(gaps + np.uint64(1)) - np.uint64(1)
         outside = numbers >= np.uint64(total)
@@ -167,35 +167,47 @@ def _cells(gaps, extent, place):
     return np.stack([numbers % x, numbers // x % y, numbers // (x * y)], axis=1)
 
 
-def _check_ascending(place, centres):
-    """Strictly by (z, y, x)."""
-    before, after = centres[:-1], centres[1:]
-    less = after[:, 2] > before[:, 2]
-    for axis, tied in ((1, [2]), (0, [2, 1])):
-        less |= (after[:, tied] == before[:, tied]).all(axis=1) & (after[:, axis] > before[:, axis])
-    if not less.all():
-        tensor = int(np.argmin(less)) + 1
+def _check_ascending(place, centers):
+    """Checks that centers ascend strictly by (z, y, x), with -0 equal to 0 and with -0 less than 0."""
+    ascends = _ascends(centers) & _ascends(_total_order(centers))
+    if not ascends.all():
+        tensor = int(np.argmin(ascends)) + 1
         raise Malformed(
-            f"{place} centre {tensor}", f"one after {tuple(centres[tensor - 1])} by z, y, x", tuple(centres[tensor])
+            f"{place} center {tensor}", f"one after {tuple(centers[tensor - 1])} by z, y, x", tuple(centers[tensor])
         )
 
 
-def _check_box(place, centres, half_edges, chunk):
-    smallest = (centres - half_edges).min(axis=0)
-    largest = (centres + half_edges).max(axis=0)
-    if (smallest != chunk["smallest"]).any() or (largest != chunk["largest"]).any():
-        expected = f"{smallest.tolist()} to {largest.tolist()}"
-        found = f"{chunk['smallest'].tolist()} to {chunk['largest'].tolist()}"
+def _ascends(keys):
+    """Whether each row after the first of keys[n][3] is greater than its predecessor by (z, y, x), bool[n - 1]."""
+    before, after = keys[:-1], keys[1:]
+    greater = after[:, 2] > before[:, 2]
+    for axis, tied in ((1, [2]), (0, [2, 1])):
+        greater |= (after[:, tied] == before[:, tied]).all(axis=1) & (after[:, axis] > before[:, axis])
+    return greater
+
+
+def _total_order(centers):
+    """Integers in the order of finite float64 numbers in which -0 is less than 0, int64 of the same shape."""
+    bits = np.ascontiguousarray(centers).view(np.int64)
+    return np.where(bits < 0, bits ^ np.int64(0x7FFFFFFFFFFFFFFF), bits)
+
+
+def _check_box(place, centers, half_edges, chunk):
+    box_min = (centers - half_edges).min(axis=0)
+    box_max = (centers + half_edges).max(axis=0)
+    if (box_min != chunk["box_min"]).any() or (box_max != chunk["box_max"]).any():
+        expected = f"{box_min.tolist()} to {box_max.tolist()}"
+        found = f"{chunk['box_min'].tolist()} to {chunk['box_max'].tolist()}"
         raise Malformed(f"box of {place}", expected, found)
 
 
-def _sort(place, budget, centres, factors):
-    """Puts the tensors of all chunks in the order of (z, y, x), in place."""
-    largest = max(array.nbytes for array in [centres, *factors])
-    with budget.borrow(largest + 16 * len(centres), place):
-        order = np.lexsort((centres[:, 0], centres[:, 1], centres[:, 2]))
+def _sort(place, budget, centers, factors):
+    """Sorts the tensors of all chunks by (z, y, x) of their centers, in place."""
+    largest = max(array.nbytes for array in [centers, *factors])
+    with budget.borrow(largest + 16 * len(centers), place):
+        order = np.lexsort((centers[:, 0], centers[:, 1], centers[:, 2]))
         if (order == np.arange(len(order))).all():
             order = None
-        for array in [centres, *factors] if order is not None else []:
+        for array in [centers, *factors] if order is not None else []:
             array[:] = array[order]
-    _check_ascending(place, centres)
+    _check_ascending(place, centers)

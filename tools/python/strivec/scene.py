@@ -1,4 +1,4 @@
-"""What a file says, as plain records. Names are the format's; lengths are in model units where nothing else is said."""
+"""The contents of a file as plain records, named as in the format. Lengths are in model units unless noted."""
 
 from dataclasses import dataclass, field
 from typing import Dict, List, Optional, Tuple
@@ -11,17 +11,17 @@ Quaternion = Tuple[float, float, float, float]  # x, y, z, w
 
 @dataclass
 class Frame:
-    """Section 3.1: the map from the dataset's space to the model's, and where rays begin and end."""
+    """Section 3.1: the map from dataset space to model space, and where rays begin and end."""
 
     scale: float
     rotation: Quaternion
     translation: Vector
-    metres_per_unit: Optional[float]
+    meters_per_unit: Optional[float]
     near: float
     far: float
     background: Vector  # red, green, blue in [0, 1]
     up: str
-    colour_space: str
+    color_space: str
 
 
 @dataclass
@@ -30,15 +30,15 @@ class Rules:
 
     scales: int
     coverage: str  # all, any
-    aggregation: str  # normalised, clamped
+    aggregation: str  # normalized, clamped
     density_reduction: str  # sum, mean
     appearance_reduction: str  # sum, mean
-    bounds: Tuple[Vector, Vector]  # smallest and largest corner
+    bounds: Tuple[Vector, Vector]  # minimum and maximum corner
     density_shift: float
     distance_scale: float
     step: float
-    smallest_transmittance: float
-    smallest_weight: float
+    min_transmittance: float
+    min_weight: float
 
 
 @dataclass
@@ -54,7 +54,7 @@ class Provenance:
 
 @dataclass
 class Quality:
-    """Section 3.12: PSNR in dB, None where it was not measured."""
+    """Section 3.12: PSNR in dB, None if it was not measured."""
 
     encoding_psnr: Optional[float]
     test_psnr: Optional[float]
@@ -65,7 +65,7 @@ class Quality:
 
 @dataclass
 class Pose:
-    """A camera's position and its rotation from the camera's axes to the model's."""
+    """A camera's position, and its rotation from the camera's axes to those of model space."""
 
     position: Vector
     rotation: Quaternion
@@ -76,7 +76,7 @@ class Views:
     """Section 3.13: angle in radians, duration in seconds."""
 
     vertical_angle: float
-    start: Pose
+    initial: Pose
     target: Vector
     duration: float
     closed: bool
@@ -85,7 +85,7 @@ class Views:
 
 @dataclass
 class Thumbnail:
-    """Section 3.14: a picture's file, never decoded here; width and height in pixels are hints."""
+    """Section 3.14: an image file, never decoded here. Width and height in pixels are advisory."""
 
     format: str
     width: int
@@ -103,7 +103,7 @@ class Layer:
 
 @dataclass
 class Decoder:
-    """Section 3.5: the network from features and direction to colour."""
+    """Section 3.5: the network from features and direction to color."""
 
     mode: str  # per sample, per ray, residual
     features: int  # P
@@ -123,17 +123,17 @@ class Occupancy:
 
 @dataclass
 class Scale:
-    """Sections 3.7 to 3.10: the tensors of one scale, in the canonical order of their centres over all chunks.
+    """Sections 3.7 to 3.10: the N tensors of one scale, in the canonical order of their centers over all chunks.
 
-    centres float64[T][3]; density and appearance: for each axis a the vectors float32[T][rank][D_a + 1], zeros for a
-    component that a tensor does not have; matrix float32[P][R].
+    centers float64[N][3]. density and appearance: for each axis a the vectors float32[N][rank][D_a + 1], zeros for a
+    component that is not stored. matrix float32[P][R].
     """
 
-    neighbours: int
+    top_k: int
     half_edges: np.ndarray  # float64[3]
     resolution: Tuple[int, int, int]
     chunks: int
-    centres: np.ndarray
+    centers: np.ndarray
     density: List[np.ndarray]
     appearance: List[np.ndarray]
     matrix: np.ndarray
@@ -150,19 +150,19 @@ class Prefix:
 
 @dataclass
 class Probes:
-    """Section 3.16: tolerances, and float64 arrays of one row a probe."""
+    """Section 3.16: tolerances, and float64 arrays with one row for each probe."""
 
-    colour_tolerance: float
+    color_tolerance: float
     depth_tolerance: float
-    density_tolerance: float  # relative to the larger of 1 and the density feature's size
+    density_tolerance: float  # relative to max(1, |f|)
     origins: np.ndarray  # [n][3]
     directions: np.ndarray  # [n][3]
-    colours: np.ndarray  # [n][3]
+    colors: np.ndarray  # [n][3]
     opacities: np.ndarray  # [n]
     depths: np.ndarray  # [n]
     points: np.ndarray  # [n][3]
     densities: np.ndarray  # [n], the density feature at the point
-    margins: np.ndarray  # [n], the smallest decision margin along the ray
+    margins: np.ndarray  # [n], the decision margin
 
 
 @dataclass
@@ -177,7 +177,7 @@ class Camera:
 
 @dataclass
 class UnknownSection:
-    """An ancillary section of a kind that version 1.0 does not have; `payload` as it is in the file."""
+    """An ancillary section of a kind that version 1.0 does not define; `payload` as it is in the file."""
 
     kind: str
     scale: int
@@ -189,13 +189,13 @@ class UnknownSection:
 
 @dataclass
 class Scene:
-    """A whole file."""
+    """All that a file holds."""
 
     minor_version: int
     frame: Frame
     rules: Rules
     provenance: Provenance
-    licence: Optional[str]
+    license: Optional[str]
     quality: Optional[Quality]
     views: Optional[Views]
     thumbnail: Optional[Thumbnail]

@@ -1,11 +1,11 @@
-"""The sections without factors (sections 3.1 to 3.6 and 3.11 to 3.18 of the format): a `Payload` to its record."""
+"""The sections without factors (sections 3.1 to 3.6 and 3.11 to 3.18 of the format): a `Payload` to its contents."""
 
 import math
 
 import numpy as np
 
 from . import arrays, limits
-from .errors import Malformed, NotAScene
+from .errors import Malformed, InvalidScene
 from .record import Record
 from .scene import (
     Camera,
@@ -35,7 +35,7 @@ def read_frame(payload):
     scale = record.f64("scale", "a positive finite number")
     rotation = record.quaternion("rotation")
     translation = record.f64s(3, "translation")
-    metres = record.f64_unless_zero("metres a dataset unit", "a positive finite number")
+    meters_per_unit = record.f64_unless_zero("meters per unit", "a positive finite number")
     near = record.f64("near", "a number of at least 0")
     far = record.f64("far")
     record.require(far > near, "far", f"more than near, {near}", far)
@@ -43,9 +43,9 @@ def read_frame(payload):
     for value in background:
         record.require(0.0 <= value <= 1.0, "background", "a number in [0, 1]", value)
     up = record.code("up", UPS)
-    colour_space = record.code("colour space", ("sRGB",))
+    color_space = record.code("color space", ("sRGB",))
     payload.end()
-    return Frame(scale, rotation, translation, metres, near, far, background, up, colour_space)
+    return Frame(scale, rotation, translation, meters_per_unit, near, far, background, up, color_space)
 
 
 def read_rules(payload):
@@ -53,20 +53,20 @@ def read_rules(payload):
     record = payload.record
     scales = limits.check(record.u16("scales"), limits.SCALES, "RULES number of scales")
     coverage = record.code("coverage", ("all", "any"))
-    aggregation = record.code("aggregation", ("normalised", "clamped"))
+    aggregation = record.code("aggregation", ("normalized", "clamped"))
     density_reduction = record.code("density reduction", ("sum", "mean"))
     appearance_reduction = record.code("appearance reduction", ("sum", "mean"))
-    record.code("contraction", ("none",))  # code 1, L∞, is not supported either
+    record.code("contraction", ("none",))  # code 1 is reserved for L∞
     record.zeros(1)
     bounds = _read_box(record, "bounds")
     density_shift = record.f64("density shift")
     distance_scale = record.f64("distance scale", "a positive finite number")
     step = record.f64("step", "a positive finite number")
     steps = math.dist(*bounds) / step
-    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps a diagonal", steps)
-    smallest_transmittance = record.f64("smallest transmittance", "a number in [0, 1)")
-    smallest_weight = record.f64("smallest weight", "a number in [0, 1)")
-    record.zeros(8, "length of the contracted background")
+    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps along the diagonal", steps)
+    min_transmittance = record.f64("minimum transmittance", "a number in [0, 1)")
+    min_weight = record.f64("minimum weight", "a number in [0, 1)")
+    record.zeros(8, "contracted length")
     payload.end()
     return Rules(
         scales,
@@ -78,8 +78,8 @@ def read_rules(payload):
         density_shift,
         distance_scale,
         step,
-        smallest_transmittance,
-        smallest_weight,
+        min_transmittance,
+        min_weight,
     )
 
 
@@ -92,20 +92,20 @@ def read_provenance(payload):
     return Provenance(steps, seed, dataset, preset, tool)
 
 
-def read_licence(payload):
+def read_license(payload):
     """Section 3.15."""
-    licence = payload.record.string("text", limits.TEXT)
+    license = payload.record.string("text", limits.TEXT)
     payload.end()
-    return licence
+    return license
 
 
 def read_quality(payload, scales):
-    """Section 3.12, of a scene of `scales` scales."""
+    """Section 3.12, for a scene of `scales` scales."""
     record = payload.record
     encoding, test, original = (record.f64_unless_absent("PSNR") for _ in range(3))
     count = record.u64("number of prefixes")
-    if count != scales:
-        raise Malformed("QUALITY number of prefixes", scales, count)
+    if count not in (0, scales):
+        raise Malformed("QUALITY number of prefixes", f"0 or {scales}", count)
     prefixes = [record.f64_unless_absent("PSNR of a prefix") for _ in range(count)]
     dataset = record.string("dataset")
     payload.end()
@@ -116,15 +116,15 @@ def read_views(payload):
     """Section 3.13."""
     record = payload.record
     angle = record.f64("vertical angle of view", "an angle in (0, pi)")
-    start = _read_pose(record)
+    initial = _read_pose(record)
     target = record.f64s(3, "target")
-    duration = record.f64("seconds of the path", "a positive finite number")
+    duration = record.f64("duration", "a positive finite number")
     closed = record.flag("closed")
-    count = record.u64("poses of the path", limits.LIST)
+    count = record.u64("poses of the path", limits.ITEMS)
     payload.budget.take(8 * POSE * count, payload.name)
     path = [_read_pose(record) for _ in range(count)]
     payload.end()
-    return Views(angle, start, target, duration, closed, path)
+    return Views(angle, initial, target, duration, closed, path)
 
 
 def read_thumbnail(payload):
@@ -154,7 +154,7 @@ def read_decoder(payload):
     direction = 3 * (1 + 2 * direction_frequencies)
     features, rest = divmod(shapes[0][0] - direction, 1 + 2 * feature_frequencies)
     fits = rest == 0 and limits.FEATURES[0] <= features <= limits.FEATURES[1]
-    expected = f"{direction} and 1 to 256 times {1 + 2 * feature_frequencies}"
+    expected = f"{direction} plus 1 to 256 times {1 + 2 * feature_frequencies}"
     record.require(fits, "inputs of layer 0", expected, shapes[0][0])
     record.require(features >= 3 or mode != "residual", "features", "at least 3", features)
     head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
@@ -186,10 +186,10 @@ def read_occupancy(payload):
 
 
 def read_matrix(payload, features, rank):
-    """Section 3.8: float32[P][R], P being `features` and R `rank`."""
+    """Section 3.8: float32[P][R], with P = `features` and R = `rank`."""
     record = payload.record
     found = record.u32("features", limits.FEATURES)
-    record.require(found == features, "features", f"{features} by the inputs of the network", found)
+    record.require(found == features, "features", f"{features}, by the inputs of the decoder", found)
     found = record.u32("appearance rank", limits.RANK)
     if found != rank:
         raise Malformed(f"{payload.name} appearance rank", rank, found)
@@ -198,14 +198,14 @@ def read_matrix(payload, features, rank):
 
 
 def read_prefix(payload, features, ranks):
-    """Section 3.11, of the prefix whose appearance ranks sum to `ranks`."""
+    """Section 3.11, for a prefix whose appearance ranks sum to `ranks`."""
     record = payload.record
     gain = record.f64("gain", "a positive finite number")
     offset = record.f64("offset")
     found = record.u32("features", limits.FEATURES)
     if found != features:
         raise Malformed(f"{payload.name} features", features, found)
-    found = record.u32("sum of appearance ranks", limits.PREFIX_RANKS)
+    found = record.u32("sum of appearance ranks", limits.RANK_SUM)
     if found != ranks:
         raise Malformed(f"{payload.name} sum of appearance ranks", ranks, found)
     head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
@@ -217,8 +217,8 @@ def read_probes(payload):
     """Section 3.16."""
     record = payload.record
     rule = "a positive finite number"
-    colour, depth, density = (record.f64(f"tolerance of {what}", rule) for what in ("colour", "depth", "density"))
-    count = record.u64("number of probes", limits.LIST)
+    color, depth, density = (record.f64(f"tolerance of {what}", rule) for what in ("color", "depth", "density"))
+    count = record.u64("number of probes", limits.ITEMS)
     payload.budget.take(PROBE * count, payload.name)
     with payload.body(PROBE * count) as body:
         reserved = np.frombuffer(body, "<u8").reshape(count, 18)[:, 16:]
@@ -226,18 +226,18 @@ def read_probes(payload):
             raise Malformed("PROBES reserved", "zeros", "another number")
         rows = np.frombuffer(body, "<f8").reshape(count, 18)[:, :16].astype(np.float64)
     if not np.isfinite(rows).all():
-        raise NotAScene("PROBES", "finite numbers", "another number")
+        raise InvalidScene("PROBES", "finite numbers", "another number")
     lengths = np.linalg.norm(rows[:, 3:6], axis=1)
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > 1e-6)
     if len(wrong):
-        raise NotAScene(f"PROBES direction of probe {wrong[0]}", "length 1", lengths[wrong[0]])
+        raise InvalidScene(f"PROBES direction of probe {wrong[0]}", "length 1", lengths[wrong[0]])
     return Probes(
-        colour,
+        color,
         depth,
         density,
         origins=rows[:, 0:3],
         directions=rows[:, 3:6],
-        colours=rows[:, 6:9],
+        colors=rows[:, 6:9],
         opacities=rows[:, 9],
         depths=rows[:, 10],
         points=rows[:, 11:14],
@@ -248,16 +248,16 @@ def read_probes(payload):
 
 def read_cameras(payload):
     """Section 3.17."""
-    count = payload.record.u64("number of cameras", limits.LIST)
+    count = payload.record.u64("number of cameras", limits.ITEMS)
     payload.budget.take(8 * CAMERA * count, payload.name)
     with payload.body(CAMERA * count) as data:
         body = Record(data, payload.name)
         return [
             Camera(
                 _read_pose(body),
-                body.f64s(2, "focal length"),
+                body.f64s(2, "focal length", "a positive finite number"),
                 body.f64s(2, "principal point"),
-                (body.u32("width"), body.u32("height")),
+                body.u32s(2, "width and height", (1, 0xFFFFFFFF)),
             )
             for _ in range(count)
         ]
@@ -265,7 +265,7 @@ def read_cameras(payload):
 
 def read_notes(payload):
     """Section 3.18."""
-    count = payload.record.u64("number of notes", limits.LIST)
+    count = payload.record.u64("number of notes", limits.ITEMS)
     size = limits.check(payload.body_length, limits.TEXT, "NOTES bytes of the body")
     payload.budget.take(8 * size, payload.name)
     with payload.body(size) as data:
@@ -287,11 +287,11 @@ def _read_notes(body, count):
 
 
 def _read_box(record, name):
-    smallest = record.f64s(3, f"{name} smallest corner")
-    largest = record.f64s(3, f"{name} largest corner")
-    for low, high in zip(smallest, largest):
-        record.require(low < high, f"{name} largest corner", f"more than {low}", high)
-    return smallest, largest
+    box_min = record.f64s(3, f"{name} minimum corner")
+    box_max = record.f64s(3, f"{name} maximum corner")
+    for low, high in zip(box_min, box_max):
+        record.require(low < high, f"{name} maximum corner", f"more than {low}", high)
+    return box_min, box_max
 
 
 def _read_pose(record):
@@ -299,7 +299,7 @@ def _read_pose(record):
 
 
 def _read_array(payload, head, lengths):
-    """The numbers of an array that is a section's whole body, float32[sum of lengths]."""
+    """Reads an array that is the whole body of a section, float32[sum of lengths]."""
     total = int(lengths.sum())
     size = arrays.encoded_size(head, total, len(lengths))
     payload.budget.take(4 * total, payload.name)

@@ -1,5 +1,5 @@
-"""The reader against the test vectors of the format: `fixtures/v1` opens and its probes hold, `fixtures/hostile` is
-refused with the right class of error.
+"""The reader against the test vectors of the format: it opens `fixtures/v1` with all probes within tolerance, and refuses
+`fixtures/hostile` with the right class of error.
 
     PYTHONPATH=tools/python python -m unittest discover tools/python/tests
 """
@@ -23,19 +23,19 @@ HOSTILE_BUDGET = 64 << 20  # bytes
 MADE_UP_PROBES = {"everything"}
 WITHOUT_PROBES = {"smallest"}
 
-CLASSES = (  # by what the messages of `errors.tsv` say
+CLASSES = (  # by the messages of `errors.tsv`
     (r"not a \.strivec file", strivec.NotStrivec),
-    (r"damaged by a transfer as text", strivec.LineEndings),
+    (r"damaged by a transfer as text", strivec.LineEndingDamage),
     (r"version .* of the format", strivec.UnsupportedVersion),
     (r"truncated", strivec.Truncated),
     (r"corrupt", strivec.Corrupt),
     (r"malformed", strivec.Malformed),
-    (r"not a valid scene", strivec.NotAScene),
+    (r"not a valid scene", strivec.InvalidScene),
     (r"section .* is missing", strivec.MissingSection),
     (r"section .* is unknown to this reader", strivec.UnknownCritical),
     (r".* is not supported", strivec.Unsupported),
-    (r".* is not in the format's range", strivec.OutOfRange),
-    (r".* needs \d+ bytes of memory", strivec.OverBudget),
+    (r".* is not in the format's range", strivec.LimitExceeded),
+    (r".* needs \d+ bytes of memory", strivec.BudgetExceeded),
 )
 
 
@@ -44,7 +44,7 @@ def error_class(message):
 
 
 def refusal(data, budget=HOSTILE_BUDGET):
-    """The error with which a file is refused, None where it opens."""
+    """The error with which a file is refused, or None if it opens."""
     try:
         strivec.read(data, budget)
     except strivec.StrivecError as error:
@@ -96,7 +96,7 @@ class ValidVectors(unittest.TestCase):
 
     def test_extras(self):
         scene = strivec.open(FIXTURES / "v1" / "everything.strivec")
-        self.assertEqual(scene.licence, "CC-BY-4.0, © somebody")
+        self.assertEqual(scene.license, "CC-BY-4.0, © somebody")
         self.assertEqual(scene.provenance.preset, "48 – künstlich")
         self.assertEqual(scene.quality.encoding_psnr, 54.5)
         self.assertIsNone(scene.quality.test_psnr)
@@ -159,7 +159,7 @@ class DamagedFiles(unittest.TestCase):
             data.decode("latin-1").encode("utf-8"),
             data.decode("utf-8", "replace").encode("utf-8"),
         ):
-            self.assertIsInstance(refusal(damaged), strivec.LineEndings, str(damaged[:12]))
+            self.assertIsInstance(refusal(damaged), strivec.LineEndingDamage, str(damaged[:12]))
 
 
 class Command(unittest.TestCase):
@@ -180,7 +180,7 @@ class Command(unittest.TestCase):
         self.assertEqual(self.run_command("verify", fine, HOSTILE / "major-2.strivec"), 5)
         self.assertEqual(self.run_command("verify", FIXTURES / "absent.strivec"), 2)
         self.assertEqual(self.run_command("verify"), 2)
-        self.assertEqual(self.run_command("mend", fine), 2)
+        self.assertEqual(self.run_command("repair", fine), 2)
 
 
 if __name__ == "__main__":
