@@ -6,15 +6,15 @@ use crate::tree::{Kind, Target, Tree};
 
 /// What one file needs of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Edge {
-    pub from: usize,
-    pub to: usize,
+pub(crate) struct Edge {
+    pub(crate) from: usize,
+    pub(crate) to: usize,
     /// The first line that names each item.
-    pub items: BTreeMap<String, usize>,
+    pub(crate) items: BTreeMap<String, usize>,
 }
 
 /// Every edge from one file to another; see the rules in `main.rs`.
-pub fn edges(tree: &Tree) -> Vec<Edge> {
+pub(crate) fn edges(tree: &Tree) -> Vec<Edge> {
     let mut edges: BTreeMap<(usize, usize), BTreeMap<String, usize>> = BTreeMap::new();
     for (from, file) in tree.files.iter().enumerate().filter(|(_, file)| !file.test) {
         for name in file.names.iter().filter(|name| !name.test) {
@@ -31,7 +31,7 @@ pub fn edges(tree: &Tree) -> Vec<Edge> {
 }
 
 /// Sets of two and more files that each need all others of the set, each set and the whole in order of paths.
-pub fn cycles(tree: &Tree, edges: &[Edge]) -> Vec<Vec<usize>> {
+pub(crate) fn cycles(tree: &Tree, edges: &[Edge]) -> Vec<Vec<usize>> {
     let count = tree.files.len();
     let mut needs = vec![Vec::new(); count];
     for edge in edges {
@@ -63,7 +63,7 @@ pub fn cycles(tree: &Tree, edges: &[Edge]) -> Vec<Vec<usize>> {
 }
 
 /// A cycle as text: each edge with the items and lines that make it.
-pub fn describe(tree: &Tree, edges: &[Edge], cycle: &[usize]) -> String {
+pub(crate) fn describe(tree: &Tree, edges: &[Edge], cycle: &[usize]) -> String {
     let path = |file: usize| &tree.files[file].path;
     let mut text = format!("{} files need each other:\n", cycle.len());
     for edge in edges.iter().filter(|edge| cycle.contains(&edge.from) && cycle.contains(&edge.to)) {

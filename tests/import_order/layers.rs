@@ -30,7 +30,7 @@ fn layer(module: &str) -> Option<u32> {
 }
 
 /// Every forbidden import of the tree's files.
-pub fn violations(tree: &Tree) -> Vec<String> {
+pub(crate) fn violations(tree: &Tree) -> Vec<String> {
     tree.files.iter().flat_map(of_file).collect()
 }
 

@@ -7,38 +7,38 @@ use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 
 /// A module's place: the names from the root of the crate on.
-pub type ModulePath = Vec<String>;
+pub(crate) type ModulePath = Vec<String>;
 
 /// One file, with what it names.
 #[derive(Debug)]
-pub struct File {
+pub(crate) struct File {
     /// Relative to the folder of the sources, with `/`.
-    pub path: String,
+    pub(crate) path: String,
     /// Its module.
-    pub module: ModulePath,
+    pub(crate) module: ModulePath,
     /// Whether only tests compile it.
-    pub test: bool,
+    pub(crate) test: bool,
     /// Every path in it.
-    pub names: Vec<Name>,
+    pub(crate) names: Vec<Name>,
     /// Every string literal outside documentation, and its line.
-    pub literals: Vec<(usize, String)>,
+    pub(crate) literals: Vec<(usize, String)>,
 }
 
 /// A path in the code.
 #[derive(Clone, Debug)]
-pub struct Name {
+pub(crate) struct Name {
     /// The module, inline ones included, that it stands in.
-    pub module: ModulePath,
+    pub(crate) module: ModulePath,
     /// Its segments.
-    pub segments: Vec<String>,
-    pub line: usize,
-    pub kind: Kind,
+    pub(crate) segments: Vec<String>,
+    pub(crate) line: usize,
+    pub(crate) kind: Kind,
     /// Whether only tests compile it.
-    pub test: bool,
+    pub(crate) test: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// A private `use` of one name.
     Import,
     /// A `pub use`, whatever its visibility, of one name.
@@ -51,7 +51,7 @@ pub enum Kind {
 
 /// What a path leads to.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Target {
+pub(crate) enum Target {
     Module(ModulePath),
     Item(ModulePath, String),
 }
@@ -68,8 +68,8 @@ struct Scope {
 
 /// A source tree.
 #[derive(Debug, Default)]
-pub struct Tree {
-    pub files: Vec<File>,
+pub(crate) struct Tree {
+    pub(crate) files: Vec<File>,
     scopes: BTreeMap<ModulePath, Scope>,
 }
 
@@ -88,7 +88,7 @@ impl Tree {
     /// # Panics
     ///
     /// If a file is not Rust.
-    pub fn new<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
+    pub(crate) fn new<'a>(files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
         let mut tree = Self::default();
         tree.scopes.entry(ModulePath::new()).or_default();
         let mut test_modules = BTreeSet::new();
@@ -109,12 +109,12 @@ impl Tree {
     }
 
     /// The file that holds the module.
-    pub fn file_of(&self, module: &[String]) -> usize {
+    pub(crate) fn file_of(&self, module: &[String]) -> usize {
         self.scopes[module].file
     }
 
     /// What a path leads to; nothing for other crates, variables and what syntax alone does not tell.
-    pub fn resolve(&self, module: &[String], segments: &[String]) -> Option<Target> {
+    pub(crate) fn resolve(&self, module: &[String], segments: &[String]) -> Option<Target> {
         self.resolve_unless(module, segments, &mut Vec::new())
     }
 
