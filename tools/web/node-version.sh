@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fails, and says why, without npm and a Node that the page's tools run on: 20.19 or later, or 22.12 or later.
+# Fails with a message unless npm and Node 20.19 or later, or 22.12 or later, are installed: the page's tools need them.
 set -euo pipefail
 fail() {
     printf '%s: install Node 20.19 or later, see https://nodejs.org\n' "$*" >&2

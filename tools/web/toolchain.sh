@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Finds or fetches what building for browsers needs besides Rust and Node: a Rust for wasm32-unknown-unknown, and the
-# wasm-bindgen command of the very version that Cargo.lock has. What is fetched lies in the build folder, in web-tools/.
+# Finds or fetches the tools that building for browsers needs besides Rust and Node: a Rust for wasm32-unknown-unknown, and
+# the wasm-bindgen command of exactly the version in Cargo.lock. Fetched tools lie in the build folder, in web-tools/.
 #
-#   tools/web/toolchain.sh    prints what to `eval`: STRIVEC_WEB_CARGO (words before cargo's own), PATH, and for Debian's
-#                             toolchain RUSTC and RUSTC_BOOTSTRAP
+#   tools/web/toolchain.sh    prints shell code to `eval`: STRIVEC_WEB_CARGO (arguments after `cargo rustc`), PATH, and for
+#                             Debian's toolchain RUSTC and RUSTC_BOOTSTRAP
 #
-# A Rust that has the target is taken as it is; else rustup adds it; else, on Debian 12, the packages that Debian builds
-# its browsers with are unpacked (they conflict with the distribution's own rustc, so they are not installed).
-# STRIVEC_WEB_DEBIAN=1 takes these in any case.
+# A Rust that has the target is used as it is; else rustup adds the target; else, on Debian 12, the packages that Debian
+# builds its browsers with are unpacked (they conflict with the distribution's own rustc, so they are not installed).
+# STRIVEC_WEB_DEBIAN=1 uses these in any case. STRIVEC_NO_INSTALL=1 fails instead of fetching anything.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
@@ -20,20 +20,22 @@ fail() {
     say "$@"
     exit 1
 }
+may_install() { [[ -z ${STRIVEC_NO_INSTALL:-} ]] || fail "missing: $*"; }
+as_root() { if ((EUID == 0)); then "$@"; else sudo "$@"; fi; }
 command -v cargo >/dev/null || fail "cargo is missing: install Rust, see https://rustup.rs"
 
 has_target() { compgen -G "$("${RUSTC:-rustc}" --print target-libdir --target "$target" 2>/dev/null)/libstd-*.rlib" >/dev/null; }
 
 debian_version() { apt-cache policy rustc-web | sed -n 's/^ *Candidate: \([0-9]*\.[0-9]*\)\..*/\1/p'; }
 
-# Debian's rustc for browsers: its programs need its own libraries, and its std is built from its source.
+# Debian's rustc for browsers. Its programs need its own libraries; its std is built from source.
 unpack_debian() {
     local debian=$tools/debian list="rustc-web rust-web-src libstd-rust-web-dev" version package library
     if [[ ! -x $debian/rustc ]]; then
         command -v apt-get >/dev/null && command -v dpkg >/dev/null || return 1
         version=$(debian_version)
-        # Whoever may, gets the lists of packages that images are made without.
-        [[ -n $version ]] || { apt-get update -qq >&2 && version=$(debian_version); }
+        # Images of containers have no lists of packages.
+        [[ -n $version ]] || { as_root apt-get update -qq >&2 && version=$(debian_version); }
         [[ -n $version ]] || return 1
         say "fetching Debian's rustc-web $version into $debian"
         library=$(apt-cache depends "libstd-rust-web-$version" | sed -n '/libllvm[0-9]/{s/.*Depends: //p;q}')
@@ -54,7 +56,7 @@ unpack_debian() {
     printf 'STRIVEC_WEB_CARGO=%q\n' "-Zbuild-std=std,panic_abort"
 }
 
-# Writes a `rustc` that finds its libraries, and where its linker is.
+# Writes a `rustc` that finds its libraries, and the path of its linker.
 prepare_debian() {
     local debian=$1 program=$1/usr/bin/rustc libraries source sysroot linker
     libraries=$(find "$debian" \( -name 'librustc_driver-*.so' -o -name 'libLLVM*.so*' \) -printf '%h\n' | sort -u | paste -sd:)
@@ -75,10 +77,13 @@ prepare_debian() {
 }
 
 if [[ -n ${STRIVEC_WEB_DEBIAN:-} ]]; then
-    unpack_debian || fail "Debian's rustc-web cannot be had here"
+    [[ -x $tools/debian/rustc ]] || may_install "Debian's rustc-web"
+    unpack_debian || fail "Debian's rustc-web cannot be fetched here"
 elif has_target; then
     say "$(rustc --version) has $target"
-elif command -v rustup >/dev/null && rustup target add "$target" >&2; then
+elif [[ -x $tools/debian/rustc ]]; then
+    unpack_debian
+elif may_install "a Rust for $target" && command -v rustup >/dev/null && rustup target add "$target" >&2; then
     say "rustup added $target"
 elif ! unpack_debian; then
     fail "no Rust for $target: rustup target add $target, or a Debian 12 whose security archive can be reached"
@@ -91,10 +96,12 @@ if [[ "$(wasm-bindgen --version 2>/dev/null)" == "wasm-bindgen $version" ]]; the
 else
     program=$tools/bin/wasm-bindgen
     if [[ "$("$program" --version 2>/dev/null)" != "wasm-bindgen $version" ]]; then
+        may_install "wasm-bindgen $version"
         say "building wasm-bindgen $version, which takes some minutes"
-        install=(cargo install wasm-bindgen-cli --version "$version" --bin wasm-bindgen --root "$tools" --force)
-        # Its own list of versions first; where a registry lacks one of them, whatever fits.
-        (export CARGO_TARGET_DIR=$tools/build && { "${install[@]}" --locked >&2 || "${install[@]}" >&2; }) ||
+        # Optimizing the program takes longer than running it once.
+        install=(cargo install wasm-bindgen-cli --version "$version" --bin wasm-bindgen --root "$tools" --force --debug)
+        # With its own lock file first; if the registry lacks one of those versions, with any that fit.
+        (export CARGO_TARGET_DIR=$tools/build CARGO_PROFILE_DEV_DEBUG=false && { "${install[@]}" --locked >&2 || "${install[@]}" >&2; }) ||
             fail "wasm-bindgen $version cannot be built: ${install[*]}"
         rm -rf "$tools/build"
     fi
