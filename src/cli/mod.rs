@@ -30,6 +30,7 @@ mod synth;
 mod table;
 mod trade;
 mod train;
+mod version;
 mod video;
 mod view_selection;
 mod viewpoints;
@@ -41,6 +42,7 @@ use clap::{Parser, Subcommand};
 use console::Console;
 pub use error::Error;
 pub use output::{check_output, write_atomically};
+pub use version::version;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 anything else.
@@ -48,7 +50,7 @@ Results go to standard output, progress and messages to standard error.";
 
 /// Sparse tri-vector radiance fields: from photographs to a small file and its pictures.
 #[derive(Debug, Parser)]
-#[command(name = "strivec", version, after_help = EXIT_CODES, arg_required_else_help = true)]
+#[command(name = "strivec", version = version(), after_help = EXIT_CODES, arg_required_else_help = true)]
 struct Cli {
     #[command(flatten)]
     globals: Globals,

@@ -19,7 +19,7 @@ use clap::{Parser, Subcommand};
 
 pub(super) use package::{JUDGED, PROBED};
 
-use super::{Globals, run_command};
+use super::{Globals, run_command, version};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 anything else, 5 not supported, 7 differs.
@@ -29,7 +29,7 @@ standard error.";
 
 /// Scene files: made small, looked at, checked, compared, changed.
 #[derive(Debug, Parser)]
-#[command(name = "strivec-pack", version, after_help = EXIT_CODES, arg_required_else_help = true)]
+#[command(name = "strivec-pack", version = version(), after_help = EXIT_CODES, arg_required_else_help = true)]
 struct Cli {
     #[command(flatten)]
     globals: Globals,
