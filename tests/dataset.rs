@@ -1,6 +1,8 @@
 //! Loading photographs: the Blender layout, everything that can be wrong with it, and the real thing where it is there.
 #![cfg(feature = "toolkit")]
 
+mod data;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -277,20 +279,9 @@ fn only_the_chosen_views_are_looked_at() {
     assert_error(described(error), ErrorKind::Io, &["frame 4", "r_4.png"]);
 }
 
-/// The lego scene, or `None` with a printed reason. Fails where `CI` is set, so that it is not skipped unnoticed.
-fn lego() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/lego");
-    if !folder.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "{} is absent", folder.display());
-        println!("skipped: {} is absent", folder.display());
-        return None;
-    }
-    Some(folder)
-}
-
 #[test]
 fn lego_loads_with_orthonormal_poses_and_white_corners() {
-    let Some(folder) = lego() else { return };
+    let Some(folder) = data::folder("lego") else { return };
     let dataset = load_blender(&folder, "train", &LoadOptions { downscale: 8, ..LoadOptions::default() }).unwrap();
     assert_eq!((dataset.name.as_str(), dataset.views.len()), ("lego", 100));
     for view in &dataset.views {

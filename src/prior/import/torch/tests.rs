@@ -1,5 +1,4 @@
 use std::io::{Cursor, Write};
-use std::path::Path;
 
 use glam::DVec3;
 use zip::CompressionMethod;
@@ -10,6 +9,9 @@ use super::read;
 use crate::geometry::Aabb;
 use crate::prior::import::testing::{Seen, seen_with};
 use crate::prior::import::{Fault, ReadOptions, read as read_path};
+
+#[path = "../../../../tests/data/mod.rs"]
+mod data;
 
 const FINE: &[u8] = include_bytes!("../../../../fixtures/import/dvgo-fine.tar");
 const OLDEST: &[u8] = include_bytes!("../../../../fixtures/import/dvgo-oldest.tar");
@@ -55,12 +57,7 @@ fn tensorfs_mask_is_packed_from_the_most_significant_bit() {
 
 #[test]
 fn real_tensorf_checkpoints_are_read() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/tensorf-lego");
-    if !folder.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "{} is absent", folder.display());
-        println!("skipped: {} is absent", folder.display());
-        return;
-    }
+    let Some(folder) = data::folder("tensorf-lego") else { return };
     // Counted by NumPy; the sides are `alphaMask.aabb` and half a voxel, over so many vertices.
     for (name, count, min, vertices) in [
         ("lego200_vm192_iter1581.th", 976563, DVec3::new(-0.67322832, -1.16929126, -1.12204719), [108.0, 189.0, 173.0]),
