@@ -79,8 +79,8 @@ fn decode(bencher: Bencher<'_, '_>) {
     let rays = rays(RAYS);
     let mut samples = marched(&rays);
     let mut activations = Activations::default();
-    FIELD.select_shaded(&samples, None, &mut activations.colored);
-    bencher.counter(ItemsCount::new(activations.colored.len())).bench_local(|| {
+    FIELD.select_shaded(&samples, None, &mut activations.shaded);
+    bencher.counter(ItemsCount::new(activations.shaded.len())).bench_local(|| {
         vectorized(
             #[inline(always)]
             || FIELD.decode(&rays, &mut samples, &mut activations),

@@ -45,7 +45,7 @@ fn vertex_distance(scene: &Scene, field: &Field<f64>, ray: &Ray) -> f64 {
     let mut smallest = f64::INFINITY;
     for (sample, position) in samples.positions.iter().enumerate() {
         for (s, scale) in scene.scales.iter().enumerate() {
-            for pair in samples.pairs_of(sample, s, scales) {
+            for pair in samples.contributions_of(sample, s, scales) {
                 let center = scale.cloud.center((pair.tensor - field.scales[s].first_tensor) as usize);
                 let offset = DVec3::from_array(*position) + field.origin - center;
                 let cells = (offset + scale.cloud.half) / scale.cloud.cell_size();
@@ -198,7 +198,7 @@ fn scene(config: &TrainConfig) -> Scene {
 fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
     let (mut samples, mut activations) = (Samples::default(), Activations::default());
     field.march(rays, &mut samples);
-    field.select_shaded(&samples, None, &mut activations.colored);
+    field.select_shaded(&samples, None, &mut activations.shaded);
     field.decode(rays, &mut samples, &mut activations);
     let layers = &field.decoder.layers;
     let mut smallest = f64::INFINITY;

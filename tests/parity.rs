@@ -111,7 +111,7 @@ fn buckets_find_what_a_search_through_all_tensors_finds() {
 }
 
 #[test]
-fn normals_are_the_references_and_looking_changes_no_pixel() {
+fn trace_info_has_the_references_normals_and_the_same_pixels() {
     let scene = scenes::scene(&scenes::config());
     let (renderer, field) = (CpuRenderer::new(&scene), ReferenceField::new(&scene));
     let density = |position: DVec3| {
@@ -120,14 +120,14 @@ fn normals_are_the_references_and_looking_changes_no_pixel() {
     };
     let camera = scenes::camera(40, 0.4);
     let rays: Vec<_> = (0..1600).map(|n| camera.ray(n % 40, n / 40)).collect();
-    let (seen, looks) = (renderer.trace(&rays), renderer.look(&rays, true));
-    assert!(renderer.look(&rays, false).iter().all(|look| look.normal.is_none()));
+    let (pixels, infos) = (renderer.trace(&rays), renderer.trace_info(&rays, true));
+    assert!(renderer.trace_info(&rays, false).iter().all(|info| info.normal.is_none()));
     let (mut normals, mut close) = (0, 0);
-    for ((ray, pixel), look) in rays.iter().zip(&seen).zip(&looks) {
-        assert_eq!(*pixel, look.pixel);
-        assert!(look.samples > 0 || pixel.opacity == 0.0);
-        assert!(look.normal.is_none() || pixel.opacity >= 0.5);
-        let Some(normal) = look.normal else { continue };
+    for ((ray, pixel), info) in rays.iter().zip(&pixels).zip(&infos) {
+        assert_eq!(*pixel, info.pixel);
+        assert!(info.samples > 0 || pixel.opacity == 0.0);
+        assert!(info.normal.is_none() || pixel.opacity >= 0.5);
+        let Some(normal) = info.normal else { continue };
         let (at, h) = (ray.at(f64::from(pixel.depth)), 2.0 * scene.rules.step);
         let fall = DVec3::AXES.map(|axis| density(at - h * axis) - density(at + h * axis));
         normals += 1;

@@ -95,9 +95,9 @@ impl<T: Real> OccupancyCells<T> {
     }
 
     fn set(&mut self, cell: [i32; 3]) {
-        let bit = bit_number(cell, self.cells);
+        let bit = bit_index(cell, self.cells);
         self.words[bit / 64] |= 1 << (bit % 64);
-        let bit = bit_number(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
+        let bit = bit_index(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
         self.block_words[bit / 64] |= 1 << (bit % 64);
     }
 
@@ -114,7 +114,7 @@ impl<T: Real> OccupancyCells<T> {
         let [xs, ys, zs] = [0, 1, 2]
             .map(|a| (min[a] - slack).floor_i32().max(0)..=(max[a] + slack).floor_i32().min(self.cells[a] - 1));
         let is_set = |cell| {
-            let bit = bit_number(cell, self.cells);
+            let bit = bit_index(cell, self.cells);
             self.words[bit / 64] >> (bit % 64) & 1 == 1
         };
         zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| is_set([x, y, z]))))
@@ -150,16 +150,16 @@ impl<T: Real> OccupancyCells<T> {
                 return None;
             }
         }
-        let block = bit_number(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
+        let block = bit_index(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
         if self.block_words[block / 64] >> (block % 64) & 1 == 0 {
             return Some((false, 1 << BLOCK_SHIFT));
         }
-        let bit = bit_number(cell, self.cells);
+        let bit = bit_index(cell, self.cells);
         Some((self.words[bit / 64] >> (bit % 64) & 1 == 1, 1))
     }
 }
 
 #[inline(always)]
-fn bit_number([x, y, z]: [i32; 3], sizes: [i32; 3]) -> usize {
+fn bit_index([x, y, z]: [i32; 3], sizes: [i32; 3]) -> usize {
     (z as usize * sizes[1] as usize + y as usize) * sizes[0] as usize + x as usize
 }

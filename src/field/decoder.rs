@@ -2,7 +2,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::march::count_pairs;
+use super::march::count_contributions;
 use super::{Field, InterpolationSite, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction, Scene};
@@ -35,16 +35,16 @@ pub struct FieldDecoder<T> {
     pub layers: Vec<Dense<T>>,
 }
 
-/// What became of the colored samples of a few rays. A row is a call of the decoder: a colored sample, or a ray that
-/// has any. A term is a color in a pixel's sum: a row's, or, where samples keep colors of their own, a colored
+/// What became of the shaded samples of a few rays. A row is a call of the decoder: a shaded sample, or a ray that
+/// has any. A term is a color in a pixel's sum: a row's, or, where samples keep colors of their own, a shaded
 /// sample's. Reused from one batch to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
     /// The samples that add color.
-    pub colored: ShadedSamples<T>,
-    /// \[colored\]\[ΣR\] aggregated appearance components, reduced over scales.
+    pub shaded: ShadedSamples<T>,
+    /// \[shaded\]\[ΣR\] aggregated appearance components, reduced over scales.
     pub components: Vec<T>,
-    /// \[colored\] 1 over the number of covering scales; empty where scales are summed.
+    /// \[shaded\] 1 over the number of covering scales; empty where scales are summed.
     pub reductions: Vec<T>,
     /// \[row\]\[ΣR\] the rays' composited components; empty where every sample is decoded.
     pub composites: Vec<T>,
@@ -62,11 +62,11 @@ pub struct Activations<T> {
     pub colors: Vec<[T; 3]>,
     /// \[row\]\[3\] the last layer's outputs.
     outputs: Vec<T>,
-    /// \[colored\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
+    /// \[shaded\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
     own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
-    located: Vec<InterpolationSite<T>>,
+    sites: Vec<InterpolationSite<T>>,
 }
 
 impl<T: Real> Activations<T> {
@@ -160,10 +160,10 @@ fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: 
 }
 
 impl<T: Real> Field<T> {
-    /// Colors of the rows of `activations.colored`, which is of `samples` of `rays`.
+    /// Colors of the rows of `activations.shaded`, which is of `samples` of `rays`.
     #[inline(always)]
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
-        self.find_colored_pairs(&activations.colored.places, samples);
+        self.find_shaded_contributions(&activations.shaded.slots, samples);
         samples.clock.lap(Stage::Neighbors);
         Arch::new().dispatch(GatherAppearance { field: self, samples, activations });
         samples.clock.lap(Stage::AppearanceGather);
@@ -176,11 +176,11 @@ impl<T: Real> Field<T> {
         self.run_layers(activations);
         samples.clock.lap(Stage::Decoder);
         let work = &mut samples.clock.work;
-        let places = activations.colored.places.iter().map(|&place| place as usize);
+        let slots = activations.shaded.slots.iter().map(|&slot| slot as usize);
         // One march may be decoded in parts.
         work.add(&Work {
-            colored: activations.colored.len() as u64,
-            colored_pairs: count_pairs(&samples.pair_ranges, places, self.scales.len()),
+            shaded: activations.shaded.len() as u64,
+            shaded_contributions: count_contributions(&samples.contribution_ranges, slots, self.scales.len()),
             decoded: activations.row_count() as u64,
             ..Work::default()
         });
@@ -193,36 +193,36 @@ impl<T: Real> Field<T> {
         if mode != DecoderMode::PerSample {
             self.composite_components(rays, activations);
         }
-        let Activations { colored, composite_weights, ray_rows, weights, ray_terms, .. } = activations;
+        let Activations { shaded, composite_weights, ray_rows, weights, ray_terms, .. } = activations;
         if mode == DecoderMode::PerSample {
-            ray_rows.clone_from(&colored.ray_starts);
+            ray_rows.clone_from(&shaded.ray_starts);
         }
         if mode == DecoderMode::PerRay {
             weights.clone_from(composite_weights);
             ray_terms.clone_from(ray_rows);
         } else {
-            weights.clone_from(&colored.weights);
-            ray_terms.clone_from(&colored.ray_starts);
+            weights.clone_from(&shaded.weights);
+            ray_terms.clone_from(&shaded.ray_starts);
         }
     }
 
     /// Makes a row of every ray that has color: F = Σ w·f / Σ w.
     #[inline(always)]
     fn composite_components(&self, rays: usize, activations: &mut Activations<T>) {
-        let Activations { colored, components, composites, composite_weights, ray_rows, .. } = activations;
+        let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
         let width = self.component_count();
         composites.clear();
         composite_weights.clear();
         ray_rows.clear();
         ray_rows.push(0);
-        for ray in (0..rays).map(|ray| colored.ray_range(ray)) {
+        for ray in (0..rays).map(|ray| shaded.ray_range(ray)) {
             if !ray.is_empty() {
-                let weight: T = colored.weights[ray.clone()].iter().copied().sum();
+                let weight: T = shaded.weights[ray.clone()].iter().copied().sum();
                 let first = composites.len();
                 composites.resize(first + width, T::zero());
                 let composite = &mut composites[first..];
                 for c in ray {
-                    let share = colored.weights[c] / weight;
+                    let share = shaded.weights[c] / weight;
                     for (sum, &v) in composite.iter_mut().zip(&components[c * width..][..width]) {
                         *sum += share * v;
                     }
@@ -252,11 +252,11 @@ impl<T: Real> Field<T> {
         );
         activations.inputs = all_inputs;
         if decoder.mode == DecoderMode::Residual {
-            let Activations { colored, components: of_samples, own_colors, .. } = activations;
-            own_colors.resize(colored.len() * 3, T::zero());
+            let Activations { shaded, components: of_samples, own_colors, .. } = activations;
+            own_colors.resize(shaded.len() * 3, T::zero());
             multiply(
-                MatrixMut::new(own_colors, colored.len(), 3, 3),
-                Matrix::new(of_samples, colored.len(), components, components),
+                MatrixMut::new(own_colors, shaded.len(), 3, 3),
+                Matrix::new(of_samples, shaded.len(), components, components),
                 Matrix::new(&decoder.appearance, 3, components, components).transposed(),
                 false,
             );
@@ -307,11 +307,11 @@ impl<T: Real> Field<T> {
                 }
             }
         }
-        let Activations { colored, ray_rows, outputs, own_colors, colors, .. } = activations;
+        let Activations { shaded, ray_rows, outputs, own_colors, colors, .. } = activations;
         let terms = match self.decoder.mode {
             DecoderMode::PerSample | DecoderMode::PerRay => outputs,
             DecoderMode::Residual => {
-                for (samples, rows) in colored.ray_starts.windows(2).zip(ray_rows.windows(2)) {
+                for (samples, rows) in shaded.ray_starts.windows(2).zip(ray_rows.windows(2)) {
                     for own in own_colors[3 * samples[0] as usize..3 * samples[1] as usize].chunks_exact_mut(3) {
                         own.iter_mut().zip(&outputs[3 * rows[0] as usize..]).for_each(|(sum, &v)| *sum += v);
                     }
@@ -340,24 +340,24 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
         let Self { field, samples, activations } = self;
         let width = field.component_count();
         let scales = field.scales.len();
-        let Activations { colored, components, reductions, located, .. } = activations;
-        components.resize(colored.len() * width, T::zero());
+        let Activations { shaded, components, reductions, sites, .. } = activations;
+        components.resize(shaded.len() * width, T::zero());
         reductions.clear();
-        for (row, &place) in components.chunks_exact_mut(width.max(1)).zip(&colored.places) {
-            let place = place as usize;
+        for (row, &slot) in components.chunks_exact_mut(width.max(1)).zip(&shaded.slots) {
+            let slot = slot as usize;
             let mut rest = &mut *row;
             for (s, scale) in field.scales.iter().enumerate() {
                 let (of_scale, after) = rest.split_at_mut(scale.appearance_rank);
-                located.clear();
+                sites.clear();
                 // Not `extend`: it is compiled for the least instruction set.
-                for &pair in samples.pairs_of(place, s, scales) {
-                    located.push(scale.locate(pair, samples.positions[place]));
+                for &contribution in samples.contributions_of(slot, s, scales) {
+                    sites.push(scale.locate(contribution, samples.positions[slot]));
                 }
-                scale.appearance_of(simd, located, of_scale);
+                scale.appearance_of(simd, sites, of_scale);
                 rest = after;
             }
             if field.rules.appearance_reduction == Reduction::Mean {
-                let reduction = T::one() / T::of(samples.covering_scales(place, scales).max(1) as f64);
+                let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
                 row.iter_mut().for_each(|v| *v *= reduction);
                 reductions.push(reduction);
             }

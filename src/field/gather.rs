@@ -5,7 +5,7 @@ use pulp::Simd;
 use super::vector::MAX_LANES;
 use super::{Contribution, FieldScale, Real};
 
-/// A pair, ready for interpolation.
+/// A contribution, ready for interpolation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InterpolationSite<T> {
     /// The tensor's number, counted over all scales.
@@ -14,33 +14,33 @@ pub struct InterpolationSite<T> {
     pub rows: [u32; 3],
     /// The fraction of the way to the next row, per axis.
     pub fractions: [T; 3],
-    /// The pair's weight.
+    /// The contribution's weight.
     pub weight: T,
 }
 
 impl<T: Real> FieldScale<T> {
-    /// What interpolating `pair` at `position` needs.
+    /// What interpolating `contribution` at `position` needs.
     #[inline(always)]
-    pub fn locate(&self, pair: Contribution<T>, position: [T; 3]) -> InterpolationSite<T> {
-        let tensor = (pair.tensor - self.first_tensor) as usize;
-        let mut located =
-            InterpolationSite { tensor: pair.tensor, weight: pair.weight, ..InterpolationSite::default() };
+    pub fn locate(&self, contribution: Contribution<T>, position: [T; 3]) -> InterpolationSite<T> {
+        let tensor = (contribution.tensor - self.first_tensor) as usize;
+        let mut sites =
+            InterpolationSite { tensor: contribution.tensor, weight: contribution.weight, ..InterpolationSite::default() };
         for a in 0..3 {
             let (row, fraction) = self.rows().on_axis(a, position[a] - self.centers[tensor][a]);
-            located.rows[a] = (tensor * self.rows().count) as u32 + row;
-            located.fractions[a] = fraction;
+            sites.rows[a] = (tensor * self.rows().count) as u32 + row;
+            sites.fractions[a] = fraction;
         }
-        located
+        sites
     }
 
-    /// Σ over density components and `located` of weight·x·y·z.
+    /// Σ over density components and `sites` of weight·x·y·z.
     #[inline(always)]
-    pub(super) fn density_of<S: Simd>(&self, simd: S, located: &[InterpolationSite<T>]) -> T {
+    pub(super) fn density_of<S: Simd>(&self, simd: S, sites: &[InterpolationSite<T>]) -> T {
         let mut total = T::splat(simd, T::zero());
         let factors = Rows { values: &self.density, rank: self.density_rank };
         factors.each_register(
             simd,
-            located,
+            sites,
             #[inline(always)]
             |_, overlap, sums| {
                 let sums = if overlap == 0 { sums } else { T::times(simd, sums, all_but::<T, S>(simd, overlap)) };
@@ -50,13 +50,13 @@ impl<T: Real> FieldScale<T> {
         T::total(simd, total)
     }
 
-    /// components\[r\] = Σ over `located` of weight·x·y·z of appearance component r.
+    /// components\[r\] = Σ over `sites` of weight·x·y·z of appearance component r.
     #[inline(always)]
-    pub(super) fn appearance_of<S: Simd>(&self, simd: S, located: &[InterpolationSite<T>], components: &mut [T]) {
+    pub(super) fn appearance_of<S: Simd>(&self, simd: S, sites: &[InterpolationSite<T>], components: &mut [T]) {
         let factors = Rows { values: &self.appearance, rank: self.appearance_rank };
         factors.each_register(
             simd,
-            located,
+            sites,
             #[inline(always)]
             |first, _, sums| T::store(simd, &mut components[first..], sums),
         );
@@ -93,17 +93,17 @@ struct Rows<'a, T> {
 }
 
 impl<T: Real> Rows<'_, T> {
-    /// Calls `take` with each register's first component, its overlap, and its sums over `located` of weight·x·y·z.
+    /// Calls `take` with each register's first component, its overlap, and its sums over `sites` of weight·x·y·z.
     #[inline(always)]
     fn each_register<S: Simd>(
         &self,
         simd: S,
-        located: &[InterpolationSite<T>],
+        sites: &[InterpolationSite<T>],
         mut take: impl FnMut(usize, usize, T::Register<S>),
     ) {
         let registers = self.rank.div_ceil(T::lanes::<S>());
         if self.rank < T::lanes::<S>() {
-            let [a] = self.products::<S, 1, false>(simd, [0], located);
+            let [a] = self.products::<S, 1, false>(simd, [0], sites);
             return take(0, 0, a);
         }
         let mut n = 0;
@@ -116,16 +116,16 @@ impl<T: Real> Rows<'_, T> {
             );
             match registers - n {
                 1 => {
-                    let [a] = self.products::<S, 1, true>(simd, [first.0], located);
+                    let [a] = self.products::<S, 1, true>(simd, [first.0], sites);
                     take(first.0, first.1, a);
                 }
                 2 => {
-                    let [a, b] = self.products::<S, 2, true>(simd, [first.0, second.0], located);
+                    let [a, b] = self.products::<S, 2, true>(simd, [first.0, second.0], sites);
                     take(first.0, first.1, a);
                     take(second.0, second.1, b);
                 }
                 _ => {
-                    let [a, b, c] = self.products::<S, 3, true>(simd, [first.0, second.0, third.0], located);
+                    let [a, b, c] = self.products::<S, 3, true>(simd, [first.0, second.0, third.0], sites);
                     take(first.0, first.1, a);
                     take(second.0, second.1, b);
                     take(third.0, third.1, c);
@@ -135,17 +135,17 @@ impl<T: Real> Rows<'_, T> {
         }
     }
 
-    /// Σ over `located` of weight·x·y·z, for `N` registers of components.
+    /// Σ over `sites` of weight·x·y·z, for `N` registers of components.
     #[inline(always)]
     fn products<S: Simd, const N: usize, const FULL: bool>(
         &self,
         simd: S,
         firsts: [usize; N],
-        located: &[InterpolationSite<T>],
+        sites: &[InterpolationSite<T>],
     ) -> [T::Register<S>; N] {
         let rank = self.rank;
         let mut sums = [T::splat(simd, T::zero()); N];
-        for at in located {
+        for at in sites {
             let xs = &self.values[at.rows[0] as usize * rank..][..2 * rank];
             let ys = &self.values[at.rows[1] as usize * rank..][..2 * rank];
             let zs = &self.values[at.rows[2] as usize * rank..][..2 * rank];

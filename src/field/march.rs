@@ -17,26 +17,26 @@ const STRIDE: u32 = 8;
 
 /// The samples of a few rays. Reused from one march to the next.
 ///
-/// A sample's place is where it was evaluated, which is not the order along rays; that is in `order`.
+/// A sample's slot is where it was evaluated, which is not the order along rays; that is in `order`.
 #[derive(Clone, Debug, Default)]
 pub struct Samples<T> {
-    /// \[place\] distance along the ray, in model units.
+    /// \[slot\] distance along the ray, in model units.
     pub distances: Vec<T>,
-    /// \[place\] position relative to the field's origin.
+    /// \[slot\] position relative to the field's origin.
     pub positions: Vec<[T; 3]>,
-    /// \[place\] the density feature f.
+    /// \[slot\] the density feature f.
     pub features: Vec<T>,
-    /// \[place\] 1 − exp(−σ·δ·distance_scale).
+    /// \[slot\] 1 − exp(−σ·δ·distance_scale).
     pub alphas: Vec<T>,
-    /// \[place\] the transmittance before it; 0 where the ray ended before.
+    /// \[slot\] the transmittance before it; 0 where the ray ended before.
     pub transmittances: Vec<T>,
-    /// \[place × scales\] where its pairs of each scale begin and end.
-    pub pair_ranges: Vec<[u32; 2]>,
+    /// \[slot × scales\] where its contributions of each scale begin and end.
+    pub contribution_ranges: Vec<[u32; 2]>,
     /// Pairs, in no particular order.
-    pub pairs: Vec<Contribution<T>>,
+    pub contributions: Vec<Contribution<T>>,
     /// \[ray\] where its samples begin in `order`, and their number.
     pub ray_starts: Vec<u32>,
-    /// The places of the samples that count, by ray and distance.
+    /// The slots of the samples that count, by ray and distance.
     pub order: Vec<u32>,
     /// \[ray\] the transmittance that is left at the end.
     pub remaining: Vec<T>,
@@ -45,28 +45,28 @@ pub struct Samples<T> {
     active: Vec<ActiveRay<T>>,
     runs: Vec<Run>,
     /// The samples that are being evaluated: distances and positions.
-    waiting: Vec<T>,
-    waiting_positions: Positions<T>,
-    /// \[scale × waiting\] where their pairs are in `located`.
-    waiting_ranges: Vec<[u32; 2]>,
-    /// What interpolating their pairs needs.
-    located: Vec<InterpolationSite<T>>,
+    pending: Vec<T>,
+    pending_positions: Positions<T>,
+    /// \[scale × pending\] where their contributions are in `sites`.
+    pending_ranges: Vec<[u32; 2]>,
+    /// What interpolating their contributions needs.
+    sites: Vec<InterpolationSite<T>>,
 }
 
 /// A ray that is still on its way.
 #[derive(Clone, Copy, Debug)]
 struct ActiveRay<T> {
     ray: u32,
-    /// How many of the waiting samples are its.
-    waiting: u32,
+    /// How many of the pending samples are its.
+    pending: u32,
     exhausted: bool,
     transmittance: T,
     /// What rounding has taken too much from the transmittance: many faint samples must not be lost.
     lost: T,
-    walk: RayMarcher<T>,
+    marcher: RayMarcher<T>,
 }
 
-/// Neighboring places of one ray, front to back.
+/// Neighboring slots of one ray, front to back.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     ray: u32,
@@ -82,12 +82,12 @@ impl<T: Real> Samples<T> {
             values.clear();
         }
         self.order.clear();
-        self.pair_ranges.clear();
+        self.contribution_ranges.clear();
         self.ray_starts.clear();
         self.ray_starts.resize(rays + 1, 0);
         self.remaining.resize(rays, T::one());
         self.positions.clear();
-        self.pairs.clear();
+        self.contributions.clear();
         self.active.clear();
         self.runs.clear();
         self.clock.restart();
@@ -95,24 +95,24 @@ impl<T: Real> Samples<T> {
 
     /// Lets samples of these distances and positions wait for evaluation.
     #[inline(always)]
-    fn wait_for(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
-        self.clear_waiting();
+    fn set_pending(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
+        self.clear_pending();
         for (distance, position) in samples {
-            self.wait(distance, position);
+            self.push_pending(distance, position);
         }
-        self.waiting_positions.pad();
+        self.pending_positions.pad();
     }
 
     #[inline(always)]
-    fn clear_waiting(&mut self) {
-        self.waiting.clear();
-        self.waiting_positions.clear();
+    fn clear_pending(&mut self) {
+        self.pending.clear();
+        self.pending_positions.clear();
     }
 
     #[inline(always)]
-    fn wait(&mut self, distance: T, position: [T; 3]) {
-        self.waiting.push(distance);
-        self.waiting_positions.push(position);
+    fn push_pending(&mut self, distance: T, position: [T; 3]) {
+        self.pending.push(distance);
+        self.pending_positions.push(position);
     }
 
     /// Number of samples that count.
@@ -130,22 +130,22 @@ impl<T: Real> Samples<T> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 
-    /// What the sample at `place` weighs in its pixel.
+    /// What the sample at `slot` weighs in its pixel.
     #[inline(always)]
-    pub fn weight(&self, place: usize) -> T {
-        self.transmittances[place] * self.alphas[place]
+    pub fn weight(&self, slot: usize) -> T {
+        self.transmittances[slot] * self.alphas[slot]
     }
 
-    /// The pairs of the sample at `place` in `scale`, of `scales`.
+    /// The contributions of the sample at `slot` in `scale`, of `scales`.
     #[inline(always)]
-    pub fn pairs_of(&self, place: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
-        let [first, end] = self.pair_ranges[place * scales + scale];
-        &self.pairs[first as usize..end as usize]
+    pub fn contributions_of(&self, slot: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
+        let [first, end] = self.contribution_ranges[slot * scales + scale];
+        &self.contributions[first as usize..end as usize]
     }
 
-    /// How many scales cover the sample at `place`.
-    pub fn covering_scales(&self, place: usize, scales: usize) -> usize {
-        (0..scales).filter(|&s| !self.pairs_of(place, s, scales).is_empty()).count()
+    /// How many scales cover the sample at `slot`.
+    pub fn covering_scales(&self, slot: usize, scales: usize) -> usize {
+        (0..scales).filter(|&s| !self.contributions_of(slot, s, scales).is_empty()).count()
     }
 }
 
@@ -170,9 +170,9 @@ impl<T: Real> Field<T> {
     /// Where the first sample of `ray` is that may count: occupied, or where there is no occupancy in the model.
     #[inline(always)]
     pub fn first_sample(&self, ray: &Ray) -> Option<[T; 3]> {
-        let mut walk = RayMarcher::new(self, ray);
+        let mut marcher = RayMarcher::new(self, ray);
         loop {
-            let (_, position) = walk.advance(self)?;
+            let (_, position) = marcher.advance(self)?;
             if self.occupancy.is_some() || self.covers(position) {
                 return Some(position);
             }
@@ -198,32 +198,32 @@ impl<T: Real> Field<T> {
     ) {
         samples.clear(0);
         // No ray gives these samples a distance: their numbers stand in for it.
-        samples.wait_for(positions.enumerate().map(|(n, position)| (T::of_i32(n as i32), position)));
+        samples.set_pending(positions.enumerate().map(|(n, position)| (T::of_i32(n as i32), position)));
         Arch::new().dispatch(FindNeighbors { field: self, samples });
-        self.place(samples, 0..samples.waiting.len());
+        self.assign_covered_slots(samples, 0..samples.pending.len());
         Arch::new().dispatch(GatherDensity { field: self, samples });
         for (number, &feature) in samples.distances.iter().zip(&samples.features) {
             take(number.floor_i32() as usize, feature);
         }
     }
 
-    /// Finds the pairs of colored samples where the march, which reads density features from the cache, left them out.
+    /// Finds the contributions of shaded samples where the march, which reads density features from the cache, left them out.
     #[inline(always)]
-    pub(super) fn find_colored_pairs(&self, places: &[u32], samples: &mut Samples<T>) {
+    pub(super) fn find_shaded_contributions(&self, slots: &[u32], samples: &mut Samples<T>) {
         if self.density_cache.is_none() {
             return;
         }
         let positions = std::mem::take(&mut samples.positions);
-        samples.wait_for(places.iter().map(|&place| (T::zero(), positions[place as usize])));
+        samples.set_pending(slots.iter().map(|&slot| (T::zero(), positions[slot as usize])));
         samples.positions = positions;
         Arch::new().dispatch(FindNeighbors { field: self, samples });
-        let Samples { waiting_ranges, pair_ranges, pairs, .. } = samples;
-        let first_pair = (pairs.len() - samples.located.len()) as u32;
+        let Samples { pending_ranges, contribution_ranges, contributions, .. } = samples;
+        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
         let scales = self.scales.len();
-        for (n, &place) in places.iter().enumerate() {
+        for (n, &slot) in slots.iter().enumerate() {
             for s in 0..scales {
-                pair_ranges[place as usize * scales + s] =
-                    waiting_ranges[s * places.len() + n].map(|at| first_pair + at);
+                contribution_ranges[slot as usize * scales + s] =
+                    pending_ranges[s * slots.len() + n].map(|at| first_contribution + at);
             }
         }
     }
@@ -251,11 +251,11 @@ impl<T: Real> Field<T> {
         samples.clear(rays.len());
         samples.active.extend(rays.iter().zip(0..).map(|(ray, number)| ActiveRay {
             ray: number,
-            waiting: 0,
+            pending: 0,
             exhausted: false,
             transmittance: T::one(),
             lost: T::zero(),
-            walk: RayMarcher::new(self, ray),
+            marcher: RayMarcher::new(self, ray),
         }));
         while !samples.active.is_empty() {
             self.advance_rays(samples);
@@ -263,7 +263,7 @@ impl<T: Real> Field<T> {
             if self.density_cache.is_none() {
                 Arch::new().dispatch(FindNeighbors { field: self, samples });
             }
-            self.place_all(samples);
+            self.assign_slots(samples);
             samples.clock.lap(Stage::Neighbors);
             if self.density_cache.is_none() {
                 Arch::new().dispatch(GatherDensity { field: self, samples });
@@ -278,85 +278,85 @@ impl<T: Real> Field<T> {
         work.rays = rays.len() as u64;
         work.evaluated = samples.positions.len() as u64;
         work.samples = samples.order.len() as u64;
-        work.pairs = count_pairs(&samples.pair_ranges, 0..samples.positions.len(), scales);
+        work.contributions = count_contributions(&samples.contribution_ranges, 0..samples.positions.len(), scales);
         samples.clock.lap(Stage::Composite);
     }
 
-    /// Puts the next samples of each ray into `waiting`.
+    /// Puts the next samples of each ray into `pending`.
     #[inline(always)]
     fn advance_rays(&self, samples: &mut Samples<T>) {
         let mut active = std::mem::take(&mut samples.active);
-        samples.clear_waiting();
+        samples.clear_pending();
         for ray in &mut active {
-            ray.waiting = 0;
+            ray.pending = 0;
             // An exhausted ray must not be asked again.
-            while !ray.exhausted && ray.waiting < STRIDE {
-                match ray.walk.advance(self) {
+            while !ray.exhausted && ray.pending < STRIDE {
+                match ray.marcher.advance(self) {
                     Some((t, position)) => {
-                        samples.wait(T::of(t), position);
-                        ray.waiting += 1;
+                        samples.push_pending(T::of(t), position);
+                        ray.pending += 1;
                     }
                     None => ray.exhausted = true,
                 }
             }
         }
-        samples.waiting_positions.pad();
+        samples.pending_positions.pad();
         samples.active = active;
     }
 
-    /// Gives those waiting samples that are in the model a place, with their pairs or their cached density features.
+    /// Gives those pending samples that are in the model a slot, with their contributions or their cached density features.
     #[inline(always)]
-    fn place_all(&self, samples: &mut Samples<T>) {
+    fn assign_slots(&self, samples: &mut Samples<T>) {
         let mut next = 0;
         for ray in 0..samples.active.len() {
-            let ActiveRay { ray, waiting, .. } = samples.active[ray];
+            let ActiveRay { ray, pending, .. } = samples.active[ray];
             let first = samples.positions.len() as u32;
-            let waiting = next..next + waiting as usize;
-            next = waiting.end;
+            let pending = next..next + pending as usize;
+            next = pending.end;
             match &self.density_cache {
-                Some(cache) => self.place_cached(cache, samples, waiting),
-                None => self.place(samples, waiting),
+                Some(cache) => self.assign_cached_slots(cache, samples, pending),
+                None => self.assign_covered_slots(samples, pending),
             }
             samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
         }
     }
 
-    /// Gives those of the `waiting` samples that are in the model a place.
+    /// Gives those of the `pending` samples that are in the model a slot.
     #[inline(always)]
-    fn place(&self, samples: &mut Samples<T>, waiting: std::ops::Range<usize>) {
+    fn assign_covered_slots(&self, samples: &mut Samples<T>, pending: std::ops::Range<usize>) {
         let scales = self.scales.len();
         let needed = match self.rules.coverage {
             Coverage::All => scales,
             Coverage::Any => 1,
         };
-        let Samples { waiting_ranges, pairs, pair_ranges, .. } = samples;
-        let first_pair = (pairs.len() - samples.located.len()) as u32;
-        for at in waiting {
-            let first = pair_ranges.len();
-            let of_sample = (0..scales).map(|s| waiting_ranges[s * samples.waiting.len() + at]);
-            pair_ranges.extend(of_sample.map(|range| range.map(|n| first_pair + n)));
-            let covering = pair_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
+        let Samples { pending_ranges, contributions, contribution_ranges, .. } = samples;
+        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
+        for at in pending {
+            let first = contribution_ranges.len();
+            let of_sample = (0..scales).map(|s| pending_ranges[s * samples.pending.len() + at]);
+            contribution_ranges.extend(of_sample.map(|range| range.map(|n| first_contribution + n)));
+            let covering = contribution_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
             if covering < needed {
-                pair_ranges.truncate(first);
+                contribution_ranges.truncate(first);
                 continue;
             }
-            samples.distances.push(samples.waiting[at]);
-            samples.positions.push(samples.waiting_positions.get(at));
+            samples.distances.push(samples.pending[at]);
+            samples.positions.push(samples.pending_positions.get(at));
         }
     }
 
-    /// Gives those of the `waiting` samples that are in the model a place, with their density features and no pairs.
+    /// Gives those of the `pending` samples that are in the model a slot, with their density features and no contributions.
     #[inline(always)]
-    fn place_cached(&self, cache: &DensityCache<T>, samples: &mut Samples<T>, waiting: std::ops::Range<usize>) {
-        for at in waiting {
-            let position = samples.waiting_positions.get(at);
+    fn assign_cached_slots(&self, cache: &DensityCache<T>, samples: &mut Samples<T>, pending: std::ops::Range<usize>) {
+        for at in pending {
+            let position = samples.pending_positions.get(at);
             if let Some(feature) = cache.feature(position) {
                 samples.features.push(feature);
-                samples.distances.push(samples.waiting[at]);
+                samples.distances.push(samples.pending[at]);
                 samples.positions.push(position);
             }
         }
-        samples.pair_ranges.resize(samples.positions.len() * self.scales.len(), [0, 0]);
+        samples.contribution_ranges.resize(samples.positions.len() * self.scales.len(), [0, 0]);
     }
 
     /// Takes the transmittance of each ray through its newest samples; drops rays that have ended.
@@ -373,10 +373,10 @@ impl<T: Real> Field<T> {
         let mut newest = runs[first_run..].iter_mut();
         active.retain_mut(|ray| {
             let run = newest.next().expect("a run a ray");
-            let places = run.first as usize..(run.first + run.count) as usize;
+            let slots = run.first as usize..(run.first + run.count) as usize;
             let mut ended = ray.exhausted;
             let mut counted = 0;
-            for &alpha in &alphas[places.clone()] {
+            for &alpha in &alphas[slots.clone()] {
                 transmittances.push(ray.transmittance);
                 let weight = ray.transmittance * alpha;
                 add_compensated(&mut ray.transmittance, &mut ray.lost, -weight);
@@ -388,14 +388,14 @@ impl<T: Real> Field<T> {
                 }
             }
             run.count = counted;
-            transmittances.resize(places.end, T::zero());
+            transmittances.resize(slots.end, T::zero());
             remaining[ray.ray as usize] = ray.transmittance;
             !ended
         });
     }
 }
 
-/// The pairs of the waiting samples, in `located` and appended to `pairs`.
+/// The contributions of the pending samples, in `sites` and appended to `contributions`.
 struct FindNeighbors<'a, T> {
     field: &'a Field<T>,
     samples: &'a mut Samples<T>,
@@ -406,14 +406,14 @@ impl<T: Real> WithSimd for FindNeighbors<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Samples { waiting_positions, waiting_ranges, located, pairs, .. } = self.samples;
-        located.clear();
-        waiting_ranges.clear();
-        let mut found = Neighbors::new(self.field.rules.aggregation, located, waiting_ranges);
+        let Samples { pending_positions, pending_ranges, sites, contributions, .. } = self.samples;
+        sites.clear();
+        pending_ranges.clear();
+        let mut found = Neighbors::new(self.field.rules.aggregation, sites, pending_ranges);
         for scale in &self.field.scales {
-            scale.find_nearest(simd, waiting_positions, &mut found);
+            scale.find_nearest(simd, pending_positions, &mut found);
         }
-        pairs.extend(located.iter().map(|at| Contribution { tensor: at.tensor, weight: at.weight }));
+        contributions.extend(sites.iter().map(|at| Contribution { tensor: at.tensor, weight: at.weight }));
     }
 }
 
@@ -430,17 +430,17 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { field, samples } = self;
         let scales = field.scales.len();
-        let first_place = samples.features.len();
-        let first_pair = (samples.pairs.len() - samples.located.len()) as u32;
-        for place in first_place..samples.positions.len() {
+        let first_slot = samples.features.len();
+        let first_contribution = (samples.contributions.len() - samples.sites.len()) as u32;
+        for slot in first_slot..samples.positions.len() {
             let mut feature = T::zero();
             for (s, scale) in field.scales.iter().enumerate() {
-                let [first, end] = samples.pair_ranges[place * scales + s];
-                let located = &samples.located[(first - first_pair) as usize..(end - first_pair) as usize];
-                feature += scale.density_of(simd, located);
+                let [first, end] = samples.contribution_ranges[slot * scales + s];
+                let sites = &samples.sites[(first - first_contribution) as usize..(end - first_contribution) as usize];
+                feature += scale.density_of(simd, sites);
             }
             if field.rules.density_reduction == Reduction::Mean {
-                feature /= T::of(samples.covering_scales(place, scales) as f64);
+                feature /= T::of(samples.covering_scales(slot, scales) as f64);
             }
             samples.features.push(feature);
         }
@@ -460,8 +460,8 @@ fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
     // Runs of a ray come front to back; each moves its ray's start on, and all are moved back at the end.
     for run in runs.iter() {
         let start = &mut ray_starts[run.ray as usize];
-        for (at, place) in (*start..).zip(run.first..).take(run.count as usize) {
-            order[at as usize] = place;
+        for (at, slot) in (*start..).zip(run.first..).take(run.count as usize) {
+            order[at as usize] = slot;
         }
         *start += run.count;
     }
@@ -472,11 +472,11 @@ fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
     debug_assert_eq!(ray_starts[rays] as usize, order.len());
 }
 
-/// \[scale\] how many pairs the samples at `places` have.
-pub(super) fn count_pairs(ranges: &[[u32; 2]], places: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
+/// \[scale\] how many contributions the samples at `slots` have.
+pub(super) fn count_contributions(ranges: &[[u32; 2]], slots: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
     let mut counts = vec![0; scales];
-    for place in places {
-        for (count, [first, end]) in counts.iter_mut().zip(&ranges[place * scales..]) {
+    for slot in slots {
+        for (count, [first, end]) in counts.iter_mut().zip(&ranges[slot * scales..]) {
             *count += u64::from(end - first);
         }
     }

@@ -1,6 +1,6 @@
 //! Dense products through the `gemm` crate.
 //!
-//! The one place of the crate with `unsafe` code: `gemm` takes pointers and strides; the views below check every
+//! The one file of the crate with `unsafe` code: `gemm` takes pointers and strides; the views below check every
 //! bound before it is called.
 #![allow(unsafe_code)]
 

@@ -54,9 +54,9 @@ impl<T: Real> Positions<T> {
 /// Neighbors of samples, and scratch for finding them.
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
-    /// What interpolating the pairs needs.
-    located: &'a mut Vec<InterpolationSite<T>>,
-    /// \[sample\] where its pairs are in `located`.
+    /// What interpolating the contributions needs.
+    sites: &'a mut Vec<InterpolationSite<T>>,
+    /// \[sample\] where its contributions are in `sites`.
     ranges: &'a mut Vec<[u32; 2]>,
     covering: Covering<T>,
     /// \[sample\] the list of its cell.
@@ -76,7 +76,7 @@ struct Covering<T> {
 impl<'a, T: Real> Neighbors<'a, T> {
     pub(super) fn new(
         aggregation: Aggregation,
-        located: &'a mut Vec<InterpolationSite<T>>,
+        sites: &'a mut Vec<InterpolationSite<T>>,
         ranges: &'a mut Vec<[u32; 2]>,
     ) -> Self {
         let covering = Covering {
@@ -86,7 +86,7 @@ impl<'a, T: Real> Neighbors<'a, T> {
             lowers: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
             fractions: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
         };
-        Self { aggregation, located, ranges, covering, lists: Vec::new() }
+        Self { aggregation, sites, ranges, covering, lists: Vec::new() }
     }
 }
 
@@ -142,13 +142,13 @@ impl<T: Real> FieldScale<T> {
             _ => false,
         };
         for (lane, n) in group.enumerate() {
-            let begin = found.located.len() as u32;
+            let begin = found.sites.len() as u32;
             if known {
-                self.locate_lane(&found.covering, lane, found.located);
+                self.push_lane_sites(&found.covering, lane, found.sites);
             } else {
-                self.nearest_of_any(positions.get(n), found.aggregation, found.located);
+                self.nearest_of_any(positions.get(n), found.aggregation, found.sites);
             }
-            found.ranges.push([begin, found.located.len() as u32]);
+            found.ranges.push([begin, found.sites.len() as u32]);
         }
     }
 
@@ -256,7 +256,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Appends what covers one sample of a group.
     #[inline(always)]
-    fn locate_lane(&self, covering: &Covering<T>, lane: usize, located: &mut Vec<InterpolationSite<T>>) {
+    fn push_lane_sites(&self, covering: &Covering<T>, lane: usize, sites: &mut Vec<InterpolationSite<T>>) {
         let rows = self.rows();
         for c in 0..covering.count.min(BLOCK) {
             let weight = covering.weights[c][lane];
@@ -264,7 +264,7 @@ impl<T: Real> FieldScale<T> {
                 let first = covering.tensors[c] * rows.count as u32;
                 let row = |a: usize| first + rows.first(a) + covering.lowers[c][a][lane].small_u32();
                 let fractions = &covering.fractions[c];
-                located.push(InterpolationSite {
+                sites.push(InterpolationSite {
                     tensor: self.first_tensor + covering.tensors[c],
                     rows: [row(0), row(1), row(2)],
                     fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
@@ -276,7 +276,7 @@ impl<T: Real> FieldScale<T> {
 
     /// Appends the `top_k` nearest of any number of candidates, by insertion; nearest first.
     #[inline(never)]
-    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, located: &mut Vec<InterpolationSite<T>>) {
+    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, sites: &mut Vec<InterpolationSite<T>>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
@@ -297,7 +297,7 @@ impl<T: Real> FieldScale<T> {
         }
         weigh(aggregation, &mut values[..count]);
         for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
-            located.push(self.locate(Contribution { tensor: self.first_tensor + tensor, weight }, position));
+            sites.push(self.locate(Contribution { tensor: self.first_tensor + tensor, weight }, position));
         }
     }
 }

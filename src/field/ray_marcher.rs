@@ -47,7 +47,7 @@ impl<T: Real> RayMarcher<T> {
                     self.next += 1;
                     return Some((t, position));
                 };
-                if let Some(empty) = self.look_around(field, cells, position) {
+                if let Some(empty) = self.count_empty(field, cells, position) {
                     self.next = self.next.saturating_add(empty);
                     continue;
                 }
@@ -60,7 +60,7 @@ impl<T: Real> RayMarcher<T> {
 
     /// How many samples to pass over; or `None`, with `known` set, where samples count.
     #[inline(always)]
-    fn look_around(&mut self, field: &Field<T>, cells: &OccupancyCells<T>, position: [T; 3]) -> Option<u32> {
+    fn count_empty(&mut self, field: &Field<T>, cells: &OccupancyCells<T>, position: [T; 3]) -> Option<u32> {
         let around = cells.empty_span(position, self.inverse);
         let margin = T::of(MARGIN * field.rules.step) + field.position_error;
         let steps = (around.distance - margin) * T::of(1.0 / field.rules.step);

@@ -6,11 +6,11 @@ use crate::random::Random;
 /// The samples of a march that add color, by ray and distance.
 #[derive(Clone, Debug, Default)]
 pub struct ShadedSamples<T> {
-    /// Their places among the samples.
-    pub places: Vec<u32>,
+    /// Their slots among the samples.
+    pub slots: Vec<u32>,
     /// What their colors weigh in the pixel.
     pub weights: Vec<T>,
-    /// \[ray\] the first of its colored samples, and the number of those.
+    /// \[ray\] the first of its shaded samples, and the number of those.
     pub ray_starts: Vec<u32>,
 }
 
@@ -29,7 +29,7 @@ pub struct Roulette {
 impl Roulette {
     /// What a sample of `magnitude` counts as; 0 where it is left out.
     #[inline(always)]
-    pub fn thin<T: Real>(&self, magnitude: T, ray: usize, sample: usize) -> T {
+    pub fn reweight<T: Real>(&self, magnitude: T, ray: usize, sample: usize) -> T {
         let below = T::of(self.below);
         let drawn = || T::of(self.random.uniform((self.first_ray + ray as u64) << 24 | sample as u64));
         if magnitude >= below {
@@ -45,15 +45,15 @@ impl Roulette {
 impl<T: Real> ShadedSamples<T> {
     /// How many.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.slots.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.slots.is_empty()
     }
 
-    /// Where `ray`'s colored samples are in `places` and `weights`.
+    /// Where `ray`'s shaded samples are in `slots` and `weights`.
     pub fn ray_range(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
@@ -62,12 +62,12 @@ impl<T: Real> ShadedSamples<T> {
 impl<T: Real> Field<T> {
     /// The samples of all rays that weigh enough for a color.
     #[inline(always)]
-    pub fn select_shaded(&self, samples: &Samples<T>, roulette: Option<Roulette>, colored: &mut ShadedSamples<T>) {
-        self.select_some_shaded(samples, 0, usize::MAX, roulette, colored);
+    pub fn select_shaded(&self, samples: &Samples<T>, roulette: Option<Roulette>, shaded: &mut ShadedSamples<T>) {
+        self.select_some_shaded(samples, 0, usize::MAX, roulette, shaded);
     }
 
     /// As [`Field::select_shaded`], of the rays from number `first_ray` on, as many as together have no more than
-    /// `at_most` colored samples, but at least one; returns how many. `colored` counts rays from `first_ray`.
+    /// `at_most` shaded samples, but at least one; returns how many. `shaded` counts rays from `first_ray`.
     #[inline(always)]
     pub fn select_some_shaded(
         &self,
@@ -75,35 +75,35 @@ impl<T: Real> Field<T> {
         first_ray: usize,
         at_most: usize,
         roulette: Option<Roulette>,
-        colored: &mut ShadedSamples<T>,
+        shaded: &mut ShadedSamples<T>,
     ) -> usize {
         let min_weight = T::of(self.rules.min_weight);
-        colored.places.clear();
-        colored.weights.clear();
-        colored.ray_starts.clear();
-        colored.ray_starts.push(0);
+        shaded.slots.clear();
+        shaded.weights.clear();
+        shaded.ray_starts.clear();
+        shaded.ray_starts.push(0);
         for ray in first_ray..samples.remaining.len() {
-            let before = colored.len();
+            let before = shaded.len();
             let first = samples.ray_range(ray).start;
             for at in samples.ray_range(ray) {
-                let place = samples.order[at];
-                let weight = samples.weight(place as usize);
+                let slot = samples.order[at];
+                let weight = samples.weight(slot as usize);
                 if weight <= min_weight {
                     continue;
                 }
-                let weight = roulette.map_or(weight, |t| t.thin(weight, ray, at - first));
+                let weight = roulette.map_or(weight, |t| t.reweight(weight, ray, at - first));
                 if weight > T::zero() {
-                    colored.places.push(place);
-                    colored.weights.push(weight);
+                    shaded.slots.push(slot);
+                    shaded.weights.push(weight);
                 }
             }
-            if colored.len() > at_most && ray > first_ray {
-                colored.places.truncate(before);
-                colored.weights.truncate(before);
+            if shaded.len() > at_most && ray > first_ray {
+                shaded.slots.truncate(before);
+                shaded.weights.truncate(before);
                 break;
             }
-            colored.ray_starts.push(colored.places.len() as u32);
+            shaded.ray_starts.push(shaded.slots.len() as u32);
         }
-        colored.ray_starts.len() - 1
+        shaded.ray_starts.len() - 1
     }
 }

@@ -34,8 +34,8 @@ pub enum Stage {
     EncodingBackward,
     /// Backward of the appearance matrices, their own gradients included.
     AppearanceMatricesBackward,
-    /// Ordering (tensor, sample) pairs by tensor.
-    PairOrder,
+    /// Ordering (tensor, sample) contributions by tensor.
+    ContributionOrder,
     /// Gradients of density factors.
     DensityBackward,
     /// Gradients of appearance factors.
@@ -63,7 +63,7 @@ impl Stage {
         Self::DecoderBackward,
         Self::EncodingBackward,
         Self::AppearanceMatricesBackward,
-        Self::PairOrder,
+        Self::ContributionOrder,
         Self::DensityBackward,
         Self::AppearanceBackward,
         Self::Optimizer,
@@ -85,7 +85,7 @@ impl Stage {
             Self::DecoderBackward => "decoder, backward",
             Self::EncodingBackward => "encoding, backward",
             Self::AppearanceMatricesBackward => "appearance matrices, backward",
-            Self::PairOrder => "pair order",
+            Self::ContributionOrder => "contribution order",
             Self::DensityBackward => "density, backward",
             Self::AppearanceBackward => "appearance, backward",
             Self::Optimizer => "optimizer",
@@ -104,13 +104,13 @@ pub struct Work {
     pub evaluated: u64,
     /// Samples that counted: those evaluated beyond a ray's end did not.
     pub samples: u64,
-    /// (tensor, sample) pairs of the evaluated samples, by scale.
-    pub pairs: Vec<u64>,
-    /// Samples that were colored.
-    pub colored: u64,
-    /// (tensor, sample) pairs of the colored samples, by scale.
-    pub colored_pairs: Vec<u64>,
-    /// Calls of the decoder: colored samples, or rays where it is called once a ray.
+    /// (tensor, sample) contributions of the evaluated samples, by scale.
+    pub contributions: Vec<u64>,
+    /// Samples that were shaded.
+    pub shaded: u64,
+    /// (tensor, sample) contributions of the shaded samples, by scale.
+    pub shaded_contributions: Vec<u64>,
+    /// Calls of the decoder: shaded samples, or rays where it is called once a ray.
     pub decoded: u64,
 }
 
@@ -123,9 +123,9 @@ impl Work {
         self.rays += other.rays;
         self.evaluated += other.evaluated;
         self.samples += other.samples;
-        self.colored += other.colored;
+        self.shaded += other.shaded;
         self.decoded += other.decoded;
-        for (sums, counts) in [(&mut self.pairs, &other.pairs), (&mut self.colored_pairs, &other.colored_pairs)] {
+        for (sums, counts) in [(&mut self.contributions, &other.contributions), (&mut self.shaded_contributions, &other.shaded_contributions)] {
             sums.resize(sums.len().max(counts.len()), 0);
             sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += n);
         }

@@ -92,14 +92,14 @@ impl CellMap {
                     #[inline(always)]
                     || {
                         field.march(rays, samples);
-                        field.select_shaded(samples, None, &mut activations.colored);
+                        field.select_shaded(samples, None, &mut activations.shaded);
                     },
                 );
-                let colored = &activations.colored;
+                let colored = &activations.shaded;
                 let mut seen = Vec::with_capacity(colored.len());
                 for ray in 0..rays.len() {
                     for at in colored.ray_range(ray) {
-                        let position = samples.positions[colored.places[at] as usize].map(f64::from);
+                        let position = samples.positions[colored.slots[at] as usize].map(f64::from);
                         if let Some(cell) = self.cell_of(lattice, field.origin + DVec3::from_array(position)) {
                             seen.push(Seen { cell, ray: n * CHUNK + ray, weight: f64::from(colored.weights[at]) });
                         }

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec2Swizzles as _, Vec3};
 
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::render::Look;
+use crate::render::TraceInfo;
 use crate::render::gpu::{Gpu, GpuRenderer};
 
 const SHADER: &str = include_str!("../../shaders/display.wgsl");
@@ -163,7 +163,7 @@ impl Screen {
     }
 
     /// Keeps a picture that was not drawn on the device: the pixels that `camera` saw.
-    pub fn keep_looks(&mut self, looks: &[Look], camera: &Camera) {
+    pub fn keep_looks(&mut self, looks: &[TraceInfo], camera: &Camera) {
         let pixels = self.room_for(camera);
         let values: Vec<[f32; 8]> = (looks.iter())
             .map(|look| {

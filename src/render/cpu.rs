@@ -20,7 +20,7 @@ pub struct CpuRenderer<T = f32> {
 
 /// What a ray sees, and how it was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Look {
+pub struct TraceInfo {
     /// What it sees.
     pub pixel: Pixel,
     /// Samples whose density was evaluated.
@@ -103,23 +103,23 @@ impl<T: Real> CpuRenderer<T> {
 
     /// As [`Renderer::trace`], and how it was found, with normals where they are wanted. Twin of the normals:
     /// `shaders/normals.wgsl`.
-    pub fn look(&self, rays: &[Ray], has_normals: bool) -> Vec<Look> {
-        let chunks: Vec<Vec<Look>> = (rays.par_chunks(TILE * TILE))
+    pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
+        let chunks: Vec<Vec<TraceInfo>> = (rays.par_chunks(TILE * TILE))
             .map_init(<(Scratch<T>, Samples<T>)>::default, |(scratch, points), chunk| {
-                let mut looks = Vec::with_capacity(chunk.len());
+                let mut infos = Vec::with_capacity(chunk.len());
                 vectorized(
                     #[inline(always)]
                     || {
-                        self.trace_chunk(chunk, scratch, |pixel| looks.push(Look { pixel, ..Look::default() }));
-                        for (n, (look, ray)) in looks.iter_mut().zip(chunk).enumerate() {
-                            look.samples = scratch.samples.ray_range(n).len() as u32;
-                            if has_normals && look.pixel.opacity >= 0.5 && look.pixel.depth > 0.0 {
-                                look.normal = self.normal_at(ray.at(f64::from(look.pixel.depth)), points);
+                        self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
+                        for (n, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
+                            info.samples = scratch.samples.ray_range(n).len() as u32;
+                            if has_normals && info.pixel.opacity >= 0.5 && info.pixel.depth > 0.0 {
+                                info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
                             }
                         }
                     },
                 );
-                looks
+                infos
             })
             .collect();
         chunks.concat()
@@ -130,8 +130,8 @@ impl<T: Real> CpuRenderer<T> {
     fn normal_at(&self, position: glam::DVec3, samples: &mut Samples<T>) -> Option<glam::Vec3> {
         let h = 2.0 * self.field.rules.step;
         let mut density = |position: glam::DVec3| {
-            let place = (position - self.field.origin).to_array().map(T::of);
-            let feature = self.field.density_feature(place, samples);
+            let slot = (position - self.field.origin).to_array().map(T::of);
+            let feature = self.field.density_feature(slot, samples);
             feature.map_or(0.0, |f| softplus(f.f64() + self.field.rules.density_shift))
         };
         let fall = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z]
@@ -151,7 +151,7 @@ impl<T: Real> CpuRenderer<T> {
         };
         let mut first = 0;
         while first < rays.len() {
-            let count = self.field.select_some_shaded(samples, first, at_once, None, &mut activations.colored);
+            let count = self.field.select_some_shaded(samples, first, at_once, None, &mut activations.shaded);
             self.field.decode(&rays[first..first + count], samples, activations);
             (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
             samples.clock.lap(Stage::Composite);
@@ -168,10 +168,10 @@ impl<T: Real> CpuRenderer<T> {
         let (mut weights, mut distances) = (T::zero(), T::zero());
         // What rounding has added too much to them.
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
-        for &place in &samples.order[samples.ray_range(ray)] {
-            let weight = samples.weight(place as usize);
+        for &slot in &samples.order[samples.ray_range(ray)] {
+            let weight = samples.weight(slot as usize);
             add_compensated(&mut weights, &mut weights_lost, weight);
-            add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[place as usize]);
+            add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[slot as usize]);
         }
         let depth = if weights > T::zero() { distances / weights } else { T::zero() };
         Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }

@@ -10,7 +10,7 @@ mod pareto;
 mod reference;
 
 pub use approximation::{Approximation, ApproximationError};
-pub use cpu::{CpuRenderer, Look};
+pub use cpu::{CpuRenderer, TraceInfo};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use pareto::{
     ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE, upsample_bilinear,

@@ -89,7 +89,7 @@ impl<T: Real> Chunk<T> {
         scratch: &mut Scratch<T>,
     ) {
         field.march(rays, &mut self.samples);
-        field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.colored);
+        field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.shaded);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
         self.compare(field, targets, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
@@ -101,7 +101,7 @@ impl<T: Real> Chunk<T> {
         }
         self.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
-        self.samples.clock.lap(Stage::PairOrder);
+        self.samples.clock.lap(Stage::ContributionOrder);
     }
 
     /// Pixels, loss, and the gradients of pixels, of colors before the sigmoid and of the decoder's outputs.
@@ -143,7 +143,7 @@ impl<T: Real> Chunk<T> {
     fn weigh_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
         let Scratch { activations, pixel_gradients, weight_gradients, component_shares, sample_gradients, .. } =
             scratch;
-        let colored = &activations.colored;
+        let colored = &activations.shaded;
         let (mode, width) = (field.decoder.mode, field.component_count());
         component_shares.clear();
         weight_gradients.clear();
@@ -174,7 +174,7 @@ impl<T: Real> Chunk<T> {
                     }
                 }
                 // A thinned sample's color weighs more than the sample.
-                let place = colored.places[c] as usize;
+                let place = colored.slots[c] as usize;
                 weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));
             }
@@ -189,7 +189,7 @@ impl<T: Real> Chunk<T> {
     #[inline(always)]
     fn composite_backward(&mut self, field: &Field<T>, targets: &[Target], scratch: &mut Scratch<T>) {
         let Scratch { activations, pixel_gradients, weight_gradients, feature_gradients, .. } = scratch;
-        let (samples, colored) = (&self.samples, &activations.colored);
+        let (samples, colored) = (&self.samples, &activations.shaded);
         let scales = field.scales.len();
         // Slopes first: a loop without branches.
         feature_gradients.clear();
@@ -203,7 +203,7 @@ impl<T: Real> Chunk<T> {
             let mut ray_range = colored.ray_range(ray);
             for &place in samples.order[samples.ray_range(ray)].iter().rev() {
                 let mut weight_gradient = T::zero();
-                if ray_range.end > ray_range.start && colored.places[ray_range.end - 1] == place {
+                if ray_range.end > ray_range.start && colored.slots[ray_range.end - 1] == place {
                     ray_range.end -= 1;
                     weight_gradient = weight_gradients[ray_range.end];
                 }
@@ -230,7 +230,7 @@ impl<T: Real> Chunk<T> {
         for ray in 0..samples.remaining.len() {
             for (n, &place) in samples.order[samples.ray_range(ray)].iter().enumerate() {
                 let gradient = &mut gradients[place as usize];
-                *gradient = roulette.thin(gradient.abs(), ray, n).copysign(*gradient);
+                *gradient = roulette.reweight(gradient.abs(), ray, n).copysign(*gradient);
             }
         }
     }
@@ -303,7 +303,7 @@ impl<T: Real> Chunk<T> {
             false,
         );
         if decoder.mode == DecoderMode::Residual {
-            let count = activations.colored.len();
+            let count = activations.shaded.len();
             let own_gradients = Matrix::new(term_gradients, count, 3, 3);
             multiply(
                 MatrixMut::new(&mut self.network_gradients[..3 * components], 3, components, components),
@@ -329,7 +329,7 @@ impl<T: Real> Chunk<T> {
         let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
         let counted = counted.filter(|&(.., gradient)| gradient != T::zero());
         self.density_pairs.sort(samples, scales, tensors, counted);
-        let colored = scratch.activations.colored.places.iter().zip(&scratch.component_shares);
+        let colored = scratch.activations.shaded.slots.iter().zip(&scratch.component_shares);
         let colored = colored.map(|(&place, &(row, share))| (place, row, share));
         self.appearance_pairs.sort(samples, scales, tensors, colored);
     }

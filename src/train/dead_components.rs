@@ -174,7 +174,7 @@ fn uses(batch: &RayBatch, field: &Field<f32>) -> Vec<Use> {
             if !now.density {
                 continue;
             }
-            for pair in (0..scales).flat_map(|s| samples.pairs_of(place, s, scales)) {
+            for pair in (0..scales).flat_map(|s| samples.contributions_of(place, s, scales)) {
                 let of_tensor = &mut uses[pair.tensor as usize];
                 of_tensor.density = true;
                 of_tensor.appearance |= now.appearance;

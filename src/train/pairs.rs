@@ -38,8 +38,8 @@ impl<T: Real> TensorPairs<T> {
         sources: impl Iterator<Item = (u32, u32, T)> + Clone,
     ) {
         let pairs_at = |place: u32| {
-            let ranges = &samples.pair_ranges[place as usize * scales..][..scales];
-            ranges.iter().flat_map(|range| &samples.pairs[range[0] as usize..range[1] as usize])
+            let ranges = &samples.contribution_ranges[place as usize * scales..][..scales];
+            ranges.iter().flat_map(|range| &samples.contributions[range[0] as usize..range[1] as usize])
         };
         // `starts[n + 2]` counts tensor n's, then becomes where those of n + 1 begin; `starts[n + 1]` moves from where
         // n's begin to where they end.

@@ -59,7 +59,7 @@ pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize
                 #[inline(always)]
                 || {
                     field.march(rays, samples);
-                    field.select_shaded(samples, None, &mut activations.colored);
+                    field.select_shaded(samples, None, &mut activations.shaded);
                     field.decode(rays, samples, activations);
                     for (ray, color) in colors.iter_mut().enumerate() {
                         let remaining = samples.remaining[ray];

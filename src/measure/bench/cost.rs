@@ -94,9 +94,9 @@ impl FieldShape {
     /// What `stage` did in `runs` steps or frames, by the counts of all of them together.
     pub fn cost(&self, stage: Stage, work: &Work, runs: usize) -> Cost {
         let [rays, evaluated, samples, colored, decoded] =
-            [work.rays, work.evaluated, work.samples, work.colored, work.decoded].map(|n| n as f64);
-        let pairs = work.pairs.iter().sum::<u64>() as f64;
-        let colored_pairs = work.colored_pairs.iter().sum::<u64>() as f64;
+            [work.rays, work.evaluated, work.samples, work.shaded, work.decoded].map(|n| n as f64);
+        let pairs = work.contributions.iter().sum::<u64>() as f64;
+        let colored_pairs = work.shaded_contributions.iter().sum::<u64>() as f64;
         // Those of samples that count: samples are taken to have as many pairs behind a ray's end as before it.
         let counted = if evaluated > 0.0 { samples / evaluated } else { 0.0 };
         let scales = self.scales.len() as f64;
@@ -129,7 +129,7 @@ impl FieldShape {
             // Components are summed over registers, lanes and scales. Reads the neighbors but for their numbers, and
             // where they are; writes f.
             Stage::DensityGather => {
-                let gathered = self.gather(&work.pairs, |s| s.density_rank);
+                let gathered = self.gather(&work.contributions, |s| s.density_rank);
                 let summed = evaluated * self.scales.iter().map(|s| s.density_rank).sum::<usize>() as f64;
                 gathered.plus(cost(summed, pairs * (LOCATED - 1.0) + evaluated * (2.0 * scales + 1.0)))
             }
@@ -147,7 +147,7 @@ impl FieldShape {
                 evaluated * 3.0 + samples * 3.0 + colored * 2.0 + terms * 4.0 + composited + composites,
             ),
             // Reads pairs, centers and positions; writes a row of components.
-            Stage::AppearanceGather => self.gather(&work.colored_pairs, |s| s.appearance_rank).plus(cost(
+            Stage::AppearanceGather => self.gather(&work.shaded_contributions, |s| s.appearance_rank).plus(cost(
                 colored_pairs * INTERPOLATION,
                 colored_pairs * (PAIR + 3.0) + colored * (2.0 * scales + 3.0 + components),
             )),
@@ -221,19 +221,19 @@ impl FieldShape {
             }
             // A pair's tensor is read to be counted, the pair to be moved; its weight is multiplied. Where tensors begin
             // is summed up, once for density and once for appearance, in each chunk of rays.
-            Stage::PairOrder => {
+            Stage::ContributionOrder => {
                 let sorted = counted * pairs + colored_pairs;
                 cost(sorted, sorted * (1.0 + PAIR + TENSOR_PAIR) + 2.0 * tensors_by_chunk * 2.0)
             }
             // Reads where a tensor's pairs begin in each chunk; a pair and its sample's position.
             Stage::DensityBackward => {
-                let pairs_by_scale: Vec<f64> = work.pairs.iter().map(|&n| counted * n as f64).collect();
+                let pairs_by_scale: Vec<f64> = work.contributions.iter().map(|&n| counted * n as f64).collect();
                 let scattered = self.scatter(&pairs_by_scale, |s| s.density_rank);
                 scattered.plus(cost(0.0, tensors_by_chunk))
             }
             // As the density's; each component's gradient is read and weighed too.
             Stage::AppearanceBackward => {
-                let pairs_by_scale: Vec<f64> = work.colored_pairs.iter().map(|&n| n as f64).collect();
+                let pairs_by_scale: Vec<f64> = work.shaded_contributions.iter().map(|&n| n as f64).collect();
                 let scattered = self.scatter(&pairs_by_scale, |s| s.appearance_rank);
                 let weighed = self.per_component(&pairs_by_scale, |s| s.appearance_rank);
                 scattered.plus(cost(weighed, tensors_by_chunk + weighed))
@@ -273,7 +273,7 @@ impl FieldShape {
         let entries = |tensors: u64, scale: &ScaleShape, rank: usize| tensors as f64 * (scale.rows * rank) as f64;
         let all_tensors = |scale: &ScaleShape| scale.tensors as u64 * runs;
         let density: f64 = self.scales.iter().map(|s| entries(all_tensors(s), s, s.density_rank)).sum();
-        let appearance: f64 = (self.scales.iter().zip(&work.colored_pairs))
+        let appearance: f64 = (self.scales.iter().zip(&work.shaded_contributions))
             .map(|(s, &pairs)| entries(pairs.min(all_tensors(s)), s, s.appearance_rank))
             .sum();
         let matrices = self.features * self.scales.iter().map(|s| s.appearance_rank).sum::<usize>();

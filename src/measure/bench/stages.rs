@@ -163,7 +163,7 @@ mod tests {
 
     fn work(stages: &[(Stage, f64)]) -> Work {
         let mut work =
-            Work { decoded: 100_000, pairs: vec![1_000_000], colored_pairs: vec![1_000_000], ..Work::default() };
+            Work { decoded: 100_000, contributions: vec![1_000_000], shaded_contributions: vec![1_000_000], ..Work::default() };
         stages.iter().for_each(|&(stage, seconds)| work.seconds[stage as usize] = seconds);
         work
     }
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn shares_are_of_a_thread_s_peak_and_bounds_follow_from_them() {
         // The decoder is 200.2 GFLOP and 0.8 GB; ordering 24 MB; the gather 13 MFLOP and 52 MB.
-        let stages = [(Stage::DensityGather, 0.5), (Stage::Decoder, 4.0), (Stage::PairOrder, 0.0048)];
+        let stages = [(Stage::DensityGather, 0.5), (Stage::Decoder, 4.0), (Stage::ContributionOrder, 0.0048)];
         let table = StageTable::new(&work(&stages), 2, &shape(), &peak(), 1.25);
         let [gather, decoder, order] = &table.rows[..] else { panic!("three stages ran: {table:?}") };
         assert_eq!((gather.stage, decoder.stage, order.stage), ("density gather", "decoder", "pair order"));
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_stage_beyond_the_bandwidth_of_memory_counts_as_at_it() {
-        let table = StageTable::new(&work(&[(Stage::PairOrder, 0.0012)]), 1, &shape(), &peak(), 0.0012);
+        let table = StageTable::new(&work(&[(Stage::ContributionOrder, 0.0012)]), 1, &shape(), &peak(), 0.0012);
         assert!((table.rows[0].bandwidth_share - 2.0).abs() < 1e-9, "{:?}", table.rows[0]);
         assert!((table.total.limit_share - 0.5).abs() < 1e-9, "{:?}", table.total);
     }

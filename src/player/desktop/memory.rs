@@ -9,7 +9,7 @@ use super::software::Canvas;
 use super::surface::rectangle;
 use crate::geometry::Camera;
 use crate::player::{Place, Show, View, each_line};
-use crate::render::Look;
+use crate::render::TraceInfo;
 
 /// Paints slot `n` as `place` says, if it has a picture.
 pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
@@ -33,7 +33,7 @@ pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas)
 /// A picture, and how it is shown.
 struct Shown<'a> {
     camera: &'a Camera,
-    looks: &'a [Look],
+    looks: &'a [TraceInfo],
     show: &'a Show,
     photograph: Option<&'a Photograph>,
 }
@@ -70,7 +70,7 @@ impl Shown<'_> {
         }
     }
 
-    fn look(&self, column: i32, row: i32) -> &Look {
+    fn look(&self, column: i32, row: i32) -> &TraceInfo {
         let [column, row] = [(column, self.camera.width), (row, self.camera.height)]
             .map(|(at, count)| at.clamp(0, count as i32 - 1) as usize);
         &self.looks[row * self.camera.width as usize + column]

@@ -8,7 +8,7 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::player::{BoxLines, Fact, Screen, adapted, facts, named_choices};
 use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, CpuRenderer, Look, Pixel, RenderSettings, Renderer};
+use crate::render::{Approximation, CpuRenderer, Pixel, RenderSettings, Renderer, TraceInfo};
 
 /// What there is to draw with.
 #[derive(Clone)]
@@ -59,9 +59,9 @@ pub(super) struct CpuPainter {
     renderer: CpuRenderer,
     camera: Option<Camera>,
     has_normals: bool,
-    looks: Vec<Look>,
+    looks: Vec<TraceInfo>,
     /// The last one that was finished.
-    pub(super) kept: Option<(Camera, Vec<Look>)>,
+    pub(super) kept: Option<(Camera, Vec<TraceInfo>)>,
 }
 
 /// A scene that is open.
@@ -283,7 +283,7 @@ impl CpuPainter {
         let row = self.looks.len() as u32 / camera.width;
         let rows = (most_rays as u32 / camera.width).clamp(1, camera.height - row);
         let rays: Vec<Ray> = (row..row + rows).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
-        self.looks.extend(self.renderer.look(&rays, self.has_normals));
+        self.looks.extend(self.renderer.trace_info(&rays, self.has_normals));
         if row + rows == camera.height { u32::MAX } else { self.looks.len() as u32 }
     }
 

@@ -24,9 +24,9 @@ fn work() -> Work {
         rays: 1,
         evaluated: 3,
         samples: 2,
-        pairs: vec![4, 5],
-        colored: 1,
-        colored_pairs: vec![1, 2],
+        contributions: vec![4, 5],
+        shaded: 1,
+        shaded_contributions: vec![1, 2],
         decoded: 1,
         ..Work::default()
     }
@@ -85,14 +85,14 @@ fn scattering_counts_pairs_times_ranks() {
     assert_eq!(all(Stage::DensityBackward), density);
     expect(Stage::AppearanceBackward, 7.0 * 27.0 + 3.0 * 12.0, 4.0 * (7.0 * 19.0 + 3.0 * 6.0 + 8.0));
     // All 9 pairs and the 3 colored; two sums over 8 tensors.
-    assert_eq!(all(Stage::PairOrder), Cost { flop: 12.0, bytes: 4.0 * (12.0 * 6.0 + 32.0) });
+    assert_eq!(all(Stage::ContributionOrder), Cost { flop: 12.0, bytes: 4.0 * (12.0 * 6.0 + 32.0) });
 }
 
 #[test]
 fn samples_behind_a_ray_s_end_have_no_gradients() {
     let third = Work { samples: 1, ..work() };
     expect_close(shape().cost(Stage::DensityBackward, &third, 1).flop, (13.0 * 26.0 + 9.0 * 12.0) / 3.0);
-    expect_close(shape().cost(Stage::PairOrder, &third, 1).flop, 9.0 / 3.0 + 3.0);
+    expect_close(shape().cost(Stage::ContributionOrder, &third, 1).flop, 9.0 / 3.0 + 3.0);
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn colors_of_samples_own_cost_a_product_and_a_sigmoid_each() {
 
 /// What `mode` costs more than `other`, FLOP and bytes, for two colored samples of one ray.
 fn more_of(mode: DecoderMode, other: DecoderMode, stage: Stage) -> [f64; 2] {
-    let work = Work { colored: 2, ..work() };
+    let work = Work { shaded: 2, ..work() };
     let [with, without] = [mode, other].map(|mode| FieldShape { mode, ..shape() }.cost(stage, &work, 1));
     [with.flop - without.flop, with.bytes - without.bytes]
 }
@@ -134,7 +134,7 @@ fn the_optimizer_counts_entries_that_take_part() {
     // Densities 3·6·2 + 5·9·1 = 81; appearance 1·6·1 + 2·9·3 = 60 of the tensors that pairs can reach; networks
     // 2·4 + 15·4 + 4 + 4·3 + 3 = 87.
     expect(Stage::Optimizer, 228.0 * 13.0 + 81.0, 228.0 * 28.0);
-    let many = Work { colored_pairs: vec![1000, 1000], ..work() };
+    let many = Work { shaded_contributions: vec![1000, 1000], ..work() };
     let all = 81.0 + (3.0 * 6.0 + 5.0 * 9.0 * 3.0) + 87.0;
     assert_eq!(shape().cost(Stage::Optimizer, &many, 1).bytes, all * 28.0);
     assert_eq!(shape().cost(Stage::Optimizer, &many, 3).bytes, 3.0 * all * 28.0);
