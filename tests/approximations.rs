@@ -158,7 +158,7 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { density_cache: Some(7), ..EXACT }, "density_cache", "8 to 2048"),
         (Approximation { density_cache: Some(2049), ..EXACT }, "density_cache", "8 to 2048"),
     ] {
-        let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).err().expect("a refusal");
+        let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).expect_err("a refusal");
         assert_eq!((error.option, error.expected.as_str()), (name, expected), "{error}");
     }
 }

@@ -30,8 +30,8 @@ fn frame() -> Frame {
 fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Target)> {
     let frame = frame();
     let mut photographs = RaySampler::new(views, &frame, config);
-    assert!(photographs.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]));
-    assert_eq!(photographs.kept_count() as u64, 2 * PIXELS);
+    assert!(photographs.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]), "a mask of another length");
+    assert_eq!(photographs.kept_count() as u64, 2 * PIXELS, "active rays");
     let order = Random::new(config.seed, "rays");
     (0..count)
         .map(|draw| {

@@ -33,7 +33,7 @@ fn mesh(path: &Path) -> (Vec<DVec3>, Vec<[u8; 3]>, Vec<[u32; 3]>) {
         line.unwrap().parse().unwrap()
     };
     let (vertices, faces) = bytes[end..].split_at(16 * count("vertex"));
-    assert_eq!(faces.len(), 13 * count("face"));
+    assert_eq!(faces.len(), 13 * count("face"), "bytes of faces");
     let at =
         |v: &[u8]| Vec3::from_array([0, 4, 8].map(|i| f32::from_le_bytes(v[i..i + 4].try_into().unwrap()))).as_dvec3();
     let triangle = |f: &[u8]| [1, 5, 9].map(|i| u32::from_le_bytes(f[i..i + 4].try_into().unwrap()));

@@ -82,7 +82,7 @@ fn in_arrays(encoding: Encoding, filter: Filter) -> EncodeOptions {
 fn valid() -> BTreeMap<String, Vec<u8>> {
     let plain = in_arrays(Encoding::F32, Filter::None);
     let mut files = BTreeMap::new();
-    let mut add = |name: &str, bytes| assert!(files.insert(name.into(), bytes).is_none());
+    let mut add = |name: &str, bytes| assert!(files.insert(name.into(), bytes).is_none(), "{name} twice");
     add("smallest", encode_scene_file(&made::smallest(), &Metadata::default(), &plain).unwrap());
     add("everything", encode_scene_file(&made::two_scales(), &made::metadata(), &plain).unwrap());
     add("f32", file(&ball(), Metadata::default(), &plain));

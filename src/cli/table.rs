@@ -13,7 +13,7 @@ impl Table {
 
     /// Adds a row of as many cells as there are columns.
     pub(super) fn row<const N: usize>(&mut self, cells: [String; N]) {
-        debug_assert_eq!(N, self.rows[0].len());
+        debug_assert_eq!(N, self.rows[0].len(), "cells of a row");
         self.rows.push(cells.to_vec());
     }
 

@@ -469,7 +469,7 @@ fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
     let rays = ray_starts.len() - 1;
     // What was the end of the last ray is now in front, and each start is that of the ray before.
     ray_starts[0] = 0;
-    debug_assert_eq!(ray_starts[rays] as usize, order.len());
+    debug_assert_eq!(ray_starts[rays] as usize, order.len(), "the last ray ends with the last sample");
 }
 
 /// \[scale\] how many contributions the samples at `slots` have.

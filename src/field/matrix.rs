@@ -2,7 +2,7 @@
 //!
 //! The one file of the crate with `unsafe` code: `gemm` takes pointers and strides; the views below check every
 //! bound before it is called.
-#![allow(unsafe_code)]
+#![expect(unsafe_code, reason = "`gemm` takes pointers and strides")]
 
 use super::Real;
 
@@ -68,7 +68,8 @@ const MANY_TERMS: usize = 256;
 /// `product` = `left`·`right`, or `product` += `left`·`right` where `accumulate` is set; on this thread, in an order
 /// that depends on the shapes alone.
 pub fn multiply<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
-    assert!(left.rows == product.rows && right.columns == product.columns && left.columns == right.rows);
+    let fits = left.rows == product.rows && right.columns == product.columns && left.columns == right.rows;
+    assert!(fits, "the factors' shapes do not agree with the product's");
     if product.rows == 0 || product.columns == 0 {
         return;
     }
@@ -103,7 +104,8 @@ fn multiply_exchanged<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Ma
 
 /// As [`multiply`], for a product that is not empty and factors whose shapes agree with its.
 fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
-    assert!(left.rows == product.rows && right.columns == product.columns && left.columns == right.rows);
+    let fits = left.rows == product.rows && right.columns == product.columns && left.columns == right.rows;
+    assert!(fits, "the factors' shapes do not agree with the product's");
     // SAFETY: the views' constructors checked that every element that shape and strides reach lies in their slices;
     // the shapes agree (asserted above); `product` is borrowed mutably, so it overlaps neither factor.
     unsafe {

@@ -158,8 +158,8 @@ impl<T: Real> FieldScale<T> {
     /// Replaces the factors by those of another resolution (DESIGN, section 2: upsampling).
     pub fn set_resolution(&mut self, resolution: [u32; 3], density: Vec<T>, appearance: Vec<T>) {
         self.rows = TensorRows::new(DVec3::from_array(self.half.map(T::f64)), resolution);
-        assert_eq!(density.len(), self.len() * self.rows.count * self.density_rank);
-        assert_eq!(appearance.len(), self.len() * self.rows.count * self.appearance_rank);
+        assert_eq!(density.len(), self.len() * self.rows.count * self.density_rank, "length of `density`");
+        assert_eq!(appearance.len(), self.len() * self.rows.count * self.appearance_rank, "length of `appearance`");
         self.resolution = resolution;
         self.density = AVec::from_slice(CACHELINE_ALIGN, &density);
         self.appearance = AVec::from_slice(CACHELINE_ALIGN, &appearance);

@@ -70,6 +70,7 @@ pub fn alpha(optical_depth: f64) -> f64 {
 }
 
 /// A scene ready to be queried. The scene must have passed [`Scene::check`].
+#[derive(Debug)]
 pub struct ReferenceField<'a> {
     scene: &'a Scene,
     horizon: f64,
@@ -77,6 +78,7 @@ pub struct ReferenceField<'a> {
 }
 
 /// The tensors of a scale by the cells, a little over one edge length wide, that they reach within the margin horizon.
+#[derive(Debug)]
 struct Buckets {
     width: DVec3,
     tensors: HashMap<IVec3, Vec<usize>>,

@@ -123,9 +123,9 @@ pub fn search(
         let beyond = goal.beyond(&candidate, reserved);
         let here = [next, beyond];
         if beyond <= 0.0 {
-            low = next
+            low = next;
         } else {
-            high = next
+            high = next;
         }
         if goal.is_met(beyond) {
             // What is nearer to the goal is better.

@@ -17,7 +17,7 @@ const OPACITIES: [f32; 2] = [0.05, 0.4];
 const SEEN_THROUGH: f32 = 150.0;
 
 /// `Boxes` of `shaders/boxes.wgsl`.
-#[derive(Clone, Copy, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Uniform {
     clip_from_model: [[f32; 4]; 4],
@@ -26,6 +26,7 @@ struct Uniform {
 }
 
 /// Boxes of a scene on a device.
+#[derive(Debug)]
 pub struct BoxLines {
     pipeline: wgpu::RenderPipeline,
     bind_group: wgpu::BindGroup,

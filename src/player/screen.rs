@@ -111,12 +111,14 @@ struct Uniform {
 }
 
 /// A picture that was kept from the renderer.
+#[derive(Debug)]
 struct Kept {
     pixels: wgpu::Buffer,
     camera: Camera,
 }
 
 /// Shows the last picture that was finished, while the next one is being drawn.
+#[derive(Debug)]
 pub struct Screen {
     gpu: Gpu,
     pipeline: wgpu::RenderPipeline,

@@ -14,6 +14,7 @@ const NEAR: u64 = 64 << 10;
 const SMALL: u64 = 1 << 20;
 
 /// A scene, as far as it is there.
+#[derive(Debug)]
 pub struct Step {
     /// The scene; a prefix of it is corrected to look like the whole.
     pub document: SceneFile,
@@ -26,7 +27,7 @@ pub struct Step {
 }
 
 /// A file that arrives.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Stream {
     known: Sparse,
     contents: Option<Contents>,
@@ -134,6 +135,7 @@ fn joined(ranges: impl Iterator<Item = Range<u64>>) -> Vec<Range<u64>> {
 }
 
 /// Those bytes of a file that are there.
+#[derive(Debug)]
 struct Sparse {
     /// Where they begin, ascending; none overlap.
     parts: Vec<(u64, Vec<u8>)>,

@@ -14,6 +14,7 @@ const TILE: usize = 16;
 const ROWS_AT_ONCE: usize = 768;
 
 /// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
+#[derive(Debug)]
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
 }

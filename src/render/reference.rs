@@ -24,6 +24,7 @@ pub struct Trace {
 }
 
 /// Renders a scene as DESIGN, section 2, defines it.
+#[derive(Debug)]
 pub struct ReferenceRenderer<'a> {
     field: ReferenceField<'a>,
 }

@@ -1,7 +1,7 @@
 //! Files that declare more than they hold: refused before anything is allocated.
 //!
 //! Unsafe because a test that asks what was allocated has to be the allocator.
-#![allow(unsafe_code)]
+#![expect(unsafe_code, reason = "a global allocator is unsafe to implement")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -15,7 +15,7 @@ const CHUNKS: usize = 128;
 /// The error of a file after `change`.
 fn refused(change: impl FnOnce(&mut File)) -> Error {
     let mut file = File::of(&encode(&two_scales(), &f32()).unwrap());
-    assert!(decode(&file.bytes()).is_ok());
+    assert!(decode(&file.bytes()).is_ok(), "the file is right before the change");
     change(&mut file);
     decode(&file.bytes()).expect_err("the file is wrong")
 }
@@ -394,7 +394,7 @@ fn scenes_that_break_an_invariant() {
 /// The error of writing a scene after `change`.
 fn not_written(options: &EncodeOptions, change: impl FnOnce(&mut Scene)) -> Error {
     let mut scene = two_scales();
-    assert!(encode(&scene, options).is_ok());
+    assert!(encode(&scene, options).is_ok(), "the scene is right before the change");
     change(&mut scene);
     encode(&scene, options).expect_err("the scene cannot be written")
 }

@@ -122,7 +122,7 @@ impl Part {
 
     /// Compresses what follows the first `record` bytes of a payload that is stored as it is.
     pub(crate) fn compress(&mut self, record: usize) {
-        assert_eq!(self.codec, 0);
+        assert_eq!(self.codec, 0, "stored as it is");
         let body = zstd::bulk::compress(&self.payload[record..], 3).unwrap();
         self.payload.truncate(record);
         self.payload.extend(body);

@@ -89,7 +89,7 @@ pub(super) struct RayLoss<T> {
     pub(super) squared: T,
     /// The squared error and the two weighted terms beside it; the gradients are those of its mean over the rays, in
     /// which the samples' weights in the point color term count as constants. Only the check of the gradients asks for it.
-    #[cfg_attr(not(test), expect(dead_code))]
+    #[cfg_attr(not(test), expect(dead_code, reason = "read by tests"))]
     pub(super) total: T,
 }
 

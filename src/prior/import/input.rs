@@ -1,5 +1,6 @@
 //! Bytes that are read once, from front to back, with their place.
 
+use std::fmt;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -19,6 +20,12 @@ pub struct Input<'a> {
     offset: u64,
     len: u64,
     reported: u64,
+}
+
+impl fmt::Debug for Input<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Input").field("offset", &self.offset).field("len", &self.len).finish_non_exhaustive()
+    }
 }
 
 impl<'a> Input<'a> {

@@ -118,11 +118,11 @@ impl Gpu {
 }
 
 /// A buffer that is being mapped for reading.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Mapping(Arc<Mutex<MappingState>>);
 
 /// How it ended, and who waits for it.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct MappingState {
     ended: Option<Result<(), String>>,
     waiting: Option<Waker>,

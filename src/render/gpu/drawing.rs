@@ -23,6 +23,7 @@ pub enum Drawing {
 }
 
 /// A picture that is being drawn.
+#[derive(Debug)]
 pub(super) struct Job {
     /// What all batches have in common.
     frame: Frame,
@@ -36,6 +37,7 @@ pub(super) struct Job {
 }
 
 /// A batch that the device is at.
+#[derive(Debug)]
 struct InFlightBatch {
     rays: u32,
     /// Of its counters.

@@ -69,6 +69,7 @@ pub struct StageTime {
 }
 
 /// Renders a scene on a device.
+#[derive(Debug)]
 pub struct GpuRenderer {
     gpu: Gpu,
     pipelines: Vec<wgpu::ComputePipeline>,

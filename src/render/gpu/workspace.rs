@@ -15,6 +15,7 @@ const ROW_BYTES: u32 = 16;
 const SLOT_BYTES: u32 = 8;
 
 /// Buffers for a number of rays at once, and for a picture.
+#[derive(Debug)]
 pub(super) struct Workspace {
     rays_at_once: u32,
     pub(super) frame: wgpu::Buffer,
