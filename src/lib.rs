@@ -11,8 +11,26 @@
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
 //! 5. `cli`: the commands. `player`: looking at scenes. `web`: what a page in a browser calls.
 //!
-//! With `default-features = false` only layers 0, 1 and `container` are built; features `render` and `gpu` add `field` and
-//! `render`.
+//! With `default-features = false` only layers 0, 1 and `container` are built. The feature `render` adds `field` and
+//! the CPU renderers, `gpu` those for GPUs, `toolkit` datasets, priors, training and packing.
+//!
+//! Read a file and evaluate the field at a point:
+//!
+//! ```
+//! use glam::DVec3;
+//! use strivec::container;
+//! use strivec::model::ReferenceField;
+//!
+//! let bytes = std::fs::read("fixtures/v1/everything.strivec")?;
+//! let scene = container::decode(&bytes)?;
+//! let field = ReferenceField::new(&scene);
+//! let point = field.locate(DVec3::new(0.1, 0.2, 0.3));
+//! let density = field.density(field.density_feature(&point).feature);
+//! assert!(density >= 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! `examples/` renders a picture, trains on a folder and imports a mesh.
 
 pub mod container;
 pub mod geometry;

@@ -4,7 +4,7 @@
 mod data;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
 use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
