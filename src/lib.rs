@@ -5,8 +5,9 @@
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
 //!    [`random`]: counter-based random numbers. `npy`: NumPy's arrays from anyone.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
-//! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `prior`: where the scene
-//!    is, and placing tensors there. `field`: the fast field that rendering and training share.
+//! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `import`: readers of other
+//!    programs' geometry files. `prior`: where the scene is, and placing tensors there. `field`: the fast field that
+//!    rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
 //! 5. `cli`: the commands. `player`: looking at scenes. `web`: what a page in a browser calls.
@@ -41,6 +42,8 @@ pub mod random;
 pub mod dataset;
 #[cfg(feature = "render")]
 pub mod field;
+#[cfg(feature = "toolkit")]
+pub mod import;
 #[cfg(feature = "toolkit")]
 pub mod measure;
 #[cfg(feature = "toolkit")]

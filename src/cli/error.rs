@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{container, dataset, measure, prior, train};
+use crate::{container, dataset, import, measure, prior, train};
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -92,8 +92,8 @@ impl From<prior::BuildError> for Error {
     fn from(error: prior::BuildError) -> Self {
         let message = error.to_string();
         match error {
-            prior::BuildError::Import(prior::import::ImportError { fault, .. }) => match fault {
-                prior::import::Fault::Io(_) => Self::Io(message),
+            prior::BuildError::Import(import::ImportError { fault, .. }) => match fault {
+                import::Fault::Io(_) => Self::Io(message),
                 _ => Self::Malformed(message),
             },
             prior::BuildError::Nothing { .. } => Self::Malformed(message),

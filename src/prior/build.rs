@@ -9,13 +9,13 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, IVec3};
 
 use super::holes::filled;
-use super::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
 use super::morphology::Runs;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::voxels::{MAX_CELLS, Voxels, boxes_of};
 use super::{VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
+use crate::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
 
 /// The most points among which outliers are looked for; each takes some 50 bytes.
 const MAX_SEARCHED: usize = 1 << 27;

@@ -7,7 +7,7 @@ use crate::npy::NpzWriter;
 
 /// `prior` as an NPZ file: `cells` (N, 3), uint32, as x, y, z, ascending by (z, y, x); `origin` and `pitch` (3,), float64: cell
 /// (i, j, k) spans origin + (i, j, k)·pitch to origin + (i+1, j+1, k+1)·pitch in the dataset's space; where there are
-/// colors, `colors` (N, 3), uint8, sRGB. The same prior gives the same bytes. [`super::import`] reads it back.
+/// colors, `colors` (N, 3), uint8, sRGB. The same prior gives the same bytes. [`crate::import`] reads it back.
 ///
 /// # Errors
 ///

@@ -13,7 +13,6 @@ pub mod coarse;
 mod error;
 mod file;
 mod holes;
-pub mod import;
 mod morphology;
 mod outliers;
 mod overlap;

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 use crate::cli::Error;
 use crate::cli::numbers::{boxed, numbers};
 use crate::geometry::Aabb;
-use crate::prior::import::ReadOptions;
+use crate::import::ReadOptions;
 use crate::prior::{BuildOptions, Outliers};
 
 /// Options of every prior from files.

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::colmap;
+use strivec::import::colmap;
 
 fuzz_target!(|bytes: &[u8]| {
     strivec_fuzz::import(bytes, colmap::read_binary);

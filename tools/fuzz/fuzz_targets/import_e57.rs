@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::e57;
+use strivec::import::e57;
 
 /// Bytes of a page, of which the last four are a checksum of the others.
 const PAGE: usize = 1024;

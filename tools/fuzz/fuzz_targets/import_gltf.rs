@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::{Fault, gltf};
+use strivec::import::{Fault, gltf};
 
 fuzz_target!(|bytes: &[u8]| {
     let beside = |name: &str| Err(Fault::malformed(name, "a file", "none"));

@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::las;
+use strivec::import::las;
 
 /// Where the header says which format points have, and what says that they are compressed.
 const POINT_FORMAT: usize = 104;

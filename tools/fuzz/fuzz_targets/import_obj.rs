@@ -1,7 +1,7 @@
-//! Any bytes as a file of `prior::import::obj`.
+//! Any bytes as a file of `import::obj`.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::obj;
+use strivec::import::obj;
 
 fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, obj::read));

@@ -1,7 +1,7 @@
-//! Any bytes as a file of `prior::import::octomap`.
+//! Any bytes as a file of `import::octomap`.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::octomap;
+use strivec::import::octomap;
 
 fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, octomap::read));

@@ -1,7 +1,7 @@
-//! Any bytes as a file of `prior::import::torch`.
+//! Any bytes as a file of `import::torch`.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::prior::import::torch;
+use strivec::import::torch;
 
 fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, torch::read));

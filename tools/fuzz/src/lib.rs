@@ -1,7 +1,7 @@
 //! What the targets of readers of geometry share: a visitor that believes nothing.
 
 use strivec::geometry::Aabb;
-use strivec::prior::import::{Fault, Input, Point, ReadOptions, Visitor};
+use strivec::import::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// The most points, triangles and cells that one input may lead to before the reading is ended.
 const MOST: u64 = 1 << 16;

@@ -1,0 +1,41 @@
+//! Grids of booleans, numbers and densities.
+
+use super::{Array, visit_all};
+use crate::geometry::Aabb;
+use crate::import::grid::{At, Grid, Order, bounds_given, three_axes};
+use crate::import::{Fault, ReadOptions, Visitor};
+use crate::npy::Number;
+
+/// Hands on the cells of a grid of `bounds` that are occupied: true, above 0, or, floats, above [`ReadOptions::threshold`].
+pub(super) fn occupancy(
+    array: &mut dyn Array,
+    order: Order,
+    bounds: Option<Aabb>,
+    options: &ReadOptions,
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
+    let threshold = if let Number::Float(_) = array.header().number { options.threshold } else { 0.0 };
+    occupied(array, order, At::Cells, bounds, options, visitor, &|value| value > threshold)
+}
+
+/// Hands on the boxes of those numbers of a grid that are `occupied`.
+pub(super) fn occupied(
+    array: &mut dyn Array,
+    order: Order,
+    at: At,
+    bounds: Option<Aabb>,
+    options: &ReadOptions,
+    visitor: &mut dyn Visitor,
+    occupied: &dyn Fn(f64) -> bool,
+) -> Result<(), Fault> {
+    let shape = three_axes(&array.header().shape)?;
+    let bounds = bounds.map_or_else(|| bounds_given(options), Ok)?;
+    // Axes of length 1 do not change which number is where, in either order.
+    let grid = Grid::new(shape, order, at, &bounds)?.fortran(array.header().fortran_order);
+    visit_all(array, visitor, &mut |visitor, n, value| {
+        if value.is_nan() {
+            return Err(Fault::malformed(format!("number {n} of the grid"), "a number", value));
+        }
+        if occupied(value) { visitor.cell(&grid.cell(n), None) } else { Ok(()) }
+    })
+}

@@ -1,0 +1,131 @@
+//! Rows of x, y, z, and of colors.
+
+use glam::DVec3;
+
+use super::{Array, REPORT_EVERY};
+use crate::import::{Fault, Point, Visitor};
+use crate::npy::Number;
+
+/// The most columns of an array of points, of which six are looked at.
+const MAX_COLUMNS: u64 = 1 << 12;
+/// The most numbers of an array in Fortran's order: all of x come first, so that the coordinates are held in memory (256 MiB).
+const MAX_HELD: u64 = 1 << 25;
+/// The most colors that lie in an array of their own, and are held in memory (192 MiB).
+const MAX_COLORS: u64 = 1 << 26;
+
+/// How numbers stand for colors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scale {
+    /// 0 to 255.
+    Bytes,
+    /// 0 to 1.
+    Unit,
+}
+
+impl Scale {
+    fn color(self, numbers: &[f64]) -> [u8; 3] {
+        let scale = if self == Self::Unit { 255.0 } else { 1.0 };
+        std::array::from_fn(|axis| (scale * numbers[axis]).round() as u8)
+    }
+}
+
+/// Hands on the points of `array`, with `colors` or those of its own columns 3 to 6.
+pub(super) fn read(
+    array: &mut dyn Array,
+    colors: Option<Vec<[u8; 3]>>,
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
+    let [count, columns] = rows_and_columns(array, "points")?;
+    if let Some(colors) = colors.as_ref().filter(|c| c.len() as u64 != count) {
+        return Err(Fault::malformed("the colors", format!("{count}, one a point"), colors.len()));
+    }
+    let scale = if columns >= 6 && colors.is_none() { scale_of(array, 3)? } else { None };
+    let used = if scale.is_some() { 6 } else { 3 };
+    rows(array, used, &mut |n, row| {
+        if n % REPORT_EVERY == REPORT_EVERY - 1 {
+            visitor.progress(n, count)?;
+        }
+        let color = match (&colors, scale) {
+            (Some(colors), _) => Some(colors[n as usize]),
+            (None, Some(scale)) => Some(scale.color(&row[3..])),
+            (None, None) => None,
+        };
+        visitor.point(Point::new(DVec3::new(row[0], row[1], row[2]), color, || format!("point {n}"))?)
+    })
+}
+
+/// The colors of an array that holds nothing else.
+pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
+    let [count, _] = rows_and_columns(array, "colors")?;
+    Fault::unless_within("colors", MAX_COLORS, count)?;
+    let Some(scale) = scale_of(array, 0)? else {
+        return Err(Fault::malformed("the colors", "whole numbers within 0 to 255, or floats within 0 to 1", "others"));
+    };
+    let mut colors = Vec::new();
+    rows(array, 3, &mut |_, row| {
+        colors.push(scale.color(row));
+        Ok(())
+    })?;
+    Ok(colors)
+}
+
+/// Takes a row's number and the columns that are used.
+type VisitRow<'v> = dyn FnMut(u64, &[f64]) -> Result<(), Fault> + 'v;
+
+/// Visits the first `used` columns of each row, of an array of which [`rows_and_columns`] has seen the shape.
+pub(super) fn rows(array: &mut dyn Array, used: usize, visit: &mut VisitRow<'_>) -> Result<(), Fault> {
+    let &[count, columns] = array.header().shape.as_slice() else { unreachable!("rows_and_columns was called before") };
+    if array.header().fortran_order {
+        let numbers = count * used as u64;
+        Fault::unless_within("numbers in Fortran's order", MAX_HELD, numbers)?;
+        let mut held = Vec::new();
+        array.visit(numbers, &mut |_, value| {
+            held.push(value);
+            Ok(())
+        })?;
+        let mut row = vec![0.0; used];
+        for n in 0..count as usize {
+            for (column, value) in row.iter_mut().enumerate() {
+                *value = held[column * count as usize + n];
+            }
+            visit(n as u64, &row)?;
+        }
+        return Ok(());
+    }
+    let mut row = vec![0.0; columns as usize];
+    let all = array.header().count;
+    array.visit(all, &mut |n, value| {
+        let column = (n % columns) as usize;
+        row[column] = value;
+        if column + 1 == row.len() { visit(n / columns, &row[..used]) } else { Ok(()) }
+    })
+}
+
+/// The shape of an array of rows of three or more.
+pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2], Fault> {
+    match array.header().shape[..] {
+        [count, columns] if (3..=MAX_COLUMNS).contains(&columns) => Ok([count, columns]),
+        _ => {
+            let found = format!("{:?}", array.header().shape);
+            Err(Fault::malformed(format!("the shape of the {what}"), "(rows, 3 to 4096)", found))
+        }
+    }
+}
+
+/// How the three columns from `first` on stand for colors, if they do: that takes reading them once. Whole numbers up to 255
+/// are bytes, except floats that are all within 0 and 1.
+fn scale_of(array: &mut dyn Array, first: usize) -> Result<Option<Scale>, Fault> {
+    if array.header().number == Number::Unsigned(1) {
+        return Ok(Some(Scale::Bytes));
+    }
+    let mut unit = matches!(array.header().number, Number::Float(_));
+    let mut bytes = true;
+    rows(array, first + 3, &mut |_, row| {
+        for value in &row[first..] {
+            unit &= (0.0..=1.0).contains(value);
+            bytes &= (0.0..=255.0).contains(value) && value.fract() == 0.0;
+        }
+        Ok(())
+    })?;
+    Ok(if unit { Some(Scale::Unit) } else { bytes.then_some(Scale::Bytes) })
+}

@@ -1,0 +1,206 @@
+//! COLMAP's sparse points: `points3D.bin` and `points3D.txt`.
+
+use glam::DVec3;
+
+use super::{Fault, Input, Point, ReadOptions, Visitor};
+
+/// Bytes of a point without its track: number, place, color, error and the track's length.
+const POINT_BYTES: u64 = 8 + 24 + 3 + 8 + 8;
+
+/// Bytes of a place in a picture: the picture's number and the keypoint's.
+const SIGHTING_BYTES: u64 = 4 + 4;
+
+/// The longest line of the text, in bytes: two numbers for each picture that a point is seen in.
+const MAX_LINE: usize = 1 << 24;
+
+/// Reads `points3D.bin`.
+///
+/// # Errors
+///
+/// Where there are fewer or more bytes than its counts say, where a coordinate is not finite, and those of `visitor`.
+pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let count = u64::from_le_bytes(input.array("the number of points")?);
+    if count > input.left() / POINT_BYTES {
+        let found = format!("{count} of them in {} bytes", input.left());
+        return Err(Fault::malformed("byte 0", format!("points of at least {POINT_BYTES} bytes"), found));
+    }
+    for _ in 0..count {
+        input.report(visitor)?;
+        let place = input.offset();
+        let bytes: [u8; POINT_BYTES as usize] = input.array("a point")?;
+        let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"));
+        let track = u64::from_le_bytes(bytes[43..].try_into().expect("8 bytes"));
+        if track > input.left() / SIGHTING_BYTES {
+            let expected = format!("a track within the {} bytes that are left", input.left());
+            return Err(Fault::malformed(format!("byte {}", place + 43), expected, format!("{track} pictures")));
+        }
+        input.go_to(input.offset() + track * SIGHTING_BYTES)?;
+        let color = [bytes[32], bytes[33], bytes[34]];
+        let position = DVec3::new(number(8), number(16), number(24));
+        let point = Point::new(position, Some(color), || format!("byte {}", place + 8))?;
+        if counts(options, track, number(35)) {
+            visitor.point(point)?;
+        }
+    }
+    match input.left() {
+        0 => Ok(()),
+        left => Err(Fault::malformed(input.place(), "the end of the file", format!("{left} more bytes"))),
+    }
+}
+
+/// Reads `points3D.txt`.
+///
+/// # Errors
+///
+/// Where a line has fewer numbers than a point, where a coordinate is not finite, and those of `visitor`.
+pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let mut line = Vec::new();
+    let mut at = 0_u64;
+    while input.line(&mut line, MAX_LINE)? {
+        at += 1;
+        input.report(visitor)?;
+        let line = line.trim_ascii();
+        if line.is_empty() || line.starts_with(b"#") {
+            continue;
+        }
+        let place = || format!("line {at}");
+        let mut fields = line.split(u8::is_ascii_whitespace).filter(|field| !field.is_empty());
+        let mut next = |what: &str| {
+            let field = fields.next().ok_or_else(|| Fault::malformed(place(), what, "the end of the line"))?;
+            std::str::from_utf8(field).map_err(|_| Fault::malformed(place(), what, "bytes that are no UTF-8 text"))
+        };
+        let _ = number::<u64>(next("the point's number")?, "the point's number", place)?;
+        let mut position = [0.0; 3];
+        for coordinate in &mut position {
+            *coordinate = number(next("a coordinate")?, "a coordinate", place)?;
+        }
+        let mut color = [0; 3];
+        for channel in &mut color {
+            *channel = number(next("a color to 255")?, "a color to 255", place)?;
+        }
+        let error: f64 = number(next("the error")?, "the error", place)?;
+        let sightings = fields.count() as u64;
+        if !sightings.is_multiple_of(2) {
+            let found = format!("{sightings} numbers");
+            return Err(Fault::malformed(place(), "pairs of a picture and a keypoint", found));
+        }
+        let point = Point::new(DVec3::from_array(position), Some(color), place)?;
+        if counts(options, sightings / 2, error) {
+            visitor.point(point)?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a point counts that so many pictures see. COLMAP writes an error of -1 where it knows none.
+fn counts(options: &ReadOptions, track: u64, error: f64) -> bool {
+    track >= options.min_track && error <= options.max_reprojection_error
+}
+
+fn number<T: std::str::FromStr>(field: &str, what: &str, place: impl Fn() -> String) -> Result<T, Fault> {
+    field.parse().map_err(|_| {
+        let shown: String = field.chars().take(40).collect();
+        Fault::malformed(place(), what, format!("{shown:?}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::testing::seen_with;
+
+    /// Two points: one of three pictures, and one of one picture and a large error.
+    fn binary() -> Vec<u8> {
+        let mut bytes = 2_u64.to_le_bytes().to_vec();
+        for (position, color, error, track) in
+            [([1.0, -2.0, 3.5], [9, 8, 7], 0.5, 3_u64), ([4.0, 5.0, 6.0], [255, 0, 1], 2.5, 1)]
+        {
+            bytes.extend(77_u64.to_le_bytes());
+            position.iter().for_each(|x: &f64| bytes.extend(x.to_le_bytes()));
+            bytes.extend(color);
+            bytes.extend(f64::to_le_bytes(error));
+            bytes.extend(track.to_le_bytes());
+            bytes.resize(bytes.len() + 8 * track as usize, 5);
+        }
+        bytes
+    }
+
+    const TEXT: &str = "# 3D point list\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n\
+        77 1 -2 3.5 9 8 7 0.5 1 2 3 4 5 6\r\n\n78 4 5 6 255 0 1 2.5 1 2\n";
+
+    fn all() -> ReadOptions {
+        ReadOptions::default()
+    }
+
+    #[test]
+    fn both_files_hold_the_same_points() {
+        let binary = seen_with(&binary(), &all(), read_binary).unwrap();
+        let text = seen_with(TEXT.as_bytes(), &all(), read_text).unwrap();
+        assert_eq!(binary.positions(), [[1.0, -2.0, 3.5], [4.0, 5.0, 6.0]]);
+        assert_eq!(binary.points[0].color, Some([9, 8, 7]));
+        assert_eq!(binary.points[1].color, Some([255, 0, 1]));
+        assert_eq!(text.points, binary.points);
+    }
+
+    #[test]
+    fn short_tracks_and_large_errors_are_left_out() {
+        for options in [
+            ReadOptions { min_track: 2, ..all() },
+            ReadOptions { min_track: 3, ..all() },
+            ReadOptions { max_reprojection_error: 2.0, ..all() },
+        ] {
+            for seen in [
+                seen_with(&binary(), &options, read_binary).unwrap(),
+                seen_with(TEXT.as_bytes(), &options, read_text).unwrap(),
+            ] {
+                assert_eq!(seen.positions(), [[1.0, -2.0, 3.5]], "{options:?}");
+            }
+        }
+        let none = ReadOptions { min_track: 4, ..all() };
+        assert!(seen_with(&binary(), &none, read_binary).unwrap().points.is_empty());
+    }
+
+    #[test]
+    fn hostile_bytes_are_named() {
+        let error = |bytes: &[u8]| seen_with(bytes, &all(), read_binary).unwrap_err().to_string();
+        let changed = |at: usize, to: &[u8]| {
+            let mut bytes = binary();
+            bytes[at..at + to.len()].copy_from_slice(to);
+            bytes
+        };
+        assert_eq!(error(&[0; 7]), "byte 0: expected 8 bytes of the number of points, found 7 bytes");
+        assert_eq!(
+            error(&changed(0, &u64::MAX.to_le_bytes())),
+            "byte 0: expected points of at least 51 bytes, found 18446744073709551615 of them in 134 bytes"
+        );
+        assert_eq!(
+            error(&changed(51, &u64::MAX.to_le_bytes())),
+            "byte 51: expected a track within the 83 bytes that are left, found 18446744073709551615 pictures"
+        );
+        assert_eq!(
+            error(&changed(16, &f64::NAN.to_le_bytes())),
+            "byte 16: expected finite coordinates, found [NaN, -2, 3.5]"
+        );
+        let mut more = binary();
+        more.push(0);
+        assert_eq!(error(&more), "byte 142: expected the end of the file, found 1 more bytes");
+        assert_eq!(error(&changed(51, &10_u64.to_le_bytes())), "byte 139: expected 51 bytes of a point, found 3 bytes");
+    }
+
+    #[test]
+    fn hostile_lines_are_named() {
+        for (text, expected) in [
+            ("1 2 3\n", "line 1: expected a coordinate, found the end of the line"),
+            ("\n1 2 3 x 0 0 0 1\n", "line 2: expected a coordinate, found \"x\""),
+            ("1 2 3 inf 0 0 0 1\n", "line 1: expected finite coordinates, found [2, 3, inf]"),
+            ("1 2 3 4 0 0 256 1\n", "line 1: expected a color to 255, found \"256\""),
+            ("1 2 3 4 0 0 0 1 5\n", "line 1: expected pairs of a picture and a keypoint, found 1 numbers"),
+            ("-1 2 3 4 0 0 0 1\n", "line 1: expected the point's number, found \"-1\""),
+        ] {
+            assert_eq!(seen_with(text.as_bytes(), &all(), read_text).unwrap_err().to_string(), expected);
+        }
+        let bytes = b"1 2 3 \xff 0 0 0 1\n";
+        let expected = "line 1: expected a coordinate, found bytes that are no UTF-8 text";
+        assert_eq!(seen_with(bytes, &all(), read_text).unwrap_err().to_string(), expected);
+    }
+}

@@ -1,0 +1,239 @@
+//! A scan: its fields, its pose, and how its records become points.
+
+use e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
+use glam::{DMat3, DQuat, DVec3};
+
+use super::packets::{self, Stream};
+use super::pages::Pages;
+use crate::import::{Fault, Point, Visitor};
+
+/// The most fields of a scan.
+const MAX_FIELDS: u64 = 255;
+
+/// A field: in which stream, and how its bits become a number.
+#[derive(Clone, Debug)]
+struct Field {
+    stream: usize,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Single,
+    Double,
+    /// Counted from the smallest.
+    Integer {
+        min: i64,
+        scale: f64,
+        offset: f64,
+    },
+}
+
+impl Field {
+    fn of(record: &Record, stream: usize) -> Self {
+        let kind = match record.data_type {
+            RecordDataType::Single { .. } => Kind::Single,
+            RecordDataType::Double { .. } => Kind::Double,
+            RecordDataType::Integer { min, .. } => Kind::Integer { min, scale: 1.0, offset: 0.0 },
+            RecordDataType::ScaledInteger { min, scale, offset, .. } => Kind::Integer { min, scale, offset },
+        };
+        Self { stream, kind }
+    }
+
+    fn value(&self, streams: &[Stream], at: usize) -> f64 {
+        let number = streams[self.stream].number(at);
+        match self.kind {
+            Kind::Single => f32::from_bits(number as u32).into(),
+            Kind::Double => f64::from_bits(number),
+            Kind::Integer { min, scale, offset } => (i128::from(number) + i128::from(min)) as f64 * scale + offset,
+        }
+    }
+}
+
+/// Bits of a number of `record`.
+fn bits(record: &Record) -> u32 {
+    match record.data_type {
+        RecordDataType::Single { .. } => 32,
+        RecordDataType::Double { .. } => 64,
+        RecordDataType::Integer { min, max } | RecordDataType::ScaledInteger { min, max, .. } => {
+            64 - max.wrapping_sub(min).cast_unsigned().leading_zeros()
+        }
+    }
+}
+
+/// A channel of a color, and the numbers that stand for 0 and 255.
+#[derive(Clone, Debug)]
+struct Channel {
+    field: Field,
+    min: f64,
+    max: f64,
+}
+
+impl Channel {
+    /// By the scan's limits, or else by those of the field. Limits that are no range of up to 16 bits say nothing: then the
+    /// numbers are taken for bytes.
+    fn of(record: &Record, stream: usize, limits: Option<(&RecordValue, &RecordValue)>) -> Self {
+        let field = Field::of(record, stream);
+        let number = |value: &RecordValue| match (value, field.kind) {
+            (RecordValue::Single(value), _) => f64::from(*value),
+            (RecordValue::Double(value), _) => *value,
+            (RecordValue::ScaledInteger(value), Kind::Integer { scale, offset, .. }) => *value as f64 * scale + offset,
+            (RecordValue::ScaledInteger(value) | RecordValue::Integer(value), _) => *value as f64,
+        };
+        let of_type = match record.data_type {
+            RecordDataType::Single { min, max } => min.zip(max).map(|(min, max)| (min.into(), max.into())),
+            RecordDataType::Double { min, max } => min.zip(max),
+            RecordDataType::Integer { min, max } => Some((min as f64, max as f64)),
+            RecordDataType::ScaledInteger { min, max, scale, offset } => {
+                Some((min as f64 * scale + offset, max as f64 * scale + offset))
+            }
+        };
+        let range = |(min, max): &(f64, f64)| max - min > 0.0 && max - min <= 65535.0;
+        let limits = limits.map(|(min, max)| (number(min), number(max)));
+        let (min, max) = limits.filter(range).or(of_type.filter(range)).unwrap_or((0.0, 255.0));
+        Self { field, min, max }
+    }
+
+    fn byte(&self, streams: &[Stream], at: usize) -> u8 {
+        // What is no number becomes 0.
+        (255.0 * (self.field.value(streams, at) - self.min) / (self.max - self.min)).round() as u8
+    }
+}
+
+/// What is read of a scan.
+pub(super) struct Scan {
+    place: String,
+    pub(super) records: u64,
+    offset: u64,
+    /// Bits of each stream's numbers.
+    bits: Vec<u32>,
+    /// x, y and z, and whether they are valid.
+    cartesian: Option<([Field; 3], Option<Field>)>,
+    /// Range, azimuth and elevation, and whether they are valid.
+    spherical: Option<([Field; 3], Option<Field>)>,
+    color: Option<([Channel; 3], Option<Field>)>,
+    /// To the file's space.
+    rotation: DMat3,
+    translation: DVec3,
+}
+
+impl Scan {
+    /// What the XML section says of it.
+    ///
+    /// # Errors
+    ///
+    /// Where its fields are none that points can be read from, or its pose is none.
+    pub(super) fn new(described: &PointCloud, place: String) -> Result<Self, Fault> {
+        let prototype = &described.prototype;
+        Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
+        let bits: Vec<u32> = prototype.iter().map(bits).collect();
+        if bits.iter().all(|bits| *bits == 0) {
+            return Err(Fault::malformed(place, "a field whose numbers differ", "none"));
+        }
+        let find = |name: &RecordName| prototype.iter().position(|record| record.name == *name);
+        let field = |name: RecordName| find(&name).map(|at| Field::of(&prototype[at], at));
+        let all = |[a, b, c]: [RecordName; 3]| Some([field(a)?, field(b)?, field(c)?]);
+        use RecordName as N;
+        let cartesian = all([N::CartesianX, N::CartesianY, N::CartesianZ]);
+        let spherical = all([N::SphericalRange, N::SphericalAzimuth, N::SphericalElevation]);
+        if cartesian.is_none() && spherical.is_none() {
+            return Err(Fault::malformed(place, "Cartesian or spherical coordinates", "neither"));
+        }
+        let limits = described.color_limits.as_ref();
+        let channel = |name: N, limits: Option<(&RecordValue, &RecordValue)>| {
+            find(&name).map(|at| Channel::of(&prototype[at], at, limits))
+        };
+        let color = || {
+            Some([
+                channel(N::ColorRed, limits.and_then(|l| l.red_min.as_ref().zip(l.red_max.as_ref())))?,
+                channel(N::ColorGreen, limits.and_then(|l| l.green_min.as_ref().zip(l.green_max.as_ref())))?,
+                channel(N::ColorBlue, limits.and_then(|l| l.blue_min.as_ref().zip(l.blue_max.as_ref())))?,
+            ])
+        };
+        let pose = described.transform.clone().unwrap_or_default();
+        let (rotation, translation) = (pose.rotation, pose.translation);
+        let rotation = DQuat::from_xyzw(rotation.x, rotation.y, rotation.z, rotation.w);
+        let translation = DVec3::new(translation.x, translation.y, translation.z);
+        // Writers round; a rotation far from length one is none.
+        if !(0.99..1.01).contains(&rotation.length()) || !translation.is_finite() {
+            let found = format!("rotation {rotation}, translation {translation}");
+            return Err(Fault::malformed(place, "a pose", found));
+        }
+        Ok(Self {
+            place,
+            records: described.records,
+            offset: described.file_offset,
+            bits,
+            cartesian: cartesian.map(|fields| (fields, field(N::CartesianInvalidState))),
+            spherical: spherical.map(|fields| (fields, field(N::SphericalInvalidState))),
+            color: color().map(|channels| (channels, field(N::IsColorInvalid))),
+            rotation: DMat3::from_quat(rotation.normalize()),
+            translation,
+        })
+    }
+
+    /// Gives its points to `visitor`; `progress` is told how many records are done.
+    ///
+    /// # Errors
+    ///
+    /// Where there are fewer points than it says, where one is not finite, and those of `visitor`.
+    pub(super) fn read(
+        &self,
+        pages: &mut Pages<'_, '_>,
+        progress: &mut dyn FnMut(u64, &mut dyn Visitor) -> Result<(), Fault>,
+        visitor: &mut dyn Visitor,
+    ) -> Result<(), Fault> {
+        if self.records == 0 {
+            return Ok(());
+        }
+        let bits: u64 = self.bits.iter().map(|bits| u64::from(*bits)).sum();
+        if self.records > pages.len() * 8 / bits {
+            let expected = format!("at most {} records of {bits} bits", pages.len() * 8 / bits);
+            return Err(Fault::malformed(&self.place, expected, self.records));
+        }
+        pages.go_to(self.offset, &self.place)?;
+        let place = pages.place();
+        let mut head = [0; 32];
+        pages.fill(&mut head, "a scan's head")?;
+        if head[0] != 1 {
+            return Err(Fault::malformed(place, "a scan's head, of kind 1", head[0]));
+        }
+        pages.go_to(u64::from_le_bytes(head[16..24].try_into().expect("8 bytes")), &self.place)?;
+        let mut streams: Vec<Stream> = self.bits.iter().map(|bits| Stream::new(*bits)).collect();
+        let mut done = 0;
+        packets::read(pages, &mut streams, self.records, &mut |streams, count| {
+            progress(done, visitor)?;
+            for at in 0..count {
+                if let Some(position) = self.position(streams, at) {
+                    let color = self.color(streams, at);
+                    let place = || format!("{}, point {}", self.place, done + at as u64);
+                    let Point { position, color } = Point::new(position, color, place)?;
+                    visitor.point(Point::new(self.rotation * position + self.translation, color, place)?)?;
+                }
+            }
+            done += count as u64;
+            Ok(())
+        })
+    }
+
+    /// Where the point `at` is in the scan's own space, if it is one. State 1 is a direction, 2 nothing.
+    fn position(&self, streams: &[Stream], at: usize) -> Option<DVec3> {
+        let valid = |fields: &Option<([Field; 3], Option<Field>)>| {
+            let (fields, state) = fields.as_ref()?;
+            let valid = state.as_ref().is_none_or(|state| state.value(streams, at) == 0.0);
+            valid.then(|| fields.each_ref().map(|field| field.value(streams, at)))
+        };
+        if let Some(position) = valid(&self.cartesian) {
+            return Some(DVec3::from_array(position));
+        }
+        let [range, azimuth, elevation] = valid(&self.spherical)?;
+        let flat = range * elevation.cos();
+        Some(DVec3::new(flat * azimuth.cos(), flat * azimuth.sin(), range * elevation.sin()))
+    }
+
+    fn color(&self, streams: &[Stream], at: usize) -> Option<[u8; 3]> {
+        let (channels, invalid) = self.color.as_ref()?;
+        let valid = invalid.as_ref().is_none_or(|invalid| invalid.value(streams, at) == 0.0);
+        valid.then(|| channels.each_ref().map(|channel| channel.byte(streams, at)))
+    }
+}

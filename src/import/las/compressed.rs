@@ -1,0 +1,240 @@
+//! LAZ: which compression the file says it has, and its chunks.
+//!
+//! `laz` trusts what it reads: it sets memory aside for layers as long as they say they are, adds lengths without checks, and
+//! indexes tables with numbers out of the stream. So the description of the compression must be exactly what the point format
+//! asks for, each chunk's layers are added up before they are read, and the table of chunks, which only seeking needs, is
+//! not read at all. What is left are panics on streams that no encoder wrote (assertions and sums that overflow, in builds that
+//! check them); they cannot be foreseen without decoding, and
+//! [`std::panic::catch_unwind`] turns them into errors. Nothing of a decoder that panicked is used again.
+
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use laz::LazVlr;
+use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+
+use super::BATCH;
+use super::header::Header;
+use crate::import::{Fault, Input};
+
+/// Bytes before the data of a variable length record.
+const RECORD_HEADER: u64 = 54;
+
+/// The most bytes of a chunk's layers, which are held in memory. Encoders write some 50 000 points a chunk.
+const MAX_LAYERS: u64 = 1 << 28;
+
+/// How points are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// All in one go.
+    Whole,
+    /// In chunks of so many points.
+    Chunked(u64),
+    /// In chunks that say how many points they have, field by field.
+    Layered,
+}
+
+/// Decompresses the points of `input` and gives batches of records to `sink`.
+///
+/// # Errors
+///
+/// Where the compression is none that is known, where the points end early or are none, and those of `sink`.
+pub(super) fn read(
+    input: &mut Input<'_>,
+    header: &Header,
+    sink: &mut dyn FnMut(&[u8]) -> Result<(), Fault>,
+) -> Result<(), Fault> {
+    let description = find_description(input, header)?;
+    let kind = check(&description, header)?;
+    let description = LazVlr::from_buffer(&description)
+        .map_err(|error| Fault::malformed("the record of LAZ", "a known compression", error))?;
+    input.go_to(header.offset_to_points)?;
+    if header.points == 0 {
+        return Ok(());
+    }
+    if kind != Kind::Whole {
+        let _: [u8; 8] = input.array("the place of the table of chunks")?;
+    }
+    let mut left = header.points;
+    while left > 0 {
+        let points = match kind {
+            Kind::Whole => left,
+            Kind::Chunked(points) => points.min(left),
+            Kind::Layered => check_layers(input, header)?.min(left),
+        };
+        left -= points;
+        let at = input.place();
+        let record = header.record as usize;
+        match kind {
+            Kind::Layered => {
+                let mut decoder = LayeredPointRecordDecompressor::new(&mut *input);
+                decoder.set_fields_from(description.items()).map_err(|error| unknown(&error))?;
+                chunk(&mut decoder, points, record, &at, sink)?;
+            }
+            Kind::Whole | Kind::Chunked(_) => {
+                let mut decoder = SequentialPointRecordDecompressor::new(&mut *input);
+                decoder.set_fields_from(description.items()).map_err(|error| unknown(&error))?;
+                chunk(&mut decoder, points, record, &at, sink)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn chunk<R>(
+    decoder: &mut dyn RecordDecompressor<R>,
+    points: u64,
+    record: usize,
+    at: &str,
+    sink: &mut dyn FnMut(&[u8]) -> Result<(), Fault>,
+) -> Result<(), Fault> {
+    let mut records = Vec::new();
+    let mut left = points;
+    while left > 0 {
+        let taken = left.min(BATCH);
+        left -= taken;
+        records.resize(taken as usize * record, 0);
+        let decoded = catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(&mut records)));
+        let bad =
+            |found: &str| Fault::malformed(format!("the chunk at {at}"), format!("{points} compressed points"), found);
+        match decoded {
+            Ok(Ok(())) => sink(&records)?,
+            Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => return Err(bad("fewer")),
+            Ok(Err(error)) => return Err(error.into()),
+            Err(_) => return Err(bad("bytes that are none")),
+        }
+    }
+    Ok(())
+}
+
+fn unknown(error: &laz::LasZipError) -> Fault {
+    Fault::malformed("the record of LAZ", "a known compression", error)
+}
+
+/// The data of the record that describes the compression.
+fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, Fault> {
+    input.go_to(header.header)?;
+    for _ in 0..header.records {
+        let place = input.place();
+        let before = |input: &Input<'_>, bytes: u64| {
+            if input.offset() + bytes <= header.offset_to_points {
+                return Ok(());
+            }
+            let expected = format!("a record before the points at byte {}", header.offset_to_points);
+            Err(Fault::malformed(place.clone(), expected, "a longer one"))
+        };
+        before(input, RECORD_HEADER)?;
+        let head: [u8; RECORD_HEADER as usize] = input.array("a record")?;
+        let length = u16::from_le_bytes([head[20], head[21]]);
+        before(input, length.into())?;
+        let user = head[2..18].split(|byte| *byte == 0).next().unwrap_or_default();
+        if user == LazVlr::USER_ID.as_bytes() && u16::from_le_bytes([head[18], head[19]]) == LazVlr::RECORD_ID {
+            let mut data = vec![0; length.into()];
+            input.fill(&mut data, "the record of LAZ")?;
+            return Ok(data);
+        }
+        input.go_to(input.offset() + u64::from(length))?;
+    }
+    Err(Fault::malformed("the records before the points", "one that describes the compression", "none"))
+}
+
+/// Checks that the description fits the point format.
+fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
+    let bad = |expected: String, found: String| Fault::malformed("the record of LAZ", expected, found);
+    let short = |at: usize| description.get(at..at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
+    let (Some(compressor), Some(coder), Some(count)) = (short(0), short(2), short(32)) else {
+        return Err(bad("at least 34 bytes".into(), format!("{} bytes", description.len())));
+    };
+    let chunk = u32::from_le_bytes(description[12..16].try_into().expect("4 bytes"));
+    let extended = header.format >= 6;
+    let kind = match (compressor, extended, chunk) {
+        (1, false, _) => Kind::Whole,
+        (2, false, 0 | u32::MAX) => {
+            let what = format!("LAZ of point format {} in chunks of different sizes", header.format);
+            return Err(Fault::unsupported(what, "write it as LAS, or as LAZ with chunks of one size"));
+        }
+        (2, false, points) => Kind::Chunked(points.into()),
+        (3, true, _) => Kind::Layered,
+        _ => {
+            let expected = format!("a compression for point format {}", header.format);
+            return Err(bad(expected, format!("compressor {compressor}")));
+        }
+    };
+    let mut items = Vec::new();
+    for at in 0..usize::from(count) {
+        let start = 34 + 6 * at;
+        match (short(start), short(start + 2), short(start + 4)) {
+            (Some(item), Some(size), Some(version)) => items.push(((item, size), version)),
+            _ => return Err(bad(format!("{count} items"), format!("{at}"))),
+        }
+    }
+    let expected = items_of(header);
+    let versions = if extended { 3..=4 } else { 1..=2 };
+    let known = items.iter().all(|(_, version)| versions.contains(version));
+    if coder != 0 || !known || !items.iter().map(|(item, _)| item).eq(&expected) {
+        return Err(bad(format!("items {expected:?}, versions {versions:?}"), format!("{items:?}")));
+    }
+    Ok(kind)
+}
+
+/// The parts of the point format's records, as LAZ counts them: each one's kind and bytes.
+fn items_of(header: &Header) -> Vec<(u16, u16)> {
+    const POINT: (u16, u16) = (6, 20);
+    const TIME: (u16, u16) = (7, 8);
+    const COLOR: (u16, u16) = (8, 6);
+    const WAVE: (u16, u16) = (9, 29);
+    const POINT14: (u16, u16) = (10, 30);
+    const COLOR14: (u16, u16) = (11, 6);
+    const INFRARED14: (u16, u16) = (12, 8);
+    const WAVE14: (u16, u16) = (13, 29);
+    let parts: &[_] = match header.format {
+        0 => &[POINT],
+        1 => &[POINT, TIME],
+        2 => &[POINT, COLOR],
+        3 => &[POINT, TIME, COLOR],
+        4 => &[POINT, TIME, WAVE],
+        5 => &[POINT, TIME, COLOR, WAVE],
+        6 => &[POINT14],
+        7 => &[POINT14, COLOR14],
+        8 => &[POINT14, INFRARED14],
+        9 => &[POINT14, WAVE14],
+        _ => &[POINT14, INFRARED14, WAVE14],
+    };
+    let mut items = parts.to_vec();
+    if header.extra() > 0 {
+        items.push((if header.format < 6 { 0 } else { 14 }, header.extra()));
+    }
+    items
+}
+
+/// Layers in a chunk of `header`'s point format: nine of the point, one of each color and waveform, one of each extra byte.
+fn layers(header: &Header) -> u64 {
+    let layers = match header.format {
+        6 => 9,
+        7 | 9 => 10,
+        8 => 11,
+        _ => 12,
+    };
+    layers + u64::from(header.extra())
+}
+
+/// How many points the chunk has that comes next, if its layers are no longer than what is left. A chunk begins with a point as
+/// it is, the number of points, and the layers' lengths.
+fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
+    let place = input.place();
+    let start = input.offset();
+    input.expect_left(header.record + 4 + 4 * layers(header), "a chunk's head")?;
+    input.go_to(start + header.record)?;
+    let points = u32::from_le_bytes(input.array("a chunk's points")?);
+    let mut bytes = 0_u64;
+    for _ in 0..layers(header) {
+        bytes += u64::from(u32::from_le_bytes(input.array("a layer's length")?));
+    }
+    Fault::unless_within("bytes of a chunk's layers", MAX_LAYERS, bytes)?;
+    input.expect_left(bytes, "layers")?;
+    input.go_to(start)?;
+    if points == 0 {
+        return Err(Fault::malformed(place, "a chunk of points", "one of none"));
+    }
+    Ok(points.into())
+}

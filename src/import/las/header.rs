@@ -1,0 +1,161 @@
+//! The public header, and where things lie in a record.
+
+use glam::DVec3;
+
+use super::NOISE;
+use crate::import::{Fault, Input};
+
+/// The header of LAS 1.0 to 1.2; later ones add to it.
+const HEADER_BYTES: usize = 227;
+
+/// The header of LAS 1.4.
+const LARGEST_HEADER: usize = 375;
+
+/// Of each point format: bytes of its record, and where red, green and blue begin.
+const FORMATS: [(u16, Option<usize>); 11] = [
+    (20, None),
+    (28, None),
+    (26, Some(20)),
+    (34, Some(28)),
+    (57, None),
+    (63, Some(28)),
+    (30, None),
+    (36, Some(30)),
+    (38, Some(30)),
+    (59, None),
+    (67, Some(30)),
+];
+
+/// From this point format on, classes have a byte of their own.
+const EXTENDED: u8 = 6;
+
+/// The most points that a byte of LAZ stands for. Scans have some three bytes a point; a file that says it has more than this
+/// would only keep its reader busy.
+const MAX_POINTS_PER_BYTE: u64 = 100;
+
+/// What the header says.
+#[derive(Debug)]
+pub(super) struct Header {
+    /// Whether the points are LAZ.
+    pub(super) compressed: bool,
+    /// The point format, of which there are eleven.
+    pub(super) format: u8,
+    pub(super) points: u64,
+    /// Bytes of a record.
+    pub(super) record: u64,
+    /// Bytes of the header.
+    pub(super) header: u64,
+    pub(super) records: u32,
+    pub(super) offset_to_points: u64,
+    scale: DVec3,
+    offset: DVec3,
+}
+
+impl Header {
+    /// Reads it, and checks that the file has as many points as it says.
+    pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
+        let mut bytes = [0; LARGEST_HEADER];
+        input.fill(&mut bytes[..HEADER_BYTES], "a LAS header")?;
+        if &bytes[..4] != b"LASF" {
+            return Err(Fault::malformed("byte 0", "LASF", format!("{:?}", &bytes[..4])));
+        }
+        let version = (bytes[24], bytes[25]);
+        if version.0 != 1 || version.1 > 4 {
+            let found = format!("{}.{}", version.0, version.1);
+            return Err(Fault::malformed("byte 24", "a version from 1.0 to 1.4", found));
+        }
+        let header = u16::from_le_bytes([bytes[94], bytes[95]]);
+        let least = [HEADER_BYTES, HEADER_BYTES, HEADER_BYTES, 235, LARGEST_HEADER][usize::from(version.1)];
+        if usize::from(header) < least {
+            return Err(Fault::malformed("byte 94", format!("a header of at least {least} bytes"), header));
+        }
+        if version.1 == 4 {
+            input.fill(&mut bytes[HEADER_BYTES..], "a LAS 1.4 header")?;
+        }
+        let offset_to_points = u64::from(word(&bytes, 96));
+        if offset_to_points < header.into() || offset_to_points > input.len() {
+            let expected = format!("points from byte {header} to {}", input.len());
+            return Err(Fault::malformed("byte 96", expected, offset_to_points));
+        }
+        let format = bytes[104] & 0x3f;
+        let compressed = bytes[104] & 0x80 != 0;
+        let Some((least, _)) = FORMATS.get(usize::from(format)).filter(|_| bytes[104] & 0x40 == 0) else {
+            return Err(Fault::malformed("byte 104", "a point format to 10", bytes[104]));
+        };
+        let record = u16::from_le_bytes([bytes[105], bytes[106]]);
+        if record < *least {
+            let expected = format!("records of at least {least} bytes");
+            return Err(Fault::malformed("byte 105", expected, record));
+        }
+        // Since 1.4 the older number is zero where it is not kept in step; where it is not zero it counts.
+        let points = match (word(&bytes, 107), version.1) {
+            (0, 4) => u64::from_le_bytes(bytes[247..255].try_into().expect("8 bytes")),
+            (points, _) => points.into(),
+        };
+        let vector = |at: usize| DVec3::new(number(&bytes, at), number(&bytes, at + 8), number(&bytes, at + 16));
+        let found = Self {
+            compressed,
+            format,
+            points,
+            record: record.into(),
+            header: header.into(),
+            records: word(&bytes, 100),
+            offset_to_points,
+            scale: vector(131),
+            offset: vector(155),
+        };
+        found.check(input.len())?;
+        Ok(found)
+    }
+
+    fn check(&self, len: u64) -> Result<(), Fault> {
+        if !self.scale.is_finite() || !self.offset.is_finite() {
+            return Err(Fault::malformed(
+                "byte 131",
+                "finite scales and offsets",
+                format!("{} {}", self.scale, self.offset),
+            ));
+        }
+        let left = len - self.offset_to_points;
+        let most = if self.compressed { left.saturating_mul(MAX_POINTS_PER_BYTE) } else { left / self.record };
+        if self.points <= most {
+            return Ok(());
+        }
+        let expected = format!("at most {most} points in {left} bytes");
+        Err(Fault::malformed("the number of points", expected, self.points))
+    }
+
+    /// Whether `record` is no point that counts.
+    pub(super) fn leaves_out(&self, record: &[u8]) -> bool {
+        let (withheld, class) = match self.format {
+            EXTENDED.. => (record[15] & 4 != 0, record[16]),
+            _ => (record[15] & 0x80 != 0, record[15] & 0x1f),
+        };
+        withheld || NOISE.contains(&class)
+    }
+
+    /// Where the point of `record` is.
+    pub(super) fn position(&self, record: &[u8]) -> DVec3 {
+        let axis = |at: usize| f64::from(word(record, at) as i32);
+        DVec3::new(axis(0), axis(4), axis(8)) * self.scale + self.offset
+    }
+
+    /// The color of `record`, in 16 bits.
+    pub(super) fn color(&self, record: &[u8]) -> Option<[u16; 3]> {
+        let start = FORMATS[usize::from(self.format)].1?;
+        Some([0, 2, 4].map(|channel| u16::from_le_bytes([record[start + channel], record[start + channel + 1]])))
+    }
+
+    /// Bytes of a record that its format does not know.
+    pub(super) fn extra(&self) -> u16 {
+        self.record as u16 - FORMATS[usize::from(self.format)].0
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"))
+}
+
+fn number(bytes: &[u8], at: usize) -> f64 {
+    f64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
+}

@@ -1,0 +1,188 @@
+//! A checkpoint's values, and the numbers of its tensors and arrays.
+
+use std::io::Read;
+
+use super::pickle::{Element, Id, Pickle, Tensor, Value};
+use crate::import::archive::{Archive, check_end_of, reading};
+use crate::import::{Fault, Input};
+use crate::npy::{Header, Number, number_of};
+
+/// The longest pickle. A TensoRF alpha mask lies in it, at a bit and a half a voxel.
+const MAX_PICKLE: u64 = 1 << 26;
+/// The most numbers that are held in memory where a tensor's do not follow each other in the file (128 MiB).
+const MAX_HELD: u64 = 1 << 24;
+
+/// A checkpoint.
+pub(super) struct Checkpoint<'a, 'b> {
+    archive: Archive<'a, 'b>,
+    /// The folder in the archive, with a slash.
+    folder: String,
+    /// What it says, but for the numbers of tensors.
+    pub(super) pickle: Pickle,
+}
+
+impl<'a, 'b> Checkpoint<'a, 'b> {
+    /// Reads what `input` says.
+    ///
+    /// # Errors
+    ///
+    /// Where it is no archive with one pickle, or that is none.
+    pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
+        const PICKLE: &str = "data.pkl";
+        let mut archive = Archive::open(input)?;
+        let names = archive.names();
+        let is_pickle = |name: &&String| name.as_str() == PICKLE || name.ends_with("/data.pkl");
+        let pickles: Vec<&String> = names.iter().filter(is_pickle).collect();
+        let [name] = pickles[..] else {
+            return Err(Fault::malformed("the archive", "one data.pkl", pickles.len()));
+        };
+        let folder = name[..name.len() - PICKLE.len()].to_owned();
+        let order = format!("{folder}byteorder");
+        if names.contains(&order) && archive.bytes(&order, 16)? != b"little" {
+            return Err(Fault::unsupported("a checkpoint of big-endian numbers", "save it again on another machine"));
+        }
+        let bytes = archive.bytes(name, MAX_PICKLE)?;
+        Ok(Self { archive, folder, pickle: Pickle::parse(bytes, name)? })
+    }
+
+    /// The tensor that is the value `id`, if it is one.
+    pub(super) fn tensor(&self, id: Id) -> Option<&Tensor> {
+        match self.pickle.value(id) {
+            Value::Tensor(tensor) => Some(tensor),
+            _ => None,
+        }
+    }
+
+    /// Visits a tensor's numbers in the order of its axes, the last one fastest.
+    ///
+    /// # Errors
+    ///
+    /// Where its storage is not there or not so long as it should be, and those of `visit`.
+    pub(super) fn for_each(
+        &mut self,
+        tensor: &Tensor,
+        mut visit: impl FnMut(u64, f64) -> Result<(), Fault>,
+    ) -> Result<(), Fault> {
+        let Value::Storage(storage) = self.pickle.value(tensor.storage) else {
+            unreachable!("tensors are made of storages")
+        };
+        let element = storage.element;
+        let number = if let Element::Number(number) = element { number } else { Number::Unsigned(2) };
+        let name = format!("{}data/{}", self.folder, self.pickle.text(storage.key).unwrap_or_default());
+        let width = number.width() as u64;
+        let mut bytes = self.archive.entry(&name)?;
+        if storage.count.checked_mul(width) != Some(bytes.size()) {
+            let expected = format!("{} numbers of {width} bytes", storage.count);
+            return Err(Fault::malformed(name, expected, format!("{} bytes", bytes.size())));
+        }
+        let value_of = |value: f64| match element {
+            Element::Number(_) => value,
+            Element::Bfloat16 => f32::from_bits((value as u32) << 16).into(),
+        };
+        let header = |count| Header { number, big_endian: false, fortran_order: false, shape: vec![count], count };
+        let count = tensor.shape.iter().product();
+        if count == 0 {
+            return Ok(());
+        }
+        if is_contiguous(tensor) {
+            let skipped = tensor.offset * width;
+            let passed = std::io::copy(&mut bytes.by_ref().take(skipped), &mut std::io::sink());
+            if passed.map_err(|e| reading(&name, e))? != skipped {
+                return Err(Fault::malformed(name, "more bytes", "the end"));
+            }
+            header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)))?;
+            return if tensor.offset + count == storage.count { check_end_of(&mut bytes, &name) } else { Ok(()) };
+        }
+        Fault::unless_within("numbers of a tensor that is not contiguous", MAX_HELD, storage.count.max(count))?;
+        let numbers = header(storage.count).numbers(&mut bytes)?;
+        let mut index = vec![0; tensor.shape.len()];
+        for n in 0..count {
+            let steps: u64 = index.iter().zip(&tensor.strides).map(|(i, stride)| i * stride).sum();
+            visit(n, value_of(numbers[(tensor.offset + steps) as usize]))?;
+            for axis in (0..index.len()).rev() {
+                index[axis] += 1;
+                if index[axis] < tensor.shape[axis] {
+                    break;
+                }
+                index[axis] = 0;
+            }
+        }
+        Ok(())
+    }
+
+    /// The N finite numbers that `id` is: of a tensor, an array, a list, or, where N is 1, a number.
+    ///
+    /// # Errors
+    ///
+    /// Where it is something else; `name` is what it is called.
+    pub(super) fn numbers<const N: usize>(&mut self, id: Id, name: &str) -> Result<[f64; N], Fault> {
+        let mut found = Vec::new();
+        match self.pickle.value(id) {
+            Value::Tensor(tensor) => {
+                let tensor = tensor.clone();
+                let count: u64 = tensor.shape.iter().product();
+                if count == N as u64 {
+                    self.for_each(&tensor, |_, value| {
+                        found.push(value);
+                        Ok(())
+                    })?;
+                }
+            }
+            Value::Array(_) => {
+                let (header, bytes) = self.array(id, name)?;
+                if header.count == N as u64 {
+                    found = header.numbers(&mut bytes.as_slice())?;
+                }
+            }
+            Value::Items(items) if items.len() == N => {
+                found = items.iter().filter_map(|&item| self.number(item)).collect();
+            }
+            _ => found.extend(self.number(id)),
+        }
+        let wrong = format!("{found:?}");
+        let numbers: Option<[f64; N]> = found.try_into().ok().filter(|f: &[f64; N]| f.iter().all(|n| n.is_finite()));
+        numbers.ok_or_else(|| Fault::malformed(name, format!("finite numbers: {N}"), wrong))
+    }
+
+    fn number(&self, id: Id) -> Option<f64> {
+        match *self.pickle.value(id) {
+            Value::Int(value) => Some(value as f64),
+            Value::Float(value) => Some(value),
+            _ => None,
+        }
+    }
+
+    /// A NumPy array's header, and its bytes, which are as many as that says.
+    ///
+    /// # Errors
+    ///
+    /// Where it is none.
+    pub(super) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
+        let (pickle, none) = (&self.pickle, || Fault::malformed(name, "an array of numbers", "something else"));
+        let Value::Array(array) = pickle.value(id) else { return Err(none()) };
+        let &Value::Dtype { name: kind, order } = pickle.value(array.dtype) else { return Err(none()) };
+        let order = order.and_then(|order| pickle.text(order)).unwrap_or("|");
+        let (number, big_endian) = number_of(&format!("{order}{}", pickle.text(kind).unwrap_or_default()))?;
+        let bytes = pickle.bytes(array.data).ok_or_else(none)?;
+        let count = array.shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
+        match count {
+            Some(count) if count.checked_mul(number.width() as u64) == Some(bytes.len() as u64) => {
+                let (fortran_order, shape) = (array.fortran_order, array.shape.clone());
+                Ok((Header { number, big_endian, fortran_order, shape, count }, bytes))
+            }
+            _ => Err(Fault::malformed(name, format!("the bytes of {:?} numbers", array.shape), bytes.len())),
+        }
+    }
+}
+
+/// Whether numbers follow each other in the file as in the tensor. The stride of an axis of length 1 means nothing.
+fn is_contiguous(tensor: &Tensor) -> bool {
+    let mut step = 1_u64;
+    for (&length, &stride) in tensor.shape.iter().zip(&tensor.strides).rev() {
+        if length != 1 && stride != step {
+            return false;
+        }
+        step = step.saturating_mul(length);
+    }
+    true
+}

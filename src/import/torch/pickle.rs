@@ -1,0 +1,139 @@
+//! Pickles as PyTorch and NumPy write them, as plain values.
+//!
+//! Nothing is imported or called: a pickle names its functions, and those few that stand for tensors, arrays and dictionaries are
+//! known here as what they make. Values refer to each other by number, so that neither depth nor circles matter, and texts and bytes
+//! stay where they are in the pickle, so that repeating them costs nothing.
+
+mod globals;
+mod machine;
+
+use std::ops::Range;
+
+use crate::import::Fault;
+use crate::npy::Number;
+
+pub(super) use globals::Global;
+
+/// A value's number.
+pub(super) type Id = u32;
+
+/// What a pickle holds.
+#[derive(Clone, Debug)]
+pub(super) enum Value {
+    /// Something of which nothing is needed.
+    Opaque,
+    Bool(bool),
+    Int(i64),
+    Float(f64),
+    /// UTF-8, in the pickle.
+    Text(Range<usize>),
+    /// In the pickle.
+    Bytes(Range<usize>),
+    /// Bytes, one each of the characters of this text.
+    Latin1(Range<usize>),
+    /// A tuple or a list.
+    Items(Vec<Id>),
+    /// A dictionary, in its order.
+    Dict(Vec<(Id, Id)>),
+    Global(Global),
+    Storage(Storage),
+    Tensor(Tensor),
+    /// NumPy's `dtype`: its name, and its order of bytes where it has one.
+    Dtype {
+        name: Id,
+        order: Option<Id>,
+    },
+    Array(Array),
+}
+
+/// What a tensor's numbers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Element {
+    Number(Number),
+    /// The upper half of an f32.
+    Bfloat16,
+}
+
+/// Numbers in a file of the archive.
+#[derive(Clone, Debug)]
+pub(super) struct Storage {
+    pub(super) element: Element,
+    /// Text: the file's name.
+    pub(super) key: Id,
+    /// Numbers.
+    pub(super) count: u64,
+}
+
+/// A tensor: all of its numbers lie inside its storage.
+#[derive(Clone, Debug)]
+pub(super) struct Tensor {
+    pub(super) storage: Id,
+    pub(super) offset: u64,
+    pub(super) shape: Vec<u64>,
+    pub(super) strides: Vec<u64>,
+}
+
+/// A NumPy array, or one number of its kind.
+#[derive(Clone, Debug)]
+pub(super) struct Array {
+    pub(super) shape: Vec<u64>,
+    pub(super) dtype: Id,
+    pub(super) fortran_order: bool,
+    /// Bytes.
+    pub(super) data: Id,
+}
+
+/// A pickle, parsed.
+pub(super) struct Pickle {
+    bytes: Vec<u8>,
+    values: Vec<Value>,
+    /// What it is of.
+    pub(super) root: Id,
+}
+
+impl Pickle {
+    /// Parses `bytes`, all of them; `name` is what they are called in errors.
+    ///
+    /// # Errors
+    ///
+    /// Where they are no pickle, or one that names a function that is not known here.
+    pub(super) fn parse(bytes: Vec<u8>, name: &str) -> Result<Self, Fault> {
+        let (values, root) = machine::run(&bytes, name)?;
+        Ok(Self { bytes, values, root })
+    }
+
+    pub(super) fn value(&self, id: Id) -> &Value {
+        &self.values[id as usize]
+    }
+
+    /// The value of `key` in a dictionary, if there are both; the last one, as Python has it.
+    pub(super) fn get(&self, dict: Id, key: &str) -> Option<Id> {
+        let Value::Dict(pairs) = self.value(dict) else { return None };
+        pairs.iter().rev().find(|&&(k, _)| self.text(k) == Some(key)).map(|&(_, value)| value)
+    }
+
+    /// The first keys of a dictionary, for people.
+    pub(super) fn keys(&self, dict: Id) -> String {
+        let Value::Dict(pairs) = self.value(dict) else { return "no dictionary".into() };
+        let keys = pairs.iter().filter_map(|&(k, _)| self.text(k)).take(20);
+        let keys: Vec<_> = keys.map(|key| key.chars().take(40).collect::<String>()).collect();
+        if keys.is_empty() { "no names".into() } else { keys.join(", ") }
+    }
+
+    pub(super) fn text(&self, id: Id) -> Option<&str> {
+        let Value::Text(range) = self.value(id) else { return None };
+        std::str::from_utf8(&self.bytes[range.clone()]).ok()
+    }
+
+    /// The bytes of a value that has any, decoded where need be.
+    pub(super) fn bytes(&self, id: Id) -> Option<Vec<u8>> {
+        match self.value(id) {
+            Value::Bytes(range) => Some(self.bytes[range.clone()].to_vec()),
+            Value::Latin1(range) => {
+                let text = std::str::from_utf8(&self.bytes[range.clone()]).ok()?;
+                text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect()
+            }
+            _ => None,
+        }
+    }
+}

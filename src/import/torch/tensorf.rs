@@ -1,0 +1,44 @@
+//! TensoRF's alpha mask.
+//!
+//! `alphaMask.mask` packs a bit a vertex, most significant first, in the order \[z\]\[y\]\[x\] of `alphaMask.shape`, whose first and last
+//! vertices lie on the faces of `alphaMask.aabb`. TensoRF samples it trilinearly and looks where that is positive: up to one voxel from a
+//! set vertex. The boxes here reach half a voxel, as DVGO's: the mask was grown by one voxel when it was made (`max_pool3d` of 3), so
+//! that what it adds beyond is known to be empty, and a prior is not to grow twice.
+
+use glam::DVec3;
+
+use super::checkpoint::Checkpoint;
+use crate::geometry::Aabb;
+use crate::import::grid::{At, Grid, Order, three_axes};
+use crate::import::{Fault, Visitor};
+use crate::npy::Number;
+
+/// Hands on the boxes around set vertices.
+pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    let part = |name: &'static str| {
+        let pickle = &checkpoint.pickle;
+        let missing = || Fault::malformed("the checkpoint", name, pickle.keys(pickle.root));
+        pickle.get(pickle.root, name).ok_or_else(missing)
+    };
+    let (mask, shape, aabb) = (part("alphaMask.mask")?, part("alphaMask.shape")?, part("alphaMask.aabb")?);
+    let corners: [f64; 6] = checkpoint.numbers(aabb, "alphaMask.aabb")?;
+    let bounds = Aabb { min: DVec3::from_slice(&corners[..3]), max: DVec3::from_slice(&corners[3..]) };
+    let shape = checkpoint.numbers::<5>(shape, "alphaMask.shape")?.map(|length| length as u64);
+    let grid = Grid::new(three_axes(&shape)?, Order::Zyx, At::Vertices, &bounds)?;
+    let (header, bytes) = checkpoint.array(mask, "alphaMask.mask")?;
+    let count = grid.shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
+    if header.number != Number::Unsigned(1) || count.map(|count| count.div_ceil(8)) != Some(bytes.len() as u64) {
+        let expected = format!("a bit for each of {:?} vertices", grid.shape);
+        return Err(Fault::malformed("alphaMask.mask", expected, format!("{} of {:?}", bytes.len(), header.number)));
+    }
+    for n in 0..count.unwrap_or(0) {
+        let byte = n / 8;
+        if n % 8 == 0 && byte % (1 << 17) == (1 << 17) - 1 {
+            visitor.progress(byte, bytes.len() as u64)?;
+        }
+        if bytes[byte as usize] >> (7 - n % 8) & 1 == 1 {
+            visitor.cell(&grid.cell(n), None)?;
+        }
+    }
+    Ok(())
+}
