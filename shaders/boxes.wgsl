@@ -1,9 +1,9 @@
-// The tensors' boxes, as lines over a picture.
+// The tensors' boxes, drawn as lines over a picture. No twin; the struct's is in src/player/boxes.rs.
 
 struct Boxes {
-    // From the model's space, relative to the field's origin, to the surface.
+    // From model space, relative to the field's origin, to clip space.
     clip_from_model: mat4x4<f32>,
-    // By scale: half edges, and colors with their opacity.
+    // [scale] half edges, and linear colors with opacity.
     halves: array<vec4<f32>, 16>,
     colors: array<vec4<f32>, 16>,
 }
@@ -16,11 +16,11 @@ struct Line {
 }
 
 @vertex
-fn vertex(@builtin(vertex_index) n: u32, @location(0) center_and_scale: vec4<f32>) -> Line {
-    // Twelve edges of two ends: along axis edge / 4, at the corner edge % 4 of the other two.
-    let edge = n / 2u;
+fn vertex(@builtin(vertex_index) index: u32, @location(0) center_and_scale: vec4<f32>) -> Line {
+    // Twelve edges of two ends. An edge runs along axis edge / 4, at corner edge % 4 of the other two axes.
+    let edge = index / 2u;
     let axis = edge / 4u;
-    let corner = vec3(f32(n % 2u), f32(edge % 2u), f32(edge / 2u % 2u)) * 2.0 - 1.0;
+    let corner = vec3(f32(index % 2u), f32(edge % 2u), f32(edge / 2u % 2u)) * 2.0 - 1.0;
     var turned = corner;
     if axis == 1u {
         turned = corner.zxy;
@@ -28,8 +28,8 @@ fn vertex(@builtin(vertex_index) n: u32, @location(0) center_and_scale: vec4<f32
         turned = corner.yzx;
     }
     let s = u32(center_and_scale.w);
-    let at = center_and_scale.xyz + turned * boxes.halves[s].xyz;
-    return Line(boxes.clip_from_model * vec4(at, 1.0), boxes.colors[s]);
+    let position = center_and_scale.xyz + turned * boxes.halves[s].xyz;
+    return Line(boxes.clip_from_model * vec4(position, 1.0), boxes.colors[s]);
 }
 
 @fragment

@@ -1,46 +1,46 @@
-// Appearance and decoder for a tile of ROWS samples, or of ROWS rays, as matrix products of a tile in workgroup memory with
-// matrices from the scene. Twin: src/field/decoder.rs.
+// Appearance and decoder (spec 4.6, 4.7) for a tile of ROWS samples or ROWS rays, as matrix products of a tile in
+// workgroup memory with matrices from the scene. Twin: src/field/decoder.rs.
 //
-// `tile` holds one quad for four rows: [column][row quad], as `Kept` (the prelude's) holds it. Each product reads all of its
-// input before any of its output is written in its place.
+// `tile` is [column][row quad]: a quad holds four rows, in the prelude's type `Kept`. Products are in place: all input
+// is read before any output is written.
 
 const ROW_QUADS: u32 = ROWS / 4u;
 
 var<workgroup> tile: array<Kept, TILE_QUADS>;
-// [row][scale][neighbor], nearest first; the first of weight 0 ends a list.
-var<workgroup> pairs: array<InterpolationSite, PAIRS>;
-// [row][scale] whether the scale covers the row's sample.
+// [row][scale][neighbor], nearest first; a weight of 0 ends a list.
+var<workgroup> sites: array<InterpolationSite, SITES>;
+// [row][scale] 1 if the scale covers the row's sample, else 0.
 var<workgroup> covering: array<f32, ROWS * SCALES>;
-// [row] the ray it is of, and the sample.
+// [row] its ray, and its sample.
 var<workgroup> tile_rays: array<u32, ROWS>;
 var<workgroup> tile_rows: array<u32, ROWS>;
 // [row quad] Σ w of the samples so far.
 var<workgroup> tile_weights: array<vec4<f32>, ROW_QUADS>;
-// [channel][row quad] what samples add to their ray's color.
+// [channel][row quad] the samples' own colors before the sigmoid.
 var<workgroup> own_colors: array<vec4<f32>, OWN_COLOR_QUADS>;
-// The most samples that a ray of the tile has.
+// The largest number of shaded samples of a ray of the tile.
 var<workgroup> longest: u32;
 
 const NONE: u32 = 0xffffffffu;
 
-// Finds the neighbors of the tile's samples, a lane a scale of a sample.
-fn find_pairs(lane: u32) {
+// Finds the neighbors of the tile's samples, one lane per scale of a sample.
+fn find_sites(lane: u32) {
     for (var item = lane; item < ROWS * SCALES; item += LANES) {
         let r = item / SCALES;
         let s = item % SCALES;
         var nearest: Nearest;
         var position = vec3(0.0);
         if tile_rows[r] != NONE {
-            let n = tile_rays[r];
-            position = rays[n].start + bitcast<f32>(rows[tile_rows[r]].y) * rays[n].direction;
+            let ray = tile_rays[r];
+            position = rays[ray].start + bitcast<f32>(rows[tile_rows[r]].y) * rays[ray].direction;
             nearest = find_nearest(s, position);
         }
         covering[item] = select(0.0, 1.0, nearest.count > 0u);
         for (var k = 0u; k < TOP_K; k += 1u) {
             if k < nearest.count {
-                pairs[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position);
+                sites[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position);
             } else {
-                pairs[item * TOP_K + k].weight = 0.0;
+                sites[item * TOP_K + k].weight = 0.0;
                 break;
             }
         }
@@ -57,23 +57,23 @@ fn components_of(r: u32, component: u32) -> vec4<f32> {
     let q = component - scene.scales[s].first_quad;
     var sum = vec4(0.0);
     for (var k = 0u; k < TOP_K; k += 1u) {
-        let at = pairs[(r * SCALES + s) * TOP_K + k];
-        if at.weight == 0.0 {
+        let site = sites[(r * SCALES + s) * TOP_K + k];
+        if site.weight == 0.0 {
             break;
         }
-        sum += product(scene.scales[s].appearance, quads, q, at);
+        sum += product(scene.scales[s].appearance, quads, q, site);
     }
     if APPEARANCE_IS_MEAN {
         var scales = 0.0;
-        for (var n = 0u; n < SCALES; n += 1u) {
-            scales += covering[r * SCALES + n];
+        for (var i = 0u; i < SCALES; i += 1u) {
+            scales += covering[r * SCALES + i];
         }
         sum /= max(scales, 1.0);
     }
     return sum;
 }
 
-// The same of four rows, as four columns of the tile.
+// Four aggregated appearance components of four rows, as four columns of the tile.
 fn columns_of(item: u32) -> mat4x4<f32> {
     let first = item % ROW_QUADS * 4u;
     let component = item / ROW_QUADS;
@@ -89,6 +89,7 @@ fn columns_of(item: u32) -> mat4x4<f32> {
 const COMPONENT_ITEMS: u32 = COMPONENT_QUADS * ROW_QUADS;
 const COMPONENT_ITEMS_PER_LANE: u32 = (COMPONENT_ITEMS + LANES - 1u) / LANES;
 
+// Writes four columns of four rows to the tile.
 fn put_columns(item: u32, columns: mat4x4<f32>) {
     let component = item / ROW_QUADS;
     let q = item % ROW_QUADS;
@@ -97,13 +98,13 @@ fn put_columns(item: u32, columns: mat4x4<f32>) {
     }
 }
 
-// Four outputs of four rows, as four columns: the tile's first `inputs` columns times a matrix that begins at quad `first`.
+// Four outputs of four rows, as four columns: the tile's first `inputs` columns times the matrix at quad `first`.
 fn product_of(item: u32, inputs: u32, output_quads: u32, first: u32) -> mat4x4<f32> {
     let o = item % output_quads;
     let q = item / output_quads;
     var sums = mat4x4<f32>();
     for (var i = 0u; i < inputs; i += 1u) {
-        let weights = numbers(first + i * output_quads + o);
+        let weights = floats(first + i * output_quads + o);
         let values = vec4<f32>(tile[i * ROW_QUADS + q]);
         sums[0] += weights.x * values;
         sums[1] += weights.y * values;
@@ -117,27 +118,28 @@ fn product_of(item: u32, inputs: u32, output_quads: u32, first: u32) -> mat4x4<f
 const PRODUCT_ITEMS_PER_LANE: u32 = (OUTPUT_QUADS * ROW_QUADS + LANES - 1u) / LANES;
 const NO_BIAS: u32 = 0xffffffffu;
 
-// A product in place of its input; with a bias, and negative outputs 0 where `is_rectified`.
+// Replaces the tile's columns by their product with the matrix at quad `first`, plus a bias, rectified if
+// `is_rectified`.
 fn multiply(lane: u32, inputs: u32, output_quads: u32, first: u32, bias: u32, is_rectified: bool) {
     var sums: array<mat4x4<f32>, PRODUCT_ITEMS_PER_LANE>;
     let items = output_quads * ROW_QUADS;
-    for (var n = 0u; n < PRODUCT_ITEMS_PER_LANE; n += 1u) {
-        let item = n * LANES + lane;
+    for (var i = 0u; i < PRODUCT_ITEMS_PER_LANE; i += 1u) {
+        let item = i * LANES + lane;
         if item < items {
-            sums[n] = product_of(item, inputs, output_quads, first);
+            sums[i] = product_of(item, inputs, output_quads, first);
         }
     }
     workgroupBarrier();
-    for (var n = 0u; n < PRODUCT_ITEMS_PER_LANE; n += 1u) {
-        let item = n * LANES + lane;
+    for (var i = 0u; i < PRODUCT_ITEMS_PER_LANE; i += 1u) {
+        let item = i * LANES + lane;
         if item < items {
             let o = item % output_quads;
             var added = vec4(0.0);
             if bias != NO_BIAS {
-                added = numbers(bias + o);
+                added = floats(bias + o);
             }
             for (var c = 0u; c < 4u; c += 1u) {
-                let sum = sums[n][c] + added[c];
+                let sum = sums[i][c] + added[c];
                 tile[(4u * o + c) * ROW_QUADS + item / output_quads] = kept(select(sum, max(sum, vec4(0.0)), is_rectified));
             }
         }
@@ -145,20 +147,21 @@ fn multiply(lane: u32, inputs: u32, output_quads: u32, first: u32, bias: u32, is
     workgroupBarrier();
 }
 
-// Samples' components into the tile.
+// Writes the samples' components to the tile.
 fn gather_samples(lane: u32) {
     for (var item = lane; item < COMPONENT_ITEMS; item += LANES) {
         put_columns(item, columns_of(item));
     }
 }
 
-// Rays' composited components, F = Σ w·f / Σ w, into the tile; and what samples add to their ray's color, where they do.
+// Writes the rays' composited components, Σ w·f / Σ w, to the tile and, in mode *residual*, the samples' own colors to
+// their rows.
 fn compose_rays(lane: u32) {
     if lane == 0u {
         longest = 0u;
         for (var r = 0u; r < ROWS; r += 1u) {
             if tile_rays[r] != NONE {
-                longest = max(longest, rays[tile_rays[r]].colored);
+                longest = max(longest, rays[tile_rays[r]].shaded);
             }
         }
     }
@@ -167,15 +170,15 @@ fn compose_rays(lane: u32) {
     }
     var sums: array<mat4x4<f32>, COMPONENT_ITEMS_PER_LANE>;
     let samples = workgroupUniformLoad(&longest);
-    for (var n = 0u; n < samples; n += 1u) {
+    for (var sample = 0u; sample < samples; sample += 1u) {
         if lane < ROWS {
             tile_rows[lane] = NONE;
-            if tile_rays[lane] != NONE && n < rays[tile_rays[lane]].colored {
-                tile_rows[lane] = rays[tile_rays[lane]].first_row + n;
+            if tile_rays[lane] != NONE && sample < rays[tile_rays[lane]].shaded {
+                tile_rows[lane] = rays[tile_rays[lane]].first_row + sample;
             }
         }
         workgroupBarrier();
-        find_pairs(lane);
+        find_sites(lane);
         workgroupBarrier();
         for (var i = 0u; i < COMPONENT_ITEMS_PER_LANE; i += 1u) {
             let item = i * LANES + lane;
@@ -196,7 +199,7 @@ fn compose_rays(lane: u32) {
         workgroupBarrier();
         if SAMPLES_HAVE_COLORS {
             if lane < ROW_QUADS {
-                // The first three features are those of the first quad.
+                // The first three features are in the first quad.
                 let sums = product_of(lane * FEATURE_QUADS, COMPONENTS, FEATURE_QUADS, scene.appearance);
                 for (var c = 0u; c < 3u; c += 1u) {
                     own_colors[c * ROW_QUADS + lane] = sums[c];
@@ -224,7 +227,7 @@ fn compose_rays(lane: u32) {
     }
 }
 
-// The weights of four rows' samples.
+// The weights of the samples of row quad `q`.
 fn weights_of(q: u32) -> vec4<f32> {
     var weights = vec4(0.0);
     for (var r = 0u; r < 4u; r += 1u) {
@@ -236,16 +239,16 @@ fn weights_of(q: u32) -> vec4<f32> {
     return weights;
 }
 
-// Behind the features: directions, PE(features), PE(directions).
+// Writes directions, PE(features) and PE(directions) to the columns after the features.
 fn encode_inputs(lane: u32) {
     for (var item = lane; item < 3u * ROW_QUADS; item += LANES) {
         let axis = item / ROW_QUADS;
         let q = item % ROW_QUADS;
         var values = vec4(0.0);
         for (var r = 0u; r < 4u; r += 1u) {
-            let n = tile_rays[4u * q + r];
-            if n != NONE {
-                values[r] = rays[n].direction[axis];
+            let ray = tile_rays[4u * q + r];
+            if ray != NONE {
+                values[r] = rays[ray].direction[axis];
             }
         }
         tile[(FEATURES + axis) * ROW_QUADS + q] = kept(values);
@@ -257,8 +260,8 @@ fn encode_inputs(lane: u32) {
     workgroupBarrier();
 }
 
-// Writes PE of the `count` columns from `first` on to the columns from `to` on: all sines, then all cosines, frequencies
-// fastest; each frequency by doubling the angle before.
+// Writes PE of the `count` columns from `first` on to the columns from `to` on: all sines, then all cosines,
+// frequencies fastest. Each frequency is computed by doubling the angle of the one before.
 fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
     if frequencies == 0u {
         return;
@@ -282,7 +285,7 @@ fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let first = (group.y * MAX_ACROSS + group.x) * ROWS;
-    let count = select(atomicLoad(&counters.listed), atomicLoad(&counters.rows), DECODES_SAMPLES);
+    let count = select(atomicLoad(&counters.shaded_rays), atomicLoad(&counters.rows), DECODES_SAMPLES);
     if lane < ROWS {
         tile_rays[lane] = NONE;
         tile_rows[lane] = NONE;
@@ -291,13 +294,13 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
                 tile_rows[lane] = first + lane;
                 tile_rays[lane] = rows[first + lane].x;
             } else {
-                tile_rays[lane] = rays[first + lane].listed;
+                tile_rays[lane] = rays[first + lane].compacted_ray;
             }
         }
     }
     workgroupBarrier();
     if DECODES_SAMPLES {
-        find_pairs(lane);
+        find_sites(lane);
         workgroupBarrier();
         gather_samples(lane);
     } else {

@@ -1,6 +1,7 @@
-// Density features. Twin: src/field/march.rs (`Field::density_feature`).
+// Density features (spec 4.5). Twin: src/field/density.rs.
 
 struct Density {
+    // Whether the position is in the model.
     covered: bool,
     feature: f32,
 }
@@ -9,8 +10,8 @@ fn density_feature(position: vec3<f32>) -> Density {
     var found = Density(false, 0.0);
     var covering = 0.0;
     // Fine scales first: they cover least.
-    for (var n = SCALES; n > 0u; n -= 1u) {
-        let s = n - 1u;
+    for (var remaining = SCALES; remaining > 0u; remaining -= 1u) {
+        let s = remaining - 1u;
         let nearest = find_nearest(s, position);
         if nearest.count == 0u {
             if COVERAGE_IS_ALL {
@@ -26,9 +27,9 @@ fn density_feature(position: vec3<f32>) -> Density {
             if k >= nearest.count {
                 break;
             }
-            let at = locate(s, nearest.candidates[k], nearest.weights[k], position);
+            let site = locate(s, nearest.candidates[k], nearest.weights[k], position);
             for (var q = 0u; q < quads; q += 1u) {
-                sum += product(scene.scales[s].density, quads, q, at);
+                sum += product(scene.scales[s].density, quads, q, site);
             }
         }
         found.feature += sum.x + sum.y + sum.z + sum.w;

@@ -1,26 +1,27 @@
-// A picture on a surface: one of the ways to look at it, made as large as its place.
+// Shows a picture on a surface, scaled to its rectangle, as one of several views. Twin: src/player/desktop/memory.rs;
+// the struct's is in src/player/screen.rs.
 
 struct Display {
     // The picture, in pixels.
     picture: vec2<u32>,
-    // Its place on the surface, in the surface's pixels.
+    // Its rectangle on the surface, in the surface's pixels.
     corner: vec2<f32>,
     size: vec2<f32>,
     // 0 color, 1 depth, 2 opacity, 3 normals, 4 samples.
     view: u32,
-    // 1 where the surface expects linear light.
+    // 1 if the surface expects linear light.
     is_linear: u32,
-    // The scene's background, which pixels have been composited on, and the one that is wanted.
+    // The scene's background, on which pixels are composited, and the background to show.
     scene_background: vec3<f32>,
-    // How much of the photograph is seen.
+    // The photograph's opacity.
     photograph_share: f32,
     background: vec3<f32>,
-    // Samples that are white.
+    // The number of samples that is shown as white.
     most_samples: f32,
-    // Depths that are nearest and farthest.
+    // The nearest and the farthest depth.
     depths: vec2<f32>,
     padding: vec2<f32>,
-    // The photograph's corner and size, in parts of the picture's place.
+    // The photograph's corner and size, relative to the picture's rectangle.
     photograph: vec4<f32>,
     // The camera's axes.
     right: vec3<f32>,
@@ -37,18 +38,19 @@ struct Display {
 @group(0) @binding(3) var smooth_sampler: sampler;
 
 @vertex
-fn vertex(@builtin(vertex_index) n: u32) -> @builtin(position) vec4<f32> {
-    // A triangle that covers everything.
-    return vec4(f32(n & 1u) * 4.0 - 1.0, f32(n >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    // One triangle that covers the surface.
+    return vec4(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
+// The index of the pixel at `column` and `row`, clamped to the picture.
 fn texel(column: i32, row: i32) -> u32 {
     let last = vec2<i32>(display.picture) - 1;
     let at = clamp(vec2(column, row), vec2(0), last);
     return u32(at.y) * display.picture.x + u32(at.x);
 }
 
-// The color at `at`, in pixels from the corner, on the background that is wanted.
+// The color at `at`, in pixels from the corner, on the background to show.
 fn color_at(at: vec2<f32>) -> vec3<f32> {
     let corner = floor(at - 0.5);
     let part = at - 0.5 - corner;
@@ -59,6 +61,7 @@ fn color_at(at: vec2<f32>) -> vec3<f32> {
     return color.xyz + (1.0 - color.w) * (display.background - display.scene_background);
 }
 
+// The direction of a code by `coded` in normals.wgsl.
 fn normal_of(code: f32) -> vec3<f32> {
     let steps = u32(code) - 1u;
     let flat = vec2(f32(steps / 2048u), f32(steps % 2048u)) / 2047.0 * 2.0 - 1.0;
@@ -67,12 +70,13 @@ fn normal_of(code: f32) -> vec3<f32> {
     return normalize(vec3(select(flat, (1.0 - abs(flat.yx)) * signs, z < 0.0), z));
 }
 
-// From dark blue over red to white.
+// A color map from dark blue through red to white.
 fn heat(share: f32) -> vec3<f32> {
     let x = clamp(share, 0.0, 1.0);
     return clamp(vec3(2.2 * x, 2.4 * x - 1.0, 0.35 + 1.6 * x * (1.0 - 2.0 * x) + max(4.0 * x - 3.0, 0.0)), vec3(0.0), vec3(1.0));
 }
 
+// sRGB to linear light.
 fn linear_of(color: vec3<f32>) -> vec3<f32> {
     let c = clamp(color, vec3(0.0), vec3(1.0));
     return select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045));
@@ -82,19 +86,19 @@ fn linear_of(color: vec3<f32>) -> vec3<f32> {
 fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let share = (position.xy - display.corner) / display.size;
     let at = share * vec2<f32>(display.picture);
-    let n = 2u * texel(i32(floor(at.x)), i32(floor(at.y)));
+    let first = 2u * texel(i32(floor(at.x)), i32(floor(at.y)));
     var color = vec3(0.0);
     switch display.view {
         case 1u: {
-            let depth = picture[n + 1u].x;
+            let depth = picture[first + 1u].x;
             let nearness = (display.depths.y - depth) / max(display.depths.y - display.depths.x, 1e-6);
-            color = select(vec3(0.0), vec3(mix(0.08, 1.0, clamp(nearness, 0.0, 1.0))), depth > 0.0) * picture[n].w;
+            color = select(vec3(0.0), vec3(mix(0.08, 1.0, clamp(nearness, 0.0, 1.0))), depth > 0.0) * picture[first].w;
         }
         case 2u: {
-            color = vec3(picture[n].w);
+            color = vec3(picture[first].w);
         }
         case 3u: {
-            let code = picture[n + 1u].w;
+            let code = picture[first + 1u].w;
             if code >= 1.0 {
                 let normal = normal_of(code);
                 let seen = vec3(dot(normal, display.right), dot(normal, display.up), dot(normal, display.back));
@@ -102,7 +106,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
             }
         }
         case 4u: {
-            color = heat(picture[n + 1u].y / max(display.most_samples, 1.0));
+            color = heat(picture[first + 1u].y / max(display.most_samples, 1.0));
         }
         default: {
             color = color_at(at);

@@ -1,40 +1,41 @@
-// What the host and the stages share: structs, whose twins are in src/render/gpu/layout.rs, and bindings. Lengths are in model
+// The structs and bindings that the host and the stages share. Twin: src/render/gpu/layout.rs. Lengths are in model
 // units, positions relative to the field's origin.
 
 // One scale of the scene.
 struct Scale {
-    // The grid of candidate lists: its lower corner, cells per unit, cells.
+    // The grid of candidate lists: its lower corner, cells per model unit, number of cells.
     min: vec3<f32>,
     top_k: u32,
     cells_per_unit: vec3<f32>,
-    // Word of the first cell's list.
+    // The word of the first cell's list index.
     lists: u32,
     cells: vec3<u32>,
-    // Word of the first list's first candidate; each list ends where the next one begins.
+    // The word of the first list's first candidate. A list ends where the next one begins.
     starts: u32,
     // Half edges of a tensor.
-    half: vec3<f32>,
-    // Quad of the first candidate: its center, and its tensor's number in the scale.
+    half_edge: vec3<f32>,
+    // The quad of the first candidate: its center, and its tensor's index in the scale.
     candidates: u32,
-    // Cells of a factor per unit, the last cell's number, and a tensor's first row, by axis.
+    // By axis: a tensor's cells per model unit, the index of its last cell, and its first row.
     factor_cells_per_unit: vec3<f32>,
-    // Rows of a tensor.
+    // Number of rows of a tensor.
     rows: u32,
     last_cell: vec3<u32>,
-    // Factor quad of the first tensor's first density component.
+    // The factor quad of the first tensor's first density component.
     density: u32,
     first_row: vec3<u32>,
-    // The same of appearance.
+    // The factor quad of the first tensor's first appearance component.
     appearance: u32,
-    // Components of a row in quads, the last of which may be padded with zeros.
+    // Components of a row in quads, the last one padded with zeros.
     density_quads: u32,
     appearance_quads: u32,
-    // The scale's first appearance component among those of all scales, in quads.
+    // The scale's first appearance component over all scales, in quads.
     first_quad: u32,
     padding: u32,
 }
 
-// A fully connected layer: quads of its weights, [input][output], and of its bias, outputs padded to quads.
+// A fully connected layer: the first quads of its weights, [input][output], and of its bias; outputs are padded to
+// quads.
 struct Layer {
     inputs: u32,
     output_quads: u32,
@@ -42,23 +43,24 @@ struct Layer {
     bias: u32,
 }
 
+// The scene: rules, grid of occupied cells, layers and scales.
 struct Scene {
     bounds_min: vec3<f32>,
     near: f32,
     bounds_max: vec3<f32>,
     far: f32,
     background: vec3<f32>,
-    // How far rounding may move a position.
+    // Bound of the rounding error of positions.
     position_error: f32,
     step: f32,
-    // Of the density feature to the optical depth of a step.
+    // The optical depth of a step is softplus(feature + density_shift)·depth_scale.
     density_shift: f32,
     depth_scale: f32,
     min_weight: f32,
     min_transmittance: f32,
-    // Quads of the appearance matrices, [component][feature], features padded to quads.
+    // The first quad of the appearance matrices, [component][feature]; features are padded to quads.
     appearance: u32,
-    // The grid of where samples count: words of its bits, and of those of its blocks.
+    // The grid of cells in which samples can count: the first words of its bits and of its blocks' bits.
     grid_words: u32,
     grid_blocks: u32,
     grid_min: vec3<f32>,
@@ -73,54 +75,56 @@ struct Scene {
     scales: array<Scale, SCALES>,
 }
 
-// What changes from one batch of rays to the next.
+// The uniforms of a batch of rays.
 struct Frame {
-    // The camera's place and axes, its focal lengths and principal point in pixels, and the picture's size.
+    // The camera's position and axes, its focal lengths and principal point in pixels, and the picture's size in
+    // pixels.
     position: vec3<f32>,
     width: u32,
     right: vec3<f32>,
     height: u32,
     up: vec3<f32>,
-    // The batch: its first ray, and their number. Rays of a camera are in tiles of TILE² pixels.
+    // The batch: its first ray and the number of rays. Rays of a camera are ordered by tiles of TILE² pixels.
     first_ray: u32,
     back: vec3<f32>,
     ray_count: u32,
     focal: vec2<f32>,
     principal: vec2<f32>,
-    // 1 where rays are given, in the order of pixels, and no camera.
+    // 1 if rays are given, in the order of pixels, instead of a camera.
     rays_are_given: u32,
-    // How much fits: blocks of the pool of slots.
+    // The number of blocks in the pool of slots.
     blocks: u32,
-    // Strides that a ray takes in a pass at most: some devices end loops that run for too long.
+    // The most strides of a ray in a pass: some drivers end long loops.
     strides: u32,
-    // 0, which compilers do not know.
-    zero: u32,
+    // Always 0, but opaque to the compiler: keeps it from reassociating sums.
+    opaque_zero: u32,
 }
 
-// A ray and what became of it.
+// A ray: its span, and the results and the state of its march.
 struct Ray {
-    // Where its first sample is, at this distance; samples are up to `length` behind it.
+    // The position of the first sample, its distance `entry` from the ray's origin, and the length of the samples'
+    // span.
     start: vec3<f32>,
     entry: f32,
     direction: vec3<f32>,
     length: f32,
-    // Of all samples: transmittance behind them, Σ w, Σ w·t.
+    // The transmittance behind the samples so far, their Σ w and Σ w·t.
     transmittance: f32,
     weights: f32,
     distances: f32,
-    // How many were evaluated.
+    // Number of samples evaluated.
     evaluated: u32,
-    // The network's outputs, where it is called once a ray; Σ w of the samples that add color.
+    // The decoder's outputs, if rays are decoded; Σ w of the shaded samples.
     outputs: vec3<f32>,
-    colored_weights: f32,
-    // The samples that add color: their first block, their first row, and their number.
+    shaded_weights: f32,
+    // The shaded samples: their first block, their first row, and their number.
     first_block: u32,
     first_row: u32,
-    colored: u32,
-    // No property of this ray: entry n of the list of rays that have color.
-    listed: u32,
-    // Where the next pass goes on: what rounding has taken from transmittance, Σ w and Σ w·t, the next sample, the last block
-    // and how much of it is used.
+    shaded: u32,
+    // No property of this ray: entry i of the compacted list, the index of the i-th ray with shaded samples.
+    compacted_ray: u32,
+    // The state from which the next pass resumes: the compensations of transmittance, Σ w and Σ w·t, the index of the
+    // next sample, the last block and the number of its used slots.
     lost: vec3<f32>,
     next: u32,
     block: u32,
@@ -129,47 +133,49 @@ struct Ray {
     padding1: u32,
 }
 
+// Lengths of the batch's lists.
 struct Counters {
-    // Blocks that were taken from the pool, also past its end.
+    // Blocks requested from the pool, including those beyond its end.
     blocks: atomic<u32>,
     rows: atomic<u32>,
-    listed: atomic<u32>,
-    // Rays that wait for another pass of marching.
+    // Rays with shaded samples.
+    shaded_rays: atomic<u32>,
+    // Rays that need another pass of marching.
     unfinished: atomic<u32>,
 }
 
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var<uniform> frame: Frame;
 @group(0) @binding(2) var<storage, read_write> rays: array<Ray>;
-// Blocks of SLOTS: (number of the next block, 0), then samples' (distance, weight).
+// Blocks of SLOTS slots: (number of the next block, 0), then (distance, weight) of each shaded sample.
 @group(0) @binding(3) var<storage, read_write> slots: array<vec2<u32>>;
-// Samples that add color: (their ray, their distance behind its first sample, 0, weight); once they are decoded, (color,
-// weight), where the color may be what they add to their ray's before the sigmoid.
+// Shaded samples: (ray, distance behind the ray's first sample, 0, weight). After the decoder: (color, weight). In mode
+// *residual* the color is the sample's term before the sigmoid.
 @group(0) @binding(4) var<storage, read_write> rows: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> counters: Counters;
-// Workgroups of the decoder.
+// The decoder's indirect dispatch.
 @group(0) @binding(6) var<storage, read_write> workgroups: array<u32>;
-// Two a pixel: (color, opacity), (depth, samples evaluated, samples with color, 0 or a coded normal).
+// Two per pixel: (color, opacity), (depth, samples evaluated, samples shaded, 0 or a coded normal).
 @group(0) @binding(7) var<storage, read_write> pixels: array<vec4<f32>>;
 
-// The picture's column and row of a camera's ray number `n`, tile by tile.
-fn pixel_of(n: u32) -> vec2<u32> {
+// The column and row of the camera's ray `index`, tile by tile.
+fn pixel_of(index: u32) -> vec2<u32> {
     let tiles_across = (frame.width + TILE - 1u) / TILE;
-    let tile = n / (TILE * TILE);
-    let within = n % (TILE * TILE);
+    let tile = index / (TILE * TILE);
+    let within = index % (TILE * TILE);
     return vec2(tile % tiles_across * TILE + within % TILE, tile / tiles_across * TILE + within / TILE);
 }
 
 const NOWHERE: u32 = 0xffffffffu;
 
-// The number of the pixel of the batch's ray `n`; NOWHERE outside the picture.
-fn pixel_number(n: u32) -> u32 {
-    if n >= frame.ray_count {
+// The index of the pixel of the batch's ray `index`; NOWHERE outside the picture.
+fn pixel_index(index: u32) -> u32 {
+    if index >= frame.ray_count {
         return NOWHERE;
     }
     if frame.rays_are_given == 1u {
-        return frame.first_ray + n;
+        return frame.first_ray + index;
     }
-    let pixel = pixel_of(frame.first_ray + n);
+    let pixel = pixel_of(frame.first_ray + index);
     return select(NOWHERE, pixel.y * frame.width + pixel.x, pixel.x < frame.width && pixel.y < frame.height);
 }

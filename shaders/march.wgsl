@@ -1,12 +1,13 @@
-// Marching rays front to back, density only: what samples weigh. Those that add color go to blocks of slots. Twin:
-// src/field/march.rs. A ray that has not come to its end in this pass goes on in the next one.
+// Marching rays front to back, density only (spec 4.8): the samples' weights. Shaded samples go to blocks of slots. A
+// ray that has not ended in this pass resumes in the next one. Twin: src/field/march.rs.
 
-// The next sample of a ray that has come to its end.
+// `Ray::next` of a ray that has ended.
 const FINISHED = 0xffffffffu;
 
-// The same numbers, out of the compiler's sight: it may take (a + b) - a for b, and what rounding took would be lost.
-fn as_is(values: vec2<f32>) -> vec2<f32> {
-    return bitcast<vec2<f32>>(bitcast<vec2<u32>>(values) ^ vec2(frame.zero));
+// `values`, opaque to the compiler, which could otherwise simplify (a + b) - a to b and so remove the compensation of
+// sums.
+fn opaque(values: vec2<f32>) -> vec2<f32> {
+    return bitcast<vec2<f32>>(bitcast<vec2<u32>>(values) ^ vec2(frame.opaque_zero));
 }
 
 @compute @workgroup_size(RAY_LANES)
@@ -18,22 +19,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if ray.next == FINISHED {
         return;
     }
-    var walk = walk_of(ray);
-    let waited = ray.next > 0u;
-    if !waited {
+    var marcher = marcher_of(ray);
+    let was_unfinished = ray.next > 0u;
+    if !was_unfinished {
         ray.transmittance = 1.0;
         ray.used = SLOTS;
     }
-    // What rounding has taken too much from the transmittance: many faint samples must not be lost.
+    // Kahan compensation of the transmittance, without which faint samples would be lost.
     var lost = ray.lost.x;
-    // The same of Σ w and Σ w·t.
+    // Kahan compensation of Σ w and Σ w·t.
     var sums_lost = ray.lost.yz;
-    // Blocks count from 1, so that 0 is none.
+    // Blocks are numbered from 1; 0 is no block.
     var block = ray.block;
     var used = ray.used;
     var is_finished = false;
     loop {
-        let distance = advance(&walk);
+        let distance = advance(&marcher);
         if distance < 0.0 {
             is_finished = distance == NO_SAMPLE;
             break;
@@ -46,12 +47,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let alpha = opacity_of(softplus(density.feature + scene.density_shift) * scene.depth_scale);
         let weight = ray.transmittance * alpha;
         let change = -weight - lost;
-        let after = as_is(vec2(ray.transmittance + change)).x;
+        let after = opaque(vec2(ray.transmittance + change)).x;
         lost = (after - ray.transmittance) - change;
         ray.transmittance = max(after, 0.0);
         let sums = vec2(ray.weights, ray.distances);
         let added = weight * vec2(1.0, ray.entry + distance) - sums_lost;
-        let sums_after = as_is(sums + added);
+        let sums_after = opaque(sums + added);
         sums_lost = (sums_after - sums) - added;
         ray.weights = sums_after.x;
         ray.distances = sums_after.y;
@@ -59,7 +60,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             if used == SLOTS {
                 let taken = atomicAdd(&counters.blocks, 1u) + 1u;
                 if taken > frame.blocks {
-                    // The host sees from the counter that the batch has to be done again in parts.
+                    // The pool is full. The host reads the counter and repeats the batch in parts.
                     is_finished = true;
                     break;
                 }
@@ -73,8 +74,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             slots[(block - 1u) * SLOTS + used] = vec2(bitcast<u32>(distance), bitcast<u32>(weight));
             used += 1u;
-            ray.colored += 1u;
-            ray.colored_weights += weight;
+            ray.shaded += 1u;
+            ray.shaded_weights += weight;
         }
         if ray.transmittance < scene.min_transmittance {
             is_finished = true;
@@ -82,16 +83,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if is_finished {
-        if waited {
+        if was_unfinished {
             atomicSub(&counters.unfinished, 1u);
         }
         ray.next = FINISHED;
     } else {
-        if !waited {
+        if !was_unfinished {
             atomicAdd(&counters.unfinished, 1u);
         }
         ray.lost = vec3(lost, sums_lost);
-        ray.next = walk.next;
+        ray.next = marcher.next;
         ray.block = block;
         ray.used = used;
     }

@@ -1,37 +1,38 @@
-// Finding the tensors that a sample aggregates. Twin: src/field/neighbors.rs.
+// Neighbors of a sample and their weights (spec 4.1, 4.2, 4.4). Twin: src/field/neighbors.rs.
 
 const FAR: f32 = 3e38;
 
-// The nearest covering tensors of one scale, nearest first.
+// The neighbors in one scale, nearest first.
 struct Nearest {
     count: u32,
-    // Quads of the candidates.
+    // The quads of the tensors in the candidate list.
     candidates: array<u32, TOP_K>,
     weights: array<f32, TOP_K>,
 }
 
+// The neighbors of `position` in scale `s`.
 fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
     let last = vec3<i32>(scene.scales[s].cells) - 1;
     let at = (position - scene.scales[s].min) * scene.scales[s].cells_per_unit;
-    // No box contains a point beyond all cells.
+    // No box contains a point outside the grid, so any cell will do for it.
     let cell = vec3<u32>(clamp(vec3<i32>(floor(at)), vec3(0), last));
     let sizes = scene.scales[s].cells;
     let list = word(scene.scales[s].lists + (cell.z * sizes.y + cell.y) * sizes.x + cell.x);
     let first = word(scene.scales[s].starts + list);
     let end = word(scene.scales[s].starts + list + 1u);
-    let half = scene.scales[s].half;
+    let half_edge = scene.scales[s].half_edge;
 
     var found: Nearest;
     for (var k = 0u; k < TOP_K; k += 1u) {
         found.weights[k] = FAR;
     }
-    for (var n = first; n < end; n += 1u) {
-        let candidate = scene.scales[s].candidates + n;
+    for (var i = first; i < end; i += 1u) {
+        let candidate = scene.scales[s].candidates + i;
         let offset = position - bitcast<vec3<f32>>(quad(candidate).xyz);
-        if any(abs(offset) > half) {
+        if any(abs(offset) > half_edge) {
             continue;
         }
-        // Tensors ascend, so a tie leaves the smaller center in front.
+        // Candidates ascend, so of equally near tensors the first remains in front.
         var square = dot(offset, offset);
         var moved = candidate;
         var inserted = false;
@@ -53,7 +54,7 @@ fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
     return found;
 }
 
-// Squared distances, nearest first, to weights.
+// Turns squared distances, nearest first, into weights (spec 4.4).
 fn weigh(found: ptr<function, Nearest>) {
     let nearest = (*found).weights[0];
     var sum = 0.0;
@@ -66,7 +67,7 @@ fn weigh(found: ptr<function, Nearest>) {
             } else if nearest > 0.0 {
                 weight = sqrt(nearest / square);
             } else {
-                // The limit at a center: that tensor alone counts.
+                // At a center, that tensor alone has a weight.
                 weight = select(0.0, 1.0, k == 0u);
             }
         }

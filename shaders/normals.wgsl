@@ -1,6 +1,7 @@
-// Normals from density: against its gradient, at the ray's expected depth.
+// Normals: the direction against the density's gradient, at the ray's expected depth. Twin: src/render/cpu.rs
+// (`normal_at`).
 
-// A direction as a whole number from 1 to 2²² by octahedral coordinates; display.wgsl has the way back.
+// A direction as an integer from 1 to 2²², by octahedral coordinates. `normal_of` in display.wgsl is the inverse.
 fn coded(direction: vec3<f32>) -> f32 {
     let flat = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
     let signs = select(vec2(-1.0), vec2(1.0), flat >= vec2(0.0));
@@ -16,12 +17,12 @@ fn density_at(position: vec3<f32>) -> f32 {
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let n = pixel_number(id.x);
-    if n == NOWHERE {
+    let pixel = pixel_index(id.x);
+    if pixel == NOWHERE {
         return;
     }
     let ray = rays[id.x];
-    // Where little was met there is no surface.
+    // A ray that lets half of the light pass has no surface.
     if ray.transmittance > 0.5 || !(ray.weights > 0.0) {
         return;
     }
@@ -35,6 +36,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let length = length(gradient);
     if length > 0.0 {
-        pixels[2u * n + 1u].w = coded(-gradient / length);
+        pixels[2u * pixel + 1u].w = coded(-gradient / length);
     }
 }

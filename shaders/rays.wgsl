@@ -1,4 +1,5 @@
-// The camera's rays: where their samples begin and end. Twin: src/geometry/camera.rs, src/geometry/aabb.rs.
+// The camera's rays, and the distances at which they enter and leave the bounds (spec 4.8). Twins:
+// src/geometry/camera.rs, src/geometry/aabb.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -9,7 +10,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let point = (vec2<f32>(pixel) + 0.5 - frame.principal) / frame.focal;
     let direction = normalize(point.x * frame.right - point.y * frame.up - frame.back);
 
-    // Parallel to a slab: inside it everywhere or nowhere.
+    // A ray parallel to a slab lies inside it everywhere or nowhere.
     let parallel = direction == vec3(0.0);
     let outside = (frame.position < scene.bounds_min) | (frame.position > scene.bounds_max);
     let divisor = select(direction, vec3(1.0), parallel);

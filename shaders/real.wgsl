@@ -1,9 +1,9 @@
-// Functions of numbers: accurate everywhere, which WGSL's own are not asked to be. Twin: src/field/real.rs.
+// Functions that are accurate for all arguments, which WGSL does not require of its own. Twin: src/field/real.rs.
 
 // ln(1 + exp(x))
 fn softplus(x: f32) -> f32 {
     let e = exp(-min(abs(x), 80.0));
-    // ln(1 + e) by its series where 1 + e has lost e's digits.
+    // For small e, ln(1 + e) by its series, because 1 + e loses the digits of e.
     let above = select(log(1.0 + e), e * (1.0 - e * (0.5 - e / 3.0)), e < 0.01);
     return max(x, 0.0) + above;
 }
@@ -23,11 +23,11 @@ struct SineCosine {
     cosine: vec4<f32>,
 }
 
-// By quarter turns and polynomials on ±π/4.
+// Sine and cosine by reduction to quarter turns and polynomials on ±π/4.
 fn sine_cosine(x: vec4<f32>) -> SineCosine {
     let turns = round(x * 0.63661977);
-    // π/2 in three parts, the first two of few bits.
-    // Of very large numbers the remainder is meaningless; it stays within bounds all the same.
+    // π/2 is subtracted in three parts, the first two of few bits. The remainder of a very large x is meaningless; the
+    // clamp keeps it bounded.
     let r = clamp(((x - turns * 1.5703125) - turns * 4.837512969970703e-4) - turns * 7.549789948768648e-8, vec4(-1.0), vec4(1.0));
     let s = r * r;
     let sine = r + r * s * (-0.16666655 + s * (8.3321609e-3 - s * 1.9515296e-4));

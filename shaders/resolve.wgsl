@@ -1,15 +1,16 @@
-// From samples' colors to pixels. Twin: src/field/decoder.rs (`Activations::pixel`), src/render/cpu.rs.
+// Compositing: from colors of samples or rays to pixels (spec 4.8). Twins: src/field/decoder.rs (`Activations::pixel`),
+// src/render/cpu.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let n = pixel_number(id.x);
-    if n == NOWHERE {
+    let pixel = pixel_index(id.x);
+    if pixel == NOWHERE {
         return;
     }
     let ray = rays[id.x];
     var color = ray.transmittance * scene.background;
     if DECODES_SAMPLES || SAMPLES_HAVE_COLORS {
-        for (var i = 0u; i < ray.colored; i += 1u) {
+        for (var i = 0u; i < ray.shaded; i += 1u) {
             let row = bitcast<vec4<f32>>(rows[ray.first_row + i]);
             if DECODES_SAMPLES {
                 color += row.w * row.xyz;
@@ -17,10 +18,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 color += row.w * sigmoid(ray.outputs + row.xyz);
             }
         }
-    } else if ray.colored > 0u {
-        color += ray.colored_weights * sigmoid(ray.outputs);
+    } else if ray.shaded > 0u {
+        color += ray.shaded_weights * sigmoid(ray.outputs);
     }
     let depth = select(0.0, ray.distances / ray.weights, ray.weights > 0.0);
-    pixels[2u * n] = vec4(color, 1.0 - ray.transmittance);
-    pixels[2u * n + 1u] = vec4(depth, f32(ray.evaluated), f32(ray.colored), 0.0);
+    pixels[2u * pixel] = vec4(color, 1.0 - ray.transmittance);
+    pixels[2u * pixel + 1u] = vec4(depth, f32(ray.evaluated), f32(ray.shaded), 0.0);
 }

@@ -1,4 +1,4 @@
-//! What each approximation of the fast renderer does: nothing at its exact value, something at a strong one.
+//! Approximations of the CPU renderer: no change at an option's exact value, a visible one at a strong value.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -12,7 +12,7 @@ fn scene() -> Scene {
     scenes::scene(&TrainConfig { factor_deviation: 0.8, ..scenes::config() })
 }
 
-/// Its size is no multiple of a tile's.
+/// Its size is not a multiple of the tile size.
 fn camera() -> Camera {
     Camera { width: 45, height: 39, ..scenes::camera(42, 0.7) }
 }
@@ -86,7 +86,7 @@ fn a_strong_option_shows() {
 
 #[test]
 fn longer_steps_keep_the_opacity() {
-    // A mean over the picture, so that what longer steps miss at one edge they meet at another.
+    // The mean over the picture, in which errors at opposite edges cancel.
     let scene = scene();
     let mean = |approximation| {
         let picture = picture(&scene, approximation);
@@ -127,7 +127,7 @@ fn everywhere(bounds: Aabb) -> Occupancy {
 }
 
 #[test]
-fn the_density_cache_says_what_it_takes() {
+fn the_density_cache_reports_its_bytes() {
     let bytes = |cells| {
         let option = Approximation { density_cache: Some(cells), ..EXACT };
         CpuRenderer::<f32>::with_approximation(scene(), &option).unwrap().density_cache_bytes().unwrap()
@@ -183,7 +183,7 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_picture_is_what_its_rays_see() {
+fn a_picture_has_the_pixels_of_its_rays() {
     let renderer = CpuRenderer::new(&scene());
     let (camera, picture) = (camera(), renderer.render(&camera()));
     for (row, column) in [(0, 0), (20, 17), (38, 44), (15, 16), (16, 15), (25, 31)] {

@@ -98,7 +98,7 @@ fn what_is_no_camera_path_is_3_and_names_file_and_place() {
         failure(&render(folder.path(), Path::new(""), &["--path", "flight.json"]), code)
     };
     for (text, expected) in [
-        ("{", "flight.json: expected a camera path's JSON, found: EOF while parsing an object at line 1 column 1"),
+        ("{", "flight.json: not the JSON of a camera path: EOF while parsing an object at line 1 column 1"),
         (&keyframes(&[]), "flight.json: keyframes: expected at least one, found none"),
         (
             &keyframes(&[(1.0, [3.0, 0.0, 1.0]), (0.0, [0.0, 3.0, 1.0])]),

@@ -1,12 +1,13 @@
-//! Where samples can count, as one bit a cell and one a block of cells: for looking up, and for skipping what is empty.
+//! Cells in which samples can count (spec 4.8), one bit per cell and one per block of cells: for lookup and for
+//! empty-space skipping. Twin: `shaders/cells.wgsl`.
 
 use glam::{DVec3, UVec3};
 
 use super::{CellIndex, Real};
 use crate::model::Occupancy;
 
-/// For an occupancy, the decision of [`Occupancy::contains`] for points inside cells; on a face it is that of the cell
-/// beyond it.
+/// A bit grid over cells. For an occupancy it decides as [`Occupancy::contains`] for points inside cells; a point on a
+/// face belongs to the cell beyond the face.
 #[derive(Clone, Debug)]
 pub struct OccupancyCells<T> {
     pub(crate) min: [T; 3],
@@ -14,7 +15,7 @@ pub struct OccupancyCells<T> {
     cell_size: [T; 3],
     pub(crate) cells: [i32; 3],
     pub(crate) words: Vec<u64>,
-    /// One bit a block of cells, 8 wide: small enough for the fastest cache, where most answers come from.
+    /// One bit per block of 8³ cells: small enough for the first-level cache, and enough for most lookups.
     pub(crate) blocks: [i32; 3],
     pub(crate) block_words: Vec<u64>,
 }
@@ -22,17 +23,17 @@ pub struct OccupancyCells<T> {
 /// Cells along a block's edge, as a shift.
 pub(crate) const BLOCK_SHIFT: i32 = 3;
 
-/// What a position's empty_span are.
+/// A span of a ray over which occupancy does not change.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Surroundings<T> {
-    /// Whether samples there count.
+pub(super) struct Span<T> {
+    /// Whether samples in it count.
     pub(super) occupied: bool,
-    /// How far along the ray, in model units, that stays so; approximate.
+    /// Its approximate length along the ray, in model units.
     pub(super) distance: T,
 }
 
 impl<T: Real> OccupancyCells<T> {
-    /// Prepares `occupancy` for positions relative to `origin`. A cell counts where any of its corners is set.
+    /// Prepares `occupancy` for positions relative to `origin`. A cell is set if any of its corners is.
     pub fn new(occupancy: &Occupancy, origin: DVec3) -> Self {
         let cells = occupancy.vertices - 1;
         let mut grid = Self::empty(
@@ -54,15 +55,15 @@ impl<T: Real> OccupancyCells<T> {
         grid
     }
 
-    /// The cells that any tensor of `index` reaches into; those at the grid's border also stand for what is beyond it, so
-    /// that rounding cannot take a point on its outermost faces out of it.
-    pub(super) fn of_index(index: &CellIndex<T>) -> Self {
+    /// The cells that any tensor of `index` reaches into. The grid is padded by a copy of its border, so that rounding
+    /// cannot move a point on its outermost faces out of it.
+    pub(super) fn from_index(index: &CellIndex<T>) -> Self {
         let (min, cells_per_unit, cells) = index.grid();
         let padded_min = [0, 1, 2].map(|a| min[a] - T::one() / cells_per_unit[a]);
         let mut grid = Self::empty(padded_min, cells_per_unit, cells.map(|c| c + 2));
-        for (n, _) in index.covered_cells().enumerate().filter(|c| c.1) {
+        for (cell_index, _) in index.covered_cells().enumerate().filter(|c| c.1) {
             let (row, layer) = (cells[0] as usize, cells[0] as usize * cells[1] as usize);
-            let cell = [n % row, n % layer / row, n / layer];
+            let cell = [cell_index % row, cell_index % layer / row, cell_index / layer];
             let [xs, ys, zs] = [0, 1, 2].map(|a| {
                 let c = cell[a] as i32;
                 let first = if c == 0 { 0 } else { c + 1 };
@@ -104,10 +105,10 @@ impl<T: Real> OccupancyCells<T> {
     /// Whether samples at `position` count.
     #[inline(always)]
     pub fn contains(&self, position: [T; 3]) -> bool {
-        self.look(self.in_cells(position)).is_some_and(|found| found.0)
+        self.lookup(self.in_cells(position)).is_some_and(|found| found.0)
     }
 
-    /// Whether any samples between `min` and `max` count. A little beyond is looked at, too.
+    /// Whether any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
     pub(super) fn any_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         let slack = T::of(0.01);
         let (min, max) = (self.in_cells(min), self.in_cells(max));
@@ -120,12 +121,12 @@ impl<T: Real> OccupancyCells<T> {
         zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| is_set([x, y, z]))))
     }
 
-    /// What is around `position` on a ray whose direction's reciprocal is `inverse`.
+    /// The span from `position` on, along a ray whose direction has the reciprocals `inverse` per axis.
     #[inline(always)]
-    pub(super) fn empty_span(&self, position: [T; 3], inverse: [T; 3]) -> Surroundings<T> {
+    pub(super) fn empty_span(&self, position: [T; 3], inverse: [T; 3]) -> Span<T> {
         let at = self.in_cells(position);
-        let Some((occupied, width)) = self.look(at) else {
-            return Surroundings { occupied: false, distance: T::zero() };
+        let Some((occupied, width)) = self.lookup(at) else {
+            return Span { occupied: false, distance: T::zero() };
         };
         let mut distance = T::infinity();
         for a in 0..3 {
@@ -133,7 +134,7 @@ impl<T: Real> OccupancyCells<T> {
             let face = if inverse[a] > T::zero() { lower + width } else { lower };
             distance = distance.min((T::of_i32(face) - at[a]) * self.cell_size[a] * inverse[a]);
         }
-        Surroundings { occupied, distance }
+        Span { occupied, distance }
     }
 
     #[inline(always)]
@@ -141,9 +142,10 @@ impl<T: Real> OccupancyCells<T> {
         [0, 1, 2].map(|a| (position[a] - self.min[a]) * self.cells_per_unit[a])
     }
 
-    /// Whether the cell counts, and how many cells wide its empty_span are that are the same; `None` outside.
+    /// Whether the cell at `at` is set, and the width in cells of the cube around it that has the same value; `None`
+    /// outside the grid.
     #[inline(always)]
-    fn look(&self, at: [T; 3]) -> Option<(bool, i32)> {
+    fn lookup(&self, at: [T; 3]) -> Option<(bool, i32)> {
         let cell = at.map(T::floor_i32);
         for a in 0..3 {
             if cell[a] < 0 || cell[a] >= self.cells[a] {

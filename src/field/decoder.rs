@@ -1,68 +1,43 @@
-//! Appearance and decoder for many samples at once, as matrix products (DESIGN, sections 2.7 and 2.8).
+//! Appearance and decoder for many samples at once, as matrix products (spec 4.6 and 4.7). Twins:
+//! `shaders/decoder.wgsl`, `shaders/resolve.wgsl`.
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::march::count_contributions;
+use super::samples::count_contributions;
 use super::{Field, InterpolationSite, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
 use crate::geometry::Ray;
-use crate::model::{DecoderMode, Reduction, Scene};
+use crate::model::{DecoderMode, Reduction};
 
-/// A fully connected layer.
-#[derive(Clone, Debug)]
-pub struct Dense<T> {
-    /// Columns.
-    pub inputs: usize,
-    /// Rows.
-    pub outputs: usize,
-    /// \[outputs\]\[inputs\].
-    pub weights: Vec<T>,
-    /// \[outputs\].
-    pub bias: Vec<T>,
-}
-
-/// The appearance matrices and the MLP.
-#[derive(Clone, Debug)]
-pub struct FieldDecoder<T> {
-    /// Where it is called.
-    pub mode: DecoderMode,
-    /// P.
-    pub features: usize,
-    /// \[P\]\[ΣR\]: the scales' matrices side by side.
-    pub appearance: Vec<T>,
-    /// Frequencies of PE(features) and of PE(direction).
-    pub frequencies: [u32; 2],
-    /// First to last.
-    pub layers: Vec<Dense<T>>,
-}
-
-/// What became of the shaded samples of a few rays. A row is a call of the decoder: a shaded sample, or a ray that
-/// has any. A term is a color in a pixel's sum: a row's, or, where samples keep colors of their own, a shaded
-/// sample's. Reused from one batch to the next.
+/// The decoder's activations for a batch of rays. Reused from one batch to the next.
+///
+/// A *row* is one evaluation of the decoder: a shaded sample or, in the modes that decode rays, a ray with shaded
+/// samples. A *term* is a color in a pixel's sum: one per row or, in mode *residual*, one per shaded sample.
 #[derive(Clone, Debug, Default)]
 pub struct Activations<T> {
-    /// The samples that add color.
+    /// The shaded samples.
     pub shaded: ShadedSamples<T>,
-    /// \[shaded\]\[ΣR\] aggregated appearance components, reduced over scales.
+    /// \[shaded\]\[ΣR\] aggregated appearance components, after the reduction over scales.
     pub components: Vec<T>,
-    /// \[shaded\] 1 over the number of covering scales; empty where scales are summed.
+    /// \[shaded\] 1 over the number of covering scales; empty if the appearance reduction is *sum*.
     pub reductions: Vec<T>,
-    /// \[row\]\[ΣR\] the rays' composited components; empty where every sample is decoded.
+    /// \[row\]\[ΣR\] the rays' composited components; empty if samples are decoded.
     pub composites: Vec<T>,
-    /// \[row\] Σ w of the samples that are composited; empty where every sample is decoded.
+    /// \[row\] Σ w of the composited samples; empty if samples are decoded.
     pub composite_weights: Vec<T>,
-    /// \[ray\] its first row, and the number of rows.
+    /// \[ray\] its first row; then the number of rows.
     pub ray_rows: Vec<u32>,
-    /// \[term\] what it weighs in its pixel.
+    /// \[term\] its weight in its pixel.
     pub weights: Vec<T>,
-    /// \[ray\] its first term, and the number of terms.
+    /// \[ray\] its first term; then the number of terms.
     pub ray_terms: Vec<u32>,
-    /// \[layer\]\[row\]\[inputs of that layer\]: the encoded features, then each layer's rectified outputs.
+    /// \[layer\]\[row\]\[input\] the inputs of each layer: the encoded features, then each layer's rectified outputs.
     pub inputs: Vec<Vec<T>>,
-    /// \[term\] colors in [0, 1].
+    /// \[term\] sRGB colors in [0, 1].
     pub colors: Vec<[T; 3]>,
     /// \[row\]\[3\] the last layer's outputs.
     outputs: Vec<T>,
-    /// \[shaded\]\[3\] what samples add to their row's outputs, then the sums; empty where terms are rows.
+    /// \[shaded\]\[3\] the samples' first three features, then their sums with their row's outputs. Mode *residual*
+    /// only.
     own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
@@ -70,7 +45,7 @@ pub struct Activations<T> {
 }
 
 impl<T: Real> Activations<T> {
-    /// \[row\]\[ΣR\] what the appearance matrices are multiplied with.
+    /// \[row\]\[ΣR\] the components that the appearance matrices multiply.
     pub fn decoded_components(&self, mode: DecoderMode) -> &[T] {
         match mode {
             DecoderMode::PerSample => &self.components,
@@ -78,9 +53,9 @@ impl<T: Real> Activations<T> {
         }
     }
 
-    /// How many there are.
+    /// Number of rows.
     pub fn row_count(&self) -> usize {
-        self.ray_rows.last().map_or(0, |&n| n as usize)
+        self.ray_rows.last().map_or(0, |&count| count as usize)
     }
 
     /// The rows of `ray`.
@@ -93,7 +68,7 @@ impl<T: Real> Activations<T> {
         self.ray_terms[ray] as usize..self.ray_terms[ray + 1] as usize
     }
 
-    /// What `ray` sees in front of `behind`.
+    /// The color of `ray`: its terms composited over `behind`.
     #[inline(always)]
     pub fn pixel(&self, ray: usize, behind: [T; 3]) -> [T; 3] {
         let mut color = behind;
@@ -106,40 +81,9 @@ impl<T: Real> Activations<T> {
     }
 }
 
-impl<T: Real> FieldDecoder<T> {
-    /// Prepares `scene`'s appearance matrices and decoder.
-    pub fn new(scene: &Scene) -> Self {
-        let convert = |values: &[f32]| values.iter().map(|&v| T::of_f32(v)).collect::<Vec<T>>();
-        let features = scene.features() as usize;
-        let mut appearance = Vec::new();
-        for p in 0..features {
-            for scale in &scene.scales {
-                let rank = scale.factors.appearance_rank as usize;
-                appearance.extend(convert(&scale.appearance_matrix.weights[p * rank..(p + 1) * rank]));
-            }
-        }
-        let layers = (scene.decoder.layers.iter())
-            .map(|l| Dense {
-                inputs: l.inputs as usize,
-                outputs: l.outputs as usize,
-                weights: convert(&l.weights),
-                bias: convert(&l.bias),
-            })
-            .collect();
-        let frequencies = [scene.decoder.feature_frequencies, scene.decoder.direction_frequencies];
-        Self { mode: scene.decoder.mode, features, appearance, frequencies, layers }
-    }
-
-    /// Where each part of the first layer's input begins: direction, PE(features), PE(direction).
-    pub fn input_parts(&self) -> [usize; 3] {
-        let direction = self.features;
-        let encoded_features = direction + 3;
-        [direction, encoded_features, encoded_features + 2 * self.features * self.frequencies[0] as usize]
-    }
-}
-
-/// Writes PE(`values`): all sines, then all cosines, frequencies fastest; each frequency by doubling the angle before.
-/// `angles` is room for sines and cosines side by side, so that the loop over them vectorizes.
+/// Writes PE(`values`) (spec 4.7): all sines, then all cosines, frequencies fastest. Each frequency is computed by
+/// doubling the angle of the one before. `angles` is scratch for sines and cosines side by side, so that the loop
+/// vectorizes.
 #[inline(always)]
 fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: &mut Vec<T>) {
     let n = values.len();
@@ -160,7 +104,7 @@ fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: 
 }
 
 impl<T: Real> Field<T> {
-    /// Colors of the rows of `activations.shaded`, which is of `samples` of `rays`.
+    /// Computes the colors of `activations.shaded`, which selects from the `samples` of `rays`.
     #[inline(always)]
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
         self.find_shaded_contributions(&activations.shaded.slots, samples);
@@ -177,7 +121,7 @@ impl<T: Real> Field<T> {
         samples.clock.lap(Stage::Decoder);
         let work = &mut samples.clock.work;
         let slots = activations.shaded.slots.iter().map(|&slot| slot as usize);
-        // One march may be decoded in parts.
+        // A march may be decoded in parts, so the counts are added.
         work.add(&Work {
             shaded: activations.shaded.len() as u64,
             shaded_contributions: count_contributions(&samples.contribution_ranges, slots, self.scales.len()),
@@ -186,7 +130,7 @@ impl<T: Real> Field<T> {
         });
     }
 
-    /// Says which rows and terms there are, and what terms weigh.
+    /// Fills rows, terms and the terms' weights.
     #[inline(always)]
     fn compose_rows(&self, rays: usize, activations: &mut Activations<T>) {
         let mode = self.decoder.mode;
@@ -206,7 +150,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Makes a row of every ray that has color: F = Σ w·f / Σ w.
+    /// Composites the components of each ray with shaded samples into a row: Σ w·f / Σ w.
     #[inline(always)]
     fn composite_components(&self, rays: usize, activations: &mut Activations<T>) {
         let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
@@ -221,9 +165,9 @@ impl<T: Real> Field<T> {
                 let first = composites.len();
                 composites.resize(first + width, T::zero());
                 let composite = &mut composites[first..];
-                for c in ray {
-                    let share = shaded.weights[c] / weight;
-                    for (sum, &v) in composite.iter_mut().zip(&components[c * width..][..width]) {
+                for sample in ray {
+                    let share = shaded.weights[sample] / weight;
+                    for (sum, &v) in composite.iter_mut().zip(&components[sample * width..][..width]) {
                         *sum += share * v;
                     }
                 }
@@ -233,7 +177,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Fills the features in the first layer's inputs, and those that are samples' own colors.
+    /// Fills the features in the first layer's inputs and, in mode *residual*, the samples' own colors.
     #[inline(always)]
     fn multiply_appearance(&self, activations: &mut Activations<T>) {
         let decoder = &self.decoder;
@@ -252,39 +196,39 @@ impl<T: Real> Field<T> {
         );
         activations.inputs = all_inputs;
         if decoder.mode == DecoderMode::Residual {
-            let Activations { shaded, components: of_samples, own_colors, .. } = activations;
+            let Activations { shaded, components: sample_components, own_colors, .. } = activations;
             own_colors.resize(shaded.len() * 3, T::zero());
             multiply(
                 MatrixMut::new(own_colors, shaded.len(), 3, 3),
-                Matrix::new(of_samples, shaded.len(), components, components),
+                Matrix::new(sample_components, shaded.len(), components, components),
                 Matrix::new(&decoder.appearance, 3, components, components).transposed(),
                 false,
             );
         }
     }
 
-    /// Fills the rest of the first layer's inputs.
+    /// Fills direction, PE(features) and PE(direction) in the first layer's inputs.
     #[inline(always)]
     fn encode_inputs(&self, rays: &[Ray], activations: &mut Activations<T>) {
         let decoder = &self.decoder;
         let features = decoder.features;
         let inputs = decoder.layers[0].inputs;
-        let Activations { inputs: all_inputs, ray_rows, direction: direction_row, angles, .. } = activations;
+        let Activations { inputs: all_inputs, ray_rows, direction: encoded_direction, angles, .. } = activations;
         let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
-        direction_row.resize(inputs - encoded_direction_at, T::zero());
+        encoded_direction.resize(inputs - encoded_direction_at, T::zero());
         for (ray, rows) in rays.iter().zip(ray_rows.windows(2)) {
             let direction = ray.direction.to_array().map(T::of);
-            encode(&direction, decoder.frequencies[1] as usize, direction_row, angles);
+            encode(&direction, decoder.frequencies[1] as usize, encoded_direction, angles);
             for row in all_inputs[0][rows[0] as usize * inputs..rows[1] as usize * inputs].chunks_exact_mut(inputs) {
                 row[direction_at..encoded_at].copy_from_slice(&direction);
                 let (values, encoded) = row[..encoded_direction_at].split_at_mut(encoded_at);
                 encode(&values[..features], decoder.frequencies[0] as usize, encoded, angles);
-                row[encoded_direction_at..].copy_from_slice(direction_row);
+                row[encoded_direction_at..].copy_from_slice(encoded_direction);
             }
         }
     }
 
-    /// Fills the inputs of the layers after the first, and `colors`.
+    /// Evaluates the layers: fills the inputs of the layers after the first, and `colors`.
     #[inline(always)]
     fn run_layers(&self, activations: &mut Activations<T>) {
         let n = activations.row_count();
@@ -347,13 +291,13 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
             let slot = slot as usize;
             let mut rest = &mut *row;
             for (s, scale) in field.scales.iter().enumerate() {
-                let (of_scale, after) = rest.split_at_mut(scale.appearance_rank);
+                let (scale_components, after) = rest.split_at_mut(scale.appearance_rank);
                 sites.clear();
-                // Not `extend`: it is compiled for the least instruction set.
+                // Not `extend`: it is not inlined and so compiled for the baseline instruction set.
                 for &contribution in samples.contributions_of(slot, s, scales) {
                     sites.push(scale.locate(contribution, samples.positions[slot]));
                 }
-                scale.appearance_of(simd, sites, of_scale);
+                scale.appearance_of(simd, sites, scale_components);
                 rest = after;
             }
             if field.rules.appearance_reduction == Reduction::Mean {

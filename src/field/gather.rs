@@ -1,36 +1,40 @@
-//! Interpolating factors: sums over neighbors of weight·x·y·z, a register of components at a time.
+//! Interpolation of factors (spec 4.3): sums over neighbors of weight·x·y·z, a register of components at a time.
+//! Twin: `shaders/gather.wgsl`.
 
 use pulp::Simd;
 
 use super::vector::MAX_LANES;
 use super::{Contribution, FieldScale, Real};
 
-/// A contribution, ready for interpolation.
+/// A contribution, prepared for interpolation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InterpolationSite<T> {
-    /// The tensor's number, counted over all scales.
+    /// The tensor's index over all scales.
     pub tensor: u32,
-    /// The lower of two rows on each axis, counted over the scale.
+    /// The lower of the two rows on each axis, an index over the scale's rows.
     pub rows: [u32; 3],
-    /// The fraction of the way to the next row, per axis.
+    /// The fraction of the way to the next row, per axis, in [0, 1].
     pub fractions: [T; 3],
-    /// The contribution's weight.
+    /// The weight w of the tensor in its scale (spec 4.4).
     pub weight: T,
 }
 
 impl<T: Real> FieldScale<T> {
-    /// What interpolating `contribution` at `position` needs.
+    /// The interpolation site of `contribution` at `position`, which is relative to the field's origin.
     #[inline(always)]
     pub fn locate(&self, contribution: Contribution<T>, position: [T; 3]) -> InterpolationSite<T> {
         let tensor = (contribution.tensor - self.first_tensor) as usize;
-        let mut sites =
-            InterpolationSite { tensor: contribution.tensor, weight: contribution.weight, ..InterpolationSite::default() };
+        let mut site = InterpolationSite {
+            tensor: contribution.tensor,
+            weight: contribution.weight,
+            ..InterpolationSite::default()
+        };
         for a in 0..3 {
             let (row, fraction) = self.rows().on_axis(a, position[a] - self.centers[tensor][a]);
-            sites.rows[a] = (tensor * self.rows().count) as u32 + row;
-            sites.fractions[a] = fraction;
+            site.rows[a] = (tensor * self.rows().count) as u32 + row;
+            site.fractions[a] = fraction;
         }
-        sites
+        site
     }
 
     /// Σ over density components and `sites` of weight·x·y·z.
@@ -71,22 +75,22 @@ pub(crate) fn all_but<T: Real, S: Simd>(simd: S, count: usize) -> T::Register<S>
     T::load(simd, &lanes)
 }
 
-/// Cuts `rank` components into registers, the last of which overlaps the one before where they do not divide: the first
-/// component of register number `n`, and how many of its components the register before has too.
+/// Splits `rank` components into registers. If they do not divide evenly, the last register overlaps the one before.
+/// Returns the first component of register `index`, and the number of its components that the register before also has.
 #[inline(always)]
-pub(crate) fn register_at<T: Real, S: Simd>(rank: usize, n: usize) -> (usize, usize) {
-    let first = n * T::lanes::<S>();
-    let at = first.min(rank.saturating_sub(T::lanes::<S>()));
-    (at, first - at)
+pub(crate) fn register_at<T: Real, S: Simd>(rank: usize, index: usize) -> (usize, usize) {
+    let first = index * T::lanes::<S>();
+    let start = first.min(rank.saturating_sub(T::lanes::<S>()));
+    (start, first - start)
 }
 
-/// A register of components, by the shorter way where it is known to be full.
+/// A register of components. `FULL` promises that `values` fill it, which is faster.
 #[inline(always)]
 pub(crate) fn load<T: Real, S: Simd, const FULL: bool>(simd: S, values: &[T]) -> T::Register<S> {
     if FULL { T::load_full(simd, values) } else { T::load(simd, values) }
 }
 
-/// A scale's factors.
+/// A scale's factors of density or appearance.
 struct Rows<'a, T> {
     values: &'a [T],
     rank: usize,
@@ -107,7 +111,7 @@ impl<T: Real> Rows<'_, T> {
             return take(0, 0, a);
         }
         let mut n = 0;
-        // Several at a time share the work on rows and fractions.
+        // Up to three registers share the loads of rows and fractions.
         while n < registers {
             let (first, second, third) = (
                 register_at::<T, S>(self.rank, n),
@@ -145,13 +149,16 @@ impl<T: Real> Rows<'_, T> {
     ) -> [T::Register<S>; N] {
         let rank = self.rank;
         let mut sums = [T::splat(simd, T::zero()); N];
-        for at in sites {
-            let xs = &self.values[at.rows[0] as usize * rank..][..2 * rank];
-            let ys = &self.values[at.rows[1] as usize * rank..][..2 * rank];
-            let zs = &self.values[at.rows[2] as usize * rank..][..2 * rank];
-            let weight = T::splat(simd, at.weight);
-            let fractions =
-                [T::splat(simd, at.fractions[0]), T::splat(simd, at.fractions[1]), T::splat(simd, at.fractions[2])];
+        for site in sites {
+            let xs = &self.values[site.rows[0] as usize * rank..][..2 * rank];
+            let ys = &self.values[site.rows[1] as usize * rank..][..2 * rank];
+            let zs = &self.values[site.rows[2] as usize * rank..][..2 * rank];
+            let weight = T::splat(simd, site.weight);
+            let fractions = [
+                T::splat(simd, site.fractions[0]),
+                T::splat(simd, site.fractions[1]),
+                T::splat(simd, site.fractions[2]),
+            ];
             for n in 0..N {
                 let mut product = weight;
                 for (a, rows) in [xs, ys, zs].into_iter().enumerate() {

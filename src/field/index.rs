@@ -1,4 +1,4 @@
-//! Which tensors may cover a point: a grid of candidate lists over one scale's cloud.
+//! The tensors that may cover a point: a grid of candidate lists over one scale's cloud (spec 4.1).
 
 use std::collections::HashMap;
 
@@ -6,38 +6,40 @@ use glam::DVec3;
 use pulp::Simd;
 
 use super::Real;
-use super::neighbors::Positions;
-use super::vector::{MAX_LANES, floor};
+use super::positions::Positions;
+use super::real::floor;
+use super::vector::MAX_LANES;
 use crate::geometry::Aabb;
 use crate::model::TensorCloud;
 
-/// Candidates that are tested at once. Where tensors reach less than two pitches they are the corners of a lattice cell.
+/// Candidates per block, which are tested together. If edges are shorter than two pitches, the candidates of a cell are
+/// the eight corners of a lattice cell and fit in one block.
 pub(super) const BLOCK: usize = 16;
 
-/// Cells of a grid, at most: 8 bytes each while it is made, and what is in them.
+/// The most cells of a grid. Each takes 8 bytes during construction, plus its list.
 const MAX_CELLS: f64 = 33_554_432.0;
 
-/// Some of a list's tensors, with what testing them needs side by side.
+/// Up to [`BLOCK`] tensors of a list, with their centers by axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CandidateBlock<T> {
-    /// How many.
+    /// Number of tensors.
     pub(super) count: u32,
-    /// \[axis\] centers, relative to the field's origin; at infinity beyond the count.
+    /// \[axis\]\[tensor\] centers, relative to the field's origin; infinite beyond the count.
     pub(super) centers: [[T; BLOCK]; 3],
-    /// Numbers in the scale, ascending.
+    /// Indices of the tensors in the scale, ascending.
     pub(super) tensors: [u32; BLOCK],
 }
 
-/// For each cell of a regular grid, the tensors whose boxes reach into it, ascending. Cells with the same tensors share
-/// a list.
+/// For each cell of a regular grid, the list of tensors whose boxes reach into it, ascending. Cells with the same
+/// tensors share a list.
 #[derive(Clone, Debug)]
 pub struct CellIndex<T> {
     min: [T; 3],
     cells_per_unit: [T; 3],
     cells: [i32; 3],
-    /// \[cell\] its list.
+    /// \[cell\] the index of its list, x fastest.
     lists: Vec<u32>,
-    /// \[list\] where its blocks begin, and the number of blocks. List 0 is empty.
+    /// \[list\] its first block; then the number of blocks. List 0 is empty.
     starts: Vec<u32>,
     blocks: Vec<CandidateBlock<T>>,
 }
@@ -45,9 +47,9 @@ pub struct CellIndex<T> {
 impl<T: Real> CellIndex<T> {
     /// Indexes `cloud`, for positions relative to `origin`.
     ///
-    /// A cell is a sixth of an edge wide: where edges are 1.5 pitches, box faces then fall on cell faces and hardly a
-    /// candidate is listed in vain. In a cloud that is sparse in its bounds cells are wider, so that the grid's size
-    /// stays in proportion to the number of tensors, and so they are where there are very many.
+    /// A cell is a sixth of an edge wide: with edges of 1.5 pitches, box faces then fall on cell faces, and few
+    /// candidates do not cover their cell. Cells are wider in a cloud that is sparse in its bounds, so that the grid's
+    /// size stays in proportion to the number of tensors, and in very large clouds.
     pub fn new(cloud: &TensorCloud, origin: DVec3) -> Self {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
@@ -57,8 +59,8 @@ impl<T: Real> CellIndex<T> {
             width *= 1.25;
         }
         let cells = (bounds.size() / width).ceil().max(DVec3::ONE).as_uvec3();
-        // Rounding in T must not take a point to a cell whose list lacks its tensor: it moves points the further, the more
-        // cells there are.
+        // Rounding in T must not move a point to a cell whose list lacks its tensor. In cells, the rounding error grows
+        // with the number of cells.
         let slack = (1e-3 + 4.0 * T::epsilon().f64() * f64::from(cells.max_element())) * width;
         let (starts, tensors) = tensors_by_cell(cloud, origin + bounds.min, width, cells, slack);
 
@@ -74,17 +76,17 @@ impl<T: Real> CellIndex<T> {
         let mut known = HashMap::from([(&[][..], 0)]);
         for cell in starts.windows(2) {
             let list = &tensors[cell[0] as usize..cell[1] as usize];
-            let number = *known.entry(list).or_insert_with(|| {
+            let list_index = *known.entry(list).or_insert_with(|| {
                 index.blocks.extend(list.chunks(BLOCK).map(|part| block_of(part, &centers)));
                 index.starts.push(index.blocks.len() as u32);
                 index.starts.len() as u32 - 2
             });
-            index.lists.push(number);
+            index.lists.push(list_index);
         }
         index
     }
 
-    /// The list of the cell that `position` is in, or of the nearest one to it: no box contains a point beyond them all.
+    /// The list of the cell of `position`, or of the nearest cell for a point outside the grid, which no box contains.
     #[inline(always)]
     pub(super) fn list_at(&self, position: [T; 3]) -> u32 {
         let cell = [0, 1, 2].map(|a| {
@@ -130,12 +132,12 @@ impl<T: Real> CellIndex<T> {
         &self.blocks[self.starts[list as usize] as usize..self.starts[list as usize + 1] as usize]
     }
 
-    /// The grid: its lower corner relative to the field's origin, cells per unit, and cells, per axis.
+    /// The grid, per axis: the lower corner relative to the field's origin, cells per model unit, number of cells.
     pub(crate) fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
         (self.min, self.cells_per_unit, self.cells)
     }
 
-    /// \[cell\] its list, x fastest.
+    /// \[cell\] the index of its list, x fastest.
     #[cfg(feature = "gpu")]
     pub(crate) fn lists(&self) -> &[u32] {
         &self.lists
@@ -146,12 +148,12 @@ impl<T: Real> CellIndex<T> {
     pub(crate) fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
         (0..self.starts.len() as u32 - 1).map(|list| {
             self.blocks(list).iter().flat_map(|block| {
-                (0..block.count as usize).map(|n| ([0, 1, 2].map(|a| block.centers[a][n]), block.tensors[n]))
+                (0..block.count as usize).map(|l| ([0, 1, 2].map(|a| block.centers[a][l]), block.tensors[l]))
             })
         })
     }
 
-    /// Which cells tensors reach into, x fastest.
+    /// Whether any tensor reaches into each cell, x fastest.
     pub(super) fn covered_cells(&self) -> impl Iterator<Item = bool> {
         self.lists.iter().map(|&list| list != 0)
     }
@@ -160,17 +162,17 @@ impl<T: Real> CellIndex<T> {
 fn block_of<T: Real>(tensors: &[u32], centers: &[[T; 3]]) -> CandidateBlock<T> {
     let mut block =
         CandidateBlock { count: tensors.len() as u32, centers: [[T::infinity(); BLOCK]; 3], tensors: [0; BLOCK] };
-    for (l, &n) in tensors.iter().enumerate() {
+    for (l, &tensor) in tensors.iter().enumerate() {
         for a in 0..3 {
-            block.centers[a][l] = centers[n as usize][a];
+            block.centers[a][l] = centers[tensor as usize][a];
         }
-        block.tensors[l] = n;
+        block.tensors[l] = tensor;
     }
     block
 }
 
-/// \[cell\] where its tensors begin, and their number; and the tensors. `corner` is the grid's lower one; tensors reach
-/// `slack` further than they cover.
+/// \[cell\] the first of its tensors, then the number of tensors; and the tensors. `corner` is the grid's lower corner.
+/// Boxes are grown by `slack`.
 fn tensors_by_cell(
     cloud: &TensorCloud,
     corner: DVec3,
@@ -186,11 +188,14 @@ fn tensors_by_cell(
         })
         .collect();
     let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {
-        for (n, (first, last)) in ranges.iter().enumerate() {
+        for (tensor, (first, last)) in ranges.iter().enumerate() {
             for z in first.z..=last.z {
                 for y in first.y..=last.y {
                     for x in first.x..=last.x {
-                        visit((z as usize * cells.y as usize + y as usize) * cells.x as usize + x as usize, n as u32);
+                        visit(
+                            (z as usize * cells.y as usize + y as usize) * cells.x as usize + x as usize,
+                            tensor as u32,
+                        );
                     }
                 }
             }
@@ -204,8 +209,8 @@ fn tensors_by_cell(
     }
     let mut next = starts.clone();
     let mut tensors = vec![0; starts[cell_count] as usize];
-    for_each_cell(&mut |cell, n| {
-        tensors[next[cell] as usize] = n;
+    for_each_cell(&mut |cell, tensor| {
+        tensors[next[cell] as usize] = tensor;
         next[cell] += 1;
     });
     (starts, tensors)

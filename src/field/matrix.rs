@@ -1,7 +1,7 @@
 //! Dense products through the `gemm` crate.
 //!
-//! The one file of the crate with `unsafe` code: `gemm` takes pointers and strides; the views below check every
-//! bound before it is called.
+//! The only file of the crate with `unsafe` code: `gemm` takes pointers and strides. The views below check every bound
+//! before the call.
 #![expect(unsafe_code, reason = "`gemm` takes pointers and strides")]
 
 use super::Real;
@@ -25,20 +25,24 @@ pub struct MatrixMut<'a, T> {
     row_stride: usize,
 }
 
-/// Panics unless the last element of such a view lies within `len`.
+/// Panics unless the last element of a view of this shape lies within `len` values.
 fn check_bounds(rows: usize, columns: usize, row_stride: usize, column_stride: usize, len: usize) {
     let end = if rows == 0 || columns == 0 { 0 } else { (rows - 1) * row_stride + (columns - 1) * column_stride + 1 };
     assert!(end <= len, "{rows}×{columns} matrix of strides {row_stride}, {column_stride} in {len} values");
 }
 
 impl<'a, T> Matrix<'a, T> {
-    /// The first `columns` of each row of `row_stride` values.
+    /// A view of the first `columns` of each row of `row_stride` values.
+    ///
+    /// # Panics
+    ///
+    /// If an element of the view lies outside `values`, or rows of a writable view overlap.
     pub fn new(values: &'a [T], rows: usize, columns: usize, row_stride: usize) -> Self {
         check_bounds(rows, columns, row_stride, 1, values.len());
         Self { values, rows, columns, row_stride, column_stride: 1 }
     }
 
-    /// The same values with rows and columns exchanged.
+    /// The transposed view of the same values.
     pub fn transposed(self) -> Self {
         Self {
             rows: self.columns,
@@ -51,7 +55,11 @@ impl<'a, T> Matrix<'a, T> {
 }
 
 impl<'a, T> MatrixMut<'a, T> {
-    /// The first `columns` of each row of `row_stride` values.
+    /// A view of the first `columns` of each row of `row_stride` values.
+    ///
+    /// # Panics
+    ///
+    /// If an element of the view lies outside `values`, or rows of a writable view overlap.
     pub fn new(values: &'a mut [T], rows: usize, columns: usize, row_stride: usize) -> Self {
         check_bounds(rows, columns, row_stride, 1, values.len());
         assert!(columns <= row_stride || rows <= 1, "rows of {columns} overlap at stride {row_stride}");
@@ -59,50 +67,54 @@ impl<'a, T> MatrixMut<'a, T> {
     }
 }
 
-/// Columns that `gemm` makes at once at most: those of a product in excess of a multiple cost as much as all of them.
+/// The most columns that a `gemm` kernel computes at once. A partial group of columns costs as much as a full one.
 const COLUMNS_AT_ONCE: usize = 16;
 
-/// Terms from which on a product is worth copying for making it faster.
+/// The number of terms per element from which on the transposed product plus a copy is faster.
 const MANY_TERMS: usize = 256;
 
-/// `product` = `left`·`right`, or `product` += `left`·`right` where `accumulate` is set; on this thread, in an order
-/// that depends on the shapes alone.
+/// `product` = `left`·`right`, or `product` += `left`·`right` if `accumulate`. Runs on this thread; the order of the
+/// sums depends on the shapes alone.
+///
+/// # Panics
+///
+/// If the shapes do not agree.
 pub fn multiply<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
     let fits = left.rows == product.rows && right.columns == product.columns && left.columns == right.rows;
     assert!(fits, "the factors' shapes do not agree with the product's");
     if product.rows == 0 || product.columns == 0 {
         return;
     }
-    let fills_better_exchanged = !product.columns.is_multiple_of(COLUMNS_AT_ONCE)
+    let is_faster_transposed = !product.columns.is_multiple_of(COLUMNS_AT_ONCE)
         && product.rows.is_multiple_of(COLUMNS_AT_ONCE)
         && left.columns >= MANY_TERMS.max(product.rows).max(product.columns);
-    if fills_better_exchanged {
-        multiply_exchanged(product, left, right, accumulate);
+    if is_faster_transposed {
+        multiply_transposed(product, left, right, accumulate);
     } else {
         multiply_in_place(product, left, right, accumulate);
     }
 }
 
-/// As [`multiply`], by way of the transposed product, `right`ᵀ·`left`ᵀ.
-fn multiply_exchanged<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
+/// [`multiply`] through the transposed product, `right`ᵀ·`left`ᵀ.
+fn multiply_transposed<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
     let (rows, columns) = (product.rows, product.columns);
-    // At a stride of a power of two, a column would fall on few sets of the cache.
+    // The padding avoids a stride that is a power of two, at which a column falls on few sets of the cache.
     let stride = rows + COLUMNS_AT_ONCE;
-    let mut exchanged = vec![T::zero(); columns * stride];
+    let mut transposed_product = vec![T::zero(); columns * stride];
     multiply_in_place(
-        MatrixMut::new(&mut exchanged, columns, rows, stride),
+        MatrixMut::new(&mut transposed_product, columns, rows, stride),
         right.transposed(),
         left.transposed(),
         false,
     );
     for (i, row) in product.values.chunks_mut(product.row_stride).take(rows).enumerate() {
-        for (to, from) in row[..columns].iter_mut().zip(exchanged.chunks_exact(stride)) {
+        for (to, from) in row[..columns].iter_mut().zip(transposed_product.chunks_exact(stride)) {
             *to = if accumulate { *to + from[i] } else { from[i] };
         }
     }
 }
 
-/// As [`multiply`], for a product that is not empty and factors whose shapes agree with its.
+/// [`multiply`] for a product that is not empty and factors whose shapes agree with it.
 fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
     let fits = left.rows == product.rows && right.columns == product.columns && left.columns == right.rows;
     assert!(fits, "the factors' shapes do not agree with the product's");
@@ -151,8 +163,8 @@ mod tests {
         assert_eq!(product, [18.0, 24.0, 1.0, 40.0, 54.0]);
     }
 
-    /// Compares `rows`×`terms` by `terms`×`columns`, each factor as stored or transposed, with sums in f64, within what
-    /// rounding explains.
+    /// Compares products of `rows`×`terms` by `terms`×`columns`, each factor as stored or transposed, with sums in f64,
+    /// to within the rounding error.
     fn compare<T: Real>(rows: usize, terms: usize, columns: usize) {
         let value = |i: usize| T::of(((i * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5);
         let (left_values, right_values): (Vec<T>, Vec<T>) =
@@ -189,7 +201,7 @@ mod tests {
 
     #[test]
     fn products_of_all_shapes_agree_with_plain_sums() {
-        // The last two are made by way of their transposes.
+        // The last two are computed through their transposes.
         for (rows, terms, columns) in [
             (1, 150, 128),
             (7, 144, 27),

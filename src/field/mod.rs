@@ -1,41 +1,48 @@
-//! The fast field: the same numbers as [`crate::model::ReferenceField`], arranged for speed. Rendering and training on
-//! the CPU share it, generic over the precision: f32 for work, f64 to check the very same code.
+//! The fast field: the function of [`crate::model::ReferenceField`] (spec 4.1 to 4.8), with data arranged for speed.
 //!
-//! Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the origin.
+//! Rendering and training on the CPU share it. It is generic over the precision: f32 for production, f64 to test the
+//! same code. Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the
+//! origin.
 
 mod cells;
+mod compact;
 mod decoder;
+mod decoder_weights;
+mod density;
+mod density_bake;
 mod density_cache;
 mod gather;
 mod index;
 mod march;
 mod matrix;
 mod neighbors;
+mod positions;
 mod ray_marcher;
 mod real;
+mod samples;
 mod scale;
-mod shaded;
 mod stages;
 mod vector;
 
 #[cfg(feature = "gpu")]
 pub(crate) use cells::BLOCK_SHIFT;
 pub use cells::OccupancyCells;
-pub use decoder::{Activations, Dense, FieldDecoder};
+pub use compact::{Roulette, ShadedSamples};
+pub use decoder::Activations;
+pub use decoder_weights::{Dense, FieldDecoder};
 pub use density_cache::DensityCache;
 pub use gather::InterpolationSite;
 #[cfg(feature = "toolkit")]
 pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
-pub use march::Samples;
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use ray_marcher::RayMarcher;
 pub use real::{Real, add_compensated};
+pub use samples::Samples;
 use scale::aligned;
 pub use scale::{Contribution, FieldScale, TensorRows};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
-pub use shaded::{Roulette, ShadedSamples};
 pub use stages::{Stage, StageClock, Work};
 pub use vector::Vector;
 
@@ -45,37 +52,37 @@ use glam::DVec3;
 use crate::geometry::Aabb;
 use crate::model::{Coverage, Rules, Scene};
 
-/// Runs `work` compiled for the best instruction set that this machine has. What `work` calls takes part only where it
-/// is inlined into it.
+/// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
+/// only if they are inlined into `work`.
 #[inline(always)]
 pub fn vectorized<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
-/// A scene's numbers, ready for fast evaluation.
+/// A scene, prepared for fast evaluation.
 #[derive(Clone, Debug)]
 pub struct Field<T> {
-    /// What positions are relative to, in model units.
+    /// The origin of the field's positions, in model space.
     pub origin: DVec3,
-    /// Where rays march, in model units.
+    /// The box that rays march through, in model space.
     pub bounds: Aabb,
-    /// Where rays begin and end, in model units.
+    /// Distances along a ray at which it begins and ends, in model units.
     pub near_far: [f64; 2],
-    /// The rules of the field and the march.
+    /// The rules of the field and the march (spec 4).
     pub rules: Rules,
-    /// The color behind everything.
+    /// The background, sRGB in [0, 1].
     pub background: [T; 3],
-    /// Coarsest first.
+    /// The scales, coarsest first.
     pub scales: Vec<FieldScale<T>>,
-    /// From components to color.
+    /// Appearance matrices and decoder: from appearance components to color.
     pub decoder: FieldDecoder<T>,
-    /// Where samples count.
+    /// The occupied cells, outside of which no sample counts.
     pub occupancy: Option<OccupancyCells<T>>,
-    /// Where there is no occupancy: what the finest scale may cover, if only that counts.
+    /// If there is no occupancy and coverage is *all*: the cells that tensors of the finest scale reach into.
     covered: Option<OccupancyCells<T>>,
-    /// What density features are read from instead of being interpolated from factors, in rendering alone.
+    /// Baked density features, which replace interpolation from factors; for rendering only.
     density_cache: Option<DensityCache<T>>,
-    /// How far rounding may move a position, in model units.
+    /// Bound of the rounding error of positions, in model units.
     position_error: T,
 }
 
@@ -86,8 +93,8 @@ impl<T: Real> Field<T> {
         Self::with_factors(scene, factors.collect())
     }
 
-    /// As [`Field::new`]; each scale's factors are dropped as soon as they are converted, so that hardly more than one
-    /// copy of them is in memory at any time.
+    /// As [`Field::new`], but drops each scale's factors as soon as they are converted, which keeps about one copy of
+    /// them in memory at any time.
     pub fn consuming(mut scene: Scene) -> Self {
         let factors = scene.scales.iter_mut().map(|scale| {
             let factors = &mut scale.factors;
@@ -97,7 +104,7 @@ impl<T: Real> Field<T> {
         Self::with_factors(&scene, factors)
     }
 
-    /// Prepares `scene`, whose factors by scale, density first, are `factors`.
+    /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].
     fn with_factors(scene: &Scene, factors: Vec<[AVec<T>; 2]>) -> Self {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
@@ -109,7 +116,7 @@ impl<T: Real> Field<T> {
             })
             .collect();
         let covered = match (&scene.occupancy, scene.rules.coverage, scales.last()) {
-            (None, Coverage::All, Some(finest)) => Some(OccupancyCells::of_index(finest.index())),
+            (None, Coverage::All, Some(finest)) => Some(OccupancyCells::from_index(finest.index())),
             _ => None,
         };
         let reach = (scene.bounds.size().max_element() + scene.frame.far) * T::epsilon().f64();
@@ -128,12 +135,29 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Outside of which no sample counts, if anything says so.
+    /// `point`, in model space, relative to the field's origin.
+    #[inline(always)]
+    pub fn relative(&self, point: DVec3) -> [T; 3] {
+        (point - self.origin).to_array().map(T::of)
+    }
+
+    /// Whether `position`, relative to the field's origin, is in the model (spec 4.1).
+    #[inline(always)]
+    pub fn covers(&self, position: [T; 3]) -> bool {
+        // Fine scales first: they cover least.
+        let mut scales = self.scales.iter().rev();
+        match self.rules.coverage {
+            Coverage::All => scales.all(|s| s.is_covered(position)),
+            Coverage::Any => scales.any(|s| s.is_covered(position)),
+        }
+    }
+
+    /// The cells outside of which no sample counts, if they are known.
     pub(crate) fn cells(&self) -> Option<&OccupancyCells<T>> {
         self.occupancy.as_ref().or(self.covered.as_ref())
     }
 
-    /// How far rounding may move a position, in model units.
+    /// Bound of the rounding error of positions, in model units.
     #[cfg(feature = "gpu")]
     pub(crate) fn position_error(&self) -> T {
         self.position_error
@@ -144,14 +168,14 @@ impl<T: Real> Field<T> {
         self.scales.iter().map(FieldScale::len).sum()
     }
 
-    /// Bytes of the factors, matrices and networks.
+    /// Bytes of the factors, appearance matrices and decoder layers.
     pub fn parameter_bytes(&self) -> u64 {
         let factors = self.scales.iter().map(|s| s.density.len() + s.appearance.len()).sum::<usize>();
         let layers = self.decoder.layers.iter().map(|l| l.weights.len() + l.bias.len()).sum::<usize>();
         ((factors + layers + self.decoder.appearance.len()) * size_of::<T>()) as u64
     }
 
-    /// ΣR, the appearance components over all scales: a sample's row in the decoder's first product.
+    /// ΣR, the number of appearance components over all scales.
     pub fn component_count(&self) -> usize {
         self.scales.iter().map(|s| s.appearance_rank).sum()
     }

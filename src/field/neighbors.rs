@@ -1,73 +1,33 @@
-//! Finding the tensors that samples aggregate (DESIGN, sections 2.1, 2.2 and 2.4).
+//! Neighbors of samples and their weights (spec 4.1, 4.2, 4.4). Twin: `shaders/neighbors.wgsl`.
 //!
-//! Samples that follow each other on a ray mostly lie in cells with the same candidates. Each candidate is then tested
-//! against all of them at once, a lane a sample.
+//! Consecutive samples of a ray mostly lie in cells with the same candidates. Each candidate is tested against a group
+//! of such samples at once, one lane per sample.
 
 use pulp::Simd;
 
 use super::index::{BLOCK, CandidateBlock};
+use super::positions::Positions;
 use super::vector::MAX_LANES;
 use super::{Contribution, FieldScale, InterpolationSite, Real};
 use crate::model::{Aggregation, MAX_TOP_K};
 
-/// Positions by axis, with room to read a whole register from any of them.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Positions<T> {
-    axes: [Vec<T>; 3],
-    len: usize,
-}
-
-impl<T: Real> Positions<T> {
-    pub(super) fn clear(&mut self) {
-        self.axes.iter_mut().for_each(Vec::clear);
-        self.len = 0;
-    }
-
-    pub(super) fn push(&mut self, position: [T; 3]) {
-        for a in 0..3 {
-            self.axes[a].push(position[a]);
-        }
-        self.len += 1;
-    }
-
-    /// Ends pushing.
-    pub(super) fn pad(&mut self) {
-        self.axes.iter_mut().for_each(|axis| axis.resize(self.len + MAX_LANES, T::zero()));
-    }
-
-    #[inline(always)]
-    pub(super) fn get(&self, n: usize) -> [T; 3] {
-        [self.axes[0][n], self.axes[1][n], self.axes[2][n]]
-    }
-
-    /// The coordinates on axis `a`.
-    #[inline(always)]
-    pub(super) fn axis(&self, a: usize) -> &[T] {
-        &self.axes[a]
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-}
-
-/// Neighbors of samples, and scratch for finding them.
+/// The neighbors found for a batch of samples, and scratch.
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
-    /// What interpolating the contributions needs.
+    /// The interpolation sites of all samples.
     sites: &'a mut Vec<InterpolationSite<T>>,
-    /// \[sample\] where its contributions are in `sites`.
+    /// \[scale × samples + sample\] the sample's range of `sites`.
     ranges: &'a mut Vec<[u32; 2]>,
     covering: Covering<T>,
-    /// \[sample\] the list of its cell.
+    /// \[sample\] the candidate list of its cell.
     lists: Vec<u32>,
 }
 
-/// What is known of the candidates that cover any of a group of samples, a lane a sample.
+/// The candidates that cover any sample of a group, one lane per sample.
 struct Covering<T> {
     count: usize,
     tensors: [u32; BLOCK],
-    /// 0 where the candidate does not count.
+    /// Weights; 0 if the candidate is no neighbor of the lane's sample.
     weights: [[T; MAX_LANES]; BLOCK],
     lowers: [[[T; MAX_LANES]; 3]; BLOCK],
     fractions: [[[T; MAX_LANES]; 3]; BLOCK],
@@ -96,19 +56,20 @@ impl<T: Real> FieldScale<T> {
         self.candidates(position).any(|(_, square)| square.is_finite())
     }
 
-    /// The candidates for `position`, ascending, and the squares of its distances to their centers, infinite where they
-    /// do not cover it.
+    /// The candidates for `position`, ascending, and the squares of its distances to their centers, infinite for
+    /// candidates that do not cover it.
     fn candidates(&self, position: [T; 3]) -> impl Iterator<Item = (u32, T)> {
         self.index().blocks(self.index().list_at(position)).iter().flat_map(move |block| {
             (0..block.count as usize).map(move |l| {
                 let [x, y, z] = [0, 1, 2].map(|a| position[a] - block.centers[a][l]);
-                let covers = x.abs() <= self.half[0] && y.abs() <= self.half[1] && z.abs() <= self.half[2];
+                let covers =
+                    x.abs() <= self.half_edge[0] && y.abs() <= self.half_edge[1] && z.abs() <= self.half_edge[2];
                 (block.tensors[l], if covers { x * x + y * y + z * z } else { T::infinity() })
             })
         })
     }
 
-    /// Appends, for each of `positions`, its `top_k` nearest covering tensors.
+    /// Appends the `top_k` nearest covering tensors of each of `positions`.
     #[inline(always)]
     pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbors<T>) {
         let mut lists = std::mem::take(&mut found.lists);
@@ -117,8 +78,8 @@ impl<T: Real> FieldScale<T> {
         while first < lists.len() {
             let list = lists[first];
             let mut end = first + 1;
-            let most = lists.len().min(first + T::lanes::<S>());
-            while end < most && lists[end] == list {
+            let max_end = lists.len().min(first + T::lanes::<S>());
+            while end < max_end && lists[end] == list {
                 end += 1;
             }
             self.find_of_group(simd, positions, first..end, list, found);
@@ -127,7 +88,7 @@ impl<T: Real> FieldScale<T> {
         found.lists = lists;
     }
 
-    /// [`FieldScale::find_nearest`] for samples in cells with the same `list`, of no more than a register's lanes.
+    /// [`FieldScale::find_nearest`] for a `group` of at most a register's lanes, in cells with the same `list`.
     #[inline(always)]
     fn find_of_group<S: Simd>(
         &self,
@@ -137,22 +98,23 @@ impl<T: Real> FieldScale<T> {
         list: u32,
         found: &mut Neighbors<T>,
     ) {
-        let known = match self.index().blocks(list) {
+        let is_covering_known = match self.index().blocks(list) {
             [block] => self.cover(simd, block, positions, &group, found),
             _ => false,
         };
-        for (lane, n) in group.enumerate() {
+        for (lane, sample) in group.enumerate() {
             let begin = found.sites.len() as u32;
-            if known {
+            if is_covering_known {
                 self.push_lane_sites(&found.covering, lane, found.sites);
             } else {
-                self.nearest_of_any(positions.get(n), found.aggregation, found.sites);
+                self.nearest_of_any(positions.get(sample), found.aggregation, found.sites);
             }
             found.ranges.push([begin, found.sites.len() as u32]);
         }
     }
 
-    /// Finds the candidates of `block` that cover any sample of `group`; false where a sample is at a center.
+    /// Finds the candidates of `block` that cover any sample of `group`, with their weights; false if a sample is at a
+    /// center, which needs another formula.
     #[inline(always)]
     fn cover<S: Simd>(
         &self,
@@ -168,13 +130,13 @@ impl<T: Real> FieldScale<T> {
         let zero = T::splat(simd, T::zero());
         let one = T::splat(simd, T::one());
         let infinity = T::splat(simd, T::infinity());
-        let x = T::load(simd, &positions.axes[0][group.start..]);
-        let y = T::load(simd, &positions.axes[1][group.start..]);
-        let z = T::load(simd, &positions.axes[2][group.start..]);
+        let x = T::load(simd, &positions.axis(0)[group.start..]);
+        let y = T::load(simd, &positions.axis(1)[group.start..]);
+        let z = T::load(simd, &positions.axis(2)[group.start..]);
         let position = [x, y, z];
         let mut in_group = [T::infinity(); MAX_LANES];
         in_group[..group.len()].fill(T::zero());
-        // Lanes without a sample are nowhere.
+        // No candidate covers lanes without a sample.
         let in_group = T::less_or_equal(simd, T::load(simd, &in_group), zero);
 
         let mut squares = [infinity; BLOCK];
@@ -186,7 +148,7 @@ impl<T: Real> FieldScale<T> {
             for a in 0..3 {
                 let offset = T::minus(simd, position[a], T::splat(simd, block.centers[a][c]));
                 square = T::times_plus(simd, offset, offset, square);
-                let within = T::less_or_equal(simd, T::magnitude(simd, offset), T::splat(simd, self.half[a]));
+                let within = T::less_or_equal(simd, T::magnitude(simd, offset), T::splat(simd, self.half_edge[a]));
                 covers = T::both(simd, covers, within);
                 offsets[a] = offset;
             }
@@ -213,28 +175,11 @@ impl<T: Real> FieldScale<T> {
         if fewest < T::zero() {
             self.drop_far::<S>(simd, squares);
         }
-
-        let mut sum = zero;
-        for square in squares.iter_mut() {
-            let root = T::root(simd, *square);
-            *square = match aggregation {
-                Aggregation::Normalized => T::over(simd, one, root),
-                Aggregation::Clamped => T::over(simd, one, T::plus(simd, root, T::splat(simd, T::of(1e-6)))),
-            };
-            sum = T::plus(simd, sum, *square);
-        }
-        let divisor = match aggregation {
-            Aggregation::Normalized => sum,
-            Aggregation::Clamped => T::select(simd, T::less_or_equal(simd, one, sum), sum, one),
-        };
-        let scale = T::over(simd, one, divisor);
-        for (weights, square) in found.weights.iter_mut().zip(squares.iter()) {
-            T::store(simd, weights, T::times(simd, *square, scale));
-        }
+        weigh_lanes(simd, aggregation, squares, &mut found.weights);
         true
     }
 
-    /// Leaves in each lane the `top_k` smallest squares finite; a tie leaves the earlier.
+    /// Sets all but the `top_k` smallest squares of each lane to infinity. Of equal squares the earlier is smaller.
     #[inline(always)]
     fn drop_far<S: Simd>(&self, simd: S, squares: &mut [T::Register<S>]) {
         let one = T::splat(simd, T::one());
@@ -254,7 +199,7 @@ impl<T: Real> FieldScale<T> {
         }
     }
 
-    /// Appends what covers one sample of a group.
+    /// Appends the sites of one sample of a group.
     #[inline(always)]
     fn push_lane_sites(&self, covering: &Covering<T>, lane: usize, sites: &mut Vec<InterpolationSite<T>>) {
         let rows = self.rows();
@@ -274,26 +219,26 @@ impl<T: Real> FieldScale<T> {
         }
     }
 
-    /// Appends the `top_k` nearest of any number of candidates, by insertion; nearest first.
+    /// Appends the `top_k` nearest of any number of candidates, nearest first. By insertion, for single samples.
     #[inline(never)]
     fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, sites: &mut Vec<InterpolationSite<T>>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
         for (tensor, square) in self.candidates(position).filter(|c| c.1.is_finite()) {
-            // Tensors ascend, so a tie leaves the smaller center in front.
-            let mut at = count;
-            while at > 0 && square < values[at - 1] {
-                at -= 1;
+            // Candidates ascend, so of equally near tensors the first remains in front.
+            let mut index = count;
+            while index > 0 && square < values[index - 1] {
+                index -= 1;
             }
-            if at == self.top_k() {
+            if index == self.top_k() {
                 continue;
             }
             count = (count + 1).min(self.top_k());
-            values.copy_within(at..count - 1, at + 1);
-            tensors.copy_within(at..count - 1, at + 1);
-            values[at] = square;
-            tensors[at] = tensor;
+            values.copy_within(index..count - 1, index + 1);
+            tensors.copy_within(index..count - 1, index + 1);
+            values[index] = square;
+            tensors[index] = tensor;
         }
         weigh(aggregation, &mut values[..count]);
         for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
@@ -302,11 +247,40 @@ impl<T: Real> FieldScale<T> {
     }
 }
 
-/// Squared distances, nearest first, to weights (DESIGN, section 2.4).
+/// Turns the squared distances of each lane into `weights` (spec 4.4). Infinite squares have weight 0. Overwrites
+/// `squares`.
+#[inline(always)]
+fn weigh_lanes<T: Real, S: Simd>(
+    simd: S,
+    aggregation: Aggregation,
+    squares: &mut [T::Register<S>],
+    weights: &mut [[T; MAX_LANES]; BLOCK],
+) {
+    let one = T::splat(simd, T::one());
+    let mut sum = T::splat(simd, T::zero());
+    for square in squares.iter_mut() {
+        let root = T::root(simd, *square);
+        *square = match aggregation {
+            Aggregation::Normalized => T::over(simd, one, root),
+            Aggregation::Clamped => T::over(simd, one, T::plus(simd, root, T::splat(simd, T::of(1e-6)))),
+        };
+        sum = T::plus(simd, sum, *square);
+    }
+    let divisor = match aggregation {
+        Aggregation::Normalized => sum,
+        Aggregation::Clamped => T::select(simd, T::less_or_equal(simd, one, sum), sum, one),
+    };
+    let scale = T::over(simd, one, divisor);
+    for (weights, square) in weights.iter_mut().zip(squares.iter()) {
+        T::store(simd, weights, T::times(simd, *square, scale));
+    }
+}
+
+/// Turns squared distances, nearest first, into weights (spec 4.4).
 fn weigh<T: Real>(aggregation: Aggregation, values: &mut [T]) {
     let Some(&nearest) = values.first() else { return };
     match aggregation {
-        // The limit at a center: that tensor alone counts.
+        // At a center, that tensor alone has a weight.
         Aggregation::Normalized if nearest == T::zero() => {
             values.fill(T::zero());
             values[0] = T::one();

@@ -1,27 +1,27 @@
-//! Walking one ray from sample to sample, over what is empty in strides (DESIGN, section 2.9).
+//! Marching one ray from sample to sample with empty-space skipping (spec 4.8). Twin: `shaders/ray_marcher.wgsl`.
 
 use super::{Field, OccupancyCells, Real};
 use crate::geometry::Ray;
 
-/// Where a ray has come to.
+/// The state of one ray's march.
 #[derive(Clone, Copy, Debug)]
 pub struct RayMarcher<T> {
     ray: Ray,
-    /// Distances between which samples are.
+    /// Distances at which the ray enters and leaves the space of its samples.
     span: (f64, f64),
-    /// The next sample.
+    /// The index k of the next sample.
     next: u32,
-    /// How many samples from it on are known to count.
+    /// The number of samples from `next` on that are known to be occupied.
     known: u32,
-    /// 1 over the direction; where that is 0, large.
+    /// 1 over the direction, per axis; 1e30 if the component is 0.
     inverse: [T; 3],
 }
 
-/// What skipping keeps off the faces of cells: a share of a step, so that rounding never skips a sample.
+/// The distance that skipping keeps from the faces of cells, in steps, so that rounding skips no sample that counts.
 const MARGIN: f64 = 0.01;
 
 impl<T: Real> RayMarcher<T> {
-    /// At the first sample of `ray` in `field`.
+    /// A marcher at the first sample of `ray` in `field`.
     #[inline(always)]
     pub fn new(field: &Field<T>, ray: &Ray) -> Self {
         let span = match field.bounds.intersect(ray) {
@@ -32,8 +32,8 @@ impl<T: Real> RayMarcher<T> {
         Self { ray: *ray, span, next: 0, known: 0, inverse }
     }
 
-    /// The next sample that may count: its distance, and its position relative to the field's origin. Where the field
-    /// has an occupancy, samples outside it are passed over; else most of those that nothing covers.
+    /// The next sample that may count: its distance, and its position relative to the field's origin. Skips the samples
+    /// outside the occupancy or, if there is none, most samples that no tensor covers.
     #[inline(always)]
     pub fn advance(&mut self, field: &Field<T>) -> Option<(f64, [T; 3])> {
         loop {
@@ -58,14 +58,14 @@ impl<T: Real> RayMarcher<T> {
         }
     }
 
-    /// How many samples to pass over; or `None`, with `known` set, where samples count.
+    /// The number of samples to skip at `position`; `None`, with `known` set, if the sample there is occupied.
     #[inline(always)]
     fn count_empty(&mut self, field: &Field<T>, cells: &OccupancyCells<T>, position: [T; 3]) -> Option<u32> {
-        let around = cells.empty_span(position, self.inverse);
+        let span = cells.empty_span(position, self.inverse);
         let margin = T::of(MARGIN * field.rules.step) + field.position_error;
-        let steps = (around.distance - margin) * T::of(1.0 / field.rules.step);
+        let steps = (span.distance - margin) * T::of(1.0 / field.rules.step);
         let alike = steps.max(T::zero()).min(T::of(1e6)).floor_i32() as u32 + 1;
-        if around.occupied {
+        if span.occupied {
             self.known = alike;
             return None;
         }

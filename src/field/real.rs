@@ -1,7 +1,9 @@
-//! The two precisions.
+//! The two precisions of the field, f32 and f64, and the functions that its loops evaluate. Twin: `shaders/real.wgsl`.
 
 use std::fmt::Debug;
 use std::iter::Sum;
+
+use pulp::Simd;
 
 use super::Vector;
 
@@ -9,7 +11,7 @@ use super::Vector;
 pub trait Real:
     Vector + num_traits::Float + num_traits::NumAssign + bytemuck::Pod + Debug + Default + Send + Sync + Sum + 'static
 {
-    /// The nearest value to `v`.
+    /// `v`, rounded to the nearest.
     fn of(v: f64) -> Self;
     /// `v`, exactly.
     fn of_f32(v: f32) -> Self;
@@ -17,17 +19,17 @@ pub trait Real:
     fn f64(self) -> f64;
     /// The value rounded to f32.
     fn f32(self) -> f32;
-    /// Rounded towards −∞, for numbers within ±2²²; some number for others.
+    /// Rounded towards −∞, for values within ±2²²; unspecified for others.
     fn floor_i32(self) -> i32;
-    /// The nearest value to `v`.
+    /// `v`, rounded to the nearest.
     fn of_i32(v: i32) -> Self;
-    /// What to add so that the sum is rounded to an integer, which its lowest bits tell.
+    /// A constant whose addition rounds a value to an integer, which the lowest bits of the sum then hold.
     const ROUND: Self;
-    /// The integer in 0..2²² that this is.
+    /// The value as an integer; it must be one in 0..2²².
     fn small_u32(self) -> u32;
-    /// Sine and cosine; cheap enough to be called for every feature of every sample.
+    /// Sine and cosine, fast enough for every feature of every sample.
     fn sine_cosine(self) -> (Self, Self);
-    /// e^x for x ≤ 0; free of branches, as the two below, so that loops over it vectorize.
+    /// e^x for x ≤ 0. Free of branches, like the two functions below, so that loops over it vectorize.
     fn exp_of_negative(self) -> Self;
     /// e^x − 1 for x ≤ 0.
     fn exp_m1_of_negative(self) -> Self;
@@ -125,7 +127,7 @@ impl Real for f32 {
         let turns = shifted - Self::ROUND;
         let quadrant = shifted.to_bits();
         let r = ((self - turns * PARTS[0]) - turns * PARTS[1]) - turns * PARTS[2];
-        // Out of the rounding trick's range the remainder is meaningless; keep the results finite all the same.
+        // For |x| beyond about 2²² the remainder is meaningless; the clamp keeps the results finite.
         let r = r.clamp(-1.0, 1.0);
         let r2 = r * r;
         let sine = r + r * r2 * (-1.0 / 6.0 + r2 * (1.0 / 120.0 + r2 * (-1.0 / 5040.0 + r2 * (1.0 / 362_880.0))));
@@ -163,7 +165,7 @@ impl Real for f32 {
     }
 }
 
-/// 2ⁿ and e^r − 1, where `x` = n·ln 2 + r and |r| is at most half of ln 2; for −88 < `x` ≤ 0, below as at −88.
+/// 2ⁿ and e^r − 1 with `x` = n·ln 2 + r and |r| ≤ ln 2 / 2, for −88 < `x` ≤ 0. Smaller `x` count as −88.
 #[inline(always)]
 fn exponential_parts(x: f32) -> (f32, f32) {
     const LN_2_PARTS: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
@@ -176,13 +178,22 @@ fn exponential_parts(x: f32) -> (f32, f32) {
     (power, r + r * r * (0.5 + r * (1.0 / 6.0 + r * high)))
 }
 
-/// Adds `term` to `sum`, of which rounding has `lost` so far (Kahan).
+/// Adds `term` to `sum` with Kahan's compensation: `lost` is the accumulated rounding error of `sum`.
 #[inline(always)]
 pub fn add_compensated<T: Real>(sum: &mut T, lost: &mut T, term: T) {
     let change = term - *lost;
     let after = *sum + change;
     *lost = (after - *sum) - change;
     *sum = after;
+}
+
+/// ⌊`values`⌋ per lane, for values within ±2²².
+#[inline(always)]
+pub(super) fn floor<T: Real, S: Simd>(simd: S, values: T::Register<S>) -> T::Register<S> {
+    let round = T::splat(simd, T::ROUND);
+    let nearest = T::minus(simd, T::plus(simd, values, round), round);
+    let below = T::minus(simd, nearest, T::splat(simd, T::one()));
+    T::select(simd, T::less_or_equal(simd, nearest, values), nearest, below)
 }
 
 #[cfg(test)]

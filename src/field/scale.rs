@@ -1,42 +1,43 @@
-//! One scale's tensors, and how positions within them become rows of their factors.
+//! One scale's tensors, and the mapping from positions to rows of their factors (spec 4.3).
 
 use glam::DVec3;
 
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
 
-use super::vector::floor;
+use super::real::floor;
 use super::{CellIndex, Real};
 use crate::model::{Factors, Scale};
 
-/// A scale's tensors.
+/// The tensors of a scale.
 #[derive(Clone, Debug)]
 pub struct FieldScale<T> {
-    /// The number of this scale's first tensor, counted over all scales.
+    /// The index of this scale's first tensor over all scales.
     pub first_tensor: u32,
     /// \[tensor\] centers, relative to the field's origin.
     pub centers: Vec<[T; 3]>,
-    /// Half edges.
-    pub half: [T; 3],
+    /// Half edges of the tensors' boxes, in model units.
+    pub half_edge: [T; 3],
     /// Cells along each axis.
     pub resolution: [u32; 3],
-    /// Density components a tensor.
+    /// Density components of a tensor.
     pub density_rank: usize,
-    /// Appearance components a tensor.
+    /// Appearance components of a tensor.
     pub appearance_rank: usize,
-    /// Laid out as [`Factors`]; on a cache line, so that most registers of components are on one, too.
+    /// Density factors, laid out as in [`Factors`] and aligned to a cache line, so that most registers of components
+    /// lie in one line.
     pub density: AVec<T>,
-    /// Laid out as [`Factors`].
+    /// Appearance factors, laid out as in [`Factors`].
     pub appearance: AVec<T>,
     top_k: usize,
     index: CellIndex<T>,
     rows: TensorRows<T>,
 }
 
-/// How a position within a tensor becomes rows of its factors.
+/// The mapping from a position within a tensor to rows of its factors.
 #[derive(Clone, Copy, Debug)]
 pub struct TensorRows<T> {
-    half: [T; 3],
+    half_edge: [T; 3],
     pub(crate) cells_per_unit: [T; 3],
     pub(crate) last_cell: [i32; 3],
     pub(crate) first_row: [usize; 3],
@@ -44,7 +45,7 @@ pub struct TensorRows<T> {
     pub count: usize,
 }
 
-/// Where a position falls: the lower of two rows and the fraction of the way to the next, per axis. Training's alone.
+/// The lower of two rows and the fraction of the way to the next, per axis. Used by training only.
 #[cfg(feature = "toolkit")]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interpolation<T> {
@@ -53,10 +54,10 @@ pub(crate) struct Interpolation<T> {
 }
 
 impl<T: Real> TensorRows<T> {
-    fn new(half: DVec3, resolution: [u32; 3]) -> Self {
+    fn new(half_edge: DVec3, resolution: [u32; 3]) -> Self {
         Self {
-            half: half.to_array().map(T::of),
-            cells_per_unit: [0, 1, 2].map(|a| T::of(f64::from(resolution[a]) / (2.0 * half[a]))),
+            half_edge: half_edge.to_array().map(T::of),
+            cells_per_unit: [0, 1, 2].map(|a| T::of(f64::from(resolution[a]) / (2.0 * half_edge[a]))),
             last_cell: resolution.map(|d| d as i32 - 1),
             first_row: Factors::axis_rows(resolution),
             count: Factors::rows(resolution),
@@ -77,8 +78,8 @@ impl<T: Real> TensorRows<T> {
         self.first_row[a] as u32
     }
 
-    /// The lower of two rows, counted on the axis, and the fraction, for a register of offsets. What does not cover the
-    /// position gets some finite numbers, or none.
+    /// The lower of two rows, an index on the axis, and the fraction, for a register of offsets. Both are meaningless
+    /// in lanes whose tensor does not cover the position.
     #[inline(always)]
     pub(super) fn on_axis_of_many<S: Simd>(
         &self,
@@ -86,27 +87,27 @@ impl<T: Real> TensorRows<T> {
         a: usize,
         offset: T::Register<S>,
     ) -> (T::Register<S>, T::Register<S>) {
-        let half = T::splat(simd, self.half[a]);
-        let u = T::times(simd, T::plus(simd, offset, half), T::splat(simd, self.cells_per_unit[a]));
+        let half_edge = T::splat(simd, self.half_edge[a]);
+        let u = T::times(simd, T::plus(simd, offset, half_edge), T::splat(simd, self.cells_per_unit[a]));
         let lower = T::smaller(simd, floor::<T, S>(simd, u), T::splat(simd, T::of_i32(self.last_cell[a])));
         (lower, T::minus(simd, u, lower))
     }
 
-    /// Row and fraction on axis `a`.
+    /// The lower of two rows on axis `a`, an index in the tensor, and the fraction.
     #[inline(always)]
     pub(super) fn on_axis(&self, a: usize, offset: T) -> (u32, T) {
-        let u = (offset + self.half[a]) * self.cells_per_unit[a];
+        let u = (offset + self.half_edge[a]) * self.cells_per_unit[a];
         let lower = u.floor_i32().clamp(0, self.last_cell[a]);
         (self.first_row[a] as u32 + lower as u32, u - T::of_i32(lower))
     }
 }
 
-/// A tensor that a sample aggregates.
+/// A neighbor of a sample and its weight (spec 4.2, 4.4).
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution<T> {
-    /// Its number, counted over all scales.
+    /// The tensor's index over all scales.
     pub tensor: u32,
-    /// Its weight in its scale.
+    /// The weight w of the tensor in its scale.
     pub weight: T,
 }
 
@@ -116,7 +117,7 @@ pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
     [position[0] - center[0], position[1] - center[1], position[2] - center[2]]
 }
 
-/// `values` in the field's precision, on a cache line.
+/// `values` in the field's precision, aligned to a cache line.
 pub(super) fn aligned<T: Real>(values: &[f32]) -> AVec<T> {
     AVec::from_iter(CACHELINE_ALIGN, values.iter().map(|&v| T::of_f32(v)))
 }
@@ -128,7 +129,7 @@ impl<T: Real> FieldScale<T> {
         Self {
             first_tensor,
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
-            half: scale.cloud.half.to_array().map(T::of),
+            half_edge: scale.cloud.half.to_array().map(T::of),
             resolution: scale.cloud.resolution,
             density_rank: scale.factors.density_rank as usize,
             appearance_rank: scale.factors.appearance_rank as usize,
@@ -150,14 +151,18 @@ impl<T: Real> FieldScale<T> {
         self.centers.is_empty()
     }
 
-    /// How positions become rows.
+    /// The mapping from positions to rows.
     pub fn rows(&self) -> &TensorRows<T> {
         &self.rows
     }
 
-    /// Replaces the factors by those of another resolution (DESIGN, section 2: upsampling).
+    /// Replaces the factors by factors of another resolution, when training upsamples.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths of the factors do not fit the resolution.
     pub fn set_resolution(&mut self, resolution: [u32; 3], density: Vec<T>, appearance: Vec<T>) {
-        self.rows = TensorRows::new(DVec3::from_array(self.half.map(T::f64)), resolution);
+        self.rows = TensorRows::new(DVec3::from_array(self.half_edge.map(T::f64)), resolution);
         assert_eq!(density.len(), self.len() * self.rows.count * self.density_rank, "length of `density`");
         assert_eq!(appearance.len(), self.len() * self.rows.count * self.appearance_rank, "length of `appearance`");
         self.resolution = resolution;
@@ -165,12 +170,12 @@ impl<T: Real> FieldScale<T> {
         self.appearance = AVec::from_slice(CACHELINE_ALIGN, &appearance);
     }
 
-    /// Neighbors that a point aggregates, at most.
+    /// The most neighbors of a point.
     pub(crate) fn top_k(&self) -> usize {
         self.top_k
     }
 
-    /// The cells that index the tensors.
+    /// The candidate lists of the tensors.
     pub(crate) fn index(&self) -> &CellIndex<T> {
         &self.index
     }

@@ -1,6 +1,6 @@
-//! Where the time of a step or a picture goes, and how much work was done: what measurements divide by each other.
+//! Time by stage and counts of work, of a training step or a picture. Benchmarks divide one by the other.
 //!
-//! Always on: a clock is read a few dozen times a chunk of rays, which costs nothing against what it tells apart.
+//! Always on: the clock is read a few dozen times per chunk of rays, which costs no measurable time.
 
 use std::time::Instant;
 
@@ -8,9 +8,9 @@ use std::time::Instant;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Stage {
-    /// Drawing rays and ordering them in space.
+    /// Sampling rays and ordering them in space.
     Rays,
-    /// Walking rays through the occupancy to the samples that may count.
+    /// Marching rays through the occupancy to the samples that may count.
     March,
     /// Finding each sample's neighbors and their weights.
     Neighbors,
@@ -34,21 +34,21 @@ pub enum Stage {
     EncodingBackward,
     /// Backward of the appearance matrices, their own gradients included.
     AppearanceMatricesBackward,
-    /// Ordering (tensor, sample) contributions by tensor.
+    /// Sorting (tensor, sample) contributions by tensor.
     ContributionOrder,
     /// Gradients of density factors.
     DensityBackward,
     /// Gradients of appearance factors.
     AppearanceBackward,
-    /// Adam, over everything that is trained; summing shared weights' gradients and regularization included.
+    /// Adam over all trained parameters, with regularization and the sums of the shared weights' gradients.
     Optimizer,
 }
 
 impl Stage {
-    /// How many there are.
+    /// Number of stages.
     pub const COUNT: usize = 17;
 
-    /// All, in the order in which a step goes through them.
+    /// All stages, in the order of a training step.
     pub const ALL: [Self; Self::COUNT] = [
         Self::Rays,
         Self::March,
@@ -69,7 +69,7 @@ impl Stage {
         Self::Optimizer,
     ];
 
-    /// Its name in reports.
+    /// The stage's name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rays => "rays",
@@ -93,7 +93,7 @@ impl Stage {
     }
 }
 
-/// Core seconds by stage, and counts of what was done.
+/// Core seconds by stage, and counts of the work done.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Work {
     /// \[stage\] seconds, summed over threads.
@@ -102,15 +102,15 @@ pub struct Work {
     pub rays: u64,
     /// Samples whose density was computed.
     pub evaluated: u64,
-    /// Samples that counted: those evaluated beyond a ray's end did not.
+    /// Samples that counted (spec 4.8); samples evaluated beyond a ray's end do not.
     pub samples: u64,
     /// (tensor, sample) contributions of the evaluated samples, by scale.
     pub contributions: Vec<u64>,
-    /// Samples that were shaded.
+    /// Samples that were shaded (spec 4.8).
     pub shaded: u64,
     /// (tensor, sample) contributions of the shaded samples, by scale.
     pub shaded_contributions: Vec<u64>,
-    /// Calls of the decoder: shaded samples, or rays where it is called once a ray.
+    /// Decoder evaluations: one per shaded sample or, in modes that decode rays, one per ray.
     pub decoded: u64,
 }
 
@@ -125,9 +125,12 @@ impl Work {
         self.samples += other.samples;
         self.shaded += other.shaded;
         self.decoded += other.decoded;
-        for (sums, counts) in [(&mut self.contributions, &other.contributions), (&mut self.shaded_contributions, &other.shaded_contributions)] {
+        for (sums, counts) in [
+            (&mut self.contributions, &other.contributions),
+            (&mut self.shaded_contributions, &other.shaded_contributions),
+        ] {
             sums.resize(sums.len().max(counts.len()), 0);
-            sums.iter_mut().zip(counts).for_each(|(sum, &n)| *sum += n);
+            sums.iter_mut().zip(counts).for_each(|(sum, &count)| *sum += count);
         }
     }
 
@@ -137,10 +140,10 @@ impl Work {
     }
 }
 
-/// Books time and counts as work goes from one stage to the next.
+/// A stopwatch that books time by stage.
 #[derive(Clone, Debug)]
 pub struct StageClock {
-    /// What was booked.
+    /// Time and counts booked so far.
     pub work: Work,
     last: Instant,
 }
@@ -152,12 +155,12 @@ impl Default for StageClock {
 }
 
 impl StageClock {
-    /// Forgets what was booked, and begins now.
+    /// Clears what was booked and starts now.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Forgets the time since the last call.
+    /// Discards the time since the last call.
     pub fn skip(&mut self) {
         self.last = Instant::now();
     }

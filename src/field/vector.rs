@@ -1,33 +1,31 @@
-//! Registers of numbers: what the kernels need of an instruction set, for either precision.
+//! Vector registers of either precision: the operations that the kernels use.
 //!
-//! Kernels are generic over [`pulp::Simd`] and are dispatched, a few hundred samples at a time, to the best instruction
-//! set that the machine has. Loops of a few fixed lanes are written with these, because compilers leave them scalar.
+//! Kernels are generic over [`pulp::Simd`] and are dispatched, a few hundred samples at a time, to the machine's best
+//! instruction set. Loops of a few fixed lanes use these operations because compilers do not vectorize them.
 
 use pulp::Simd;
 
-use super::Real;
-
-/// No register holds more numbers.
+/// The most lanes of a register in any instruction set.
 pub(super) const MAX_LANES: usize = 16;
 
-/// A number that comes in registers.
+/// A number with vector registers.
 pub trait Vector: Copy {
-    /// As many numbers as a register of `S` holds.
+    /// A register of `S`.
     type Register<S: Simd>: Copy;
-    /// A truth value a lane.
+    /// One truth value per lane.
     type Mask<S: Simd>: Copy;
 
-    /// Numbers in a register.
+    /// Lanes of a register.
     fn lanes<S: Simd>() -> usize;
     /// `value` in every lane.
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
-    /// The first numbers of `values`; 0 in the lanes that it is too short for.
+    /// The first values of `values`; 0 in the lanes beyond its end.
     fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
-    /// The first numbers of `values`, which must fill a register.
+    /// The first values of `values`, which must fill a register.
     fn load_full<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
-    /// Writes as many lanes as fit `values`.
+    /// Writes the first lanes, as many as `values` holds.
     fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
-    /// Writes to the first of `values`, which must have room for a register.
+    /// Writes all lanes to the first of `values`, which must hold a register.
     fn store_full<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
     /// a + b.
     fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
@@ -37,7 +35,7 @@ pub trait Vector: Copy {
     fn times<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a/b.
     fn over<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
-    /// a·b + c, rounded once where that is as fast.
+    /// a·b + c, rounded once if the instruction set has a fused operation.
     fn times_plus<S: Simd>(
         simd: S,
         a: Self::Register<S>,
@@ -52,9 +50,9 @@ pub trait Vector: Copy {
     fn smaller<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a ≤ b.
     fn less_or_equal<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Mask<S>;
-    /// Both.
+    /// a and b.
     fn both<S: Simd>(simd: S, a: Self::Mask<S>, b: Self::Mask<S>) -> Self::Mask<S>;
-    /// a where `mask`, else b.
+    /// a in the lanes in which `mask` is set, b in the others.
     fn select<S: Simd>(simd: S, mask: Self::Mask<S>, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// Σ over the lanes.
     fn total<S: Simd>(simd: S, a: Self::Register<S>) -> Self;
@@ -108,7 +106,7 @@ macro_rules! vector {
         #[inline(always)]
         fn store_full<S: Simd>(_: S, values: &mut [Self], register: Self::Register<S>) {
             let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
-            // A length that the compiler knows becomes one store.
+            // A length known at compile time compiles to one store.
             values[..Self::lanes::<S>()].copy_from_slice(&numbers[..Self::lanes::<S>()]);
         }
         #[inline(always)]
@@ -186,12 +184,3 @@ vector!(
     splat_f64s add_f64s, sub_f64s mul_f64s, div_f64s mul_add_e_f64s,
     sqrt_f64s abs_f64s, min_f64s less_than_or_equal_f64s, and_m64s select_f64s, reduce_sum_f64s reduce_min_f64s,
 );
-
-/// The largest whole numbers that are not above `values`, of less than 2²² in size.
-#[inline(always)]
-pub(super) fn floor<T: Real, S: Simd>(simd: S, values: T::Register<S>) -> T::Register<S> {
-    let round = T::splat(simd, T::ROUND);
-    let nearest = T::minus(simd, T::plus(simd, values, round), round);
-    let below = T::minus(simd, nearest, T::splat(simd, T::one()));
-    T::select(simd, T::less_or_equal(simd, nearest, values), nearest, below)
-}

@@ -1,28 +1,28 @@
-//! Named ways to trade a picture's exactness for speed. None is taken unless asked for.
+//! Approximations: options that trade exactness for speed. All are off by default.
 
 use super::components::keep_components;
 use crate::model::{DecoderMode, Scene};
 
-/// What a renderer may leave out. The default leaves out nothing: the picture is the reference's, within tolerance.
+/// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
-    /// Neighbors that a point aggregates in a scale at most; those of the scene where there is none.
+    /// The most neighbors of a point in a scale; `None`: the scene's `top_k`.
     pub neighbors: Option<u32>,
-    /// How many scales are used, the coarsest first; all where there is none.
+    /// The number of scales used, the coarsest first; `None`: all.
     pub scales: Option<u32>,
-    /// The share of each tensor's components that are used, the largest; all where there is none.
+    /// The share of each tensor's components used, the largest, in (0, 1]; `None`: all.
     pub components: Option<f64>,
-    /// Steps are longer than the scene's by this factor; each then stands for its longer interval.
+    /// The factor by which march steps, and the intervals they stand for, are longer than the scene's, 0.25 to 64.
     pub step_scale: f64,
-    /// Samples of at most this weight add no color; the scene's where there is none.
+    /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's.
     pub min_weight: Option<f64>,
-    /// Rays end where their transmittance falls below this; the scene's where there is none.
+    /// The transmittance below which rays end, in [0, 1); `None`: the scene's.
     pub min_transmittance: Option<f64>,
-    /// Where the decoder is called; as the scene was trained where there is none.
+    /// The decoder's mode; `None`: the scene's.
     pub decoder: Option<DecoderMode>,
-    /// Density features are baked on a grid of so many cells along the longest edge of the bounds, and interpolated
-    /// between its vertices.
+    /// The number of cells along the longest edge of the bounds of a grid on which density features are baked, 8 to
+    /// 2048; `None`: no grid.
     pub density_cache: Option<u32>,
 }
 
@@ -41,20 +41,20 @@ impl Default for Approximation {
     }
 }
 
-/// The first option of an approximation that makes no sense for a scene.
+/// The first option of an [`Approximation`] that is invalid for a scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("approximation {option}: expected {expected}, found {found}")]
+#[error("`{option}` must be {expected}, found {found}")]
 pub struct ApproximationError {
-    /// Which option.
+    /// The field of [`Approximation`].
     pub option: &'static str,
-    /// What it should be.
+    /// The valid values.
     pub expected: String,
-    /// What it is.
+    /// The value found.
     pub found: String,
 }
 
 impl Approximation {
-    /// Whether nothing is left out.
+    /// Whether no approximation is on.
     pub fn is_exact(&self) -> bool {
         *self == Self::default()
     }
@@ -63,22 +63,24 @@ impl Approximation {
     ///
     /// # Errors
     ///
-    /// Names the first that is out of range.
+    /// The first option that is out of range.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
-        let most_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
-        for (option, value, [least, most]) in [
-            ("neighbors", self.neighbors, [1, most_neighbors]),
+        let max_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
+        for (option, value, [min, max]) in [
+            ("neighbors", self.neighbors, [1, max_neighbors]),
             ("scales", self.scales, [1, scene.scales.len() as u32]),
             ("density_cache", self.density_cache, [8, 2048]),
         ] {
-            if let Some(found) = value.filter(|v| !(least..=most).contains(v)) {
-                let expected = format!("{least} to {most}");
+            if let Some(found) = value.filter(|v| !(min..=max).contains(v)) {
+                let expected = format!("{min} to {max}");
                 return Err(ApproximationError { option, expected, found: found.to_string() });
             }
         }
         if let Some(mode) = self.decoder.filter(|mode| scene.features() < mode.min_features()) {
-            let expected = format!("another mode: {} needs {} features", mode.name(), mode.min_features());
-            return Err(ApproximationError { option: "decoder", expected, found: scene.features().to_string() });
+            let [features, needed] = [scene.features(), mode.min_features()];
+            let expected = format!("a mode for {features} appearance features");
+            let found = format!("{}, which needs {needed}", mode.name());
+            return Err(ApproximationError { option: "decoder", expected, found });
         }
         let fraction = |v: f64| (0.0..1.0).contains(&v);
         for (option, value, valid, expected) in [
@@ -104,14 +106,14 @@ impl Approximation {
         Ok(())
     }
 
-    /// `scene`, which must have passed [`Scene::check`] and [`Self::check`], with everything left out that is a part of scenes: all but the
-    /// density cache.
+    /// Applies every approximation except the density cache. `scene` must have passed [`Scene::check`] and
+    /// [`Self::check`].
     pub fn applied(&self, mut scene: Scene) -> Scene {
         self.reduce(&mut scene);
         scene
     }
 
-    /// `scene` with everything left out that is a part of scenes: all but the density cache.
+    /// Applies every approximation except the density cache to `scene`.
     pub(super) fn reduce(&self, scene: &mut Scene) {
         if let Some(scales) = self.scales {
             scene.scales.truncate(scales as usize);

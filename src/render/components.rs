@@ -1,14 +1,15 @@
-//! Leaving out the components of tensors that matter least.
+//! Dropping the smallest components of tensors.
 
 use crate::model::{Factors, Scale};
 
-/// Keeps a `share` of each tensor's components, at least one of density and of appearance: those whose vectors have the largest
-/// product of lengths. Appearance components are columns of a matrix that all tensors share, and stay or go in all of them.
+/// Keeps a `share` of each tensor's components, at least one of density and one of appearance: those with the largest
+/// product of their vectors' lengths. Appearance components are columns of a matrix that all tensors share, so all
+/// tensors keep the same.
 pub(super) fn keep_components(scale: &mut Scale, share: f64) {
     let ranges = Factors::axis_ranges(scale.cloud.resolution);
     let rows = Factors::rows(scale.cloud.resolution);
     let kept = |rank: usize| ((share * rank as f64).ceil() as usize).clamp(1, rank);
-    // The product over axes of the lengths of each component's vectors.
+    // [component] the product over axes of the lengths of its vectors.
     let sizes = |tensor: &[f32], rank: usize| -> Vec<f64> {
         let length = |c: usize, range: &std::ops::Range<usize>| {
             range.clone().map(|row| f64::from(tensor[row * rank + c]).powi(2)).sum::<f64>().sqrt()
@@ -45,7 +46,7 @@ pub(super) fn keep_components(scale: &mut Scale, share: f64) {
     (matrix.weights, matrix.rank) = (pick(&matrix.weights), keep as u32);
 }
 
-/// The numbers of the `count` largest of `values`, ascending.
+/// The indices of the `count` largest of `values`, ascending.
 fn largest(values: &[f64], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));

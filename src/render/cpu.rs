@@ -1,4 +1,4 @@
-//! The fast CPU renderer: the fast field in f32, a tile of the picture at a time, tiles over all threads.
+//! The CPU renderer: the fast field in f32, tile by tile, with tiles distributed over all threads.
 
 use rayon::prelude::*;
 
@@ -7,30 +7,47 @@ use crate::field::{Activations, Field, Real, Samples, Stage, Work, add_compensat
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene, softplus};
 
-/// Pixels along the edge of a tile, whose rays are marched together: they meet mostly the same tensors.
+/// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors.
 const TILE: usize = 16;
 
-/// ShadedSamples samples that are decoded together: enough for the products, few enough for their rows to stay in the cache.
-const ROWS_AT_ONCE: usize = 768;
+/// Shaded samples that are decoded together: enough for efficient products, few enough that their rows stay in the
+/// cache.
+const MAX_ROWS: usize = 768;
 
-/// Renders a scene on all threads of the current pool. Generic so that the very same code can be run in f64.
-#[derive(Debug)]
+/// Renders a scene on all threads of the current [`rayon`] pool. Generic over the precision, so that tests can run the
+/// same code in f64.
+///
+/// ```
+/// use strivec::container::decode;
+/// use strivec::geometry::Camera;
+/// use strivec::render::{CpuRenderer, Renderer};
+///
+/// let scene = decode(include_bytes!("../../fixtures/v1/smallest.strivec"))?;
+/// let (center, size) = (scene.bounds.center(), scene.bounds.size());
+/// let camera = Camera::looking_at([8, 8], 8.0, center + 2.0 * size, center, glam::DVec3::Z);
+/// let picture = CpuRenderer::new(&scene).render(&camera);
+/// assert_eq!(picture.pixels.len(), 64);
+/// assert!(picture.pixels.iter().all(|pixel| (0.0..=1.0).contains(&pixel.opacity)));
+/// # Ok::<(), strivec::container::Error>(())
+/// ```
+#[derive(Clone, Debug)]
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
 }
 
-/// What a ray sees, and how it was found.
+/// A traced ray: its pixel, its cost and its normal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TraceInfo {
-    /// What it sees.
+    /// The ray's pixel.
     pub pixel: Pixel,
-    /// Samples whose density was evaluated.
+    /// Number of samples whose density was evaluated.
     pub samples: u32,
-    /// Against the density's gradient, at the expected depth; `None` where half of the light passes, and where none is wanted.
+    /// The unit direction against the density's gradient at the expected depth, in model space; `None` if the opacity
+    /// is below 0.5 or normals were not requested.
     pub normal: Option<glam::Vec3>,
 }
 
-/// What a thread needs besides the field. Reused from one tile to the next.
+/// Per-thread scratch, reused from one tile to the next.
 #[derive(Default)]
 struct Scratch<T> {
     samples: Samples<T>,
@@ -51,12 +68,12 @@ impl CpuRenderer<f32> {
 }
 
 impl<T: Real> CpuRenderer<T> {
-    /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`. Takes the scene, so that its
-    /// factors are in memory once.
+    /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`. Consumes the scene, so that
+    /// only one copy of its factors is in memory.
     ///
     /// # Errors
     ///
-    /// Where an option is out of range for this scene.
+    /// If an option is out of range for this scene.
     pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
         approximation.check(&scene)?;
         approximation.reduce(&mut scene);
@@ -67,22 +84,22 @@ impl<T: Real> CpuRenderer<T> {
         Ok(Self { field })
     }
 
-    /// Renders with `field`.
+    /// A renderer of `field`.
     pub fn from_field(field: Field<T>) -> Self {
         Self { field }
     }
 
-    /// The memory that cached density features take, in bytes; `None` where they are not cached.
+    /// Bytes of the cached density features; `None` if they are not cached.
     pub fn density_cache_bytes(&self) -> Option<u64> {
         self.field.density_cache_bytes()
     }
 
-    /// Bytes of the factors, matrices and networks, and of cached density features.
+    /// Bytes of the factors, appearance matrices and decoder layers, and of cached density features.
     pub fn memory_bytes(&self) -> u64 {
         self.field.parameter_bytes() + self.density_cache_bytes().unwrap_or(0)
     }
 
-    /// As [`Renderer::trace`], and what it took.
+    /// As [`Renderer::trace`], with time and counts by stage.
     pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
         let chunks: Vec<_> = (rays.par_chunks(TILE * TILE))
             .map_init(Scratch::default, |scratch, chunk| {
@@ -95,15 +112,14 @@ impl<T: Real> CpuRenderer<T> {
             })
             .collect();
         let (mut pixels, mut work) = (Vec::with_capacity(rays.len()), Work::default());
-        for (of_chunk, chunk_work) in chunks {
-            pixels.extend(of_chunk);
+        for (chunk_pixels, chunk_work) in chunks {
+            pixels.extend(chunk_pixels);
             work.add(&chunk_work);
         }
         (pixels, work)
     }
 
-    /// As [`Renderer::trace`], and how it was found, with normals where they are wanted. Twin of the normals:
-    /// `shaders/normals.wgsl`.
+    /// As [`Renderer::trace`], with sample counts and, if `has_normals`, normals.
     pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
         let chunks: Vec<Vec<TraceInfo>> = (rays.par_chunks(TILE * TILE))
             .map_init(<(Scratch<T>, Samples<T>)>::default, |(scratch, points), chunk| {
@@ -111,9 +127,11 @@ impl<T: Real> CpuRenderer<T> {
                 vectorized(
                     #[inline(always)]
                     || {
-                        self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
-                        for (n, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
-                            info.samples = scratch.samples.ray_range(n).len() as u32;
+                        self.trace_chunk(chunk, scratch, |pixel| {
+                            infos.push(TraceInfo { pixel, ..TraceInfo::default() })
+                        });
+                        for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
+                            info.samples = scratch.samples.ray_range(index).len() as u32;
                             if has_normals && info.pixel.opacity >= 0.5 && info.pixel.depth > 0.0 {
                                 info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
                             }
@@ -126,13 +144,13 @@ impl<T: Real> CpuRenderer<T> {
         chunks.concat()
     }
 
-    /// The direction in which density falls at `position`, by differences over four steps; `None` where it does not change.
+    /// The unit direction against the density's gradient at `position`, by central differences over four march steps;
+    /// `None` if the density is constant there. Twin: `shaders/normals.wgsl`.
     #[inline(always)]
     fn normal_at(&self, position: glam::DVec3, samples: &mut Samples<T>) -> Option<glam::Vec3> {
         let h = 2.0 * self.field.rules.step;
         let mut density = |position: glam::DVec3| {
-            let slot = (position - self.field.origin).to_array().map(T::of);
-            let feature = self.field.density_feature(slot, samples);
+            let feature = self.field.density_feature(self.field.relative(position), samples);
             feature.map_or(0.0, |f| softplus(f.f64() + self.field.rules.density_shift))
         };
         let fall = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z]
@@ -140,19 +158,19 @@ impl<T: Real> CpuRenderer<T> {
         Some(glam::DVec3::from(fall).try_normalize()?.as_vec3())
     }
 
-    /// Calls `take` with what each of `rays` sees, in their order; returns what it took.
+    /// Calls `take` with the pixel of each of `rays`, in their order. Returns time and counts by stage.
     #[inline(always)]
     fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) -> Work {
         let Scratch { samples, activations } = scratch;
         self.field.march(rays, samples);
-        let at_once = match self.field.decoder.mode {
-            DecoderMode::PerSample => ROWS_AT_ONCE,
-            // A row is a ray.
+        let max_shaded = match self.field.decoder.mode {
+            DecoderMode::PerSample => MAX_ROWS,
+            // One row per ray.
             DecoderMode::PerRay | DecoderMode::Residual => usize::MAX,
         };
         let mut first = 0;
         while first < rays.len() {
-            let count = self.field.select_some_shaded(samples, first, at_once, None, &mut activations.shaded);
+            let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
             self.field.decode(&rays[first..first + count], samples, activations);
             (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
             samples.clock.lap(Stage::Composite);
@@ -161,13 +179,13 @@ impl<T: Real> CpuRenderer<T> {
         std::mem::take(&mut samples.clock.work)
     }
 
-    /// What `ray` sees, which is number `decoded` of those that `activations` are of.
+    /// The pixel of `ray`, whose index in `activations` is `decoded`. Twin: `shaders/resolve.wgsl`.
     #[inline(always)]
     fn pixel(&self, decoded: usize, ray: usize, samples: &Samples<T>, activations: &Activations<T>) -> Pixel {
         let remaining = samples.remaining[ray];
         let color = activations.pixel(decoded, self.field.background.map(|c| remaining * c));
         let (mut weights, mut distances) = (T::zero(), T::zero());
-        // What rounding has added too much to them.
+        // Kahan compensations.
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
         for &slot in &samples.order[samples.ray_range(ray)] {
             let weight = samples.weight(slot as usize);
@@ -178,7 +196,7 @@ impl<T: Real> CpuRenderer<T> {
         Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
     }
 
-    /// The picture's pixels in the tile, as `camera` sees them.
+    /// Renders the pixels of `tile` as seen by `camera`.
     #[inline(always)]
     fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) {
         let [left, top] = tile.corner;
@@ -187,7 +205,7 @@ impl<T: Real> CpuRenderer<T> {
             .flat_map(|y| (0..width as u32).map(move |x| camera.ray(left + x, top + y)))
             .collect();
         let mut pixels = tile.rows.into_iter().flatten();
-        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("a pixel a ray") = pixel);
+        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("one pixel per ray") = pixel);
     }
 }
 
@@ -209,7 +227,7 @@ impl<T: Real> Renderer for CpuRenderer<T> {
     }
 }
 
-/// Cuts a picture of `width` columns into tiles, so that each is written where it belongs.
+/// Splits a picture of `width` columns into tiles that are written in place.
 fn tiles(pixels: &mut [Pixel], width: usize) -> Vec<Tile<'_>> {
     let mut tiles = Vec::new();
     for (row, band) in pixels.chunks_mut(TILE * width.max(1)).enumerate() {

@@ -1,7 +1,6 @@
-//! Camera paths as JSON: what a command reads and a player records. `docs/camera-paths.md` describes the format.
+//! Camera paths as JSON, as `docs/camera-paths.md` describes them.
 //!
-//! In: the bytes of a file from anywhere, so nothing in them is trusted. Out: a path, in the dataset's space. Opens no
-//! files.
+//! In: the bytes of an untrusted file. Out: a path, in the dataset's space. Opens no files.
 
 use glam::{DQuat, DVec3};
 use serde::de::{Error as _, SeqAccess, Visitor};
@@ -9,50 +8,51 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geometry::{Camera, CameraPath, Keyframe, NotRigid, PathError, Viewpoint, rigid};
 
-/// What a file says that it is.
+/// The value of the key `format`.
 const FORMAT: &str = "strivec-camera-path";
-/// The one version there is.
+/// The only version of the format.
 const VERSION: u64 = 1;
-/// The most keyframes that a path may have.
+/// The most keyframes of a path.
 pub const MAX_KEYFRAMES: usize = 10_000;
-/// The most bytes that a file may have: such a path with room to spare.
+/// The most bytes of a file, more than [`MAX_KEYFRAMES`] keyframes need.
 pub const MAX_KEYFRAMES_BYTES: u64 = 16 << 20;
-/// Degrees that a picture may span from top to bottom.
+/// The range of the vertical field of view, in degrees.
 const FIELD_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=170.0;
 
-/// Why bytes are no camera path.
+/// Reasons why bytes are no camera path.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum KeyframesError {
-    /// More than is read.
-    #[error("expected at most {MAX_KEYFRAMES_BYTES} bytes, found more")]
+    /// The file is larger than [`MAX_KEYFRAMES_BYTES`].
+    #[error("a camera path has at most {MAX_KEYFRAMES_BYTES} bytes, this file has more")]
     TooLarge,
-    /// No JSON, or not of this layout; the source names line and column.
-    #[error("expected a camera path's JSON, found: {0}")]
+    /// Invalid JSON, or JSON of another layout. The source names line and column.
+    #[error("not the JSON of a camera path: {0}")]
     Json(#[from] serde_json::Error),
-    /// JSON of something else.
-    #[error("format: expected {FORMAT:?}, found {0:?}")]
+    /// Another format.
+    #[error("`format` must be {FORMAT:?}, but is {0:?}")]
     Format(String),
-    /// A version that this build does not know.
-    #[error("version: expected {VERSION}, found {0}")]
+    /// A version that this build does not support.
+    #[error("this build reads version {VERSION} of camera paths, this file has version {0}")]
     Version(u64),
-    /// A keyframe's camera that is none.
-    #[error("keyframe {index}: {key}: expected {expected}, found {found}")]
+    /// An invalid camera of a keyframe.
+    #[error("keyframe {index}: `{key}` must be {expected}, found {found}")]
     Camera {
-        /// Which keyframe, from 0.
+        /// The keyframe's index, from 0.
         index: usize,
         /// The JSON key.
         key: &'static str,
-        /// The values that make sense.
+        /// The valid values.
         expected: String,
-        /// The value, or that there is none.
+        /// The value found, or `none`.
         found: String,
     },
-    /// Keyframes that make no path.
+    /// Keyframes that do not form a path.
     #[error(transparent)]
     Path(#[from] PathError),
 }
 
-/// What is looked at first, so that another version is told from a broken file.
+/// Read first, so that another version is not reported as a malformed file.
 #[derive(Deserialize)]
 struct Header {
     format: String,
@@ -64,11 +64,11 @@ struct Header {
 struct File {
     format: String,
     version: u64,
-    #[serde(deserialize_with = "at_most_so_many")]
+    #[serde(deserialize_with = "bounded_keyframes")]
     keyframes: Vec<Moment>,
 }
 
-/// One keyframe; its camera is a matrix, or a place and what is looked at from there.
+/// One keyframe. Its camera is either a matrix, or a position, a target and an up direction.
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Moment {
@@ -85,11 +85,11 @@ struct Moment {
     transform_matrix: Option<[[f64; 4]; 4]>,
 }
 
-/// The path that the file of `bytes` describes.
+/// Reads the camera path of a file's `bytes`.
 ///
 /// # Errors
 ///
-/// On everything that [`KeyframesError`] lists.
+/// [`KeyframesError`].
 pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
     if bytes.len() as u64 > MAX_KEYFRAMES_BYTES {
         return Err(KeyframesError::TooLarge);
@@ -106,15 +106,15 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
     Ok(CameraPath::new(keyframes.collect::<Result<_, _>>()?)?)
 }
 
-/// The file that describes `path`; [`read_keyframes`] takes it where there are at most [`MAX_KEYFRAMES`] keyframes.
+/// The file of `path`. [`read_keyframes`] accepts it if the path has at most [`MAX_KEYFRAMES`] keyframes.
 pub fn write_keyframes(path: &CameraPath) -> String {
-    let keyframes = path.keyframes().iter().map(Moment::of).collect();
+    let keyframes = path.keyframes().iter().map(Moment::from).collect();
     let file = File { format: FORMAT.into(), version: VERSION, keyframes };
     serde_json::to_string_pretty(&file).expect("plain data") + "\n"
 }
 
-impl Moment {
-    fn of(keyframe: &Keyframe) -> Self {
+impl From<&Keyframe> for Moment {
+    fn from(keyframe: &Keyframe) -> Self {
         let Keyframe { seconds, viewpoint } = keyframe;
         let axes = glam::DMat3::from_quat(viewpoint.rotation);
         let row = |n: usize| [axes.x_axis[n], axes.y_axis[n], axes.z_axis[n], viewpoint.position[n]];
@@ -127,7 +127,9 @@ impl Moment {
             transform_matrix: Some([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]),
         }
     }
+}
 
+impl Moment {
     fn keyframe(&self, index: usize) -> Result<Keyframe, KeyframesError> {
         let refused = |key, expected: &str, found: String| KeyframesError::Camera {
             index,
@@ -147,10 +149,11 @@ impl Moment {
             (None, Some(position), Some(target), Some(up)) => {
                 let [position, target, up] = [position, target, up].map(DVec3::from_array);
                 let back = (position - target).try_normalize();
-                let back = back.ok_or_else(|| refused("target", "another point than position", target.to_string()))?;
+                let back =
+                    back.ok_or_else(|| refused("target", "another point than `position`", target.to_string()))?;
                 let right = up.try_normalize().map(|up| up.cross(back)).filter(|right| right.length() > 1e-6);
                 if right.is_none() {
-                    return Err(refused("up", "a direction across the line of sight", up.to_string()));
+                    return Err(refused("up", "a direction that is not along the line of sight", up.to_string()));
                 }
                 let up = up.normalize();
                 (Camera::looking_at([1, 1], 1.0, position, position - back, up).world_from_camera, position)
@@ -164,7 +167,11 @@ impl Moment {
                 ];
                 let given: Vec<_> = given.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
                 let found = if given.is_empty() { "none of them".into() } else { given.join(", ") };
-                return Err(refused("camera", "transform_matrix, or position, target and up", found));
+                return Err(refused(
+                    "camera",
+                    "given by `transform_matrix`, or by `position`, `target` and `up`",
+                    found,
+                ));
             }
         };
         let rotation = DQuat::from_mat3(&axes).normalize();
@@ -173,8 +180,9 @@ impl Moment {
     }
 }
 
-/// A list that is given up as soon as it is too long, so that no file takes much more memory than its bytes.
-fn at_most_so_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Moment>, D::Error> {
+/// Reads a list of at most [`MAX_KEYFRAMES`] keyframes and stops at the first one too many, which bounds the memory
+/// used.
+fn bounded_keyframes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Moment>, D::Error> {
     struct Bounded;
     impl<'de> Visitor<'de> for Bounded {
         type Value = Vec<Moment>;
@@ -188,7 +196,7 @@ fn at_most_so_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Mom
             while let Some(moment) = list.next_element()? {
                 if moments.len() == MAX_KEYFRAMES {
                     return Err(A::Error::custom(format_args!(
-                        "keyframes: expected at most {MAX_KEYFRAMES}, found more"
+                        "a path has at most {MAX_KEYFRAMES} keyframes, this file has more"
                     )));
                 }
                 moments.push(moment);
@@ -251,12 +259,12 @@ mod tests {
         let looking = |from: &str, to: &str| one(&format!("\"seconds\": 0, {}", LOOKING.replace(from, to)));
         for (text, expected) in [
             (String::new(), "line 1 column 0"),
-            ("[]".into(), "expected a camera path's JSON"),
+            ("[]".into(), "not the JSON of a camera path"),
             (
                 file("").replace("strivec-camera-path", "gltf"),
-                "format: expected \"strivec-camera-path\", found \"gltf\"",
+                "`format` must be \"strivec-camera-path\", but is \"gltf\"",
             ),
-            (file("").replace("1,", "2,"), "version: expected 1, found 2"),
+            (file("").replace("1,", "2,"), "this build reads version 1 of camera paths, this file has version 2"),
             (file("").replace("1,", "-1,"), "expected u64 at line 1"),
             (file(""), "keyframes: expected at least one, found none"),
             (file("{}"), "missing field `seconds` at line 1"),
@@ -266,24 +274,30 @@ mod tests {
             (one(&format!("\"seconds\": 0, \"fov\": 3, {LOOKING}")), "unknown field `fov`"),
             (
                 one("\"seconds\": 0, \"vertical_fov_degrees\": 40"),
-                "transform_matrix, or position, target and up, found none",
+                "by `transform_matrix`, or by `position`, `target` and `up`, found none of them",
             ),
             (
                 looking("\"up\": [0, 0, 2]", "\"up\": null"),
-                "keyframe 0: camera: expected transform_matrix, or position, target",
+                "keyframe 0: `camera` must be given by `transform_matrix`, or by `position`, `target`",
             ),
-            (looking("40", "180"), "keyframe 0: vertical_fov_degrees: expected 0.1 to 170 degrees, found 180"),
-            (looking("[4, 0, 1]", "[0, 0, 1]"), "keyframe 0: target: expected another point than position"),
-            (looking("[4, 0, 1]", "[1e300, 0, 1]"), "keyframe 0: target: expected another point than position"),
+            (looking("40", "180"), "keyframe 0: `vertical_fov_degrees` must be 0.1 to 170 degrees, found 180"),
+            (looking("[4, 0, 1]", "[0, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
+            (looking("[4, 0, 1]", "[1e300, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
             (looking("[4, 0, 1]", "[4e12, 0, 1]"), "keyframe 0: position: expected coordinates within 1e12"),
-            (looking("[0, 0, 2]", "[1, 0, 0]"), "keyframe 0: up: expected a direction across the line of sight"),
-            (looking("[0, 0, 2]", "[0, 0, 0]"), "keyframe 0: up: expected a direction across the line of sight"),
+            (
+                looking("[0, 0, 2]", "[1, 0, 0]"),
+                "keyframe 0: `up` must be a direction that is not along the line of sight",
+            ),
+            (
+                looking("[0, 0, 2]", "[0, 0, 0]"),
+                "keyframe 0: `up` must be a direction that is not along the line of sight",
+            ),
             (looking("[0, 0, 2]", "[0, 0]"), "invalid length 2"),
             (
                 one(
                     r#""seconds": 0, "vertical_fov_degrees": 9, "transform_matrix": [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"#,
                 ),
-                "keyframe 0: transform_matrix: expected an orthonormal rotation within 0.001",
+                "keyframe 0: `transform_matrix` must be an orthonormal rotation within 0.001",
             ),
             (
                 file(&["3", "2"].map(|n| format!("{{\"seconds\": {n}, {LOOKING}}}")).join(",")),
@@ -299,13 +313,13 @@ mod tests {
     }
 
     #[test]
-    fn a_million_keyframes_are_given_up_early() {
+    fn a_million_keyframes_are_refused_early() {
         let one = format!("{{\"seconds\": 0, {LOOKING}}}");
         let many = file(&vec![one; MAX_KEYFRAMES + 1].join(","));
-        assert!(refused(&many).contains("keyframes: expected at most 10000, found more at line 1 column"));
+        assert!(refused(&many).contains("a path has at most 10000 keyframes, this file has more at line 1 column"));
         assert_eq!(
             refused(&" ".repeat(MAX_KEYFRAMES_BYTES as usize + 1)),
-            "expected at most 16777216 bytes, found more"
+            "a camera path has at most 16777216 bytes, this file has more"
         );
         let million = file(&vec!["{}"; 1_000_000].join(","));
         assert!(refused(&million).contains("missing field"));

@@ -1,4 +1,4 @@
-//! Pictures of a scene, behind one small trait, and the paths of cameras that take many.
+//! Renderers, behind one small trait; camera paths as JSON; and the Pareto front of render settings.
 
 mod approximation;
 mod components;
@@ -8,45 +8,45 @@ pub mod gpu;
 mod keyframes;
 mod pareto;
 mod reference;
+mod upsample;
 
 pub use approximation::{Approximation, ApproximationError};
 pub use cpu::{CpuRenderer, TraceInfo};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
-pub use pareto::{
-    ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE, upsample_bilinear,
-};
+pub use pareto::{ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
 pub use reference::{ReferenceRenderer, Trace};
+pub use upsample::upsample_bilinear;
 
 use crate::geometry::{Camera, Ray};
 
-/// What a ray sees.
+/// The result of one ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// sRGB, composited on the scene's background.
+    /// The color, sRGB, composited on the scene's background.
     pub color: [f32; 3],
-    /// 1 − the transmittance that is left at the end of the ray.
+    /// 1 − the transmittance at the end of the ray.
     pub opacity: f32,
-    /// Expected distance along the ray in model units, Σ w·t / Σ w over the ray's samples; 0 where there are none.
+    /// The expected depth Σ w·t / Σ w over the ray's samples, in model units along the ray; 0 if no sample counted.
     pub depth: f32,
 }
 
 /// A rendered picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// \[height\]\[width\], row-major from the top left.
     pub pixels: Vec<Pixel>,
 }
 
-/// A way to turn a scene into pictures. Cameras and rays are in the model's space.
+/// A renderer of one scene. Cameras and rays are in model space.
 pub trait Renderer {
-    /// What each of `rays` sees, in their order.
+    /// The pixels of `rays`, in their order.
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel>;
 
-    /// The picture that `camera` takes.
+    /// Renders the picture of `camera`.
     fn render(&self, camera: &Camera) -> Picture {
         let (width, height) = (camera.width, camera.height);
         let rays: Vec<Ray> =

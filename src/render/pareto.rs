@@ -1,11 +1,11 @@
-//! What a scene's pictures cost and what they are worth, by how they are rendered: what `strivec trade` measured and a file may
-//! carry in its notes.
+//! What a scene's pictures cost and what they are worth, by how they are rendered: what `strivec trade` measured and a
+//! file may carry in its notes.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Approximation, Picture, Pixel};
+use super::Approximation;
 
 /// The key of the note.
 pub const TRADE_NOTE: &str = "trade";
@@ -132,10 +132,10 @@ impl ParetoFront {
         serde_json::to_string(self).expect("plain data")
     }
 
-    /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the fast, the
-    /// fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to the best. For that,
-    /// `scene_error` is added to the points' mean squared errors: 0 where they were compared with photographs, where with the
-    /// scene's own pictures, about what those are off.
+    /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the
+    /// fast, the fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to
+    /// the best. For that, `scene_error` is added to the points' mean squared errors: 0 where they were compared with
+    /// photographs, where with the scene's own pictures, about what those are off.
     pub fn new(
         machine: String,
         backend: String,
@@ -202,37 +202,6 @@ fn named(points: &[ParetoPoint], scene_error: f64) -> Option<[usize; 3]> {
     let above = |n: usize| part(&psnrs, n) - part(&logarithms, n);
     let balanced = (fast..=best).max_by(|&a, &b| above(a).total_cmp(&above(b)))?;
     Some([fast, balanced, best])
-}
-
-/// `small` made `size` pixels large, linear between its pixels.
-pub fn upsample_bilinear(small: &Picture, size: [u32; 2]) -> Picture {
-    let [width, height] = size;
-    if [small.width, small.height] == size {
-        return small.clone();
-    }
-    // Of each column or row: the two to mix, and the second's part.
-    let along = |count: u32, of: u32| -> Vec<(usize, usize, f32)> {
-        let last = of as usize - 1;
-        (0..count)
-            .map(|n| {
-                let at = ((f64::from(n) + 0.5) * f64::from(of) / f64::from(count) - 0.5).clamp(0.0, last as f64);
-                (at.floor() as usize, (at.floor() as usize + 1).min(last), at.fract() as f32)
-            })
-            .collect()
-    };
-    let (columns, rows) = (along(width, small.width), along(height, small.height));
-    let mix = |a: &Pixel, b: &Pixel, part: f32| Pixel {
-        color: [0, 1, 2].map(|c| a.color[c] + part * (b.color[c] - a.color[c])),
-        opacity: a.opacity + part * (b.opacity - a.opacity),
-        depth: a.depth + part * (b.depth - a.depth),
-    };
-    let pixel = |row: usize, column: usize| &small.pixels[row * small.width as usize + column];
-    let pixels = rows.iter().flat_map(|&(above, below, y)| {
-        columns.iter().map(move |&(left, right, x)| {
-            mix(&mix(pixel(above, left), pixel(above, right), x), &mix(pixel(below, left), pixel(below, right), x), y)
-        })
-    });
-    Picture { width, height, pixels: pixels.collect() }
 }
 
 #[cfg(test)]
@@ -313,15 +282,5 @@ mod tests {
             let error = ParetoFront::parse(&note.replacen(from, to, 1)).unwrap_err();
             assert!(error.what.starts_with("note trade"), "{error}");
         }
-    }
-
-    #[test]
-    fn enlarging_keeps_flat_parts_and_the_mean() {
-        let pixel = |v: f32| Pixel { color: [v; 3], opacity: v, depth: v };
-        let small = Picture { width: 2, height: 1, pixels: vec![pixel(0.0), pixel(1.0)] };
-        let large = upsample_bilinear(&small, [4, 2]);
-        let values: Vec<f32> = large.pixels.iter().map(|p| p.opacity).collect();
-        assert_eq!(values, [0.0, 0.25, 0.75, 1.0, 0.0, 0.25, 0.75, 1.0]);
-        assert_eq!(upsample_bilinear(&small, [2, 1]), small);
     }
 }

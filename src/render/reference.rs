@@ -1,4 +1,5 @@
-//! The reference renderer: one ray after another, in f64, on the reference field.
+//! The reference renderer: one ray at a time, in f64, on the reference field. It defines the pixels of every other
+//! renderer (docs/numerics.md).
 
 use rayon::prelude::*;
 
@@ -6,24 +7,25 @@ use super::{Pixel, Renderer};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, ReferenceField, Scene, alpha, sigmoid};
 
-/// What a ray sees, in f64, and how close it came to seeing something else.
+/// A traced ray in f64, with its decision margin and condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trace {
-    /// sRGB, composited on the scene's background.
+    /// The color, sRGB, composited on the scene's background.
     pub color: [f64; 3],
-    /// 1 − the transmittance that is left at the end of the ray.
+    /// 1 − the transmittance at the end of the ray.
     pub opacity: f64,
-    /// Σ w·t / Σ w in model units; 0 where no sample counted.
+    /// The expected depth Σ w·t / Σ w, in model units; 0 if no sample counted.
     pub depth: f64,
-    /// The smallest displacement of a sample, per axis and in model units, that changes a decision of this ray:
-    /// coverage, ranking, occupancy, a threshold, or the number of samples. At most [`ReferenceField::margin_horizon`].
+    /// The decision margin (spec 4.10): the smallest displacement of a sample, per axis and in model units, that
+    /// changes a decision of this ray (coverage, ranking, occupancy, a threshold, or the number of samples). At most
+    /// [`ReferenceField::margin_horizon`].
     pub margin: f64,
-    /// The condition of density along the ray: where every product of factors has a relative error of ε, no decision comes
-    /// out differently and ε is small, color and opacity change by at most this times ε.
+    /// The condition of density along the ray: if every product of factors has a relative error of at most ε, no
+    /// decision changes and ε is small, color and opacity change by at most the condition times ε.
     pub condition: f64,
 }
 
-/// Renders a scene as DESIGN, section 2, defines it.
+/// Renders a scene as spec 4 defines it.
 #[derive(Debug)]
 pub struct ReferenceRenderer<'a> {
     field: ReferenceField<'a>,
@@ -35,36 +37,34 @@ impl<'a> ReferenceRenderer<'a> {
         Self { field: ReferenceField::new(scene) }
     }
 
-    /// Marches one ray (DESIGN, sections 2.8 and 2.9).
+    /// Marches one ray (spec 4.8).
     pub fn trace_one(&self, ray: &Ray) -> Trace {
         let scene = self.field.scene();
         let rules = &scene.rules;
-        let mut color = [0.0; 3];
-        // Where rays are decoded: Σ w and Σ w·f over the colored samples, and of each w and its first features.
-        let mut composed_weight = 0.0;
-        let mut composed = vec![0.0; scene.features() as usize];
-        let mut own_colors = Vec::new();
+        let mut shading = Shading::new(scene.features() as usize);
         let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
         let mut transmittance = 1.0;
         let mut margin = self.field.margin_horizon();
-        // By how much ln(transmittance) can change for a displacement of all samples so far by 1 per axis.
+        // The change of ln(transmittance) by a displacement of all samples so far by 1 per axis.
         let mut sensitivity = 0.0;
         let mut condition = 0.0;
 
+        // Samples: t_k = max(a, near) + k·δ while t_k < min(b, far).
         if let Some((entry, exit)) = scene.bounds.intersect(ray) {
             let start = entry.max(scene.frame.near);
             let end = exit.min(scene.frame.far);
             for k in 0.. {
                 let t = start + f64::from(k) * rules.step;
-                // One sample more or less at the far end of the span.
+                // The number of samples changes if the last one crosses the end.
                 margin = margin.min((t - end).abs());
                 if t >= end {
                     break;
                 }
+                // Counting: in the model and occupied.
                 let position = ray.at(t);
                 let (occupied, occupancy_margin) = self.field.occupied(position);
                 let point = self.field.locate(position);
-                // A sample counts where both hold: one that fails is out until the last that fails is reached.
+                // If conditions fail, the sample counts only after a displacement that reaches all of them.
                 let failing = [(occupied, occupancy_margin), (point.covered, point.margin)];
                 let failing = failing.into_iter().filter(|(holds, _)| !holds).map(|(_, margin)| margin);
                 if let Some(outside) = failing.reduce(f64::max) {
@@ -73,6 +73,7 @@ impl<'a> ReferenceRenderer<'a> {
                 }
                 margin = margin.min(occupancy_margin).min(point.margin);
 
+                // Opacity and visibility weight: α = 1 − exp(−σ·δ·distance scale), w = T·α.
                 let density = self.field.density_feature(&point);
                 let depth = rules.optical_depth(self.field.density(density.feature));
                 let depth_slope = rules.optical_depth(sigmoid(density.feature + rules.density_shift));
@@ -80,30 +81,19 @@ impl<'a> ReferenceRenderer<'a> {
                 let sample_alpha = alpha(depth);
                 let weight = transmittance * sample_alpha;
                 let after = transmittance * (1.0 - sample_alpha);
-                // A change of this sample's depth takes from what is behind it what it adds in front.
+                // A change of this sample's depth adds in front as much as it removes behind.
                 condition += after * depth_slope * density.magnitude;
 
+                // Shading: if w exceeds the minimum weight.
                 let weight_sensitivity = weight * sensitivity + after * slope;
                 margin = margin.min((weight - rules.min_weight).abs() / weight_sensitivity);
                 if weight > rules.min_weight {
-                    let features = self.field.appearance_features(&point);
-                    match scene.decoder.mode {
-                        DecoderMode::PerSample => {
-                            let sample_color = self.field.decode(&features, ray.direction);
-                            color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
-                        }
-                        DecoderMode::PerRay | DecoderMode::Residual => {
-                            if scene.decoder.mode == DecoderMode::Residual {
-                                own_colors.push((weight, [features[0], features[1], features[2]]));
-                            }
-                            composed_weight += weight;
-                            composed.iter_mut().zip(features).for_each(|(sum, f)| *sum += weight * f);
-                        }
-                    }
+                    shading.add(&self.field, &self.field.appearance_features(&point), ray, weight);
                 }
                 weight_sum += weight;
                 distance_sum += weight * t;
 
+                // The end of the march: T below the minimum transmittance.
                 transmittance = after;
                 sensitivity += slope;
                 margin = margin.min((transmittance - rules.min_transmittance).abs() / (transmittance * sensitivity));
@@ -112,22 +102,63 @@ impl<'a> ReferenceRenderer<'a> {
                 }
             }
         }
-        if composed_weight > 0.0 {
-            composed.iter_mut().for_each(|f| *f /= composed_weight);
-            let ray_range = self.field.decoder_output(&composed, ray.direction);
-            if scene.decoder.mode == DecoderMode::Residual {
-                for (weight, own) in own_colors {
-                    (0..3).for_each(|c| color[c] += weight * sigmoid(own[c] + ray_range[c]));
-                }
-            } else {
-                color = ray_range.map(|v| composed_weight * sigmoid(v));
-            }
-        }
+        let mut color = shading.color(&self.field, ray);
         for (c, &background) in color.iter_mut().zip(&scene.frame.background) {
             *c += transmittance * f64::from(background);
         }
         let depth = if weight_sum > 0.0 { distance_sum / weight_sum } else { 0.0 };
         Trace { color, opacity: 1.0 - transmittance, depth, margin, condition }
+    }
+}
+
+/// The sums over a ray's shaded samples, by decoder mode (spec 4.8).
+struct Shading {
+    /// Mode *per sample*: Σ w·color.
+    color: [f64; 3],
+    /// The other modes: Σ w and Σ w·F.
+    weight: f64,
+    features: Vec<f64>,
+    /// Mode *residual*: w and the first three features of each sample.
+    own_colors: Vec<(f64, [f64; 3])>,
+}
+
+impl Shading {
+    fn new(features: usize) -> Self {
+        Self { color: [0.0; 3], weight: 0.0, features: vec![0.0; features], own_colors: Vec::new() }
+    }
+
+    /// Adds a shaded sample of appearance `features`.
+    fn add(&mut self, field: &ReferenceField, features: &[f64], ray: &Ray, weight: f64) {
+        match field.scene().decoder.mode {
+            DecoderMode::PerSample => {
+                let sample_color = field.decode(features, ray.direction);
+                self.color.iter_mut().zip(sample_color).for_each(|(c, s)| *c += weight * s);
+            }
+            mode @ (DecoderMode::PerRay | DecoderMode::Residual) => {
+                if mode == DecoderMode::Residual {
+                    self.own_colors.push((weight, [features[0], features[1], features[2]]));
+                }
+                self.weight += weight;
+                self.features.iter_mut().zip(features).for_each(|(sum, f)| *sum += weight * f);
+            }
+        }
+    }
+
+    /// The ray's color in front of the background.
+    fn color(self, field: &ReferenceField, ray: &Ray) -> [f64; 3] {
+        let Self { mut color, weight: weight_sum, mut features, own_colors } = self;
+        if weight_sum > 0.0 {
+            features.iter_mut().for_each(|f| *f /= weight_sum);
+            let output = field.decoder_output(&features, ray.direction);
+            if field.scene().decoder.mode == DecoderMode::Residual {
+                for (weight, own) in own_colors {
+                    (0..3).for_each(|c| color[c] += weight * sigmoid(own[c] + output[c]));
+                }
+            } else {
+                color = output.map(|v| weight_sum * sigmoid(v));
+            }
+        }
+        color
     }
 }
 

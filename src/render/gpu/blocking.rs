@@ -1,15 +1,18 @@
-//! The same work for those who wait. In a browser there is no waiting: the device goes on only when the page's own work is
-//! done.
+//! Blocking versions of the asynchronous calls, for native targets. In a browser, blocking the thread would block the
+//! device.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-use super::{Gpu, GpuError, GpuRenderer, StageTime};
+use super::device::Gpu;
+use super::error::GpuError;
+use super::renderer::GpuRenderer;
+use super::workspace::StageTime;
 use crate::geometry::{Camera, Ray};
 use crate::render::{Picture, Pixel};
 
 impl Gpu {
-    /// The system's best device, or a software one where there is no other.
+    /// Opens the system's best device, or a software device if there is no other.
     ///
     /// # Errors
     ///
@@ -19,7 +22,7 @@ impl Gpu {
         pollster::block_on(Self::request(&instance, None))
     }
 
-    /// What `work`, which waits for nothing but this device, comes to.
+    /// Runs `work`, which may wait for this device only, to its end.
     fn block_on<T>(&self, work: impl Future<Output = Result<T, GpuError>>) -> Result<T, GpuError> {
         let mut work = pin!(work);
         let mut context = Context::from_waker(Waker::noop());
@@ -34,29 +37,29 @@ impl Gpu {
 }
 
 impl GpuRenderer {
-    /// The picture that `camera`, in the model's space, takes.
+    /// Renders the picture of `camera`, which is in model space.
     ///
     /// # Errors
     ///
-    /// [`GpuError::Device`], and [`GpuError::TooLarge`] for a picture of more pixels than the device takes.
+    /// [`GpuError::Device`]; [`GpuError::TooLarge`] for a picture with more pixels than the device supports.
     pub fn render(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
         self.gpu.clone().block_on(self.render_async(camera))
     }
 
-    /// As [`GpuRenderer::render`], and what each stage took; without stages where the device does not tell.
+    /// As [`GpuRenderer::render`], with the time of each stage; no stages if the device has no timestamps.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
+    /// As [`GpuRenderer::render`].
     pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         self.gpu.clone().block_on(self.render_timed_async(camera))
     }
 
-    /// What each of `rays`, in the model's space, sees.
+    /// The pixels of `rays`, which are in model space.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`]'s.
+    /// As [`GpuRenderer::render`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         self.gpu.clone().block_on(self.trace_async(rays))
     }

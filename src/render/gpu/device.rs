@@ -1,10 +1,10 @@
-//! The graphics processor: finding one, and what it can do.
+//! The graphics device: selection, capabilities, buffers and pipelines.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Poll, Waker};
 
-use super::GpuError;
-use super::shader::Extensions;
+use super::error::GpuError;
+use super::shader::{Extensions, Shape, Stage};
 
 /// An open device.
 #[derive(Clone, Debug)]
@@ -13,12 +13,12 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
-    /// What the device has complained of first, where nobody asked it to.
+    /// The first uncaptured device error.
     uncaptured_error: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
-    /// A device of `instance` that can show on `surface`, where there is one.
+    /// Requests a device of `instance` that can present to `surface`, if one is given.
     ///
     /// # Errors
     ///
@@ -47,39 +47,39 @@ impl Gpu {
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(|e| GpuError::Device(e.to_string()))?;
         let uncaptured_error = Arc::new(Mutex::new(None));
         let first = Arc::clone(&uncaptured_error);
-        // Without this the process would end.
+        // Without a handler, wgpu ends the process.
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
         Ok(Self { device, queue, info: adapter.get_info(), adapter, uncaptured_error })
     }
 
-    /// Name, driver and kind.
+    /// The adapter's name, driver and kind.
     pub fn info(&self) -> &wgpu::AdapterInfo {
         &self.info
     }
 
-    /// What surfaces are made for.
+    /// The adapter, for which surfaces are configured.
     pub fn adapter(&self) -> &wgpu::Adapter {
         &self.adapter
     }
 
-    /// The device, for those who draw on it.
+    /// The device, for callers that draw on it.
     pub fn device(&self) -> &wgpu::Device {
         &self.device
     }
 
-    /// Its queue.
+    /// The device's queue.
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
     }
 
-    /// Whether stages can be timed.
+    /// Whether the device has timestamps, which time the stages.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
-    /// What it has of WGSL's extensions.
+    /// The WGSL extensions that the device supports.
     pub(super) fn extensions(&self) -> Extensions {
         let features = self.device.features();
         Extensions {
@@ -88,13 +88,13 @@ impl Gpu {
         }
     }
 
-    /// What went wrong on the device, if anything did since this was asked last.
+    /// Takes the first uncaptured error since the last call.
     pub(super) fn uncaptured_error(&self) -> Result<(), GpuError> {
         let uncaptured_error = self.uncaptured_error.lock().unwrap_or_else(PoisonError::into_inner).take();
         uncaptured_error.map_or(Ok(()), |text| Err(GpuError::Device(text)))
     }
 
-    /// Waits for all work that was given to the device, but no longer than `time`.
+    /// Waits until all submitted work is done, but at most for `time`.
     ///
     /// # Errors
     ///
@@ -106,9 +106,37 @@ impl Gpu {
         }
     }
 
-    /// The bytes of `buffer`, which can be mapped, once all work before is done.
+    /// The compute pipeline of `stage` for scenes of `shape`.
+    pub(super) fn pipeline(&self, stage: Stage, shape: &Shape) -> wgpu::ComputePipeline {
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(stage.name()),
+            source: wgpu::ShaderSource::Wgsl(stage.source(shape).into()),
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(stage.name()),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        })
+    }
+
+    pub(super) fn buffer(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        self.device.create_buffer(&descriptor)
+    }
+
+    /// A new buffer of `bytes`.
+    pub(super) fn upload(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.buffer(label, bytes.len() as u64, usage);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    /// Reads the bytes of `buffer`, which must be mappable, after all work submitted before.
     pub(super) async fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
-        let mapping = Mapping::of(buffer);
+        let mapping = Mapping::new(buffer);
         mapping.clone().ended().await;
         mapping.result().unwrap_or(Ok(()))?;
         let bytes = buffer.get_mapped_range(..).map_err(|e| GpuError::Device(e.to_string()))?.to_vec();
@@ -121,7 +149,7 @@ impl Gpu {
 #[derive(Clone, Debug)]
 pub(super) struct Mapping(Arc<Mutex<MappingState>>);
 
-/// How it ended, and who waits for it.
+/// The result of a mapping, and the task that waits for it.
 #[derive(Debug, Default)]
 struct MappingState {
     ended: Option<Result<(), String>>,
@@ -130,7 +158,7 @@ struct MappingState {
 
 impl Mapping {
     /// Begins to map `buffer`.
-    pub(super) fn of(buffer: &wgpu::Buffer) -> Self {
+    pub(super) fn new(buffer: &wgpu::Buffer) -> Self {
         let here = Self(Arc::default());
         let there = here.clone();
         buffer.map_async(wgpu::MapMode::Read, .., move |result| {
@@ -147,12 +175,12 @@ impl Mapping {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How it ended; `None` before it has.
+    /// The result; `None` while the mapping is pending.
     pub(super) fn result(&self) -> Option<Result<(), GpuError>> {
         self.lock().ended.clone().map(|ended| ended.map_err(GpuError::Device))
     }
 
-    /// Its end.
+    /// Completes when the mapping has ended.
     pub(super) fn ended(self) -> impl Future<Output = ()> + use<> {
         std::future::poll_fn(move |context| {
             let mut state = self.lock();
@@ -165,9 +193,9 @@ impl Mapping {
     }
 }
 
-/// Larger tiles of the decoder would leave limits for fewer of them at a time.
+/// The most workgroup memory requested, in bytes. Larger decoder tiles would reduce occupancy.
 const MAX_WORKGROUP_BYTES: u32 = 32 << 10;
 
-/// What is used where a device has it.
+/// Features that are requested if the device supports them.
 const OPTIONAL_FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::SHADER_F16).union(wgpu::Features::SUBGROUP);

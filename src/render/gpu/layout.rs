@@ -1,4 +1,4 @@
-//! The structs of `shaders/layout.wgsl`, byte for byte: a test compares them with what naga makes of the shaders.
+//! The structs of `shaders/layout.wgsl`, byte for byte. A test compares them with naga's layout of the shaders.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -12,7 +12,7 @@ pub(super) struct Scale {
     pub(super) lists: u32,
     pub(super) cells: [u32; 3],
     pub(super) starts: u32,
-    pub(super) half: [f32; 3],
+    pub(super) half_edge: [f32; 3],
     pub(super) candidates: u32,
     pub(super) factor_cells_per_unit: [f32; 3],
     pub(super) rows: u32,
@@ -64,7 +64,7 @@ pub(super) struct SceneHead {
     pub(super) padding3: u32,
 }
 
-/// What changes from one batch of rays to the next.
+/// The uniforms of a batch of rays.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Frame {
@@ -81,10 +81,10 @@ pub(super) struct Frame {
     pub(super) rays_are_given: u32,
     pub(super) blocks: u32,
     pub(super) strides: u32,
-    pub(super) zero: u32,
+    pub(super) opaque_zero: u32,
 }
 
-/// A ray and what became of it.
+/// A ray: its span, and the results and the state of its march.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Ray {
@@ -97,11 +97,11 @@ pub(super) struct Ray {
     pub(super) distances: f32,
     pub(super) evaluated: u32,
     pub(super) outputs: [f32; 3],
-    pub(super) colored_weights: f32,
+    pub(super) shaded_weights: f32,
     pub(super) first_block: u32,
     pub(super) first_row: u32,
-    pub(super) colored: u32,
-    pub(super) listed: u32,
+    pub(super) shaded: u32,
+    pub(super) compacted_ray: u32,
     pub(super) lost: [f32; 3],
     pub(super) next: u32,
     pub(super) block: u32,
@@ -109,13 +109,13 @@ pub(super) struct Ray {
     pub(super) padding: [u32; 2],
 }
 
-/// How far the batch's lists have grown.
+/// Lengths of the batch's lists.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Counters {
     pub(super) blocks: u32,
     pub(super) rows: u32,
-    pub(super) listed: u32,
+    pub(super) shaded_rays: u32,
     pub(super) unfinished: u32,
 }
 
@@ -126,10 +126,10 @@ pub(super) struct PixelPair {
     pub(super) color: [f32; 3],
     pub(super) opacity: f32,
     pub(super) depth: f32,
-    /// Samples whose density was evaluated.
+    /// Number of samples evaluated.
     pub(super) evaluated: f32,
-    /// Samples that added color.
-    pub(super) colored: f32,
+    /// Number of samples shaded.
+    pub(super) shaded: f32,
     pub(super) padding: f32,
 }
 
@@ -140,100 +140,43 @@ mod tests {
     use crate::render::gpu::testing::assert_same_layout;
 
     #[test]
-    fn structs_lie_as_the_shaders_have_them() {
+    fn scene_structs_have_the_shaders_layout() {
         let shape = Shape::default();
         let source = &Stage::March.source(&shape);
+        #[rustfmt::skip]
         assert_same_layout!(
-            source,
-            "Scale",
-            Scale,
-            min,
-            top_k,
-            cells_per_unit,
-            lists,
-            cells,
-            starts,
-            half,
-            candidates,
-            factor_cells_per_unit,
-            rows,
-            last_cell,
-            density,
-            first_row,
-            appearance,
-            density_quads,
-            appearance_quads,
-            first_quad
+            source, "Scale", Scale,
+            min, top_k, cells_per_unit, lists, cells, starts, half_edge, candidates, factor_cells_per_unit, rows, last_cell,
+            density, first_row, appearance, density_quads, appearance_quads, first_quad
         );
         assert_same_layout!(source, "Layer", Layer, inputs, output_quads, weights, bias);
-        assert_same_layout!(
-            source,
-            "Frame",
-            Frame,
-            position,
-            width,
-            right,
-            height,
-            up,
-            first_ray,
-            back,
-            ray_count,
-            focal,
-            principal,
-            rays_are_given,
-            blocks,
-            strides,
-            zero
-        );
-        assert_same_layout!(
-            source,
-            "Ray",
-            Ray,
-            start,
-            entry,
-            direction,
-            length,
-            transmittance,
-            weights,
-            distances,
-            evaluated,
-            outputs,
-            colored_weights,
-            first_block,
-            first_row,
-            colored,
-            listed,
-            lost,
-            next,
-            block,
-            used
-        );
-        assert_same_layout!(source, "Counters", Counters, blocks, rows, listed, unfinished);
+        #[rustfmt::skip]
         let (more, size) = assert_same_layout!(
-            source,
-            "Scene",
-            SceneHead,
-            bounds_min,
-            near,
-            bounds_max,
-            far,
-            background,
-            position_error,
-            step,
-            density_shift,
-            depth_scale,
-            min_weight,
-            min_transmittance,
-            appearance,
-            grid_words,
-            grid_blocks,
-            grid_min,
-            grid_cells_per_unit,
-            grid_cells,
+            source, "Scene", SceneHead,
+            bounds_min, near, bounds_max, far, background, position_error, step, density_shift, depth_scale, min_weight,
+            min_transmittance, appearance, grid_words, grid_blocks, grid_min, grid_cells_per_unit, grid_cells,
             grid_block_counts
         );
         let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
         assert_eq!((more, size), (2, head + layer * shape.layers + scale * shape.scales), "layers and scales follow");
+    }
+
+    #[test]
+    fn batch_structs_have_the_shaders_layout() {
+        let source = &Stage::March.source(&Shape::default());
+        #[rustfmt::skip]
+        assert_same_layout!(
+            source, "Frame", Frame,
+            position, width, right, height, up, first_ray, back, ray_count, focal, principal, rays_are_given, blocks, strides,
+            opaque_zero
+        );
+        #[rustfmt::skip]
+        assert_same_layout!(
+            source, "Ray", Ray,
+            start, entry, direction, length, transmittance, weights, distances, evaluated, outputs, shaded_weights,
+            first_block, first_row, shaded, compacted_ray, lost, next, block, used
+        );
+        assert_same_layout!(source, "Counters", Counters, blocks, rows, shaded_rays, unfinished);
     }
 
     #[test]

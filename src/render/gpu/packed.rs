@@ -1,157 +1,161 @@
-//! A scene's numbers as the shaders read them: one array of quads, and where in it everything is.
+//! A scene as the shaders read it: one array of quads, and the indices of everything in it.
 
-use super::GpuError;
+use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape};
-use crate::field::{BLOCK_SHIFT, Field, FieldScale};
-use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
+use crate::field::{BLOCK_SHIFT, Dense, Field, FieldScale};
 
-/// What a device has limits for.
+/// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BufferLimits {
-    /// Bindings for the scene's numbers.
+    /// The most bindings of the scene buffer.
     pub(super) chunks: u32,
-    /// Quads of one, as a shift.
+    /// Log₂ of the quads of one binding.
     pub(super) chunk_shift: u32,
-    /// Workgroup memory, in bytes.
+    /// Bytes of workgroup memory.
     pub(super) workgroup_bytes: u32,
     pub(super) extensions: Extensions,
 }
 
-/// A scene, ready for a device.
+/// A scene, packed for a device.
 pub(super) struct Packed {
     pub(super) shape: Shape,
-    /// The uniform buffer: the head, layers, scales.
+    /// The bytes of the uniform `scene`: head, layers, scales.
     pub(super) scene: Vec<u8>,
-    /// Everything else; a multiple of four words.
+    /// The scene buffer; a multiple of four words.
     pub(super) words: Vec<u32>,
-    /// Turns of all loops that marching takes for a sample, at most.
-    pub(super) turns_per_sample: u32,
+    /// The most loop iterations of the march per sample.
+    pub(super) iterations_per_sample: u32,
 }
 
 impl Packed {
-    /// Packs `field` for a device with `limits`.
+    /// Packs `field` within `limits`.
     pub(super) fn new(field: &Field<f32>, precision: Precision, limits: BufferLimits) -> Result<Self, GpuError> {
-        let BufferLimits { chunks, chunk_shift, workgroup_bytes, extensions } = limits;
         let mut words = Words::default();
-        let decoder = &field.decoder;
-        let quads = |components: usize| components.div_ceil(4);
-        let mut first_quad = 0;
+        let mut component_quads = 0;
         let scales: Vec<Scale> = (field.scales.iter())
             .map(|scale| {
-                let packed = words.scale(scale, precision, first_quad);
-                first_quad += packed.appearance_quads;
+                let packed = words.scale(scale, precision, component_quads);
+                component_quads += packed.appearance_quads;
                 packed
             })
             .collect();
-
-        let (mut grid_words, mut grid_blocks) = (0, 0);
         let cells = field.cells();
-        if let Some(cells) = cells {
-            grid_words = words.push(&halves(&cells.words));
-            grid_blocks = words.push(&halves(&cells.block_words));
-        }
-        let appearance = words.appearance(field, first_quad);
-        let layers: Vec<Layer> = (decoder.layers.iter())
-            .map(|layer| {
-                let output_quads = quads(layer.outputs);
-                let mut transposed = vec![0.0; layer.inputs * 4 * output_quads];
-                for (i, row) in transposed.chunks_exact_mut(4 * output_quads.max(1)).enumerate() {
-                    for (o, weight) in row.iter_mut().take(layer.outputs).enumerate() {
-                        *weight = layer.weights[o * layer.inputs + i];
-                    }
-                }
-                let mut bias = layer.bias.clone();
-                bias.resize(4 * output_quads, 0.0);
-                Layer {
-                    inputs: layer.inputs as u32,
-                    output_quads: output_quads as u32,
-                    weights: words.push_numbers(&transposed) / 4,
-                    bias: words.push_numbers(&bias) / 4,
-                }
-            })
-            .collect();
-
-        let feature_quads = quads(decoder.features) as u32;
+        let [grid_words, grid_blocks] =
+            cells.map_or([0; 2], |cells| [&cells.words, &cells.block_words].map(|bits| words.push(&halves(bits))));
+        let appearance = words.appearance(field, component_quads);
+        let layers: Vec<Layer> = field.decoder.layers.iter().map(|layer| words.layer(layer)).collect();
         let shape = Shape {
-            precision,
-            extensions,
-            chunks: (words.quads().div_ceil(1 << chunk_shift)).max(1) as u32,
-            chunk_shift,
-            scales: scales.len() as u32,
-            top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
-            layers: layers.len() as u32,
-            inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
-            output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
-            component_quads: first_quad,
-            features: decoder.features as u32,
-            feature_frequencies: decoder.frequencies[0],
-            direction_frequencies: decoder.frequencies[1],
-            block_shift: cells.map(|_| BLOCK_SHIFT as u32),
-            coverage_is_all: field.rules.coverage == Coverage::All,
-            density_is_mean: field.rules.density_reduction == Reduction::Mean,
-            appearance_is_mean: field.rules.appearance_reduction == Reduction::Mean,
-            aggregation_is_clamped: field.rules.aggregation == Aggregation::Clamped,
-            decodes_samples: decoder.mode == DecoderMode::PerSample,
-            samples_have_colors: decoder.mode == DecoderMode::Residual,
-            workgroup_bytes,
+            chunks: (words.quads().div_ceil(1 << limits.chunk_shift)).max(1) as u32,
+            component_quads,
+            ..shape_of(field, precision, limits, &scales, &layers)
         };
-        if shape.chunks > chunks {
-            let limit = u64::from(chunks) << (chunk_shift + 4);
-            return Err(GpuError::TooLarge { what: "bytes of the scene", found: 16 * words.quads(), limit });
-        }
-        if shape.rows().is_none() {
-            let (found, limit) = (u64::from(shape.tile_columns()), u64::from(workgroup_bytes) / 64);
-            return Err(GpuError::TooLarge { what: "components or neurons of the decoder", found, limit });
-        }
-        let relative = |v: glam::DVec3| (v - field.origin).to_array().map(|v| v as f32);
-        let rules = &field.rules;
-        let head = SceneHead {
-            bounds_min: relative(field.bounds.min),
-            near: field.near_far[0] as f32,
-            bounds_max: relative(field.bounds.max),
-            far: field.near_far[1] as f32,
-            background: field.background,
-            position_error: field.position_error(),
-            step: rules.step as f32,
-            density_shift: rules.density_shift as f32,
-            depth_scale: (rules.step * rules.distance_scale) as f32,
-            min_weight: rules.min_weight as f32,
-            min_transmittance: rules.min_transmittance as f32,
-            appearance,
-            grid_words,
-            grid_blocks,
-            grid_min: cells.map_or([0.0; 3], |c| c.min),
-            padding0: 0,
-            grid_cells_per_unit: cells.map_or([1.0; 3], |c| c.cells_per_unit),
-            padding1: 0,
-            grid_cells: cells.map_or([0; 3], |c| c.cells),
-            padding2: 0,
-            grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
-            padding3: 0,
-        };
-        // Of the march's inner loops: over candidates, over neighbors' components, and over neighbors.
-        let of_scale = |s: &FieldScale<f32>| {
-            longest_list(s) + s.top_k() * (s.density_rank.div_ceil(4) + 2) + 3 * shape.top_k as usize
-        };
-        let turns = field.scales.iter().map(of_scale).sum::<usize>() + 1;
+        check_limits(&shape, &words, limits)?;
+        let head = SceneHead { appearance, grid_words, grid_blocks, ..head_of(field) };
         let scene = [bytemuck::bytes_of(&head), bytemuck::cast_slice(&layers), bytemuck::cast_slice(&scales)].concat();
         words.align();
-        Ok(Self { shape, scene, words: words.0, turns_per_sample: turns as u32 })
+        let iterations_per_sample = iterations_per_sample(field, shape.top_k);
+        Ok(Self { shape, scene, words: words.0, iterations_per_sample })
     }
 }
 
-/// The most candidates that a cell has.
+/// The shape of `field`, with `chunks` and `component_quads` unset.
+fn shape_of(
+    field: &Field<f32>,
+    precision: Precision,
+    limits: BufferLimits,
+    scales: &[Scale],
+    layers: &[Layer],
+) -> Shape {
+    let decoder = &field.decoder;
+    let feature_quads = decoder.features.div_ceil(4) as u32;
+    Shape {
+        precision,
+        extensions: limits.extensions,
+        chunks: 0,
+        chunk_shift: limits.chunk_shift,
+        scales: scales.len() as u32,
+        top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
+        layers: layers.len() as u32,
+        inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
+        output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
+        component_quads: 0,
+        features: decoder.features as u32,
+        feature_frequencies: decoder.frequencies[0],
+        direction_frequencies: decoder.frequencies[1],
+        block_shift: field.cells().map(|_| BLOCK_SHIFT as u32),
+        coverage: field.rules.coverage,
+        density_reduction: field.rules.density_reduction,
+        appearance_reduction: field.rules.appearance_reduction,
+        aggregation: field.rules.aggregation,
+        decoder_mode: decoder.mode,
+        workgroup_bytes: limits.workgroup_bytes,
+    }
+}
+
+/// The head of `field`, with the indices of `appearance` and of the grid unset.
+fn head_of(field: &Field<f32>) -> SceneHead {
+    let relative = |v: glam::DVec3| (v - field.origin).to_array().map(|v| v as f32);
+    let rules = &field.rules;
+    let cells = field.cells();
+    SceneHead {
+        bounds_min: relative(field.bounds.min),
+        near: field.near_far[0] as f32,
+        bounds_max: relative(field.bounds.max),
+        far: field.near_far[1] as f32,
+        background: field.background,
+        position_error: field.position_error(),
+        step: rules.step as f32,
+        density_shift: rules.density_shift as f32,
+        depth_scale: (rules.step * rules.distance_scale) as f32,
+        min_weight: rules.min_weight as f32,
+        min_transmittance: rules.min_transmittance as f32,
+        appearance: 0,
+        grid_words: 0,
+        grid_blocks: 0,
+        grid_min: cells.map_or([0.0; 3], |c| c.min),
+        padding0: 0,
+        grid_cells_per_unit: cells.map_or([1.0; 3], |c| c.cells_per_unit),
+        padding1: 0,
+        grid_cells: cells.map_or([0; 3], |c| c.cells),
+        padding2: 0,
+        grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
+        padding3: 0,
+    }
+}
+
+/// Checks that the scene buffer and the decoder's tile are within `limits`.
+fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<(), GpuError> {
+    if shape.chunks > limits.chunks {
+        let limit = u64::from(limits.chunks) << (limits.chunk_shift + 4);
+        return Err(GpuError::TooLarge { what: "bytes of scene data", found: 16 * words.quads(), limit });
+    }
+    if shape.rows().is_none() {
+        let (found, limit) = (u64::from(shape.tile_columns()), u64::from(limits.workgroup_bytes) / 64);
+        return Err(GpuError::TooLarge { what: "components or neurons per decoder layer", found, limit });
+    }
+    Ok(())
+}
+
+/// The most iterations of all loops of the march per sample: over candidates, over neighbors' components, and over
+/// neighbors.
+fn iterations_per_sample(field: &Field<f32>, top_k: u32) -> u32 {
+    let of_scale =
+        |s: &FieldScale<f32>| longest_list(s) + s.top_k() * (s.density_rank.div_ceil(4) + 2) + 3 * top_k as usize;
+    (field.scales.iter().map(of_scale).sum::<usize>() + 1) as u32
+}
+
+/// The length of the longest candidate list.
 fn longest_list(scale: &FieldScale<f32>) -> usize {
     scale.index().candidates().map(Iterator::count).max().unwrap_or(0)
 }
 
-/// Each word's lower half, then its upper one.
+/// Each word's lower half, then its upper half.
 fn halves(words: &[u64]) -> Vec<u32> {
     words.iter().flat_map(|w| [*w as u32, (*w >> 32) as u32]).collect()
 }
 
-/// The array while it grows.
+/// The scene buffer under construction.
 #[derive(Default)]
 struct Words(Vec<u32>);
 
@@ -164,7 +168,7 @@ impl Words {
         self.0.len().div_ceil(4) as u64
     }
 
-    /// Appends `words` from a quad on; returns their number.
+    /// Appends `words` at the start of a quad. Returns the index of the first word.
     fn push(&mut self, words: &[u32]) -> u32 {
         self.align();
         let first = self.0.len() as u32;
@@ -172,10 +176,11 @@ impl Words {
         first
     }
 
-    fn push_numbers(&mut self, numbers: &[f32]) -> u32 {
-        self.push(bytemuck::cast_slice(numbers))
+    fn push_floats(&mut self, floats: &[f32]) -> u32 {
+        self.push(bytemuck::cast_slice(floats))
     }
 
+    /// Appends the candidate lists and factors of `scale`, whose first appearance quad is `first_quad`.
     fn scale(&mut self, scale: &FieldScale<f32>, precision: Precision, first_quad: u32) -> Scale {
         let index = scale.index();
         let (min, cells_per_unit, cells) = index.grid();
@@ -197,7 +202,7 @@ impl Words {
             lists,
             cells: cells.map(|c| c as u32),
             starts,
-            half: scale.half,
+            half_edge: scale.half_edge,
             candidates,
             factor_cells_per_unit: rows.cells_per_unit,
             rows: rows.count as u32,
@@ -212,7 +217,26 @@ impl Words {
         }
     }
 
-    /// Rows of `rank` components, each padded to quads; returns the first one's number, counted in quads of factors.
+    /// Appends a layer's weights, \[input\]\[output\], and bias, with outputs padded to quads.
+    fn layer(&mut self, layer: &Dense<f32>) -> Layer {
+        let output_quads = layer.outputs.div_ceil(4);
+        let mut transposed = vec![0.0; layer.inputs * 4 * output_quads];
+        for (i, row) in transposed.chunks_exact_mut(4 * output_quads.max(1)).enumerate() {
+            for (o, weight) in row.iter_mut().take(layer.outputs).enumerate() {
+                *weight = layer.weights[o * layer.inputs + i];
+            }
+        }
+        let mut bias = layer.bias.clone();
+        bias.resize(4 * output_quads, 0.0);
+        Layer {
+            inputs: layer.inputs as u32,
+            output_quads: output_quads as u32,
+            weights: self.push_floats(&transposed) / 4,
+            bias: self.push_floats(&bias) / 4,
+        }
+    }
+
+    /// Appends rows of `rank` components, each padded to quads. Returns the index of the first quad of factors.
     fn factors(&mut self, values: &[f32], rank: usize, precision: Precision) -> u32 {
         self.align();
         let first = self.0.len() as u32;
@@ -235,7 +259,8 @@ impl Words {
         }
     }
 
-    /// The appearance matrices, [component][feature], features and each scale's components padded to quads; their first quad.
+    /// Appends the appearance matrices, \[component\]\[feature\], with features and each scale's components padded to
+    /// quads. Returns the index of the first quad.
     fn appearance(&mut self, field: &Field<f32>, component_quads: u32) -> u32 {
         let decoder = &field.decoder;
         let (components, width) = (field.component_count(), decoder.features.next_multiple_of(4));
@@ -250,11 +275,11 @@ impl Words {
             from += scale.appearance_rank;
             to += scale.appearance_rank.next_multiple_of(4);
         }
-        self.push_numbers(&transposed) / 4
+        self.push_floats(&transposed) / 4
     }
 }
 
-/// The nearest number of 16 bits, at most the largest finite one.
+/// The nearest 16-bit float, clamped to the finite ones.
 fn half_of(value: f32) -> u16 {
     let largest = half::f16::MAX.to_f32();
     half::f16::from_f32(value.clamp(-largest, largest)).to_bits()

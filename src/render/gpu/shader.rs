@@ -1,99 +1,98 @@
-//! The WGSL of each stage: a prelude of constants made from the scene's shape, and files of `shaders/`.
+//! The WGSL of each stage: a prelude of constants generated from the scene's shape, and files of `shaders/`.
 
 use std::fmt::Write as _;
 
-/// Pixels along the edge of a tile, whose rays share a workgroup: they meet mostly the same tensors.
+use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
+
+/// Pixels along the edge of a tile. Its rays share a workgroup because they meet mostly the same tensors.
 pub(super) const TILE: u32 = 8;
 /// Rays of a workgroup.
 pub(super) const RAY_LANES: u32 = TILE * TILE;
-/// Rays of a workgroup where samples are compacted.
+/// Rays of a workgroup of the compaction.
 pub(super) const COMPACT_LANES: u32 = 256;
 /// Invocations of a workgroup of the decoder.
 const LANES: u32 = 128;
-/// Slots of a block, the first of which leads to the next block.
+/// Slots of a block. The first one holds the number of the next block.
 pub(super) const SLOTS: u32 = 8;
-/// Workgroups along a dimension, at most: what every device has.
+/// The most workgroups along a dimension on every device.
 const MAX_ACROSS: u32 = 65535;
-/// Quads of one binding of the scene's numbers, as a shift: 128 MiB, which every device allows.
+/// Log₂ of the quads of one binding of the scene buffer: 128 MiB, which every device allows.
 pub(super) const CHUNK_SHIFT: u32 = 23;
-/// The first binding of the scene's numbers.
+/// The first binding of the scene buffer.
 pub(super) const FIRST_CHUNK: u32 = 8;
-/// Bytes of a pair of the decoder's workgroup memory.
-const PAIR_BYTES: u32 = 32;
+/// Bytes of an interpolation site in the decoder's workgroup memory.
+const SITE_BYTES: u32 = 32;
 
-/// How factors are stored on the device.
+/// The precision of factors on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
-    /// As the file has them.
+    /// 32 bits.
     #[default]
     F32,
-    /// Rounded to 16 bits: half the memory and bandwidth; and what goes from one layer of the decoder to the next, where the
-    /// device has such numbers. Sums stay in 32 bits.
+    /// Factors are rounded to 16 bits, which halves memory and bandwidth. If the device supports 16-bit floats, so are
+    /// the activations between the decoder's layers. Sums are in 32 bits.
     F16,
 }
 
-/// What a device may have of WGSL's extensions, which the shaders use where it has them.
+/// The WGSL extensions that shaders use if the device supports them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Extensions {
-    /// Numbers of 16 bits.
+    /// 16-bit floats.
     pub(super) f16: bool,
-    /// Sums over the lanes that run together.
+    /// Subgroup operations.
     pub(super) subgroups: bool,
 }
 
-/// What the shaders are made for.
+/// The parameters that shaders are generated for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Shape {
     pub(super) precision: Precision,
     pub(super) extensions: Extensions,
-    /// Bindings that the scene's numbers are split over.
+    /// Number of bindings of the scene buffer.
     pub(super) chunks: u32,
-    /// Quads of one, as a shift.
+    /// Log₂ of the quads of one binding.
     pub(super) chunk_shift: u32,
     pub(super) scales: u32,
-    /// The largest of all scales.
+    /// The largest `top_k` of all scales.
     pub(super) top_k: u32,
     pub(super) layers: u32,
     /// The most inputs of a layer.
     pub(super) inputs: u32,
-    /// The most outputs of a layer, or features, in quads.
+    /// The largest number of outputs of a layer, or of features, in quads.
     pub(super) output_quads: u32,
-    /// Components of appearance of all scales, each scale's padded to quads.
+    /// Appearance components of all scales in quads, each scale's padded.
     pub(super) component_quads: u32,
     pub(super) features: u32,
     pub(super) feature_frequencies: u32,
     pub(super) direction_frequencies: u32,
-    /// Cells along a block's edge, as a shift; absent where there is no grid.
+    /// Log₂ of the cells along a block's edge; `None` if there is no grid.
     pub(super) block_shift: Option<u32>,
-    pub(super) coverage_is_all: bool,
-    pub(super) density_is_mean: bool,
-    pub(super) appearance_is_mean: bool,
-    pub(super) aggregation_is_clamped: bool,
-    /// Every sample is decoded; else every ray.
-    pub(super) decodes_samples: bool,
-    /// Where rays are decoded: samples add colors of their own.
-    pub(super) samples_have_colors: bool,
-    /// Workgroup memory, in bytes.
+    pub(super) coverage: Coverage,
+    pub(super) density_reduction: Reduction,
+    pub(super) appearance_reduction: Reduction,
+    pub(super) aggregation: Aggregation,
+    pub(super) decoder_mode: DecoderMode,
+    /// Bytes of workgroup memory.
     pub(super) workgroup_bytes: u32,
 }
 
 impl Shape {
-    /// Rows of the decoder's tile: as many as fit, in fours; `None` where not even four do.
+    /// Rows of the decoder's tile: as many as fit, a multiple of four; `None` if four do not fit.
     pub(super) fn rows(&self) -> Option<u32> {
         [32, 16, 8, 4].into_iter().find(|&rows| self.bytes_for(rows) <= self.workgroup_bytes)
     }
 
-    /// Workgroup memory of the decoder with `rows` rows.
+    /// Bytes of the decoder's workgroup memory with `rows` rows.
     fn bytes_for(&self, rows: u32) -> u32 {
-        let own_color = if self.samples_have_colors { 12 } else { 0 };
-        let of_row = PAIR_BYTES * self.scales * self.top_k + 4 * self.scales + 8 + 4 + own_color;
-        let of_number = if self.keeps_halves() { 2 } else { 4 };
-        let per_row = of_number * self.tile_columns() + of_row;
+        let own_color = if self.decoder_mode == DecoderMode::Residual { 12 } else { 0 };
+        let row_bytes = SITE_BYTES * self.scales * self.top_k + 4 * self.scales + 8 + 4 + own_color;
+        let number_bytes = if self.has_f16_tile() { 2 } else { 4 };
+        let per_row = number_bytes * self.tile_columns() + row_bytes;
         rows * per_row + 48
     }
 
-    /// Whether the decoder's tile holds numbers of 16 bits.
-    fn keeps_halves(&self) -> bool {
+    /// Whether the decoder's tile holds 16-bit floats.
+    fn has_f16_tile(&self) -> bool {
         self.precision == Precision::F16 && self.extensions.f16
     }
 
@@ -102,12 +101,12 @@ impl Shape {
         self.inputs.max(4 * self.component_quads.max(self.output_quads))
     }
 
-    /// Constants, and how numbers are read.
+    /// The prelude: constants, and access to the scene buffer and to factors.
     fn prelude(&self) -> String {
         let rows = self.rows().unwrap_or(4);
         let mut text = String::from("// Made from the scene's shape: see src/render/gpu/shader.rs.\n");
-        // naga takes subgroups without a word, and would not take the word.
-        if self.keeps_halves() {
+        // naga accepts subgroup operations without `enable subgroups;` and rejects the directive.
+        if self.has_f16_tile() {
             text += "enable f16;\n";
         }
         for (name, value) in [
@@ -130,19 +129,19 @@ impl Shape {
             ("MAX_ACROSS", MAX_ACROSS),
             ("ROWS", rows),
             ("TILE_QUADS", self.tile_columns() * rows / 4),
-            ("PAIRS", rows * self.scales * self.top_k),
-            ("OWN_COLOR_QUADS", if self.samples_have_colors { 3 * rows / 4 } else { 1 }),
+            ("SITES", rows * self.scales * self.top_k),
+            ("OWN_COLOR_QUADS", if self.decoder_mode == DecoderMode::Residual { 3 * rows / 4 } else { 1 }),
         ] {
             let _ = writeln!(text, "const {name}: u32 = {value}u;");
         }
         for (name, value) in [
             ("HAS_GRID", self.block_shift.is_some()),
-            ("COVERAGE_IS_ALL", self.coverage_is_all),
-            ("DENSITY_IS_MEAN", self.density_is_mean),
-            ("APPEARANCE_IS_MEAN", self.appearance_is_mean),
-            ("IS_CLAMPED", self.aggregation_is_clamped),
-            ("DECODES_SAMPLES", self.decodes_samples),
-            ("SAMPLES_HAVE_COLORS", self.samples_have_colors),
+            ("COVERAGE_IS_ALL", self.coverage == Coverage::All),
+            ("DENSITY_IS_MEAN", self.density_reduction == Reduction::Mean),
+            ("APPEARANCE_IS_MEAN", self.appearance_reduction == Reduction::Mean),
+            ("IS_CLAMPED", self.aggregation == Aggregation::Clamped),
+            ("DECODES_SAMPLES", self.decoder_mode == DecoderMode::PerSample),
+            ("SAMPLES_HAVE_COLORS", self.decoder_mode == DecoderMode::Residual),
         ] {
             let _ = writeln!(text, "const {name}: bool = {value};");
         }
@@ -168,7 +167,7 @@ impl Shape {
                  return vec4(unpack2x16float(halves.x), unpack2x16float(halves.y));\n}\n"
             }
         };
-        text += if self.keeps_halves() {
+        text += if self.has_f16_tile() {
             "alias Kept = vec4<f16>;\nfn kept(x: vec4<f32>) -> Kept {\n    return Kept(clamp(x, vec4(-65504.0), vec4(65504.0)));\n}\n"
         } else {
             "alias Kept = vec4<f32>;\nfn kept(x: vec4<f32>) -> Kept {\n    return x;\n}\n"
@@ -182,24 +181,24 @@ impl Shape {
 pub(super) enum Stage {
     Rays,
     March,
-    ShadedSamples,
+    Compact,
     Workgroups,
     Decoder,
     Resolve,
-    /// Only where normals are wanted.
+    /// Only if normals are on.
     Normals,
 }
 
 impl Stage {
     pub(super) const ALL: [Self; 7] =
-        [Self::Rays, Self::March, Self::ShadedSamples, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
+        [Self::Rays, Self::March, Self::Compact, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
 
-    /// As the shader's file is called.
+    /// The stem of the shader's file.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Rays => "rays",
             Self::March => "march",
-            Self::ShadedSamples => "compact",
+            Self::Compact => "compact",
             Self::Workgroups => "workgroups",
             Self::Decoder => "decoder",
             Self::Resolve => "resolve",
@@ -207,7 +206,7 @@ impl Stage {
         }
     }
 
-    /// The files that it is made of, besides the prelude.
+    /// The shader's files after the prelude.
     fn files(self, extensions: Extensions) -> &'static [&'static str] {
         macro_rules! shader {
             ($name:literal) => {
@@ -233,10 +232,8 @@ impl Stage {
                 DENSITY,
                 shader!("march"),
             ],
-            Self::ShadedSamples if extensions.subgroups => {
-                &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")]
-            }
-            Self::ShadedSamples => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
+            Self::Compact if extensions.subgroups => &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")],
+            Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
             Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, NEIGHBORS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
@@ -244,12 +241,12 @@ impl Stage {
         }
     }
 
-    /// The bindings of `shaders/layout.wgsl` that it uses, and whether it reads the scene's numbers.
+    /// The bindings of `shaders/layout.wgsl` that the stage uses, and whether it reads the scene buffer.
     pub(super) fn bindings(self) -> (&'static [u32], bool) {
         match self {
             Self::Rays => (&[0, 1, 2], false),
             Self::March => (&[0, 1, 2, 3, 5], true),
-            Self::ShadedSamples => (&[1, 2, 3, 4, 5], false),
+            Self::Compact => (&[1, 2, 3, 4, 5], false),
             Self::Workgroups => (&[5, 6], false),
             Self::Decoder => (&[0, 2, 4, 5], true),
             Self::Resolve => (&[0, 1, 2, 4, 7], false),
@@ -257,7 +254,7 @@ impl Stage {
         }
     }
 
-    /// The whole shader for scenes of `shape`.
+    /// The complete shader for scenes of `shape`.
     pub(super) fn source(self, shape: &Shape) -> String {
         shape.prelude() + &self.files(shape.extensions).join("\n")
     }
@@ -265,7 +262,7 @@ impl Stage {
 
 #[cfg(test)]
 impl Default for Shape {
-    /// The paper's.
+    /// The paper's configuration.
     fn default() -> Self {
         Self {
             precision: Precision::F32,
@@ -282,12 +279,11 @@ impl Default for Shape {
             feature_frequencies: 2,
             direction_frequencies: 2,
             block_shift: Some(3),
-            coverage_is_all: true,
-            density_is_mean: false,
-            appearance_is_mean: false,
-            aggregation_is_clamped: false,
-            decodes_samples: true,
-            samples_have_colors: false,
+            coverage: Coverage::All,
+            density_reduction: Reduction::Sum,
+            appearance_reduction: Reduction::Sum,
+            aggregation: Aggregation::Normalized,
+            decoder_mode: DecoderMode::PerSample,
             workgroup_bytes: 16352,
         }
     }
@@ -306,9 +302,9 @@ mod tests {
         vec![
             Shape { precision: Precision::F16, chunks: 3, ..paper.clone() },
             Shape { precision: Precision::F16, extensions: both, ..paper.clone() },
-            Shape { extensions: both, decodes_samples: false, samples_have_colors: true, ..paper.clone() },
-            Shape { decodes_samples: false, ..paper.clone() },
-            Shape { decodes_samples: false, samples_have_colors: true, density_is_mean: true, ..paper.clone() },
+            Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
+            Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
+            Shape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },
             Shape {
                 scales: 1,
                 top_k: 16,
@@ -319,7 +315,12 @@ mod tests {
                 block_shift: None,
                 ..paper.clone()
             },
-            Shape { coverage_is_all: false, appearance_is_mean: true, aggregation_is_clamped: true, ..paper.clone() },
+            Shape {
+                coverage: Coverage::Any,
+                appearance_reduction: Reduction::Mean,
+                aggregation: Aggregation::Clamped,
+                ..paper.clone()
+            },
             Shape {
                 feature_frequencies: 0,
                 direction_frequencies: 0,
@@ -345,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_use_the_bindings_that_they_say_and_no_more_than_four_are_storage() {
+    fn stages_use_their_bindings_and_at_most_four_storage_buffers() {
         let shape = Shape::default();
         for stage in Stage::ALL {
             let (module, info) = validated(&stage.source(&shape)).unwrap();
@@ -364,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn the_decoder_fits_into_workgroup_memory() {
+    fn the_decoder_fits_in_workgroup_memory() {
         for shape in shapes() {
             let (module, _) = validated(&Stage::Decoder.source(&shape)).unwrap();
             let mut layouter = naga::proc::Layouter::default();

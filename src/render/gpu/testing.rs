@@ -1,11 +1,11 @@
-//! What tests ask naga about shaders.
+//! Validation and layout of shaders by naga, for tests.
 
 use wgpu::naga;
 
-/// What the validator says of `source`: the module and what it found out, or why it is none.
+/// The module of `source` and naga's information about it, or the error.
 pub(crate) fn validated(source: &str) -> Result<(naga::Module, naga::valid::ModuleInfo), String> {
     let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-    // Every backend can unpack halves; the other two are for what asks for them.
+    // Every backend can unpack halves. The other two capabilities are for shapes with extensions.
     use naga::valid::Capabilities;
     let capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::SHADER_FLOAT16 | Capabilities::SUBGROUP;
     let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
@@ -15,7 +15,7 @@ pub(crate) fn validated(source: &str) -> Result<(naga::Module, naga::valid::Modu
     Ok((module, info))
 }
 
-/// Names and offsets of the members of `source`'s struct `name`, padding apart, and its size.
+/// Names and offsets of the members of `source`'s struct `name`, without padding, and its size.
 pub(crate) fn members_of(source: &str, name: &str) -> (Vec<(String, u32)>, u32) {
     let (module, _) = validated(source).unwrap();
     let (_, found) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
@@ -24,8 +24,8 @@ pub(crate) fn members_of(source: &str, name: &str) -> (Vec<(String, u32)>, u32) 
     (members.filter(|m| !m.0.starts_with("padding")).collect(), *span)
 }
 
-/// Compares a struct of `source` with its Rust twin, of which all members but padding are named; returns how many more the
-/// shader's has.
+/// Compares a struct of `source` with its Rust twin, all of whose members but padding are listed. Returns the number of
+/// further members of the shader's struct, and its size.
 macro_rules! assert_same_layout {
     ($source:expr, $wgsl:literal, $rust:ty, $($member:ident),+) => {{
         let (members, size) = $crate::render::gpu::testing::members_of($source, $wgsl);

@@ -1,23 +1,32 @@
-//! The buffers that a batch of rays works in.
+//! The buffers of a batch of rays and of a picture, and timestamps.
 
+use super::device::Gpu;
+use super::error::GpuError;
 use super::layout::{Counters, Frame, PixelPair, Ray};
 use super::shader::{RAY_LANES, SLOTS, Stage};
-use super::{Gpu, GpuError, StageTime};
 
-/// Blocks of samples that add color, for each ray of a batch on average: rays that meet something have some 40 such samples,
-/// seven to a block.
+/// Blocks of shaded samples per ray of a batch. Rays that hit something have about 40 shaded samples, seven to a block.
 const BLOCKS_PER_RAY: u32 = 8;
-/// Fewer would not do for a few rays that have many.
+/// The least number of blocks, for small batches whose rays have many shaded samples.
 const MIN_BLOCKS: u32 = 1 << 14;
-/// Beyond this a batch gains nothing.
+/// The most rays of a batch; larger batches are not faster.
 const MAX_RAYS: u32 = 1 << 18;
 const ROW_BYTES: u32 = 16;
 const SLOT_BYTES: u32 = 8;
 
-/// Buffers for a number of rays at once, and for a picture.
+/// The time of one stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTime {
+    /// The stage's name, the stem of its shader.
+    pub name: &'static str,
+    /// Milliseconds, over all batches.
+    pub milliseconds: f64,
+}
+
+/// Buffers for batches of rays, and for a picture.
 #[derive(Debug)]
 pub(super) struct Workspace {
-    rays_at_once: u32,
+    batch_rays: u32,
     pub(super) frame: wgpu::Buffer,
     pub(super) rays: wgpu::Buffer,
     pub(super) slots: wgpu::Buffer,
@@ -31,32 +40,32 @@ pub(super) struct Workspace {
 }
 
 impl Gpu {
-    /// Bytes of one binding.
+    /// The most bytes of one storage binding.
     pub(super) fn binding_limit(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
     }
 
-    /// Rays of a batch whose largest buffer is still within the device's limits.
-    pub(super) fn most_rays_at_once(&self) -> u32 {
-        let ray_range = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
-        let rays = (self.binding_limit() / ray_range).min(u64::from(MAX_RAYS)) as u32;
+    /// The most rays of a batch whose largest buffer is within the device's limits.
+    pub(super) fn max_batch_rays(&self) -> u32 {
+        let row_bytes = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
+        let rays = (self.binding_limit() / row_bytes).min(u64::from(MAX_RAYS)) as u32;
         (rays / RAY_LANES * RAY_LANES).max(RAY_LANES)
     }
 }
 
 impl Workspace {
-    /// For batches of `rays_at_once` rays and pictures of `pixels` pixels.
-    pub(super) fn new(gpu: &Gpu, rays_at_once: u32, pixels: u64) -> Self {
+    /// Buffers for batches of `batch_rays` rays and pictures of `pixels` pixels.
+    pub(super) fn new(gpu: &Gpu, batch_rays: u32, pixels: u64) -> Self {
         use wgpu::BufferUsages as Usage;
-        let blocks = blocks_for(rays_at_once);
+        let blocks = blocks_for(batch_rays);
         let times = 8 * 2 * Stage::ALL.len() as u64;
         let storage = Usage::STORAGE | Usage::COPY_DST;
         let back = Usage::MAP_READ | Usage::COPY_DST;
         Self {
-            rays_at_once,
+            batch_rays,
             frame: gpu.buffer("frame", size_of::<Frame>() as u64, Usage::UNIFORM | Usage::COPY_DST),
-            rays: gpu.buffer("rays", u64::from(rays_at_once) * size_of::<Ray>() as u64, storage),
+            rays: gpu.buffer("rays", u64::from(batch_rays) * size_of::<Ray>() as u64, storage),
             slots: gpu.buffer("slots", u64::from(blocks * SLOTS * SLOT_BYTES), storage),
             rows: gpu.buffer("rows", u64::from(blocks * (SLOTS - 1) * ROW_BYTES), storage),
             counters: gpu.buffer("counters", size_of::<Counters>() as u64, storage | Usage::COPY_SRC),
@@ -68,13 +77,13 @@ impl Workspace {
         }
     }
 
-    pub(super) fn rays_at_once(&self) -> u32 {
-        self.rays_at_once
+    pub(super) fn batch_rays(&self) -> u32 {
+        self.batch_rays
     }
 
-    /// Blocks in the pool of slots.
+    /// Number of blocks in the pool of slots.
     pub(super) fn blocks(&self) -> u32 {
-        blocks_for(self.rays_at_once)
+        blocks_for(self.batch_rays)
     }
 
     pub(super) fn pixel_count(&self) -> u64 {
@@ -85,7 +94,7 @@ impl Workspace {
         [&self.rays, &self.slots, &self.rows, &self.pixels].iter().map(|buffer| buffer.size()).sum()
     }
 
-    /// A set of two timestamps a stage.
+    /// A query set of two timestamps per stage.
     pub(super) fn queries(&self, gpu: &Gpu) -> wgpu::QuerySet {
         gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times"),
@@ -99,7 +108,7 @@ impl Workspace {
         encoder.copy_buffer_to_buffer(&self.times, 0, &self.times_back, 0, None);
     }
 
-    /// Adds what the last batch's stages took to `times`.
+    /// Adds the times of the last batch's stages to `times`.
     pub(super) async fn add_times(&self, gpu: &Gpu, times: &mut [StageTime]) -> Result<(), GpuError> {
         let bytes = gpu.read(&self.times_back).await?;
         let ticks: Vec<u64> = bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();

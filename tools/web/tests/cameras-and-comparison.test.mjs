@@ -114,7 +114,7 @@ test("a path is recorded, kept and played", async () => {
   assert.equal(await viewer.call((v) => v.state.is_playing), false);
   await drop(viewer, "broken.json", "{}");
   await viewer.until("no path", (v) => v.shadowRoot.querySelector("#message.failed") !== null);
-  assert.match(await viewer.message(), /broken.json: expected a camera path's JSON/);
+  assert.match(await viewer.message(), /broken.json: not the JSON of a camera path/);
   await viewer.page.close();
 });
 

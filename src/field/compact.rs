@@ -1,33 +1,33 @@
-//! Which samples get a color, and what it weighs (DESIGN, section 2.9).
+//! Compaction: the list of shaded samples and their weights (spec 4.8). Twin: `shaders/compact.wgsl`.
 
 use super::{Field, Real, Samples};
 use crate::random::Random;
 
-/// The samples of a march that add color, by ray and distance.
+/// The shaded samples of a march, by ray and distance.
 #[derive(Clone, Debug, Default)]
 pub struct ShadedSamples<T> {
-    /// Their slots among the samples.
+    /// \[shaded\] the sample's slot in [`Samples`].
     pub slots: Vec<u32>,
-    /// What their colors weigh in the pixel.
+    /// \[shaded\] the weight of the sample's color in its pixel.
     pub weights: Vec<T>,
-    /// \[ray\] the first of its shaded samples, and the number of those.
+    /// \[ray\] its first shaded sample; then their number.
     pub ray_starts: Vec<u32>,
 }
 
-/// Leaving out a random part of the samples that matter little, for training: one of magnitude m < `below` is kept with
-/// probability m/`below` and then counts as `below`, so that expectations stay the same.
+/// Russian roulette over samples of small magnitude, for training. A sample of magnitude m < `below` is kept with
+/// probability m/`below` and then has magnitude `below`, which preserves the expectation.
 #[derive(Clone, Copy, Debug)]
 pub struct Roulette {
-    /// The magnitude from which on every sample is kept.
+    /// The magnitude from which on all samples are kept.
     pub below: f64,
-    /// The batch's draws.
+    /// The batch's random stream.
     pub random: Random,
-    /// The number of the first ray in the batch.
+    /// The index in the batch of the first ray.
     pub first_ray: u64,
 }
 
 impl Roulette {
-    /// What a sample of `magnitude` counts as; 0 where it is left out.
+    /// The new magnitude of a sample: `magnitude` or `below` if it is kept, 0 if it is dropped.
     #[inline(always)]
     pub fn reweight<T: Real>(&self, magnitude: T, ray: usize, sample: usize) -> T {
         let below = T::of(self.below);
@@ -43,37 +43,37 @@ impl Roulette {
 }
 
 impl<T: Real> ShadedSamples<T> {
-    /// How many.
+    /// Number of shaded samples.
     pub fn len(&self) -> usize {
         self.slots.len()
     }
 
-    /// Whether there are none.
+    /// Whether no sample is shaded.
     pub fn is_empty(&self) -> bool {
         self.slots.is_empty()
     }
 
-    /// Where `ray`'s shaded samples are in `slots` and `weights`.
+    /// The range of `ray`'s shaded samples in `slots` and `weights`.
     pub fn ray_range(&self, ray: usize) -> std::ops::Range<usize> {
         self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
     }
 }
 
 impl<T: Real> Field<T> {
-    /// The samples of all rays that weigh enough for a color.
+    /// Selects the samples of all rays whose weight exceeds the minimum weight.
     #[inline(always)]
     pub fn select_shaded(&self, samples: &Samples<T>, roulette: Option<Roulette>, shaded: &mut ShadedSamples<T>) {
         self.select_some_shaded(samples, 0, usize::MAX, roulette, shaded);
     }
 
-    /// As [`Field::select_shaded`], of the rays from number `first_ray` on, as many as together have no more than
-    /// `at_most` shaded samples, but at least one; returns how many. `shaded` counts rays from `first_ray`.
+    /// As [`Field::select_shaded`], for as many rays from `first_ray` on as together have at most `max_shaded` shaded
+    /// samples, but at least one ray. Returns the number of rays. `shaded` counts rays from `first_ray`.
     #[inline(always)]
     pub fn select_some_shaded(
         &self,
         samples: &Samples<T>,
         first_ray: usize,
-        at_most: usize,
+        max_shaded: usize,
         roulette: Option<Roulette>,
         shaded: &mut ShadedSamples<T>,
     ) -> usize {
@@ -85,19 +85,19 @@ impl<T: Real> Field<T> {
         for ray in first_ray..samples.remaining.len() {
             let before = shaded.len();
             let first = samples.ray_range(ray).start;
-            for at in samples.ray_range(ray) {
-                let slot = samples.order[at];
+            for index in samples.ray_range(ray) {
+                let slot = samples.order[index];
                 let weight = samples.weight(slot as usize);
                 if weight <= min_weight {
                     continue;
                 }
-                let weight = roulette.map_or(weight, |t| t.reweight(weight, ray, at - first));
+                let weight = roulette.map_or(weight, |r| r.reweight(weight, ray, index - first));
                 if weight > T::zero() {
                     shaded.slots.push(slot);
                     shaded.weights.push(weight);
                 }
             }
-            if shaded.len() > at_most && ray > first_ray {
+            if shaded.len() > max_shaded && ray > first_ray {
                 shaded.slots.truncate(before);
                 shaded.weights.truncate(before);
                 break;

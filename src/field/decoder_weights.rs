@@ -1,0 +1,65 @@
+//! The appearance matrices and the layers of the decoder (spec 4.6, 4.7), in the field's precision.
+
+use super::Real;
+use crate::model::{DecoderMode, Scene};
+
+/// A fully connected layer.
+#[derive(Clone, Debug)]
+pub struct Dense<T> {
+    /// Number of inputs.
+    pub inputs: usize,
+    /// Number of outputs.
+    pub outputs: usize,
+    /// \[output\]\[input\] weights.
+    pub weights: Vec<T>,
+    /// \[output\] biases.
+    pub bias: Vec<T>,
+}
+
+/// The appearance matrices and the MLP.
+#[derive(Clone, Debug)]
+pub struct FieldDecoder<T> {
+    /// Whether samples or rays are decoded.
+    pub mode: DecoderMode,
+    /// P, the number of appearance features.
+    pub features: usize,
+    /// \[P\]\[ΣR\] the scales' appearance matrices side by side.
+    pub appearance: Vec<T>,
+    /// Numbers of frequencies of PE(features) and of PE(direction).
+    pub frequencies: [u32; 2],
+    /// The layers, first to last.
+    pub layers: Vec<Dense<T>>,
+}
+
+impl<T: Real> FieldDecoder<T> {
+    /// Prepares `scene`'s appearance matrices and decoder.
+    pub fn new(scene: &Scene) -> Self {
+        let convert = |values: &[f32]| values.iter().map(|&v| T::of_f32(v)).collect::<Vec<T>>();
+        let features = scene.features() as usize;
+        let mut appearance = Vec::new();
+        for p in 0..features {
+            for scale in &scene.scales {
+                let rank = scale.factors.appearance_rank as usize;
+                appearance.extend(convert(&scale.appearance_matrix.weights[p * rank..(p + 1) * rank]));
+            }
+        }
+        let layers = (scene.decoder.layers.iter())
+            .map(|l| Dense {
+                inputs: l.inputs as usize,
+                outputs: l.outputs as usize,
+                weights: convert(&l.weights),
+                bias: convert(&l.bias),
+            })
+            .collect();
+        let frequencies = [scene.decoder.feature_frequencies, scene.decoder.direction_frequencies];
+        Self { mode: scene.decoder.mode, features, appearance, frequencies, layers }
+    }
+
+    /// The first columns of the parts of the first layer's input after the features: direction, PE(features),
+    /// PE(direction).
+    pub fn input_parts(&self) -> [usize; 3] {
+        let direction = self.features;
+        let encoded_features = direction + 3;
+        [direction, encoded_features, encoded_features + 2 * self.features * self.frequencies[0] as usize]
+    }
+}

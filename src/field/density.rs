@@ -1,0 +1,169 @@
+//! Neighbors and density features of pending samples, and optical depths (spec 4.2 to 4.5). Twin:
+//! `shaders/density.wgsl`.
+
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::neighbors::Neighbors;
+use super::{Contribution, Field, Real, Samples};
+use crate::model::{Coverage, Reduction};
+
+impl<T: Real> Field<T> {
+    /// The density feature at `position`, relative to the field's origin; `None` outside the model. For single points.
+    /// `samples` is scratch.
+    #[inline(always)]
+    pub fn density_feature(&self, position: [T; 3], samples: &mut Samples<T>) -> Option<T> {
+        let mut found = None;
+        self.density_features([position].into_iter(), samples, |_, feature| found = Some(feature));
+        found
+    }
+
+    /// Calls `take` with the index and the density feature of each of the `positions` that is in the model. `samples`
+    /// is scratch.
+    #[inline(always)]
+    pub(super) fn density_features(
+        &self,
+        positions: impl Iterator<Item = [T; 3]>,
+        samples: &mut Samples<T>,
+        mut take: impl FnMut(usize, T),
+    ) {
+        samples.clear(0);
+        // Without a ray these samples have no distance; `distances` holds their indices instead.
+        samples.set_pending(positions.enumerate().map(|(index, position)| (T::of_i32(index as i32), position)));
+        self.find_neighbors(samples);
+        self.assign_covered_slots(samples, 0..samples.pending.len());
+        self.gather_density(samples);
+        for (index, &feature) in samples.distances.iter().zip(&samples.features) {
+            take(index.floor_i32() as usize, feature);
+        }
+    }
+
+    /// Finds the contributions to the shaded samples at `slots`, if the march read density features from the cache and
+    /// left the contributions out.
+    #[inline(always)]
+    pub(super) fn find_shaded_contributions(&self, slots: &[u32], samples: &mut Samples<T>) {
+        if self.density_cache.is_none() {
+            return;
+        }
+        let positions = std::mem::take(&mut samples.positions);
+        samples.set_pending(slots.iter().map(|&slot| (T::zero(), positions[slot as usize])));
+        samples.positions = positions;
+        self.find_neighbors(samples);
+        let Samples { pending_ranges, contribution_ranges, contributions, .. } = samples;
+        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
+        let scales = self.scales.len();
+        for (index, &slot) in slots.iter().enumerate() {
+            for s in 0..scales {
+                contribution_ranges[slot as usize * scales + s] =
+                    pending_ranges[s * slots.len() + index].map(|site| first_contribution + site);
+            }
+        }
+    }
+
+    /// Finds the contributions to the pending samples: into `sites`, and appended to `contributions`.
+    #[inline(always)]
+    pub(super) fn find_neighbors(&self, samples: &mut Samples<T>) {
+        Arch::new().dispatch(FindNeighbors { field: self, samples });
+    }
+
+    /// Appends the density features of all slots that have none yet.
+    #[inline(always)]
+    pub(super) fn gather_density(&self, samples: &mut Samples<T>) {
+        Arch::new().dispatch(GatherDensity { field: self, samples });
+    }
+
+    /// Assigns slots to those of the `pending` samples that are in the model (spec 4.1).
+    #[inline(always)]
+    pub(super) fn assign_covered_slots(&self, samples: &mut Samples<T>, pending: Range<usize>) {
+        let scales = self.scales.len();
+        let needed = match self.rules.coverage {
+            Coverage::All => scales,
+            Coverage::Any => 1,
+        };
+        let Samples { pending_ranges, contributions, contribution_ranges, .. } = samples;
+        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
+        for index in pending {
+            let first = contribution_ranges.len();
+            let ranges = (0..scales).map(|s| pending_ranges[s * samples.pending.len() + index]);
+            contribution_ranges.extend(ranges.map(|range| range.map(|site| first_contribution + site)));
+            let covering = contribution_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
+            if covering < needed {
+                contribution_ranges.truncate(first);
+                continue;
+            }
+            samples.distances.push(samples.pending[index]);
+            samples.positions.push(samples.pending_positions.get(index));
+        }
+    }
+
+    /// The optical depth σ·δ·distance_scale of a density feature f, with σ = softplus(f + density_shift) (spec 4.5,
+    /// 4.8).
+    #[inline(always)]
+    pub fn optical_depth(&self, feature: T) -> T {
+        let x = feature + T::of(self.rules.density_shift);
+        let density = x.max(T::zero()) + (-x.abs()).exp_of_negative().ln_1p_of_unit();
+        density * T::of(self.rules.step * self.rules.distance_scale)
+    }
+
+    /// The derivative of [`Field::optical_depth`] by the density feature.
+    #[inline(always)]
+    pub fn optical_depth_slope(&self, feature: T) -> T {
+        let x = feature + T::of(self.rules.density_shift);
+        let e = (-x.abs()).exp_of_negative();
+        let above = if x > T::zero() { T::one() } else { e };
+        above / (T::one() + e) * T::of(self.rules.step * self.rules.distance_scale)
+    }
+}
+
+/// [`Field::find_neighbors`].
+struct FindNeighbors<'a, T> {
+    field: &'a Field<T>,
+    samples: &'a mut Samples<T>,
+}
+
+impl<T: Real> WithSimd for FindNeighbors<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Samples { pending_positions, pending_ranges, sites, contributions, .. } = self.samples;
+        sites.clear();
+        pending_ranges.clear();
+        let mut found = Neighbors::new(self.field.rules.aggregation, sites, pending_ranges);
+        for scale in &self.field.scales {
+            scale.find_nearest(simd, pending_positions, &mut found);
+        }
+        contributions.extend(sites.iter().map(|site| Contribution { tensor: site.tensor, weight: site.weight }));
+    }
+}
+
+/// [`Field::gather_density`].
+struct GatherDensity<'a, T> {
+    field: &'a Field<T>,
+    samples: &'a mut Samples<T>,
+}
+
+impl<T: Real> WithSimd for GatherDensity<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { field, samples } = self;
+        let scales = field.scales.len();
+        let first_slot = samples.features.len();
+        let first_contribution = (samples.contributions.len() - samples.sites.len()) as u32;
+        for slot in first_slot..samples.positions.len() {
+            let mut feature = T::zero();
+            for (s, scale) in field.scales.iter().enumerate() {
+                let [first, end] = samples.contribution_ranges[slot * scales + s];
+                let sites = &samples.sites[(first - first_contribution) as usize..(end - first_contribution) as usize];
+                feature += scale.density_of(simd, sites);
+            }
+            if field.rules.density_reduction == Reduction::Mean {
+                feature /= T::of(samples.covering_scales(slot, scales) as f64);
+            }
+            samples.features.push(feature);
+        }
+    }
+}

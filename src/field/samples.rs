@@ -1,0 +1,151 @@
+//! The samples of a march: what is evaluated, what counts, and what each weighs (spec 4.8).
+
+use super::positions::Positions;
+use super::{Contribution, InterpolationSite, RayMarcher, Real, StageClock};
+
+/// The samples of a batch of rays. Reused from one march to the next.
+///
+/// A sample's *slot* is its index in evaluation order, which is not the order along rays; `order` has the latter.
+#[derive(Clone, Debug, Default)]
+pub struct Samples<T> {
+    /// \[slot\] distance along the ray, in model units.
+    pub distances: Vec<T>,
+    /// \[slot\] position relative to the field's origin.
+    pub positions: Vec<[T; 3]>,
+    /// \[slot\] the density feature f (spec 4.5).
+    pub features: Vec<T>,
+    /// \[slot\] the opacity α = 1 − exp(−σ·δ·distance_scale).
+    pub alphas: Vec<T>,
+    /// \[slot\] the transmittance in front of the sample; 0 behind the ray's end.
+    pub transmittances: Vec<T>,
+    /// \[slot × scales + scale\] the sample's range of `contributions` in that scale.
+    pub contribution_ranges: Vec<[u32; 2]>,
+    /// Contributions of all samples and scales, in no particular order.
+    pub contributions: Vec<Contribution<T>>,
+    /// \[ray\] the ray's first index in `order`; then the length of `order`.
+    pub ray_starts: Vec<u32>,
+    /// The slots of the samples that count, by ray and distance.
+    pub order: Vec<u32>,
+    /// \[ray\] the transmittance left at the ray's end.
+    pub remaining: Vec<T>,
+    /// Time and counts of the march and of the stages after it.
+    pub clock: StageClock,
+    pub(super) active: Vec<ActiveRay<T>>,
+    pub(super) runs: Vec<Run>,
+    /// \[pending\] distances of the samples under evaluation.
+    pub(super) pending: Vec<T>,
+    /// \[pending\] positions of the samples under evaluation.
+    pub(super) pending_positions: Positions<T>,
+    /// \[scale × pending + sample\] the sample's range of `sites`.
+    pub(super) pending_ranges: Vec<[u32; 2]>,
+    /// Interpolation sites of the samples under evaluation.
+    pub(super) sites: Vec<InterpolationSite<T>>,
+}
+
+/// A ray that has not ended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ActiveRay<T> {
+    pub(super) ray: u32,
+    /// The number of its pending samples.
+    pub(super) pending: u32,
+    /// Whether its marcher has returned its last sample.
+    pub(super) exhausted: bool,
+    pub(super) transmittance: T,
+    /// The Kahan compensation of the transmittance, without which faint samples would be lost.
+    pub(super) lost: T,
+    pub(super) marcher: RayMarcher<T>,
+}
+
+/// Consecutive slots of one ray, front to back.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Run {
+    pub(super) ray: u32,
+    pub(super) first: u32,
+    pub(super) count: u32,
+}
+
+impl<T: Real> Samples<T> {
+    pub(super) fn clear(&mut self, rays: usize) {
+        for values in
+            [&mut self.distances, &mut self.features, &mut self.alphas, &mut self.transmittances, &mut self.remaining]
+        {
+            values.clear();
+        }
+        self.order.clear();
+        self.contribution_ranges.clear();
+        self.ray_starts.clear();
+        self.ray_starts.resize(rays + 1, 0);
+        self.remaining.resize(rays, T::one());
+        self.positions.clear();
+        self.contributions.clear();
+        self.active.clear();
+        self.runs.clear();
+        self.clock.restart();
+    }
+
+    /// Replaces the pending samples by those of these distances and positions.
+    #[inline(always)]
+    pub(super) fn set_pending(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
+        self.clear_pending();
+        for (distance, position) in samples {
+            self.push_pending(distance, position);
+        }
+        self.pending_positions.pad();
+    }
+
+    #[inline(always)]
+    pub(super) fn clear_pending(&mut self) {
+        self.pending.clear();
+        self.pending_positions.clear();
+    }
+
+    #[inline(always)]
+    pub(super) fn push_pending(&mut self, distance: T, position: [T; 3]) {
+        self.pending.push(distance);
+        self.pending_positions.push(position);
+    }
+
+    /// Number of samples that count.
+    pub fn len(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Whether no sample counts.
+    pub fn is_empty(&self) -> bool {
+        self.order.is_empty()
+    }
+
+    /// The range of `ray`'s samples in `order`.
+    pub fn ray_range(&self, ray: usize) -> std::ops::Range<usize> {
+        self.ray_starts[ray] as usize..self.ray_starts[ray + 1] as usize
+    }
+
+    /// The visibility weight w = T·α of the sample at `slot`.
+    #[inline(always)]
+    pub fn weight(&self, slot: usize) -> T {
+        self.transmittances[slot] * self.alphas[slot]
+    }
+
+    /// The contributions to the sample at `slot` in `scale`, of `scales` scales.
+    #[inline(always)]
+    pub fn contributions_of(&self, slot: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
+        let [first, end] = self.contribution_ranges[slot * scales + scale];
+        &self.contributions[first as usize..end as usize]
+    }
+
+    /// Number of scales that cover the sample at `slot`, of `scales` scales.
+    pub fn covering_scales(&self, slot: usize, scales: usize) -> usize {
+        (0..scales).filter(|&s| !self.contributions_of(slot, s, scales).is_empty()).count()
+    }
+}
+
+/// \[scale\] the number of contributions to the samples at `slots`.
+pub(super) fn count_contributions(ranges: &[[u32; 2]], slots: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
+    let mut counts = vec![0; scales];
+    for slot in slots {
+        for (count, [first, end]) in counts.iter_mut().zip(&ranges[slot * scales..]) {
+            *count += u64::from(end - first);
+        }
+    }
+    counts
+}

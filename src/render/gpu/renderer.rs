@@ -1,0 +1,334 @@
+//! A scene on a graphics device: buffers, pipelines, and the pictures made with them.
+
+use super::device::Gpu;
+use super::error::GpuError;
+use super::job::{Drawing, Job};
+use super::layout::{Frame, PixelPair, Ray as DeviceRay};
+use super::packed::{BufferLimits, Packed};
+use super::shader::{CHUNK_SHIFT, Precision, RAY_LANES, Stage, TILE};
+use super::workspace::{StageTime, Workspace};
+use crate::field::Field;
+use crate::geometry::{Aabb, Camera, Ray};
+use crate::model::Scene;
+use crate::render::{Approximation, ApproximationError, Picture, Pixel};
+
+/// Renders a scene on a graphics device: whole pictures, or batch by batch with [`GpuRenderer::begin`] and
+/// [`GpuRenderer::advance`].
+#[derive(Debug)]
+pub struct GpuRenderer {
+    pub(super) gpu: Gpu,
+    /// \[stage\] its pipeline.
+    pub(super) pipelines: Vec<wgpu::ComputePipeline>,
+    /// The uniform `scene`.
+    pub(super) scene: wgpu::Buffer,
+    /// The scene buffer, split over bindings.
+    pub(super) chunks: Vec<wgpu::Buffer>,
+    pub(super) workspace: Workspace,
+    /// The picture being drawn.
+    pub(super) job: Option<Job>,
+    pub(super) has_normals: bool,
+    /// The most strides of a ray in a march pass, and the number of passes that rays have needed so far.
+    pub(super) strides: u32,
+    pub(super) passes: u32,
+    /// \[stage\] times, while stages are timed.
+    pub(super) times: Vec<StageTime>,
+    origin: glam::DVec3,
+    bounds: Aabb,
+    near_far: [f64; 2],
+}
+
+/// Maximum loop iterations per invocation on software adapters. Mesa's llvmpipe silently ends the loops of a workgroup
+/// after 65 535 iterations, some of which serve other invocations of the group.
+const MAX_ITERATIONS: u32 = 1 << 15;
+/// A number of strides that few rays exceed.
+const USUAL_STRIDES: u32 = 1024;
+
+impl GpuRenderer {
+    /// Prepares `scene`, which must have passed [`Scene::check`], with `approximation`.
+    ///
+    /// # Errors
+    ///
+    /// If an option is out of range, `density_cache` is set, or the scene exceeds a limit of the device.
+    pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
+        Self::with_limits(gpu, scene, approximation, precision, gpu.limits())
+    }
+
+    /// As [`GpuRenderer::new`], within `limits`.
+    fn with_limits(
+        gpu: &Gpu,
+        mut scene: Scene,
+        approximation: &Approximation,
+        precision: Precision,
+        limits: BufferLimits,
+    ) -> Result<Self, GpuError> {
+        approximation.check(&scene)?;
+        if let Some(cells) = approximation.density_cache {
+            let (option, expected, found) = ("density_cache", "unset on a graphics device".into(), cells.to_string());
+            return Err(ApproximationError { option, expected, found }.into());
+        }
+        approximation.reduce(&mut scene);
+        let field = Field::<f32>::consuming(scene);
+        let packed = Packed::new(&field, precision, limits)?;
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
+        let chunks = (packed.words.chunks(4 << limits.chunk_shift))
+            .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
+            .collect();
+        let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        let strides = match gpu.info().device_type {
+            wgpu::DeviceType::Cpu => (MAX_ITERATIONS / packed.iterations_per_sample).max(1),
+            _ => u32::MAX,
+        };
+        gpu.uncaptured_error()?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            pipelines,
+            scene,
+            chunks,
+            workspace: Workspace::new(gpu, RAY_LANES, 1),
+            job: None,
+            has_normals: false,
+            strides,
+            passes: USUAL_STRIDES.div_ceil(strides),
+            times: Vec::new(),
+            origin: field.origin,
+            bounds: field.bounds,
+            near_far: field.near_far,
+        })
+    }
+
+    /// Renders the picture of `camera`, which is in model space.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::Device`]; [`GpuError::TooLarge`] for a picture with more pixels than the device supports.
+    pub async fn render_async(&mut self, camera: &Camera) -> Result<Picture, GpuError> {
+        self.begin(camera)?;
+        self.finish().await?;
+        let pixels = self.read_pixels(camera.width as usize * camera.height as usize).await?;
+        Ok(Picture { width: camera.width, height: camera.height, pixels })
+    }
+
+    /// As [`GpuRenderer::render_async`], with the time of each stage; no stages if the device has no timestamps.
+    ///
+    /// # Errors
+    ///
+    /// As [`GpuRenderer::render_async`].
+    pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
+        if self.gpu.has_timestamps() {
+            self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
+        }
+        let picture = self.render_async(camera).await;
+        let times = std::mem::take(&mut self.times);
+        Ok((picture?, times))
+    }
+
+    /// The pixels of `rays`, which are in model space.
+    ///
+    /// # Errors
+    ///
+    /// As [`GpuRenderer::render_async`].
+    pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
+        self.abandon();
+        let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
+        self.reserve(rays.len() as u64, rays.len() as u64)?;
+        let frame = Frame { rays_are_given: 1, ..Frame::default() };
+        self.job = Some(Job::new(frame, rays.len() as u32, given, self.workspace.batch_rays()));
+        self.finish().await?;
+        self.read_pixels(rays.len()).await
+    }
+
+    /// Begins the picture of `camera`, which is in model space, and abandons any unfinished one.
+    /// [`GpuRenderer::advance`] draws it.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::TooLarge`] for a picture with more pixels than the device supports.
+    pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
+        self.abandon();
+        let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
+        let rays = tiles * u64::from(TILE * TILE);
+        self.reserve(rays, u64::from(camera.width) * u64::from(camera.height))?;
+        let axis = |column: usize| camera.world_from_camera.col(column).to_array().map(|v| v as f32);
+        let frame = Frame {
+            position: (camera.position - self.origin).to_array().map(|v| v as f32),
+            width: camera.width,
+            right: axis(0),
+            height: camera.height,
+            up: axis(1),
+            back: axis(2),
+            focal: camera.focal.map(|v| v as f32),
+            principal: camera.principal.map(|v| v as f32),
+            ..Frame::default()
+        };
+        self.job = Some(Job::new(frame, rays as u32, Vec::new(), self.workspace.batch_rays()));
+        Ok(())
+    }
+
+    /// Draws the picture that was begun, to its end.
+    async fn finish(&mut self) -> Result<(), GpuError> {
+        while self.advance(u32::MAX)? != Drawing::Finished {
+            if let Some(completion) = self.job.as_ref().and_then(Job::completion) {
+                completion.await;
+            }
+            if !self.times.is_empty() {
+                let mut times = std::mem::take(&mut self.times);
+                self.workspace.add_times(&self.gpu, &mut times).await?;
+                self.times = times;
+            }
+        }
+        Ok(())
+    }
+
+    /// Abandons the picture that was begun. A batch in flight completes, and its result is discarded.
+    fn abandon(&mut self) {
+        if self.job.take().is_some_and(|job| job.completion().is_some()) {
+            self.workspace.counters_back.unmap();
+        }
+    }
+
+    /// Turns normals on or off for pictures that are begun from now on.
+    pub fn set_normals(&mut self, has_normals: bool) {
+        self.has_normals = has_normals;
+    }
+
+    /// The pixels of the last finished picture, two `vec4<f32>` per pixel as in `shaders/layout.wgsl`.
+    pub fn pixels(&self) -> &wgpu::Buffer {
+        &self.workspace.pixels
+    }
+
+    /// Bytes of device memory: of the scene, and of the batch and picture buffers.
+    pub fn memory_bytes(&self) -> [u64; 2] {
+        let scene = self.scene.size() + self.chunks.iter().map(wgpu::Buffer::size).sum::<u64>();
+        [scene, self.workspace.bytes()]
+    }
+
+    /// `ray` as the first stage computes it, but in 64 bits.
+    fn device_ray(&self, ray: &Ray) -> DeviceRay {
+        let span = self.bounds.intersect(ray).map(|(t0, t1)| (t0.max(self.near_far[0]), t1.min(self.near_far[1])));
+        let (entry, exit) = span.filter(|(t0, t1)| t0 <= t1).unwrap_or((0.0, 0.0));
+        let narrow = |v: glam::DVec3| v.to_array().map(|v| v as f32);
+        DeviceRay {
+            start: narrow(ray.at(entry) - self.origin),
+            entry: entry as f32,
+            direction: narrow(ray.direction),
+            length: (exit - entry) as f32,
+            ..DeviceRay::default()
+        }
+    }
+
+    /// Enlarges the buffers, if necessary, for `rays` rays and `pixels` pixels.
+    fn reserve(&mut self, rays: u64, pixels: u64) -> Result<(), GpuError> {
+        let limit = self.gpu.binding_limit() / size_of::<PixelPair>() as u64;
+        if pixels > limit {
+            return Err(GpuError::TooLarge { what: "pixels in a picture", found: pixels, limit });
+        }
+        let batch_rays = rays.min(u64::from(self.gpu.max_batch_rays())).max(u64::from(RAY_LANES));
+        let batch_rays = (batch_rays as u32).next_multiple_of(RAY_LANES);
+        if self.workspace.batch_rays() < batch_rays || self.workspace.pixel_count() < pixels {
+            let batch_rays = batch_rays.max(self.workspace.batch_rays());
+            let pixels = pixels.max(self.workspace.pixel_count());
+            self.workspace = Workspace::new(&self.gpu, batch_rays, pixels);
+        }
+        Ok(())
+    }
+
+    async fn read_pixels(&self, count: usize) -> Result<Vec<Pixel>, GpuError> {
+        let bytes = (count * size_of::<PixelPair>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let back = self.gpu.buffer("pixels back", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&self.workspace.pixels, 0, &back, 0, Some(bytes));
+        self.gpu.queue.submit([encoder.finish()]);
+        let bytes = self.gpu.read(&back).await?;
+        let pixel = |p: &PixelPair| Pixel { color: p.color, opacity: p.opacity, depth: p.depth };
+        Ok(bytemuck::cast_slice(&bytes).iter().map(pixel).collect())
+    }
+}
+
+impl Gpu {
+    /// The device's limits for a scene.
+    fn limits(&self) -> BufferLimits {
+        let limits = self.device.limits();
+        BufferLimits {
+            // Rays, samples and counters take three bindings of a stage.
+            chunks: limits.max_storage_buffers_per_shader_stage.saturating_sub(3),
+            chunk_shift: CHUNK_SHIFT,
+            workgroup_bytes: limits.max_compute_workgroup_storage_size,
+            extensions: self.extensions(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::shader::Extensions;
+    use super::*;
+    use crate::container;
+
+    fn fixture(bytes: &[u8]) -> (Scene, Camera) {
+        let scene = container::decode(bytes).unwrap();
+        let distance = 0.5 * (scene.frame.near + scene.frame.far);
+        let away = scene.bounds.center() + distance * DVec3::new(0.6, 0.5, 0.4).normalize();
+        let camera = Camera::looking_at([24, 24], 40.0, away, scene.bounds.center(), DVec3::Z);
+        (scene, camera)
+    }
+
+    fn picture(
+        gpu: &Gpu,
+        (scene, camera): &(Scene, Camera),
+        precision: Precision,
+        limits: BufferLimits,
+    ) -> (Picture, usize) {
+        let renderer = GpuRenderer::with_limits(gpu, scene.clone(), &Approximation::default(), precision, limits);
+        let mut renderer = renderer.unwrap();
+        let picture = renderer.render(camera).unwrap();
+        assert!(picture.pixels.iter().any(|p| p.opacity > 0.1));
+        (picture, renderer.chunks.len())
+    }
+
+    /// A scene of more than 128 MiB is too large for a test; bindings of 4 KiB split a small scene as often.
+    #[test]
+    fn a_scene_in_many_bindings_is_the_same() {
+        let gpu = Gpu::open().unwrap();
+        let scene = fixture(include_bytes!("../../../fixtures/v1/occupancy.strivec"));
+        for precision in [Precision::F32, Precision::F16] {
+            let (whole, _) = picture(&gpu, &scene, precision, gpu.limits());
+            let (split, chunks) = picture(&gpu, &scene, precision, BufferLimits { chunk_shift: 8, ..gpu.limits() });
+            assert!(chunks > 2);
+            assert_eq!(whole, split);
+        }
+        let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.limits() };
+        let refused = Packed::new(&Field::consuming(scene.0), Precision::F32, small).err();
+        assert!(
+            matches!(refused, Some(GpuError::TooLarge { what: "bytes of scene data", limit: 512, .. })),
+            "{refused:?}"
+        );
+    }
+
+    #[test]
+    fn a_device_without_extensions_draws_the_same() {
+        let gpu = Gpu::open().unwrap();
+        println!("{:?}", gpu.extensions());
+        let plain = BufferLimits { extensions: Extensions::default(), ..gpu.limits() };
+        for bytes in [
+            &include_bytes!("../../../fixtures/v1/occupancy.strivec")[..],
+            include_bytes!("../../../fixtures/v1/per-ray.strivec"),
+            include_bytes!("../../../fixtures/v1/residual.strivec"),
+        ] {
+            let scene = fixture(bytes);
+            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F32, limits).0);
+            assert_eq!(with, without);
+            // The decoder's activations are rounded to 16 bits in one of them, the factors in both.
+            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F16, limits).0);
+            let far = (with.pixels.iter().zip(&without.pixels))
+                .flat_map(|(a, b)| [0, 1, 2].map(|c| (a.color[c] - b.color[c]).abs()))
+                .fold(0.0, f32::max);
+            assert!(far < 1e-3, "{far}");
+        }
+    }
+}
