@@ -1,5 +1,5 @@
-//! The graphics renderer against the reference, on whole pictures. Needs an adapter; Mesa's lavapipe is one
-//! (`apt-get install mesa-vulkan-drivers`). None is a failure, never a silent skip.
+//! The graphics renderer against the reference, on whole pictures. Needs an adapter, such as Mesa's lavapipe
+//! (`apt-get install mesa-vulkan-drivers`). Without one the tests fail; they never skip silently.
 #![cfg(all(feature = "gpu", feature = "toolkit"))]
 
 mod scenes;
@@ -12,7 +12,7 @@ use strivec::model::Scene;
 use strivec::render::gpu::{Gpu, GpuRenderer, POSITION_ERROR, Precision};
 use strivec::render::{Approximation, Picture, Pixel, ReferenceRenderer, Renderer};
 
-/// A device that fails fails the test.
+/// A renderer whose device errors fail the test.
 struct Unwrapped(RefCell<GpuRenderer>);
 
 impl Renderer for Unwrapped {
@@ -51,7 +51,7 @@ fn compared(scene: &Scene, found: &impl Renderer) -> Parity {
 #[test]
 fn pictures_are_the_references_under_every_rule_and_a_planted_difference_shows() {
     let gpu = gpu();
-    // Every rule, and every way of decoding under some of them: a device's compiler takes its time.
+    // All rules, and all decoder modes for some of them: compiling shaders is slow.
     let cases = scenes::rule_cases().into_iter().enumerate().filter(|(n, _)| n % 3 == 0 || *n < 9);
     for (n, (name, scene)) in cases {
         let found = compared(&scene, &renderer(&gpu, &scene, Precision::F32));
@@ -68,9 +68,9 @@ fn pictures_are_the_references_under_every_rule_and_a_planted_difference_shows()
     }
 }
 
-/// `trace` is given rays that were computed in 64 bits, `render` computes them on the device.
+/// `trace` gets rays computed in 64 bits; `render` computes them on the device.
 #[test]
-fn a_cameras_rays_are_those_that_it_gives() {
+fn the_device_computes_the_cameras_rays() {
     let (_, scene) = scenes::rule_cases().swap_remove(0);
     let gpu = gpu();
     let renderer = renderer(&gpu, &scene, Precision::F32);
@@ -96,7 +96,7 @@ fn a_cameras_rays_are_those_that_it_gives() {
     }
 }
 
-/// Factors of 16 bits are a part in 2000 off; so are pictures, at most by the bound that the documentation states.
+/// 16-bit factors have a relative error of 1/2000; the pictures' bound is in docs/numerics.md.
 #[test]
 fn sixteen_bit_factors_stay_within_their_bound() {
     let gpu = gpu();
@@ -108,7 +108,7 @@ fn sixteen_bit_factors_stay_within_their_bound() {
     }
 }
 
-/// A picture of several batches, the last of which is not full.
+/// A picture of several batches, the last one partial.
 #[test]
 fn batches_make_one_picture() {
     let (_, scene) = scenes::rule_cases().swap_remove(0);

@@ -1,4 +1,4 @@
-//! Every renderer against the reference, apart for rays above and below the decision margin.
+//! Every renderer against the reference, separately for rays above and below the decision margin.
 
 use glam::DVec3;
 use strivec::field::Field;
@@ -10,7 +10,7 @@ use strivec::render::Approximation;
 use strivec::render::gpu::{Gpu, GpuRenderer, Precision};
 use strivec::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer, Trace};
 
-/// A way to compute pictures.
+/// A renderer and its precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
     CpuF64,
@@ -31,17 +31,17 @@ impl Way {
         Self::GpuF16,
     ];
 
-    /// Relative rounding of its positions, generously.
+    /// A generous bound of the relative rounding error of positions.
     pub(crate) fn rounding(self) -> f64 {
         if self == Self::CpuF64 { 1e-15 } else { 2.0 * f64::from(f32::EPSILON) }
     }
 
-    /// How far rounding moves a sample of `scene`, in model units.
+    /// Bound of the rounding error of a sample's position in `scene`, in model units.
     pub(crate) fn position_error(self, scene: &Scene) -> f64 {
         self.rounding() * (scene.bounds.size().max_element() + scene.frame.far)
     }
 
-    /// Colors of clear rays differ by no more from the reference's where nothing is badly conditioned.
+    /// Bound of the color difference to the reference on clear, well-conditioned rays.
     pub(crate) fn bound(self) -> f64 {
         match self {
             Self::CpuF64 => 1e-7,
@@ -53,7 +53,7 @@ impl Way {
         }
     }
 
-    /// What `rays` see of `scene`.
+    /// The pixels of `rays` through `scene`.
     pub(crate) fn trace(self, scene: &Scene, rays: &[Ray]) -> Vec<Pixel> {
         match self {
             Self::CpuF64 => CpuRenderer::from_field(Field::<f64>::new(scene)).trace(rays),
@@ -92,20 +92,20 @@ impl Errors {
         Self::quantile(&self.clear, 1.0)
     }
 
-    /// Median, 99.9 % and maximum of the clear rays, and of the others.
+    /// Median, 99.9 % quantile and maximum of the clear rays, then of the others.
     pub(crate) fn row(&self) -> String {
         let of = |sorted: &[f64]| [0.5, 0.999, 1.0].map(|q| format!("{:.1e}", Self::quantile(sorted, q))).join(" | ");
         format!("{} | {} | {} | {}", self.clear.len(), of(&self.clear), self.near.len(), of(&self.near))
     }
 }
 
-/// What the reference sees along `rays`.
+/// The reference's traces of `rays`.
 pub(crate) fn expected(scene: &Scene, rays: &[Ray]) -> Vec<Trace> {
     let reference = ReferenceRenderer::new(scene);
     rays.iter().map(|ray| reference.trace_one(ray)).collect()
 }
 
-/// How far `way` is off on `rays`; everything that it gives must be finite.
+/// Errors of `way` on `rays`. All its values must be finite.
 pub(crate) fn errors(way: Way, scene: &Scene, rays: &[Ray], expected: &[Trace]) -> Errors {
     let limit = way.position_error(scene);
     let mut errors = Errors::default();
@@ -121,8 +121,8 @@ pub(crate) fn errors(way: Way, scene: &Scene, rays: &[Ray], expected: &[Trace]) 
     errors
 }
 
-/// Demands that all of `ways` stay within `times` their bounds on the clear ones of `rays`, which are at least a tenth
-/// of them; returns the largest differences.
+/// Asserts that all `ways` are within `times` their bounds on the clear rays, and that at least a tenth of `rays` are
+/// clear. Returns the largest differences.
 pub(crate) fn within(name: &str, scene: &Scene, rays: &[Ray], ways: &[Way], times: f64) -> Vec<f64> {
     let expected = expected(scene, rays);
     (ways.iter())
@@ -137,7 +137,7 @@ pub(crate) fn within(name: &str, scene: &Scene, rays: &[Ray], ways: &[Way], time
         .collect()
 }
 
-/// Rays from around `scene` through it, `count` of them, none along an axis.
+/// `count` rays from all around through `scene`, none along an axis.
 pub(crate) fn rays_through(scene: &Scene, count: usize) -> Vec<Ray> {
     let (center, size) = (scene.bounds.center(), scene.bounds.size());
     let point = |n: usize, shift: f64| {

@@ -1,5 +1,5 @@
-//! The distributions of errors that `docs/numerics.md` tables: every renderer, decoder mode and precision on the same scenes of
-//! random tensors under all rules. `cargo test --release --features player --test extremes distributions -- --nocapture`.
+//! The error distributions of `docs/numerics.md`: every renderer, decoder mode and precision on the same scenes of
+//! random tensors. `cargo test --release --features player --test extremes distributions -- --nocapture` prints them.
 
 use glam::DVec3;
 use strivec::geometry::Ray;
@@ -16,12 +16,12 @@ fn distributions_of_errors_by_renderer_and_decoder_mode() {
         config.decoder.mode = mode;
         config.factor_deviation = 0.8;
         let mut scene = scenes::scene(&config);
-        // Away from the tensors' faces, on which every ray's first sample would lie.
+        // Moves the first sample of rays off the tensors' faces.
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
         let cameras = [0.4, 2.9, 4.4].map(|angle| scenes::camera(40, angle));
         let rays: Vec<Ray> =
             (cameras.iter()).flat_map(|camera| (0..1600).map(move |n| camera.ray(n % 40, n / 40))).collect();
-        // Rays that see nothing would make every median 0.
+        // Empty rays would make every median 0.
         let seen = expected(&scene, &rays).into_iter().zip(rays).filter(|(trace, _)| trace.opacity > 0.0);
         let (exact, rays): (Vec<_>, Vec<_>) = seen.unzip();
         let mut of_ways = Vec::<Errors>::new();

@@ -1,7 +1,7 @@
-//! The field at the places where it is made of pieces: centers, faces, edges, corners, vertices, ties.
+//! The field where its pieces meet: centers, faces, edges, corners, vertices, ties.
 //!
-//! A ray of a single sample asks for one point: every renderer answers alike. Numbers are such that f32 holds every point
-//! and every box, so nothing but the field's own arithmetic can be off.
+//! A ray with a single sample evaluates one point in any renderer. All points and boxes are exact in f32, so
+//! differences come from the field's arithmetic alone.
 
 use glam::DVec3;
 use strivec::geometry::{Aabb, Ray};
@@ -10,15 +10,15 @@ use strivec::model::{DecoderMode, ReferenceField, Scene};
 use super::compare::{Way, expected};
 use super::made::{Made, random};
 
-/// Where the samples of [`asking`] lie, in model units.
+/// The distance of the sample of [`probe`], in model units.
 const NEAR: f64 = 1.0;
 
 /// The ray whose only sample is at `point`.
-fn asking(point: DVec3) -> Ray {
+fn probe(point: DVec3) -> Ray {
     Ray { origin: point - NEAR * DVec3::X, direction: DVec3::X }
 }
 
-/// Five tensors whose centers are 1 from the origin, and a sixth that nothing overlaps.
+/// Five tensors with centers at distance 1 from the origin, and a sixth that overlaps no other.
 fn scene(mode: DecoderMode) -> Scene {
     let mut centers = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z];
     centers.push(DVec3::new(0.0, 0.0, 6.0));
@@ -38,7 +38,7 @@ fn scene(mode: DecoderMode) -> Scene {
     scene
 }
 
-/// One step of f32 up or down; next to 0 as small a step as positions can take near 1.
+/// One step of f32 up or down; at 0, a step that is small beside positions near 1.
 fn stepped(v: f64, direction: i32) -> f64 {
     let step = 2.0_f64.powi(-40);
     match (v as f32, direction) {
@@ -49,7 +49,7 @@ fn stepped(v: f64, direction: i32) -> f64 {
     }
 }
 
-/// Points with their names, each with its neighbors a step of f32 to either side.
+/// Points with names, each with the points one step of f32 to either side.
 fn points(scene: &Scene) -> Vec<(String, DVec3)> {
     let half = scene.scales[0].cloud.half;
     let mut named: Vec<(String, DVec3)> = Vec::new();
@@ -84,49 +84,50 @@ fn points(scene: &Scene) -> Vec<(String, DVec3)> {
     named.iter().flat_map(beside).collect()
 }
 
-/// Whether `found` is what the reference sees at `point` or, where a decision is nearer than f32 can tell, a position
-/// error beside it.
-fn is_answered(scene: &Scene, point: DVec3, found: [f32; 4], bound: f64) -> bool {
+/// Whether `found` is the reference's value at `point` or, if a decision is closer than f32 resolves, at a displacement
+/// of the position error.
+fn agrees(scene: &Scene, point: DVec3, found: [f32; 4], bound: f64) -> bool {
     const BESIDE: f64 = 1e-6;
     let margin = ReferenceField::new(scene).locate(point).margin;
     let codes = if margin < BESIDE { 27 } else { 1 };
     let steps =
         (0..codes).map(|n| DVec3::new([0.0, 1.0, -1.0][n % 3], [0.0, 1.0, -1.0][n / 3 % 3], [0.0, 1.0, -1.0][n / 9]));
-    let rays: Vec<Ray> = steps.map(|step| asking(point + BESIDE * step)).collect();
+    let rays: Vec<Ray> = steps.map(|step| probe(point + BESIDE * step)).collect();
     expected(scene, &rays).iter().any(|e| {
         let values = [e.color[0], e.color[1], e.color[2], e.opacity];
         values.iter().zip(found).all(|(e, f)| (e - f64::from(f)).abs() < bound)
     })
 }
 
-fn unanswered(scene: &Scene, planted: &Scene, way: Way, bound: f64) -> Vec<String> {
+/// The names of the points at which `way` on `planted` disagrees with the reference on `scene`.
+fn disagreements(scene: &Scene, planted: &Scene, way: Way, bound: f64) -> Vec<String> {
     let points = points(scene);
-    let rays: Vec<Ray> = points.iter().map(|(_, p)| asking(*p)).collect();
+    let rays: Vec<Ray> = points.iter().map(|(_, p)| probe(*p)).collect();
     let found = way.trace(planted, &rays);
     let wrong = points.iter().zip(found).filter(|((_, point), found)| {
         let [r, g, b] = found.color;
-        !is_answered(scene, *point, [r, g, b, found.opacity], bound)
+        !agrees(scene, *point, [r, g, b, found.opacity], bound)
     });
     wrong.map(|((name, _), _)| name.clone()).collect()
 }
 
 #[test]
-fn every_renderer_answers_on_centers_faces_edges_corners_vertices_and_ties_as_the_reference_does() {
+fn every_renderer_agrees_on_centers_faces_edges_corners_vertices_and_ties() {
     for mode in DecoderMode::ALL {
         let scene = scene(mode);
         for &way in Way::ALL {
             let bound = way.bound().max(1e-6);
-            let wrong = unanswered(&scene, &scene, way, bound);
+            let wrong = disagreements(&scene, &scene, way, bound);
             assert!(wrong.is_empty(), "{way:?}, {mode:?}: {wrong:?}");
         }
         let mut planted = scene.clone();
         planted.scales[0].cloud.half.x -= 0.03125;
-        let wrong = unanswered(&scene, &planted, Way::CpuF32, Way::CpuF32.bound());
+        let wrong = disagreements(&scene, &planted, Way::CpuF32, Way::CpuF32.bound());
         assert!(wrong.len() > 8, "boxes a little smaller go unnoticed: {wrong:?}");
     }
 }
 
-/// The decisions at faces themselves are exact in f32, not only up to a displacement.
+/// Decisions at faces are exact in f32, not only up to a displacement.
 #[test]
 fn boxes_are_closed_in_every_precision() {
     let scene = scene(DecoderMode::PerSample);
@@ -138,7 +139,7 @@ fn boxes_are_closed_in_every_precision() {
             let mut beyond = face;
             beyond[a] = stepped(face[a], side as i32);
             for &way in Way::ALL {
-                let [on, off] = [face, beyond].map(|p| way.trace(&scene, &[asking(p)])[0].opacity);
+                let [on, off] = [face, beyond].map(|p| way.trace(&scene, &[probe(p)])[0].opacity);
                 assert!(on > 1e-3 && off == 0.0, "{way:?}, axis {a}, side {side}: {on}, {off}");
             }
         }

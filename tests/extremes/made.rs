@@ -1,4 +1,4 @@
-//! Scenes whose every number is chosen: one scale, explicit centers, a small decoder.
+//! Scenes with chosen parameters: one scale, explicit centers, a small decoder.
 
 use glam::DVec3;
 use strivec::geometry::{Aabb, Similarity};
@@ -8,10 +8,10 @@ use strivec::model::{
 };
 use strivec::random::Random;
 
-/// Appearance features of every made scene.
+/// Appearance features of a scene.
 const FEATURES: u32 = 4;
 
-/// What a made scene consists of.
+/// The parameters of a scene.
 #[derive(Clone)]
 pub(crate) struct Made {
     pub(crate) centers: Vec<DVec3>,
@@ -40,7 +40,7 @@ impl Default for Made {
     }
 }
 
-/// What a factor is, by the vertex along its axis, its component, and a random number of mean 0 and deviation 1.
+/// A factor by the vertex along its axis, its component, and a random number of mean 0 and deviation 1.
 pub(crate) type FactorOf<'a> = &'a dyn Fn(usize, usize, f64) -> f64;
 
 /// Random factors.
@@ -49,12 +49,13 @@ pub(crate) fn random(_: usize, _: usize, normal: f64) -> f64 {
 }
 
 impl Made {
-    /// The scene with factors `density` and random appearance. Rays march through what is covered, grown by a quarter.
+    /// The scene with density factors `density` and random appearance factors. Its bounds are those of the tensors,
+    /// grown by a quarter.
     pub(crate) fn scene(&self, density: FactorOf<'_>) -> Scene {
         self.scene_with(density, &random)
     }
 
-    /// The scene with factors `density` and `appearance`.
+    /// The scene with density factors `density` and appearance factors `appearance`.
     pub(crate) fn scene_with(&self, density: FactorOf<'_>, appearance: FactorOf<'_>) -> Scene {
         let mut centers = self.centers.clone();
         centers.sort_by(|a, b| [a.z, a.y, a.x].partial_cmp(&[b.z, b.y, b.x]).unwrap());
@@ -97,7 +98,7 @@ impl Made {
             weights: weights(stream, inputs * outputs, 0.3),
             bias: weights(stream, outputs, 0.3),
         };
-        // Features and directions, and their sines and cosines.
+        // Features and direction, with their sines and cosines.
         let inputs = 3 * (FEATURES + 3);
         let scene = Scene {
             frame: Frame {
@@ -140,7 +141,7 @@ impl Made {
             occupancy: None,
             provenance: Provenance::default(),
         };
-        scene.check().expect("a sound scene");
+        scene.check().expect("a valid scene");
         scene
     }
 }
@@ -153,7 +154,7 @@ pub(crate) fn lattice(counts: [u32; 3], pitch: DVec3) -> Vec<DVec3> {
     all.map(|(x, y, z)| (DVec3::new(x.into(), y.into(), z.into()) - middle) * pitch).collect()
 }
 
-/// `scene` moved by `offset` and made `factor` times larger around the origin, in model units. The picture stays.
+/// `scene` scaled by `factor` around the origin, then moved by `offset`, in model units. The picture does not change.
 pub(crate) fn moved(mut scene: Scene, factor: f64, offset: DVec3) -> Scene {
     let point = |p: DVec3| factor * p + offset;
     scene.bounds = Aabb { min: point(scene.bounds.min), max: point(scene.bounds.max) };
@@ -174,6 +175,6 @@ pub(crate) fn moved(mut scene: Scene, factor: f64, offset: DVec3) -> Scene {
     scene.frame.far *= factor;
     scene.rules.step *= factor;
     scene.rules.distance_scale /= factor;
-    scene.check().expect("a sound scene");
+    scene.check().expect("a valid scene");
     scene
 }

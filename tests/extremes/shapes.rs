@@ -1,4 +1,4 @@
-//! Scenes of extreme scale, place, shape and size.
+//! Scenes of extreme scale, position, shape and size.
 
 use glam::DVec3;
 use strivec::model::{DecoderMode, Scene};
@@ -49,7 +49,7 @@ fn slivers_of_one_to_a_thousand_give_the_same_picture() {
         };
         let scene = made.scene(&random);
         let mut rays = rays_through(&scene, 300);
-        // From near by: a thousandth of a needle is not much of a target, and far away not much is known of it.
+        // Rays begin close to the needle, where f32 positions are precise.
         for ray in &mut rays {
             let [entry, _] = scene.bounds.intersect(ray).map_or([0.0; 2], |(a, b)| [a, b]);
             ray.origin = ray.at(entry - 0.01);
@@ -65,7 +65,7 @@ fn one_tensor_and_the_largest_and_smallest_ranks_and_resolutions() {
     for mode in DecoderMode::ALL {
         for (ranks, resolution) in [([1, 1], 2), ([256, 256], 2), ([1, 1], 1024), ([256, 3], 4), ([3, 256], 1)] {
             let made = Made { ranks, resolution: [resolution; 3], mode, step: 0.03, ..Made::default() };
-            // Sums of many products are kept to the same size.
+            // Sums of many products have the same size as sums of few.
             let share = f64::from(ranks[0]).powf(-1.0 / 6.0);
             let scene = made.scene(&|_, _, normal| 0.9 * share * normal);
             within(

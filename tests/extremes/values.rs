@@ -1,4 +1,4 @@
-//! Values at their limits: density features, optical depths, transmittance, rays, factors, the decoder.
+//! Extreme values: density features, optical depths, transmittance, rays, factors, the decoder.
 
 use glam::{DVec3, UVec3};
 use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
@@ -11,7 +11,7 @@ use super::made::{Made, random};
 /// A tensor whose density feature is `feature` everywhere.
 fn constant(feature: f64, mode: DecoderMode) -> Scene {
     let root = feature.abs().cbrt();
-    // The three axes draw one after the other; components alternate so that only one factor has the sign.
+    // The first two values are the vertices of the x axis, so one factor alone has the sign.
     let made = Made { ranks: [1, 3], resolution: [1; 3], mode, ..Made::default() };
     let mut scene = made.scene(&|_, _, _| root);
     scene.scales[0].factors.density[..2].iter_mut().for_each(|v| *v *= feature.signum() as f32);
@@ -37,7 +37,7 @@ fn optical_depths_from_1e_minus_12_to_a_million_and_transmittance_that_underflow
             scene.rules.min_weight = 0.0;
             let rays = rays_through(&scene, 60);
             within(&format!("optical depth {depth:e}, T from {min_transmittance}"), &scene, &rays, Way::ALL, 1.0);
-            // Tiny opacities are known to a relative error, too.
+            // Tiny opacities are also within a relative bound.
             if depth <= 1e-6 {
                 for (e, f) in expected(&scene, &rays).iter().zip(Way::CpuF64.trace(&scene, &rays)) {
                     assert!((f64::from(f.opacity) - e.opacity).abs() <= 1e-6 * e.opacity + 1e-13);
@@ -47,14 +47,14 @@ fn optical_depths_from_1e_minus_12_to_a_million_and_transmittance_that_underflow
     }
 }
 
-/// Fog: very many samples, each of which takes less from the transmittance than f32 can take from 1.
+/// Fog: very many samples, each of which changes the transmittance by less than f32 resolves near 1.
 #[test]
 fn fog_of_a_hundred_thousand_faint_samples_is_not_lost() {
     for depth in [2e-8, 5e-8, 1e-6] {
         let mut scene = constant(0.0, DecoderMode::PerSample);
         scene.rules.step = 2e-5;
         scene.rules.distance_scale = depth / (2.0_f64.ln() * scene.rules.step);
-        // Below the weight from which on samples are colored: a device has room for so many colors of a ray only.
+        // The samples weigh less than the minimum weight: a device's buffers limit the shaded samples of a ray.
         let rays = rays_through(&scene, 4);
         let exact = expected(&scene, &rays);
         for &way in Way::ALL {
@@ -87,7 +87,7 @@ fn rays_that_start_inside_run_along_faces_have_zeros_or_miss() {
             }
         }
         within("rays inside, outside, behind", &scene, &rays, Way::ALL, 1.0);
-        // Along faces, edges and through corners of the tensor and of the box: below any margin, but finite.
+        // Along faces, edges and through corners of the tensor and of the bounds: below any margin, but finite.
         let mut along = Vec::new();
         for corner in [DVec3::ONE, DVec3::new(1.0, 0.25, 0.5), scene.bounds.max, DVec3::new(1.0, 1.0, 0.0)] {
             for direction in axes.into_iter().chain([-DVec3::ONE.normalize()]) {
@@ -132,7 +132,7 @@ fn an_opaque_first_sample_and_rays_through_nothing() {
         let rays = rays_through(&scene, 60);
         within("all-opaque first sample", &scene, &rays, Way::ALL, 1.0);
         assert!(Way::CpuF32.trace(&scene, &rays).iter().any(|p| p.opacity == 1.0));
-        // Nothing counts anywhere.
+        // No sample counts.
         scene.occupancy = Some(Occupancy::empty(scene.bounds, UVec3::splat(4)));
         for found in Way::ALL.iter().flat_map(|way| way.trace(&scene, &rays)) {
             assert_eq!((found.color, found.opacity, found.depth), (scene.frame.background, 0.0, 0.0));
@@ -142,7 +142,7 @@ fn an_opaque_first_sample_and_rays_through_nothing() {
 
 #[test]
 fn factors_at_the_limits_of_f16_and_of_every_quantizer() {
-    // The largest and the smallest numbers of f16, also those that are not normal.
+    // The largest and the smallest values of f16, including subnormal ones.
     let extremes = [65504.0, 6.103_515_6e-5, 5.960_464_5e-8, 0.0];
     for largest in extremes {
         let made = Made { ranks: [2, 2], resolution: [3; 3], ..Made::default() };
@@ -153,7 +153,7 @@ fn factors_at_the_limits_of_f16_and_of_every_quantizer() {
         for encoding in encodings.chain([8, 6, 5, 4, 3].map(Encoding::Grid)) {
             let bytes = match encode(&scene, &EncodeOptions::uniform(encoding)) {
                 Ok(bytes) => bytes,
-                // What a grid of few bits does not reach is named, never clamped.
+                // Values beyond the range of a grid of few bits are an error, never clamped.
                 Err(Error::Overflow { value, largest, .. }) => {
                     assert!(matches!(encoding, Encoding::Grid(_)) && value.abs() > largest, "{encoding:?}");
                     continue;
@@ -194,7 +194,7 @@ fn a_saturated_decoder_stays_between_0_and_1() {
                 for pixel in way.trace(&scene, &rays) {
                     assert!(pixel.color.iter().all(|c| (-1e-5..=1.0 + 1e-5).contains(c)), "{way:?}: {pixel:?}");
                 }
-                // Larger ones turn the smallest rounding into another color.
+                // With larger weights the smallest rounding error changes the color.
                 if size == 1e2 {
                     assert!(errors.clear_maximum() < 100.0 * way.bound(), "{way:?}: {}", errors.row());
                 }
@@ -214,7 +214,7 @@ fn features_too_large_for_sines_in_f32_stay_finite() {
             for &way in Way::ALL {
                 let errors = errors(way, &scene, &rays, &exact);
                 println!("| features near {size:e} | {way:?} | {mode:?} | {} |", errors.row());
-                // 16 bits do not hold them.
+                // Out of the range of 16 bits.
                 if way.bound() <= 1e-3 {
                     assert!(errors.clear_maximum() <= 1e-3, "{way:?}, {mode:?}: {}", errors.row());
                 }
@@ -243,9 +243,9 @@ fn factors_whose_products_overflow_f32_give_finite_pixels() {
     }
 }
 
-/// Terms of a thousand that cancel to nothing: f32 cannot know their sum, and the reference says so.
+/// Terms of a thousand that cancel: f32 does not resolve their sum, as the reference's condition says.
 #[test]
-fn cancelling_factors_err_by_what_their_condition_says() {
+fn errors_of_canceling_factors_are_within_their_condition() {
     let size = 10.0;
     let of = |_: usize, r: usize, normal: f64| if r.is_multiple_of(2) { size } else { -size } + 1e-3 * normal;
     let scene = Made { ranks: [256, 3], mode: DecoderMode::PerSample, ..Made::default() }.scene_with(&of, &random);
