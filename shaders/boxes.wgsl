@@ -1,4 +1,4 @@
-// The tensors' boxes, drawn as lines over a picture. No twin; the struct's is in src/player/boxes.rs.
+// The tensors' boxes, drawn as lines over a picture. No twin; that of the struct is in src/player/boxes.rs.
 
 struct Boxes {
     // From model space, relative to the field's origin, to clip space.

@@ -1,5 +1,5 @@
 // Shows a picture on a surface, scaled to its rectangle, as one of several views. Twin: src/player/desktop/memory.rs;
-// the struct's is in src/player/screen.rs.
+// that of the struct is in src/player/screen.rs.
 
 struct Display {
     // The picture, in pixels.

@@ -365,6 +365,21 @@ mod tests {
     }
 
     #[test]
+    fn every_shader_names_its_twin_in_its_head() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        for entry in std::fs::read_dir(root.join("shaders")).unwrap() {
+            let path = entry.unwrap().path();
+            let source = std::fs::read_to_string(&path).unwrap();
+            let head: Vec<&str> = source.lines().map_while(|line| line.strip_prefix("// ")).collect();
+            let head = head.join(" ");
+            let words = head.split([' ', ',', ';']).map(|word| word.trim_end_matches('.'));
+            let twins: Vec<&str> = words.filter(|word| word.starts_with("src/") && word.ends_with(".rs")).collect();
+            assert!(!twins.is_empty() || head.contains("No twin."), "{}: {head}", path.display());
+            assert!(twins.iter().all(|twin| root.join(twin).exists()), "{}: {twins:?}", path.display());
+        }
+    }
+
+    #[test]
     fn the_decoder_fits_in_workgroup_memory() {
         for shape in shapes() {
             let (module, _) = validated(&Stage::Decoder.source(&shape)).unwrap();
