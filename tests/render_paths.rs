@@ -109,11 +109,11 @@ fn what_is_no_camera_path_is_3_and_names_file_and_place() {
         assert!(message.contains(expected), "{message}");
     }
     let message = refused(&keyframes(&[(0.0, [3.0, 0.0, 1.0]), (1e6, [0.0, 3.0, 1.0])]), 1);
-    assert!(message.contains("1000000 seconds at 30 frames a second: expected at most 100000 frames"), "{message}");
+    assert!(message.contains("1000000 seconds at 30 frames per second are 30000001 frames; at most 100000 are supported"), "{message}");
     let message = failure(&render(folder.path(), Path::new(""), &["--path", "absent.json"]), 2);
     assert!(message.contains("absent.json: cannot read it: "), "{message}");
     let message = failure(&render(folder.path(), Path::new(""), &["--path", "flight.json", "--fov", "50"]), 1);
-    assert!(message.contains("--path flight.json: expected no --fov"), "{message}");
+    assert!(message.contains("--path flight.json: the keyframes set the view; leave out --fov"), "{message}");
     assert!(!folder.path().join("frames").exists(), "nothing was made on the way");
 }
 
@@ -123,11 +123,11 @@ fn a_video_that_cannot_be_made_is_refused_before_any_frame() {
     let none = folder.path().join("no programs");
     fs::create_dir(&none).unwrap();
     for (arguments, code, expected) in [
-        (&["--video", "a.mp4"][..], 4, "ffmpeg with its encoder libx264 on PATH, found none: install it ("),
-        (&["--video", "a.webp"], 4, "img2webp, or ffmpeg with its encoder libwebp_anim, on PATH, found none"),
-        (&["--video", "a.mp4"], 4, "or leave out --video and have the frames as PNG files"),
-        (&["--video", "a.gif"], 1, "--video: expected a name that ends in .mp4 or .webp, found a.gif"),
-        (&["--video", "a.mp4", "--size", "8x5"], 1, "--video: expected an even --size for MP4, found 8x5"),
+        (&["--video", "a.mp4"][..], 4, "ffmpeg with its encoder libx264 on PATH; found none. Install it ("),
+        (&["--video", "a.webp"], 4, "img2webp, or ffmpeg with its encoder libwebp_anim, on PATH; found none"),
+        (&["--video", "a.mp4"], 4, "or leave out --video to keep the frames as PNG files"),
+        (&["--video", "a.gif"], 1, "--video a.gif: the name must end in .mp4 or .webp"),
+        (&["--video", "a.mp4", "--size", "8x5"], 1, "--video: MP4 needs an even width and height; --size is 8x5"),
     ] {
         let arguments = [&["--path", "turntable"], arguments].concat();
         let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
@@ -200,7 +200,7 @@ echo "$* $(ls frame_*.png | wc -l)" > "$last""#;
 fn sixteen_bits_are_the_graphics_renderers() {
     let folder = folder();
     let message = failure(&render(folder.path(), Path::new(""), &["--orbit", "1", "--half"]), 1);
-    assert!(message.contains("--half: expected --backend gpu"), "{message}");
+    assert!(message.contains("--half needs --backend gpu"), "{message}");
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn sixteen_bits_are_the_graphics_renderers() {
 fn a_build_without_the_graphics_renderer_names_the_feature() {
     let folder = folder();
     let message = failure(&render(folder.path(), Path::new(""), &["--orbit", "1", "--backend", "gpu"]), 1);
-    assert!(message.contains("a build with the feature gpu (cargo install strivec --features gpu)"), "{message}");
+    assert!(message.contains("needs a build with the feature gpu (cargo install --path . --features gpu)"), "{message}");
     assert!(!folder.path().join("frames").exists(), "nothing was made on the way");
 }
 

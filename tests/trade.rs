@@ -72,7 +72,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
     for row in rows {
         assert!(row["milliseconds"]["count"] == 2 && row["memory_bytes"].as_u64() > Some(0), "{row:#}");
     }
-    // Nothing on the front is beaten.
+    // No point of the front is dominated.
     let front = report["front"]["points"].as_array().unwrap();
     for pair in front.windows(2) {
         assert!(pair[0]["psnr"].as_f64() < pair[1]["psnr"].as_f64(), "{front:#?}");
@@ -104,7 +104,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
         strivec(folder, &[&views[..], more].concat())
     };
     let drawn = json(&render(&["--quality", "fast"]));
-    assert_eq!(drawn["approximation"], fast["choice"]["approximation"]);
+    assert_eq!(drawn["approximation"], fast["settings"]["approximation"]);
     assert_eq!(json(&render(&["--quality", "best"]))["files"], drawn["files"]);
     json(&render(&["--min-psnr", "20"]));
     json(&render(&["--min-fps", "0.001"]));

@@ -101,9 +101,9 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(approximated["density_cache_bytes"].as_u64().unwrap() > 729, "{approximated}");
     assert!((approximated["psnr"].as_f64().unwrap() - psnr).abs() > 1e-3, "{approximated}");
     for (wrong, expected) in [
-        (["--neighbors", "17"], "--neighbors: expected 1 to "),
+        (["--top-k", "17"], "--top-k: expected 1 to "),
         (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
-        (["--renderer=reference", "--scales=1"], "--backend reference: expected no approximations"),
+        (["--renderer=reference", "--scales=1"], "--backend reference renders without approximations"),
     ] {
         let output = strivec(folder, &[&["eval", "a.strivec", "data", "--quiet"][..], &wrong].concat());
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

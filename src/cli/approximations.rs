@@ -1,60 +1,61 @@
-//! The arguments that trade exactness for speed, of every command that renders.
+//! Options of every command that renders: approximations that trade exactness for speed.
 
 use std::path::Path;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Error;
+use super::error::flag_of;
 use crate::container::SceneFile;
 use crate::model::DecoderMode;
 use crate::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
 
-/// What may be left out. Nothing is by default.
+/// Approximations; none by default.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Approximations (none by default)")]
 pub(super) struct Approximations {
-    /// Only the N nearest neighbors in each scale
+    /// Interpolate from the N nearest tensors of each scale only [default: the scene's]
     #[arg(long, value_name = "N")]
-    neighbors: Option<u32>,
-    /// Only the N coarsest scales
+    top_k: Option<u32>,
+    /// Use the N coarsest scales only [default: all]
     #[arg(long, value_name = "N")]
     scales: Option<u32>,
-    /// Only this share of each tensor's components, the largest
+    /// Use this share of each tensor's components, largest first, from 0 to 1 [default: 1, all]
     #[arg(long, value_name = "SHARE")]
     components: Option<f64>,
-    /// Steps longer by this factor
+    /// Multiply the length of march steps, 0.25 to 64 [default: 1]
     #[arg(long, value_name = "FACTOR")]
     step_scale: Option<f64>,
-    /// Only samples that weigh more than W add color [default: the scene's]
+    /// Skip the color of samples whose weight is at most W [default: the scene's]
     #[arg(long, value_name = "W")]
     min_weight: Option<f64>,
-    /// Rays end where less than T of their light is left [default: the scene's]
+    /// End rays below transmittance T; 0 never ends them early [default: the scene's]
     #[arg(long, value_name = "T")]
     min_transmittance: Option<f64>,
-    /// Where the network is called, if not where the scene was trained with it
+    /// Evaluate the color network in this mode [default: the scene's]
     #[arg(long, value_name = "MODE", value_parser = decoder_mode())]
     decoder: Option<DecoderMode>,
-    /// Density baked on a grid of N cells along the longest edge; its memory is in --json
+    /// Bake density into a grid of N cells along the longest edge, 8 to 2048; --json reports its memory [default: no grid]
     #[arg(long, value_name = "N")]
     density_cache: Option<u32>,
-    /// Pictures rendered N times smaller, and upsample_bilinear
+    /// Render pictures N times smaller and upsample them bilinearly [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     divisor: Option<u32>,
     #[command(flatten)]
-    wish: QualityArgs,
+    quality: QualityArgs,
 }
 
-/// A point of what `strivec trade --store` wrote into the file; the options above go before it.
+/// Selects render settings that `strivec trade --store` wrote into the file; the options above override them.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[group(multiple = false)]
 struct QualityArgs {
-    /// As the file's point of this name: fast, balanced or best
+    /// Use the stored render settings of this name: fast, balanced or best
     #[arg(long, value_name = "NAME")]
     quality: Option<String>,
-    /// As the file's best point that renders so many pictures a second, on the machine that it was measured on
+    /// Use the stored settings with the highest PSNR that reach N pictures a second on the machine that measured them
     #[arg(long, value_name = "N", value_parser = positive)]
     min_fps: Option<f64>,
-    /// As the file's fastest point of at least so many dB
+    /// Use the fastest stored settings with a PSNR of at least DB
     #[arg(long, value_name = "DB", value_parser = positive)]
     min_psnr: Option<f64>,
 }
@@ -62,21 +63,23 @@ struct QualityArgs {
 fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("expected a positive number, found {text:?}")),
+        _ => Err(format!("{text:?} is not a positive number")),
     }
 }
 
 impl Approximations {
-    /// As the renderer takes them, for pictures of `size` of the document in the file `path`.
+    /// The render settings for pictures of `size` of `scene_file`, which was read from `path`.
     ///
-    /// Fails where a point is wished for that the file has not.
-    pub(super) fn chosen(&self, document: &SceneFile, path: &Path, size: [u32; 2]) -> Result<RenderSettings, Error> {
-        let mut choice = match self.wish.wish() {
-            Some(wish) => granted(&wish, document, path, size)?,
+    /// # Errors
+    ///
+    /// If the file stores no such settings, or an approximation is out of range for the scene.
+    pub(super) fn settings(&self, scene_file: &SceneFile, path: &Path, size: [u32; 2]) -> Result<RenderSettings, Error> {
+        let mut settings = match self.quality.selector() {
+            Some(selector) => stored_settings(&selector, scene_file, path, size)?,
             None => RenderSettings::default(),
         };
-        let approximation = &mut choice.approximation;
-        approximation.neighbors = self.neighbors.or(approximation.neighbors);
+        let approximation = &mut settings.approximation;
+        approximation.neighbors = self.top_k.or(approximation.neighbors);
         approximation.scales = self.scales.or(approximation.scales);
         approximation.components = self.components.or(approximation.components);
         approximation.step_scale = self.step_scale.unwrap_or(approximation.step_scale);
@@ -84,31 +87,33 @@ impl Approximations {
         approximation.min_transmittance = self.min_transmittance.or(approximation.min_transmittance);
         approximation.decoder = self.decoder.or(approximation.decoder);
         approximation.density_cache = self.density_cache.or(approximation.density_cache);
-        choice.divisor = self.divisor.unwrap_or(choice.divisor);
-        choice.approximation.check(&document.scene)?;
-        Ok(choice)
+        settings.divisor = self.divisor.unwrap_or(settings.divisor);
+        settings.approximation.check(&scene_file.scene)?;
+        Ok(settings)
     }
 }
 
-/// What `wish` means for pictures of `size` of the document in the file `path`.
+/// The settings that `scene_file`, which was read from `path`, stores for `selector` and pictures of `size`.
 ///
-/// Fails where the file has nothing of the kind.
-pub(super) fn granted(
-    wish: &QualitySelector,
-    document: &SceneFile,
+/// # Errors
+///
+/// If the file stores no settings, or none that match.
+pub(super) fn stored_settings(
+    selector: &QualitySelector,
+    scene_file: &SceneFile,
     path: &Path,
     size: [u32; 2],
 ) -> Result<RenderSettings, Error> {
     let named = |e: ParetoError| Error::Usage(format!("{}: {e}", path.display()));
-    let trade = ParetoFront::from_notes(&document.metadata.notes).ok_or_else(|| {
-        let message = "expected what `strivec trade --store` writes, found no such note";
+    let front = ParetoFront::from_notes(&scene_file.metadata.notes).ok_or_else(|| {
+        let message = "the file stores no render settings; `strivec trade FILE --store` measures and stores them";
         Error::Usage(format!("{}: {message}", path.display()))
     })?;
-    Ok(trade.map_err(named)?.pick(wish, size).map_err(named)?.choice)
+    Ok(front.map_err(named)?.pick(selector, size).map_err(named)?.settings)
 }
 
 impl QualityArgs {
-    fn wish(&self) -> Option<QualitySelector> {
+    fn selector(&self) -> Option<QualitySelector> {
         let Self { quality, min_fps, min_psnr } = self;
         let name = quality.clone().map(QualitySelector::Name);
         name.or(min_fps.map(QualitySelector::FramesPerSecond)).or(min_psnr.map(QualitySelector::Psnr))
@@ -124,6 +129,6 @@ fn decoder_mode() -> impl TypedValueParser<Value = DecoderMode> {
 impl From<ApproximationError> for Error {
     fn from(error: ApproximationError) -> Self {
         let ApproximationError { option, expected, found } = error;
-        Self::Usage(format!("--{}: expected {expected}, found {found}", option.replace('_', "-")))
+        Self::Usage(format!("{}: expected {expected}, found {found}", flag_of(option)))
     }
 }

@@ -1,4 +1,4 @@
-//! What computes pictures, of every command that takes them: the options, and one renderer behind them.
+//! `--backend`: the renderer of every command that makes pictures.
 
 #[cfg(feature = "gpu")]
 use std::cell::{OnceCell, RefCell};
@@ -24,27 +24,26 @@ use crate::{
 #[serde(rename_all = "kebab-case")]
 #[value(rename_all = "kebab-case")]
 pub(super) enum Backend {
-    /// Fast, in 32-bit floating point
+    /// Fast renderer on the processor, 32-bit floating point
     #[default]
     Cpu,
-    /// The same in 64-bit floating point
+    /// Fast renderer on the processor, 64-bit floating point
     #[value(name = "cpu-f64")]
     #[serde(rename = "cpu-f64")]
     CpuF64,
-    /// On a graphics processor, in 32-bit floating point; in builds with the feature `gpu`
+    /// Graphics processor, 32-bit floating point; in builds with the feature `gpu`
     Gpu,
-    /// Slow, in 64-bit floating point: what the numbers mean
+    /// Direct implementation of the specification, 64-bit floating point, slow
     Reference,
 }
 
 /// Which renderer, and how.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct BackendOptions {
-    /// What computes the pictures
+    /// Renderer
     #[arg(long, alias = "renderer", value_enum, default_value_t)]
     backend: Backend,
-    /// With --backend gpu: factors rounded to 16 bits, in half the memory; colors are mostly less than
-    /// 0.01 off
+    /// Round factors to 16 bits on the graphics processor: half the memory, color errors mostly below 0.01
     #[arg(long)]
     half: bool,
 }
@@ -55,9 +54,11 @@ impl BackendOptions {
         Self { backend, half }
     }
 
-    /// What takes `scene`'s pictures with `approximation`.
+    /// The renderer of `scene` with `approximation`.
     ///
-    /// Fails where an approximation does not go with the renderer, this build lacks it, or there is no device for it.
+    /// # Errors
+    ///
+    /// If the renderer does not support the approximation, this build lacks the renderer, or there is no device for it.
     pub(super) fn prepare(
         &self,
         scene: Scene,
@@ -69,19 +70,19 @@ impl BackendOptions {
             Backend::CpuF64 => Drawing::CpuF64(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
             Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
             Backend::Reference => {
-                return Err(Error::Usage("--backend reference: expected no approximations, found some".into()));
+                return Err(Error::Usage("--backend reference renders without approximations; leave them out, or use --backend cpu".into()));
             }
             Backend::Gpu => self.on_gpu(scene, approximation, console)?,
         };
         Ok(Prepared { backend: self.backend, half: self.half, drawing, stages: Vec::new(), pictures: 0 })
     }
 
-    /// Fails, before any work is done, where the options do not go together or this build lacks the renderer.
+    /// Errors before any work is done if the options contradict each other or this build lacks the renderer.
     pub(super) fn check(&self) -> Result<(), Error> {
         match self.backend {
             Backend::Gpu if cfg!(not(feature = "gpu")) => Err(no_gpu()),
             Backend::Cpu | Backend::CpuF64 | Backend::Reference if self.half => {
-                Err(Error::Usage("--half: expected --backend gpu, found another".into()))
+                Err(Error::Usage("--half needs --backend gpu".into()))
             }
             _ => Ok(()),
         }
@@ -97,9 +98,9 @@ impl BackendOptions {
         let gpu = Gpu::open()?;
         let info = gpu.info();
         let adapter = format!("{}, {}", info.name, info.backend);
-        console.say(&format!("drawing on {adapter}"));
+        console.say(&format!("rendering on {adapter}"));
         if info.device_type == wgpu::DeviceType::Cpu {
-            console.say("this is a processor that acts as a graphics device: --backend cpu is faster");
+            console.say("this graphics device is emulated on the processor; --backend cpu is faster");
         }
         let precision = if self.half { Precision::F16 } else { Precision::F32 };
         let renderer = GpuRenderer::new(&gpu, scene, approximation, precision)?;
@@ -108,8 +109,8 @@ impl BackendOptions {
 }
 
 fn no_gpu() -> Error {
-    let with_it = "a build with the feature gpu (cargo install strivec --features gpu)";
-    Error::Usage(format!("--backend gpu: expected {with_it}, found one without"))
+    let message = "--backend gpu needs a build with the feature gpu (cargo install --path . --features gpu)";
+    Error::Usage(message.into())
 }
 
 #[cfg(feature = "gpu")]

@@ -1,4 +1,4 @@
-//! `--path`: a camera's way, as the frames of a video.
+//! `--path`: a camera path, as the frames of a video.
 
 use std::fs::File;
 use std::io::Read;
@@ -13,8 +13,8 @@ use crate::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
 const TURNTABLE_FRAMES: u32 = 120;
 const MAX_FRAMES: u32 = 100_000;
 const FPS: f64 = 30.0;
-/// The ways to say where pictures are taken from that are no path. One of them or a path is always there, and clap does not
-/// insist on what a `requires` names where that conflicts with another argument.
+/// Other viewpoint options. One of them or `--path` is required, and clap does not enforce a `requires` whose argument
+/// conflicts with one that is present.
 pub(super) const OTHERS: [&str; 3] = ["cameras", "orbit", "pose"];
 /// The value of `--path` that is no file.
 const TURNTABLE: &str = "turntable";
@@ -23,15 +23,14 @@ const TURNTABLE: &str = "turntable";
 #[derive(Clone, Debug, clap::Args)]
 #[group(skip)]
 pub(super) struct CameraPathOptions {
-    /// The frames of a video: a full turn around the scene (the word turntable), or the way through a JSON file's
-    /// keyframes (docs/camera-paths.md)
+    /// Render the frames of a video: a full turn around the scene (the word turntable), or the keyframes of a JSON file (docs/camera-paths.md)
     #[arg(long, value_name = "turntable|FILE")]
     path: Option<PathBuf>,
-    /// Frames of --path [default: 120 of a turntable, a file's seconds times --fps]
+    /// Frames of --path [default: 120 for a turntable, the path's seconds times --fps for a file]
     #[arg(long, value_name = "N", conflicts_with_all = OTHERS,
         value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     frames: Option<u32>,
-    /// Frames a second, with --path
+    /// Frames per second of --path
     #[arg(long, value_name = "F", default_value_t = FPS, conflicts_with_all = OTHERS, value_parser = fps)]
     pub(super) fps: f64,
 }
@@ -39,13 +38,13 @@ pub(super) struct CameraPathOptions {
 fn fps(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (0.1..=240.0).contains(&value) => Ok(value),
-        _ => Err(format!("expected 0.1 to 240 frames a second, found {text:?}")),
+        _ => Err(format!("{text:?} is not a number of frames per second from 0.1 to 240")),
     }
 }
 
-/// What `--path` asks for.
+/// The value of `--path`.
 pub(super) enum Way<'a> {
-    /// So many cameras on a circle.
+    /// Number of cameras on a circle.
     Turntable(u32),
     /// Through the keyframes of a file.
     Keyframes(&'a Path),
@@ -76,9 +75,10 @@ impl CameraPathOptions {
                 // A rounding error must not cost the last frame.
                 let count = (seconds * self.fps + 1e-6).floor() + 1.0;
                 if count > f64::from(MAX_FRAMES) {
-                    let message = format!("{}: {seconds} seconds at {} frames a second", file.display(), self.fps);
                     return Err(Error::Usage(format!(
-                        "{message}: expected at most {MAX_FRAMES} frames, found {count}"
+                        "{}: {seconds} seconds at {} frames per second are {count} frames; at most {MAX_FRAMES} are supported",
+                        file.display(),
+                        self.fps
                     )));
                 }
                 (count as u32, 1.0 / self.fps)

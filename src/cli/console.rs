@@ -1,4 +1,4 @@
-//! Standard output and standard error: who prints what where.
+//! Results on standard output, messages on standard error.
 
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ pub(super) struct Console {
 }
 
 impl Console {
-    /// Without messages where `quiet`; with results as JSON where `json`.
+    /// No messages if `quiet`; results as JSON if `json`.
     pub(super) fn new(name: &'static str, quiet: bool, json: bool) -> Self {
         Self { name, quiet, json, closed: AtomicBool::new(false) }
     }
@@ -27,10 +27,13 @@ impl Console {
         self.quiet
     }
 
-    /// Prints `result`: as JSON where that was asked for, else the text that `text` makes of it.
+    /// Prints `result` as JSON with `--json`, else as `text`.
     ///
-    /// Fails where standard output cannot be written. A reader that has left is no failure: the command goes on, as
-    /// its files may still be wanted, and prints nothing more.
+    /// A closed pipe is no error: the command continues, because its files may still be needed, and prints nothing more.
+    ///
+    /// # Errors
+    ///
+    /// If standard output cannot be written.
     pub(super) fn result<T: Serialize>(&self, result: &T, text: impl FnOnce(&T) -> String) -> Result<(), Error> {
         let text = if self.json {
             serde_json::to_string_pretty(result).map_err(|e| Error::Runtime(format!("JSON: {e}")))?
@@ -40,7 +43,7 @@ impl Console {
         self.print(&text)
     }
 
-    /// Prints `text` and a line feed where it has none, whatever the form of results; as [`Console::result`].
+    /// Prints `text` in any output format, with a final line feed; see [`Console::result`].
     pub(super) fn print(&self, text: &str) -> Result<(), Error> {
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
@@ -52,14 +55,14 @@ impl Console {
                 self.closed.store(true, Ordering::Relaxed);
                 Ok(())
             }
-            other => other.map_err(|e| Error::Io(format!("standard output: cannot write to it: {e}"))),
+            other => other.map_err(|e| Error::Io(format!("cannot write to standard output: {e}"))),
         }
     }
 
-    /// A message for people; nothing where quiet.
+    /// A message for people; nothing if quiet.
     pub(super) fn say(&self, message: &str) {
         if !self.quiet {
-            // There is nowhere left to complain to.
+            // A failure to write to standard error cannot be reported.
             let _ = writeln!(io::stderr().lock(), "{message}");
         }
     }

@@ -1,4 +1,4 @@
-//! `strivec demo`: the whole way once, on a scene that the command makes itself.
+//! `strivec demo`: make a synthetic dataset, train on it, evaluate the result.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -34,10 +34,10 @@ const ERROR_FULL: f32 = 0.2;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder for the dataset, demo.strivec and the picture sheet; made where it is absent
+    /// Folder for the dataset, demo.strivec and the picture sheet; created if absent
     #[arg(long, value_name = "DIR", default_value = "demo")]
     pub(super) out: PathBuf,
-    /// Of every random choice
+    /// Random seed
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(super) seed: u64,
 }

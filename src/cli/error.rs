@@ -1,4 +1,4 @@
-//! How a command can fail, by who has to act.
+//! Errors of commands, by who has to act, and the flags of the library's fields.
 
 use std::fmt::Display;
 use std::io;
@@ -9,16 +9,16 @@ use crate::{container, dataset, import, measure, prior, train};
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
 
-/// Why a command ended early: one line that names the file, the place in it, what was expected and what was found.
+/// Why a command ended early: one sentence that names the file and the place in it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The caller: an argument that makes no sense, a file that would be overwritten. Exit code 1.
+    /// Usage: an invalid argument, a file that would be overwritten. Exit code 1.
     #[error("{0}")]
     Usage(String),
-    /// The system: a file cannot be read or written. Exit code 2.
+    /// Input or output: a file cannot be read or written. Exit code 2.
     #[error("{0}")]
     Io(String),
-    /// The input's author: a file holds something else than it should. Exit code 3.
+    /// Malformed input: a file does not have the content that it should. Exit code 3.
     #[error("{0}")]
     Malformed(String),
     /// Anything else. Exit code 4.
@@ -33,7 +33,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// What the process returns.
+    /// The exit code of the process.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => USAGE,
@@ -64,7 +64,7 @@ impl Error {
         }
     }
 
-    /// For `map_err` where what `path` holds was refused.
+    /// For `map_err` if the content of `path` was refused.
     pub(super) fn malformed<E: Display>(path: &Path) -> impl FnOnce(E) -> Self {
         move |error| Self::Malformed(format!("{}: {error}", path.display()))
     }
@@ -82,7 +82,7 @@ impl From<dataset::Error> for Error {
 }
 
 impl From<measure::Error> for Error {
-    /// Commands measure only pictures that they made to fit, so this is nobody's input.
+    /// Commands measure only pictures of matching sizes, so no input causes this.
     fn from(error: measure::Error) -> Self {
         Self::Runtime(error.to_string())
     }
@@ -90,7 +90,7 @@ impl From<measure::Error> for Error {
 
 impl From<prior::BuildError> for Error {
     fn from(error: prior::BuildError) -> Self {
-        let message = error.to_string();
+        let message = with_flags(&error.to_string());
         match error {
             prior::BuildError::Import(import::ImportError { fault, .. }) => match fault {
                 import::Fault::Io(_) => Self::Io(message),
@@ -107,7 +107,7 @@ impl From<prior::BuildError> for Error {
 
 impl From<train::PrepareError> for Error {
     fn from(error: train::PrepareError) -> Self {
-        let message = error.to_string();
+        let message = with_flags(&error.to_string());
         match error {
             train::PrepareError::Prior(prior::Error::Option { .. }) | train::PrepareError::Config(_) => {
                 Self::Usage(message)
@@ -128,5 +128,55 @@ impl From<train::TrainError> for Error {
             train::TrainError::NoRays(_) | train::TrainError::Checkpoint(_) => Self::Malformed(message),
             train::TrainError::Diverged { .. } => Self::Runtime(message),
         }
+    }
+}
+
+/// Fields of the library's options and the flags that set them, if the flag is not the field's name with hyphens.
+const FLAGS: [(&str, &str); 12] = [
+    ("neighbors", "--top-k"),
+    ("max_reprojection_error", "--max-error"),
+    ("parameters", "--max-params"),
+    ("file_bytes", "--max-size"),
+    ("batch_rays", "--batch"),
+    ("test_views", "--test-views"),
+    ("near_far", "--near and --far"),
+    ("frames per second", "--min-fps"),
+    ("PSNR", "--min-psnr"),
+    ("quality", "--quality"),
+    ("memory", "--memory"),
+    ("prior", "--prior"),
+];
+
+/// The flag that sets `field` of the library's options.
+pub(super) fn flag_of(field: &str) -> String {
+    let known = FLAGS.iter().find(|(name, _)| *name == field);
+    known.map_or_else(|| format!("--{}", field.replace('_', "-")), |(_, flag)| (*flag).to_owned())
+}
+
+/// `message` of the library with its fields, written as `` `field` ``, replaced by flags. Words in backticks that are not
+/// plain identifiers stay as they are.
+pub(super) fn with_flags(message: &str) -> String {
+    let is_field = |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let mut parts: Vec<String> = message.split('`').map(str::to_owned).collect();
+    if parts.len() % 2 == 0 {
+        return message.to_owned();
+    }
+    for part in parts.iter_mut().skip(1).step_by(2) {
+        *part = if is_field(part) { flag_of(part) } else { format!("`{part}`") };
+    }
+    parts.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_become_flags() {
+        assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
+        assert_eq!(with_flags("`step_scale`: 0.25 to 64"), "--step-scale: 0.25 to 64");
+        assert_eq!(with_flags("`neighbors` of 5"), "--top-k of 5");
+        assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
+        assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");
     }
 }

@@ -1,4 +1,4 @@
-//! `strivec eval`: how close a scene's pictures are to photographs.
+//! `strivec eval`: compare a scene's pictures with photographs.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -32,25 +32,24 @@ const ERROR_FULL: f32 = 0.2;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene
+    /// Scene file
     file: PathBuf,
-    /// Folder of the dataset
+    /// Dataset folder
     dataset: PathBuf,
-    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
     #[arg(long, value_name = "S", default_value = "test")]
     split: String,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
     #[command(flatten)]
     selection: ViewSelection,
-    /// Folder for a picture a view: photograph, rendering and where they differ (brightest from 0.2 on)
+    /// Folder for one picture per view: photograph, rendering and error (brightest at 0.2 and above)
     #[arg(long, value_name = "DIR")]
     sheets: Option<PathBuf>,
     #[command(flatten)]
     backend: BackendOptions,
-    /// Also compare the renderer (of --backend reference: the fast one) with the reference on these views, ray by ray
-    /// (slow)
+    /// Also compare the renderer with the reference renderer ray by ray on these views; slow
     #[arg(long)]
     parity: bool,
     #[command(flatten)]
@@ -68,7 +67,7 @@ struct Evaluation<'a> {
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
-    choice: RenderSettings,
+    settings: RenderSettings,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     /// Rendering alone, the mean of all views.
@@ -84,7 +83,7 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (document, bytes) = scene_file::read_scene_file(&args.file)?;
+    let (scene_file, bytes) = scene_file::read_scene_file(&args.file)?;
     let bytes = bytes.len() as u64;
     let options = args.selection.options(args.downscale);
     let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
@@ -96,12 +95,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
 
     let size = views.first().map_or([0, 0], |view| [view.camera.width, view.camera.height]);
-    let choice = args.approximations.chosen(&document, &args.file, size)?;
-    let scene = scene_file::with_scales_of(document, &choice.approximation);
+    let settings = args.approximations.settings(&scene_file, &args.file, size)?;
+    let scene = scene_file::with_scales_of(scene_file, &settings.approximation);
     let frame = scene.frame.clone();
     let whole = args.parity.then(|| scene.clone());
     let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &choice.approximation, &session.console)?;
+    let mut renderer = args.backend.prepare(scene, &settings.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     let progress = Progress::start(&session.console, "eval", views.len() as u64);
     let mut reports: Vec<ViewReport> = Vec::new();
@@ -111,7 +110,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let start = Instant::now();
         let camera = view.camera.mapped(&frame.model_from_dataset);
         let size = [camera.width, camera.height];
-        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(choice.divisor))?, size);
+        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(settings.divisor))?, size);
         seconds += start.elapsed().as_secs_f64();
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
         let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
@@ -132,7 +131,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     progress.finish(&format!("{seconds_per_view:.2} s a view"));
 
     let report = measure::Report::new(reports)
-        .ok_or_else(|| Error::Malformed(format!("{}: expected views, found none", args.dataset.display())))?;
+        .ok_or_else(|| Error::Malformed(format!("{}: the selected split has no views", args.dataset.display())))?;
     let parity = match whole {
         None => None,
         Some(scene) => {
@@ -148,7 +147,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         split: &args.split,
         downscale: args.downscale,
         drawn: renderer.drawn(),
-        choice,
+        settings,
         seconds_preparing,
         seconds_per_view,
         report,

@@ -1,11 +1,11 @@
-//! `strivec info`: what is in a scene file.
+//! `strivec info`: the contents of scene files.
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::scale_table::ScaleRow;
-use super::table::{Table, grouped};
+use super::table::{Table, grouped, short};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
 use crate::model::{Coverage, Scene};
@@ -76,8 +76,8 @@ impl Info {
             decoder_parameters: scene.decoder.parameter_count(),
             decoder_mode: scene.decoder.mode.name(),
             coverage: match scene.rules.coverage {
-                Coverage::All => "all scales",
-                Coverage::Any => "any scale",
+                Coverage::All => "space covered by all scales",
+                Coverage::Any => "space covered by any scale",
             },
             bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
             scale: scene.frame.model_from_dataset.scale,
@@ -106,9 +106,9 @@ impl Info {
             ("made by", format!("{}, preset {}, {} steps, seed {}", self.tool, self.preset, self.steps, self.seed)),
             ("dataset", self.dataset.clone()),
             ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
-            ("scale", format!("{} model units a dataset unit", self.scale)),
-            ("march", format!("{near} to {far}, step {:.5}, where {} cover", self.step, self.coverage)),
-            ("background", format!("{:?}", self.background)),
+            ("scale", format!("{} model units per dataset unit", short(self.scale))),
+            ("march", format!("{} to {}, step {}, in {}", short(near), short(far), short(self.step), self.coverage)),
+            ("background", self.background.map(|c| short(c.into())).join(", ")),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
             ("parameters", format!("{}, {} of them held", grouped(self.parameters), grouped(self.parameters_held))),

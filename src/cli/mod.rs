@@ -1,7 +1,7 @@
 //! The command `strivec`: one file a command, each with its arguments and one `run`.
 //!
-//! Results go to standard output, progress and messages to standard error. What the layers below return as errors
-//! becomes one line and an exit code here ([`Error`]); nothing below this layer prints or knows clap.
+//! Results go to standard output, progress and messages to standard error. Errors of the layers below become one sentence
+//! and an exit code here ([`Error`]); nothing below this layer prints or uses clap.
 
 mod approximations;
 mod backend;
@@ -26,18 +26,20 @@ mod resize;
 mod scale_table;
 mod scene_file;
 mod settings;
+mod shell;
 mod synth;
 mod table;
 mod trade;
 mod train;
 mod version;
 mod video;
+mod view;
 mod view_selection;
 mod viewpoints;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use console::Console;
 pub use error::Error;
@@ -45,10 +47,11 @@ pub use output::{check_output, write_atomically};
 pub use version::version;
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 anything else.
+Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file.
+
 Results go to standard output, progress and messages to standard error.";
 
-/// Sparse tri-vector radiance fields: from photographs to a small file and its pictures.
+/// Sparse tri-vector radiance fields: train, render and measure scenes
 #[derive(Debug, Parser)]
 #[command(name = "strivec", version = version(), after_help = EXIT_CODES, arg_required_else_help = true)]
 struct Cli {
@@ -58,17 +61,17 @@ struct Cli {
     command: Command,
 }
 
-/// What every command understands.
+/// Options of every command.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Options of every command")]
 struct Globals {
-    /// Threads to compute with [default: one a core]; results do not depend on it
+    /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     threads: Option<u16>,
-    /// No progress and no messages but errors
+    /// Print no progress and no messages except errors
     #[arg(long, short, global = true)]
     quiet: bool,
-    /// Results as JSON
+    /// Print results as JSON
     #[arg(long, global = true)]
     json: bool,
     /// Overwrite files that exist
@@ -78,40 +81,46 @@ struct Globals {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make a small synthetic scene, train it, and show the result
+    /// Make a small synthetic dataset, train a scene on it and evaluate it
     Demo(demo::Args),
-    /// Turn photographs into a scene
+    /// Train a scene from photographs
     Train(train::Args),
-    /// Give up the parameters that a scene needs least
+    /// Remove the parameters that a scene needs least
     Shrink(resize::ShrinkArgs),
-    /// Give a small scene more parameters where its error is
+    /// Add parameters to a small scene where its error is largest
     Grow(resize::GrowArgs),
-    /// Say what training would come to, before it begins
+    /// Estimate size, memory and time of a training
     Plan(plan::Args),
-    /// Take pictures of a scene
+    /// Render pictures or a video of a scene
     Render(render::Args),
-    /// Turn meshes, point clouds, grids and octrees into a prior: where the scene is
+    /// Turn meshes, point clouds, grids and octrees into a prior (occupied cells)
     Prior(prior::Args),
     /// Compare a scene's pictures with photographs
     Eval(eval::Args),
-    /// Measure what speed costs, and store the choices in the file
+    /// Measure speed against quality and store render settings in the file
     Trade(trade::Args),
-    /// Say what is in a scene file
+    /// Print the contents of scene files
     Info(info::Args),
-    /// Make a synthetic dataset whose geometry is known exactly
+    /// Make a synthetic dataset with exact geometry
     Synth(synth::Args),
-    /// Measure speed against what this machine can do
+    /// Measure speed against the machine's peak
     Bench(bench::Args),
+    /// Open scenes in the desktop player
+    View(view::Args),
+    /// Print a completion script for a shell
+    Completions(shell::CompletionsArgs),
+    /// Write man pages of strivec and strivec-pack
+    Man(shell::ManArgs),
 }
 
-/// What a command works with besides its own arguments.
+/// Console and global options.
 struct Session {
     console: Console,
-    /// Whether files that exist are overwritten.
+    /// Whether existing files are overwritten.
     force: bool,
 }
 
-/// Runs the command that the process's arguments name, and reports how it ended.
+/// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
         Command::Demo(args) => demo::run(args, session),
@@ -126,10 +135,13 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
         Command::Bench(args) => bench::run(args, session),
+        Command::View(args) => view::run(args),
+        Command::Completions(args) => shell::completions(args, Cli::command(), session),
+        Command::Man(args) => shell::man(args, [Cli::command(), pack::command()], session),
     })
 }
 
-/// Runs what the arguments of the command `name` ask for.
+/// Runs the `parsed` command of the program `name`.
 fn run_command<C>(
     name: &'static str,
     parsed: Result<(Globals, C), clap::Error>,
@@ -138,7 +150,7 @@ fn run_command<C>(
     let (globals, command) = match parsed {
         Ok(parsed) => parsed,
         Err(error) => {
-            // Help and the version are results; a reader that has left is no failure.
+            // Help and version are results; a closed pipe is no error.
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { error::USAGE } else { 0 });
         }
@@ -161,8 +173,6 @@ fn start_threads(globals: &Globals) -> Result<(), Error> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

@@ -1,4 +1,4 @@
-//! `strivec plan`: what training would come to.
+//! `strivec plan`: estimate size, memory and time of a training.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -22,20 +22,20 @@ Examples:
   strivec plan scan --prior mesh.ply --auto --max-size 5MB --json
   strivec plan lego --auto --max-params 3.5M --print-config > mine.toml
 
-Without --prior the coarse reconstruction is run, as for training. Parameters are exact. Files are estimated within a few \
-percent, memory within a third, minutes within a factor of two, for scenes like those that were measured.";
+Without --prior the coarse reconstruction runs, as in training. Parameter counts are exact. File sizes are estimated within a few \
+percent, memory within a third, minutes within a factor of two, for scenes similar to the measured ones.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder of the dataset
+    /// Dataset folder
     dataset: PathBuf,
     #[command(flatten)]
     settings: Settings,
     #[command(flatten)]
     fitting: Fitting,
-    /// Print the settings that training would begin with, and no plan
+    /// Print the settings that training would use instead of the plan
     #[arg(long)]
     print_config: bool,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `strivec render`: pictures of a scene.
+//! `strivec render`: render pictures of a scene.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -25,30 +25,29 @@ Examples:
   strivec render lego.strivec --path turntable --frames 240 --backend gpu --out frames --video lego.mp4
   strivec render lego.strivec --path flight.json --fps 60 --size 1280x720 --out frames
 
-Depths are distances along the ray in the dataset's units, as 16-bit PNG; depth.json in the \
-folder says how much a gray value of 1 stands for. 0 is where there is nothing.
-A path's frames are frame_0000.png, frame_0001.png, …, also where a video is made of them.";
+Depth is the distance along the ray in dataset units, as 16-bit PNG; depth.json in the folder holds the distance per gray \
+value. 0 is empty space. Frames of a path are frame_0000.png, frame_0001.png, …, with or without --video.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene
+    /// Scene file
     file: PathBuf,
     #[command(flatten)]
     viewpoints: Viewpoints,
-    /// Folder for the pictures; made where it is absent
+    /// Folder for the pictures; created if absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Also make a video of --path's frames: .mp4 (needs the program ffmpeg) or animated .webp (img2webp or ffmpeg)
+    /// Also encode the frames of --path as .mp4 (needs the program ffmpeg) or animated .webp (img2webp or ffmpeg)
     #[arg(long, value_name = "FILE", conflicts_with_all = OTHERS)]
     video: Option<PathBuf>,
     #[command(flatten)]
     backend: BackendOptions,
-    /// Also write NAME_depth.png, the expected depth
+    /// Also write the expected depth, NAME_depth.png
     #[arg(long)]
     depth: bool,
-    /// Also write NAME_opacity.png
+    /// Also write the opacity, NAME_opacity.png
     #[arg(long)]
     opacity: bool,
     #[command(flatten)]
@@ -61,7 +60,7 @@ struct Report {
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
-    choice: RenderSettings,
+    settings: RenderSettings,
     /// Getting ready: with a density cache, baking it.
     seconds_preparing: f64,
     seconds: f64,
@@ -82,11 +81,11 @@ struct DepthScale {
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (document, _) = scene_file::read_scene_file(&args.file)?;
-    let cameras = args.viewpoints.cameras(&document.scene.frame, &document.scene.bounds)?;
+    let (scene_file, _) = scene_file::read_scene_file(&args.file)?;
+    let cameras = args.viewpoints.cameras(&scene_file.scene.frame, &scene_file.scene.bounds)?;
     let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
-    let choice = args.approximations.chosen(&document, &args.file, size)?;
-    let scene = scene_file::with_scales_of(document, &choice.approximation);
+    let settings = args.approximations.settings(&scene_file, &args.file, size)?;
+    let scene = scene_file::with_scales_of(scene_file, &settings.approximation);
     let video = args.video.as_deref().map(|file| Video::plan(file, size)).transpose()?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 
@@ -103,7 +102,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
     let frame = scene.frame.clone();
     let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &choice.approximation, &session.console)?;
+    let mut renderer = args.backend.prepare(scene, &settings.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     if let Some(unit) = depth_unit {
         let depth = "distance along the ray in the dataset's units is gray value times unit; 0 where there is nothing";
@@ -121,7 +120,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     for (done, named) in cameras.iter().enumerate() {
         let camera = named.camera.mapped(&frame.model_from_dataset);
         let size = [camera.width, camera.height];
-        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(choice.divisor))?, size);
+        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(settings.divisor))?, size);
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
         if let Some(unit) = depth_unit {
             let scale = frame.model_from_dataset.scale;
@@ -144,7 +143,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let report = Report {
         drawn: renderer.drawn(),
-        choice,
+        settings,
         seconds_preparing,
         seconds,
         depth_unit,

@@ -1,4 +1,4 @@
-//! What commands that train, or plan to, are told: the settings, and what these shall fit.
+//! Options shared by commands that train.
 
 use std::path::{Path, PathBuf};
 
@@ -13,24 +13,24 @@ use crate::train::{self, Budget, TrainConfig};
 /// The settings of a run.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Settings {
-    /// The model [default: the configuration's, else 48]
+    /// Model and schedule [default: the configuration's, else best]
     #[arg(long, value_enum)]
     pub(super) preset: Option<Preset>,
     #[command(flatten)]
     pub(super) basics: Basics,
-    /// Optimizer steps; the whole schedule scales along
+    /// Optimizer steps; the whole schedule scales with them [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) steps: Option<u64>,
-    /// Behind transparent photographs
+    /// Background color for transparent pixels [default: white]
     #[arg(long, value_enum)]
     pub(super) background: Option<Background>,
-    /// Where rays begin, in the dataset's units
+    /// Distance at which rays begin, in dataset units [default: the dataset's]
     #[arg(long, value_name = "LENGTH", requires = "far")]
     pub(super) near: Option<f64>,
-    /// Where rays end, in the dataset's units
+    /// Distance at which rays end, in dataset units [default: the dataset's]
     #[arg(long, value_name = "LENGTH", requires = "near")]
     pub(super) far: Option<f64>,
-    /// Remove tensors during training in whose boxes nothing has turned out to be: smaller files, the same pictures
+    /// Remove tensors whose boxes turn out to be empty during training: smaller files, the same pictures
     #[arg(long)]
     prune: bool,
 }
@@ -38,19 +38,19 @@ pub(super) struct Settings {
 /// The settings that a scene which is there already can be trained with, too.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Basics {
-    /// Settings as train --print-config writes them; the arguments here go before them
+    /// TOML settings, as printed by `train --print-config`; command-line flags override them
     #[arg(long, value_name = "TOML")]
     pub(super) config: Option<PathBuf>,
-    /// Rays a step
+    /// Rays per step [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     batch: Option<u32>,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) downscale: u32,
-    /// Only every N-th photograph
+    /// Use every Nth photograph only
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
     every: usize,
-    /// Of every random choice
+    /// Random seed [default: the configuration's, else 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
 }
@@ -67,7 +67,7 @@ pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result
 }
 
 fn every(text: &str) -> Result<usize, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "expected a number of at least 1".into())
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "not a whole number of at least 1".into())
 }
 
 impl Basics {
@@ -102,24 +102,23 @@ impl Settings {
     }
 }
 
-/// What the settings shall fit, once it is known where the scene is.
+/// Adjustments of the settings to the photographs and to a budget, once the prior is known.
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "fitting", multiple = true)]
 pub(super) struct Fitting {
-    /// Choose tensors, resolutions and ranks by the scene's extent and by how much the photographs show; leave out what none
-    /// shows
+    /// Derive tensors, resolutions and ranks from the scene's extent and the photographs' detail, and drop space that no photograph shows
     #[arg(long)]
     auto: bool,
-    /// Give up resolution, then components, then fine scales until there are at most N parameters, as in 500k or 3.5M
+    /// Reduce resolution, then components, then fine scales until at most N parameters remain, as in 500k or 3.5M [default: no limit]
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
-    /// The same until the file is likely to be at most this large, as in 2MB or 700kB
+    /// Reduce them until the file is estimated to be at most SIZE, as in 2MB or 700kB [default: no limit]
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     max_size: Option<u64>,
 }
 
 impl Fitting {
-    /// Whether nothing but photographs decides.
+    /// Whether there is no budget.
     pub(super) fn is_by_photographs_alone(&self) -> bool {
         self.auto && self.max_params.is_none() && self.max_size.is_none()
     }
@@ -164,19 +163,19 @@ pub(super) enum Preset {
     /// 24 appearance components
     #[value(name = "24")]
     P24,
-    /// 48 appearance components, as the paper's main results
+    /// 48 appearance components, the paper's main model
     #[value(name = "48")]
     P48,
     /// 96 appearance components
     #[value(name = "96")]
     P96,
-    /// Two scales, two neighbors
+    /// Two scales, two neighbors per scale, for quick tries
     Fast,
-    /// 48 appearance components, the network called once a ray instead of once a sample
+    /// 48 appearance components, the network evaluated once per ray instead of once per sample
     PerRay,
-    /// per-ray with a color of each sample's own and directions told better apart: the best pictures, nearly as fast
+    /// per-ray plus a color per sample and more view-dependent detail: the best pictures, nearly as fast
     Best,
-    /// Four scales for rooms, 100 000 steps
+    /// Four scales, 100 000 steps, for rooms
     Scannet,
 }
 

@@ -13,42 +13,41 @@ Examples:
   strivec synth toy --views 40 --size 200x200 --seed 1
   strivec synth scene0000_00 --layout scannet --views 140 --test-views 20 --size 324x242
 
-Writes the Blender layout (transforms_train.json and so on) and, beside it, the exact mesh \
-(mesh.ply, mesh.obj), points on the surface (points.ply) and the occupied cells (occupancy.npz). \
-With --layout scannet it writes a room as ScanNet's exporter leaves it: a mesh with holes, poses that the \
-scan's own file aligns, two of them lost, and one frame of eight for testing. \
-A folder that holds something is refused without --force.";
+The Blender layout has transforms_train.json and the like, the exact mesh (mesh.ply, mesh.obj), points on the surface \
+(points.ply) and the occupied cells (occupancy.npz). The ScanNet layout is a room as written by ScanNet's exporter: a mesh \
+with holes, poses with an axis alignment, two of them lost, and one frame in eight for testing. A folder that is not empty \
+needs --force.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder for the dataset; made where it is absent
+    /// Folder for the dataset; created if absent
     out: PathBuf,
-    /// How the files lie in the folder
+    /// Dataset layout
     #[arg(long, value_enum, default_value_t)]
     layout: Layout,
     /// Views of the training split
     #[arg(long, value_name = "N", default_value_t = 100)]
     views: u32,
-    /// Views of the test split; a quarter as many are made for validation. ScanNet's layout only adds them up
+    /// Views of the test split, plus a quarter as many for validation; the ScanNet layout adds them to --views
     #[arg(long, value_name = "N", default_value_t = 20)]
     test_views: u32,
-    /// Size of the pictures
+    /// Size of the pictures, in pixels
     #[arg(long, value_name = "WxH", default_value = "200x200", value_parser = picture_size::parse)]
     size: [u32; 2],
-    /// Of every random choice; the bytes depend on it alone
+    /// Random seed; equal seeds give equal bytes
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
 }
 
-/// How photographs lie in a folder.
+/// Dataset layouts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Layout {
-    /// As NeRF-synthetic's
+    /// Blender layout, as in NeRF-synthetic
     #[default]
     Blender,
-    /// As a scan of ScanNet's
+    /// ScanNet layout
     Scannet,
 }
 

@@ -1,4 +1,4 @@
-//! `strivec train`: photographs to a scene.
+//! `strivec train`: train a scene from photographs.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -36,16 +36,16 @@ Examples:
   strivec train lego -o small.strivec --auto --max-size 10MB
   strivec train scan -o scan.strivec --prior mesh.ply --close 0.1
 
-Ctrl-C writes the checkpoint and stops; a second one stops at once.";
+Ctrl-C writes the checkpoint and stops with exit code 4; a second Ctrl-C stops at once.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder of the dataset
+    /// Dataset folder
     #[arg(required_unless_present = "print_config")]
     pub(super) dataset: Option<PathBuf>,
-    /// The file to write
+    /// Scene file to write
     #[arg(long, short, value_name = "FILE", required_unless_present = "print_config")]
     pub(super) output: Option<PathBuf>,
     #[command(flatten)]
@@ -54,29 +54,29 @@ pub(super) struct Args {
     pub(super) fitting: Fitting,
     #[command(flatten)]
     pub(super) prior: Inputs,
-    /// Print the settings that the other arguments lead to, and stop
+    /// Print the resulting settings as TOML and exit
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
-    /// Keep, at the end, what no training ray makes use of
+    /// Keep components that no training ray uses [default: cleared after the last step]
     #[arg(long)]
     pub(super) keep_dead: bool,
-    /// Where the state of an unfinished run is kept [default: FILE.state]
+    /// Checkpoint of an unfinished run [default: OUTPUT.state]
     #[arg(long, value_name = "PATH")]
     pub(super) checkpoint: Option<PathBuf>,
-    /// Write the state every N steps
+    /// Write the checkpoint every N steps [default: only when interrupted]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
-    /// Go on from the state that an earlier run left, with its settings
+    /// Resume from the checkpoint with its settings; the result is byte-identical to an uninterrupted run
     #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting", "files",
         "bootstrap", "prune"])]
     pub(super) resume: bool,
-    /// A table of steps, seconds and PSNR
+    /// CSV table of steps, seconds and PSNR; grows during the run
     #[arg(long, value_name = "CSV")]
     pub(super) log: Option<PathBuf>,
-    /// How the file stores factors
+    /// Encoding of the factors
     #[arg(long, value_enum, default_value_t)]
     pub(super) encoding: Precision,
-    /// Measure PSNR on held-out views every N steps
+    /// Measure PSNR on up to 20 test views every N steps [default: never]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) eval_every: Option<u64>,
 }

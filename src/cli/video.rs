@@ -1,4 +1,4 @@
-//! `--video`: frames to a video, by an encoder program that the system has.
+//! `--video`: encode frames as a video with an installed encoder program.
 //!
 //! The program is looked for before any picture is rendered. It reads the frames in their folder and writes into a hidden
 //! folder there; only a whole video takes the name that was asked for.
@@ -37,7 +37,7 @@ impl Format {
         } else if is("webp") {
             Ok(Self::Webp)
         } else {
-            Err(Error::Usage(format!("--video: expected a name that ends in .mp4 or .webp, found {}", path.display())))
+            Err(Error::Usage(format!("--video {}: the name must end in .mp4 or .webp", path.display())))
         }
     }
 
@@ -84,7 +84,7 @@ impl Video {
         let format = Format::from_path(file)?;
         if format == Format::Mp4 && size.iter().any(|extent| extent % 2 == 1) {
             let [width, height] = size;
-            let message = format!("--video: expected an even --size for MP4, found {width}x{height}");
+            let message = format!("--video: MP4 needs an even width and height; --size is {width}x{height}");
             return Err(Error::Usage(message));
         }
         let encoder = format.encoder().map_err(|found| {
@@ -94,8 +94,8 @@ impl Video {
             };
             let package = if format == Format::Mp4 { "ffmpeg" } else { "webp" };
             Error::Runtime(format!(
-                "--video: expected {expected}, found {found}: install it (on Debian, apt-get install {package}), \
-                 or leave out --video and have the frames as PNG files"
+                "--video needs {expected}; found {found}. Install it (on Debian: apt-get install {package}), or leave out \
+                 --video to keep the frames as PNG files"
             ))
         })?;
         Ok(Self { file: file.to_path_buf(), format, encoder })

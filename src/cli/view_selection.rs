@@ -1,4 +1,4 @@
-//! Which views of a split are evaluated.
+//! Selection of views of a split.
 
 use std::ops::Range;
 
@@ -7,10 +7,10 @@ use crate::dataset::LoadOptions;
 /// Views by their number in the split, from 0.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ViewSelection {
-    /// Only the views from number A up to, not including, number B
+    /// Use views A up to, but not including, B only, counted from 0 [default: all]
     #[arg(long, value_name = "A..B", value_parser = parse_range)]
     views: Option<Range<usize>>,
-    /// Only every Nth view, the first included
+    /// Use every Nth view only, beginning with the first [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
 }
@@ -23,7 +23,7 @@ impl ViewSelection {
 }
 
 fn parse_range(text: &str) -> Result<Range<usize>, String> {
-    let wrong = || "expected two numbers, as in 0..20".to_owned();
+    let wrong = || "not a range of two numbers, as in 0..20".to_owned();
     let (start, end) = text.split_once("..").ok_or_else(wrong)?;
     Ok(start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?)
 }

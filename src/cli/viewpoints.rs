@@ -1,4 +1,4 @@
-//! Where pictures are taken from: the cameras of a dataset, an orbit, one pose, or a path. All in the dataset's space.
+//! Viewpoints: the cameras of a dataset, an orbit, one pose, or a path, all in the dataset's space.
 
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -11,44 +11,42 @@ use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};
 use crate::model::{Frame, UpAxis};
 
-/// Degrees that a picture of an orbit spans, and above the horizon, where nothing else is asked for.
+/// Default horizontal field of view and elevation of an orbit, in degrees.
 const FOV: f64 = 40.0;
 const ELEVATION: f64 = 30.0;
 
-/// One way to say where pictures are taken from, and what they are like.
+/// Viewpoints and their pictures.
 #[derive(Clone, Debug, clap::Args)]
 #[group(skip)]
 #[command(group = clap::ArgGroup::new("viewpoint").required(true).args(["cameras", "orbit", "pose", "path"]))]
 pub(super) struct Viewpoints {
-    /// The cameras of a dataset's JSON file, as in transforms_test.json, or of its folder's test split
+    /// Use the cameras of a dataset's JSON file, such as transforms_test.json, or of a dataset folder's test split
     #[arg(long, value_name = "PATH")]
     cameras: Option<PathBuf>,
-    /// N cameras on a circle around the scene
+    /// Place N cameras on a circle around the scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     orbit: Option<u32>,
-    /// One camera: 16 numbers, a row-major camera-to-world matrix as in transforms_test.json; as --pose=N,N,… where
-    /// the first is negative
+    /// Use one camera: 16 numbers, the row-major camera-to-world matrix as in transforms_test.json; written --pose=N,N,… if the first is negative
     #[arg(long, value_name = "NUMBER", num_args = 1..=16, value_delimiter = ',', allow_negative_numbers = true)]
     pose: Option<Vec<f64>>,
     #[command(flatten)]
     path: CameraPathOptions,
-    /// Pictures N times smaller than the dataset's
+    /// Downscale the dataset's pictures N times
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["orbit", "pose", "path"],
         value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
-    /// Size of the pictures [default: the dataset's, else 800x800]
+    /// Size of the pictures in pixels [default: the dataset's, else 800x800]
     #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
-    /// Degrees that a picture spans from left to right, with --orbit, --pose and a turntable [default: 40]
+    /// Horizontal field of view of --orbit, --pose and a turntable, 1 to 170 degrees [default: 40]
     #[arg(long, value_name = "DEGREES", conflicts_with = "cameras", value_parser = angle(1.0, 170.0))]
     fov: Option<f64>,
-    /// Degrees above the horizon, with --orbit and a turntable [default: 30]
+    /// Elevation above the horizon of --orbit and a turntable, -89 to 89 degrees [default: 30]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true,
         conflicts_with_all = ["cameras", "pose"],
         value_parser = angle(-89.0, 89.0))]
     elevation: Option<f64>,
-    /// Distance from the scene's center in the dataset's units, with --orbit and a turntable [default: the whole scene
-    /// is seen]
+    /// Distance from the scene's center of --orbit and a turntable, in dataset units [default: shows the whole scene]
     #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
     radius: Option<f64>,
 }
@@ -56,14 +54,14 @@ pub(super) struct Viewpoints {
 fn angle(min: f64, max: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
     move |text| match text.parse() {
         Ok(value) if (min..=max).contains(&value) => Ok(value),
-        _ => Err(format!("expected {min} to {max} degrees, found {text:?}")),
+        _ => Err(format!("{text:?} is not an angle from {min} to {max} degrees")),
     }
 }
 
 fn length(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("expected a positive length, found {text:?}")),
+        _ => Err(format!("{text:?} is not a positive length")),
     }
 }
 
@@ -88,13 +86,13 @@ impl Viewpoints {
             (None, Some(Way::Turntable(count))) => Ok(numbered("frame", 4, self.circle(frame, bounds, count, size))),
             (None, Some(Way::Keyframes(file))) => {
                 if self.fov.is_some() || self.elevation.is_some() || self.radius.is_some() {
-                    let message = "expected no --fov, --elevation or --radius, which the file says, found one";
+                    let message = "the keyframes set the view; leave out --fov, --elevation and --radius";
                     return Err(Error::Usage(format!("--path {}: {message}", file.display())));
                 }
                 self.path.through_keyframes(file, size)
             }
             (None, None) => {
-                Err(Error::Usage("expected one of --cameras, --orbit, --pose and --path, found none".into()))
+                Err(Error::Usage("give one of --cameras, --orbit, --pose and --path".into()))
             }
         }
     }

@@ -30,7 +30,7 @@ pub fn adapted(
 pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSettings)> {
     let trade = ParetoFront::from_notes(notes).and_then(Result::ok);
     let points = trade.map(|trade| trade.points).unwrap_or_default();
-    points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.choice))).collect()
+    points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.settings))).collect()
 }
 
 #[cfg(test)]
@@ -50,7 +50,7 @@ mod tests {
         assert_eq!(adapted(&scene, &[], &Approximation::default(), true).0, scene);
 
         let choice = RenderSettings { approximation: wild, divisor: 2 };
-        let point = ParetoPoint { names: Vec::new(), choice, milliseconds: 1.0, psnr: 30.0 };
+        let point = ParetoPoint { names: Vec::new(), settings: choice, milliseconds: 1.0, psnr: 30.0 };
         let trade = ParetoFront::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
         let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
         assert_eq!(named_choices(&notes), ["fast", "balanced", "best"].map(|name| (name.to_owned(), choice)));

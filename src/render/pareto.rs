@@ -40,7 +40,7 @@ pub struct ParetoPoint {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
     /// What was rendered with.
-    pub choice: RenderSettings,
+    pub settings: RenderSettings,
     /// The median of a picture's milliseconds.
     pub milliseconds: f64,
     /// In dB, the mean over the views.
@@ -114,7 +114,7 @@ impl ParetoFront {
             return Err(ParetoError::new(note + " points", format!("1 to {MAX_POINTS}"), trade.points.len()));
         }
         for (n, point) in trade.points.iter().enumerate() {
-            let ParetoPoint { choice: RenderSettings { divisor, .. }, milliseconds, psnr, .. } = *point;
+            let ParetoPoint { settings: RenderSettings { divisor, .. }, milliseconds, psnr, .. } = *point;
             if !(milliseconds > 0.0 && milliseconds.is_finite() && psnr.is_finite() && (1..=16).contains(&divisor)) {
                 let found = format!("{milliseconds} ms, {psnr} dB, {divisor}");
                 return Err(ParetoError::new(
@@ -211,7 +211,7 @@ mod tests {
     fn trade() -> ParetoFront {
         let point = |milliseconds, psnr| ParetoPoint {
             names: Vec::new(),
-            choice: RenderSettings::default(),
+            settings: RenderSettings::default(),
             milliseconds,
             psnr,
         };

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::encoding::{LayoutArgs, Plain, lossless};
 use super::input::{self, Inputs, Outputs};
-use crate::cli::approximations::granted;
+use crate::cli::approximations::stored_settings;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile, VERSION};
@@ -83,7 +83,7 @@ fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) ->
     let size =
         ParetoFront::from_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
     let RenderSettings { approximation, divisor } =
-        granted(&QualitySelector::Name(name.to_owned()), document, path, size)?;
+        stored_settings(&QualitySelector::Name(name.to_owned()), document, path, size)?;
     approximation.check(&document.scene)?;
     let scene = container::beginning(document.scene.clone(), &document.metadata.prefixes, approximation.scales);
     document.scene = approximation.applied(scene);

@@ -1,4 +1,4 @@
-//! The command `strivec-pack`: scene files made small, looked at, checked, compared and changed.
+//! The command `strivec-pack`: compress, inspect, verify, compare and edit scene files.
 
 mod convert;
 mod diff;
@@ -15,19 +15,21 @@ mod verify;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub(super) use package::{JUDGED, PROBED};
 
 use super::{Globals, run_command, version};
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 anything else, 5 not supported, 7 differs.
-INPUT may be a pattern such as 'scenes/*.strivec', or - for standard input; OUTPUT may be - for standard output.
-Results go to standard output (with --json as format-spec/strivec-pack.schema.json says), progress and messages to
-standard error.";
+Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 any other failure, 5 unsupported file, 7 files differ.
 
-/// Scene files: made small, looked at, checked, compared, changed.
+INPUT may be a pattern such as 'scenes/*.strivec', or - for standard input. OUTPUT may be - for standard output, and is a \
+folder for a pattern or several inputs.
+
+Results go to standard output, progress and messages to standard error. format-spec/strivec-pack.schema.json describes --json.";
+
+/// Compress, inspect, verify, compare and edit scene files
 #[derive(Debug, Parser)]
 #[command(name = "strivec-pack", version = version(), after_help = EXIT_CODES, arg_required_else_help = true)]
 struct Cli {
@@ -39,33 +41,38 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Make trained scenes as small as their pictures allow
+    /// Compress scenes as far as their pictures allow
     Pack(package::Args),
-    /// Say what is in a file, and what takes its bytes
+    /// Print the contents of files and the bytes of each part
     Info(info::Args),
-    /// Check that files are whole, undamaged and valid, and that pictures come out right
+    /// Check that files are complete, undamaged and valid, and that renderers reproduce their probes
     Verify(verify::Args),
-    /// Say how two files differ
+    /// Compare two files and their pictures
     Diff(diff::Args),
-    /// Write files in another encoding, and change nothing else
+    /// Write files in another encoding
     Convert(convert::Args),
-    /// Drop what hardly any picture shows
+    /// Drop components that hardly affect any picture
     Prune(edit::PruneArgs),
-    /// Keep what is in a box
+    /// Keep the tensors in a box, or the coarsest scales
     Crop(edit::CropArgs),
     /// Move, turn or scale a scene in its dataset's space
     Transform(edit::TransformArgs),
-    /// Take a file apart: a folder of arrays and a description
+    /// Write a scene as a folder of NumPy arrays and a JSON description
     Extract(extract::ExtractArgs),
-    /// Put such a folder together again
+    /// Write a folder made by `extract` as a scene file
     Assemble(extract::AssembleArgs),
-    /// Show notes, or change them
+    /// Print or change the notes of a file
     Notes(notes::Args),
-    /// Print the JSON schema of what --json prints
+    /// Print the JSON schema of --json results
     Schema,
 }
 
-/// Runs the command that the process's arguments name, and reports how it ended.
+/// The clap command, for man pages.
+pub(super) fn command() -> clap::Command {
+    Cli::command()
+}
+
+/// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
     run_command(
         "strivec-pack",

@@ -1,4 +1,4 @@
-//! Priors from files, as arguments.
+//! Options for priors from files.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -10,14 +10,14 @@ use crate::cli::{Error, Session, table};
 use crate::geometry::Camera;
 use crate::prior::{self, Built, PriorVisibility, VoxelBoxes};
 
-/// Where the scene is: of commands that train.
+/// Prior options of commands that train.
 #[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Where the scene is")]
+#[command(next_help_heading = "Prior")]
 pub(in crate::cli) struct Inputs {
-    /// Where the scene is: meshes, point clouds, grids, octrees, or what `strivec prior` wrote; several are joined
+    /// Prior geometry: meshes, point clouds, grids, octrees, or output of `strivec prior`; several are joined [default: coarse reconstruction from the photographs]
     #[arg(long = "prior", value_name = "INPUT")]
     files: Vec<PathBuf>,
-    /// Find the scene with eight coarse tensors of our own instead of the coarse reconstruction: slower, and less precise
+    /// Find the occupied space with eight coarse tensors instead of the coarse reconstruction: slower, less precise
     #[arg(long, conflicts_with = "files")]
     pub(in crate::cli) bootstrap: bool,
     #[command(flatten)]
@@ -76,7 +76,7 @@ pub(super) fn build(
     Ok(built)
 }
 
-/// Says how many of the cameras' rays meet the prior, and warns where few do.
+/// Prints the share of the cameras' rays that meet the prior, and warns if it is small.
 pub(super) fn check_sight(
     boxes: &VoxelBoxes,
     cameras: impl Iterator<Item = Camera>,

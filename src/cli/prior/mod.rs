@@ -1,4 +1,4 @@
-//! `strivec prior`, and what other commands take of priors from files.
+//! `strivec prior`, and priors from files for other commands.
 
 mod inputs;
 mod shaping;
@@ -27,7 +27,7 @@ Examples:
 
 Reads PLY, OBJ, glTF and GLB meshes; PLY, XYZ, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 clouds; COLMAP's \
 points3D.bin and .txt; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
-Several inputs are joined. What is written opens in NumPy: cells, origin, pitch and, where there are colors, colors.";
+Several inputs are joined. The output opens in NumPy: cells, origin, pitch and, if there are colors, colors.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -35,13 +35,13 @@ Several inputs are joined. What is written opens in NumPy: cells, origin, pitch 
 pub(super) struct Args {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Files and folders to read
+    /// Geometry files and folders
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// The file to write
+    /// Prior file to write
     #[arg(long, short, value_name = "NPZ", required = true)]
     output: Option<PathBuf>,
-    /// Folder of the dataset: say how many of its cameras' rays meet the prior, and what may be wrong where few do
+    /// Dataset folder: report the share of its cameras' rays that meet the prior, and the likely cause if it is small
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! What becomes of files' geometry, as arguments.
+//! Options that turn files' geometry into cells.
 
 use std::path::Path;
 
@@ -6,69 +6,70 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use crate::cli::Error;
 use crate::cli::numbers::{boxed, numbers};
+use crate::cli::table::plural;
 use crate::geometry::Aabb;
 use crate::import::ReadOptions;
 use crate::prior::{BuildOptions, Outliers};
 
 /// Options of every prior from files.
 #[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "What becomes of the files' geometry")]
+#[command(next_help_heading = "Prior geometry")]
 pub(in crate::cli) struct Shaping {
-    /// Edge of a cell, in the dataset's units [default: grids' own; else about a million cells in the files' bounds]
+    /// Edge of a cell, in dataset units [default: the grid's; else about a million cells in the files' bounds]
     #[arg(long, value_name = "LENGTH")]
     voxel: Option<f64>,
-    /// How thick surfaces and points are, in the dataset's units
+    /// Thickness of surfaces and points, in dataset units
     #[arg(long, value_name = "LENGTH", default_value_t = 0.0)]
     thickness: f64,
-    /// Of meshes only the vertices, as points
+    /// Treat meshes as point clouds (use only their vertices)
     #[arg(long)]
     vertices: bool,
-    /// Leave points out whose mean distance to K neighbors exceeds the mean of all by S standard deviations
+    /// Drop points whose mean distance to K neighbors exceeds the mean of all points by S standard deviations [default: keep all]
     #[arg(long, value_name = "K,S", value_parser = numbers::<2>)]
     outliers: Option<[f64; 2]>,
-    /// Leave cells with fewer points out
+    /// Drop cells with fewer than N points
     #[arg(long, value_name = "N", default_value_t = 1)]
     min_points: u32,
-    /// Leave points of less confidence out, where a file has confidences
+    /// Drop points with a confidence below C, in files with confidences
     #[arg(long, value_name = "C", default_value_t = 0.0)]
     min_confidence: f64,
-    /// COLMAP: leave points out that fewer pictures show
+    /// COLMAP: drop points seen in fewer than N pictures; 0 keeps all
     #[arg(long, value_name = "N", default_value_t = 0)]
     min_track: u64,
-    /// COLMAP: leave points of a larger mean reprojection error out, in pixels
+    /// COLMAP: drop points with a larger mean reprojection error, in pixels [default: keep all]
     #[arg(long, value_name = "PIXELS")]
     max_error: Option<f64>,
-    /// Density grids: cells are occupied from this opacity on
+    /// Density grids: least opacity of an occupied cell
     #[arg(long, value_name = "ALPHA", default_value_t = ReadOptions::default().min_alpha)]
     min_alpha: f64,
-    /// Other grids and octrees: cells are occupied above this
+    /// Other grids and octrees: cells above this value are occupied
     #[arg(long, value_name = "VALUE", default_value_t = ReadOptions::default().threshold, allow_hyphen_values = true)]
     threshold: f64,
-    /// What a grid spans that does not say so: its smallest and its largest corner
+    /// Bounds of a grid without bounds of its own: smallest and largest corner
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
     bounds: Option<Aabb>,
-    /// The files' unit in the dataset's units, as in 0.001 for millimeters where the dataset has meters
+    /// Length of the files' unit in dataset units, such as 0.001 for millimeters in a dataset in meters [default: 1]
     #[arg(long = "scale", value_name = "FACTOR")]
     scale: Option<f64>,
-    /// Which of the files' axes points up; the dataset's is z. Before --transform
+    /// The files' up axis, turned to the dataset's z before --transform [default: z]
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// From the files' space to the dataset's: 16 numbers, the rows of a 4x4 matrix, with commas between; or a file of them
+    /// Transform from the files' space to the dataset's: 16 comma-separated numbers, the rows of a 4x4 matrix, or a file with them [default: identity]
     #[arg(long, value_name = "MATRIX", allow_hyphen_values = true)]
     transform: Option<String>,
-    /// Leave out what is outside, in the dataset's space: the smallest and the largest corner
+    /// Drop geometry outside this box in the dataset's space: smallest and largest corner [default: keep all]
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
     crop: Option<Aabb>,
-    /// Fill holes of up to this radius, in the dataset's units
+    /// Fill holes of up to this radius, in dataset units; 0 fills none
     #[arg(long, value_name = "LENGTH", default_value_t = 0.0)]
     close: f64,
-    /// Grow cells by this to all sides, in the dataset's units
+    /// Dilate the occupied cells by this distance, in dataset units; 0 leaves them
     #[arg(long, value_name = "LENGTH", default_value_t = 0.0)]
     dilate: f64,
 }
 
 impl Shaping {
-    /// As the library takes them.
+    /// The library's options.
     pub(in crate::cli) fn options(&self) -> Result<BuildOptions, Error> {
         let read = ReadOptions {
             vertices: self.vertices,
@@ -82,7 +83,7 @@ impl Shaping {
         let outliers = match self.outliers {
             None => None,
             Some([k, _]) if k.fract() != 0.0 || !(1.0..=1000.0).contains(&k) => {
-                return Err(Error::Usage(format!("--outliers: expected 1 to 1000 neighbors, found {k}")));
+                return Err(Error::Usage(format!("--outliers {k}: K must be a whole number from 1 to 1000")));
             }
             Some([k, deviations]) => Some(Outliers { neighbors: k as usize, deviations }),
         };
@@ -103,7 +104,7 @@ impl Shaping {
     fn map(&self) -> Result<DAffine3, Error> {
         let scale = self.scale.unwrap_or(1.0);
         if !(scale.is_normal() && scale > 0.0) {
-            return Err(Error::Usage(format!("--scale: expected a positive number, found {scale}")));
+            return Err(Error::Usage(format!("--scale {scale}: must be positive")));
         }
         let turned = DAffine3::from_mat3(self.up.as_deref().map_or(DMat3::IDENTITY, to_z_up) * scale);
         let given = self.transform.as_deref().map(matrix).transpose()?.unwrap_or(DAffine3::IDENTITY);
@@ -135,15 +136,15 @@ fn matrix(text: &str) -> Result<DAffine3, Error> {
     };
     let wrong = |found: String| {
         Error::Usage(format!(
-            "{place}: expected 16 numbers, the rows of a 4x4 matrix whose last is 0 0 0 1, found {found}"
+            "{place}: needs 16 numbers, the rows of a 4x4 matrix with last row 0 0 0 1; it has {found}"
         ))
     };
     let words = text.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
     let numbers: Option<Vec<f64>> = words.map(|w| w.parse().ok().filter(|v: &f64| v.is_finite())).collect();
-    let numbers = numbers.ok_or_else(|| wrong("something else".into()))?;
-    let rows: [f64; 16] = numbers.try_into().map_err(|n: Vec<f64>| wrong(format!("{} of them", n.len())))?;
+    let numbers = numbers.ok_or_else(|| wrong("values that are not finite numbers".into()))?;
+    let rows: [f64; 16] = numbers.try_into().map_err(|n: Vec<f64>| wrong(plural(n.len(), "number")))?;
     if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(wrong(format!("{:?} as the last", &rows[12..])));
+        return Err(wrong(format!("the last row {:?}", &rows[12..])));
     }
     Ok(DAffine3::from_mat4(DMat4::from_cols_array(&rows).transpose()))
 }

@@ -18,31 +18,30 @@ Examples:
   strivec prior show room.npz --data scene0101_04 --out room.png --downscale 4 --every 50
   strivec prior show mesh.ply --data lego --out sheet.png --views 0..4
 
-Each row is a photograph and, over it, the first cells that its rays meet, in their \
-colors or from orange (near) to blue (far). \
-A prior that fits covers what it should and nothing else.";
+Each row shows a photograph and the same photograph overlaid with the first cell met by each ray, in the cell's color or \
+from orange (near) to blue (far). A prior that fits covers the scene and nothing else.";
 /// Views on a sheet where none are chosen.
 const ROWS: usize = 4;
-/// Behind transparent photographs.
+/// Background color for transparent pixels.
 const BACKGROUND: [f32; 3] = [1.0; 3];
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(in crate::cli) struct Args {
-    /// Where the scene is: what `strivec prior` wrote, or what it takes; several are joined
+    /// Output of `strivec prior`, or any of its inputs; several are joined
     #[arg(value_name = "PRIOR", required = true)]
     inputs: Vec<PathBuf>,
-    /// Folder of the dataset
+    /// Dataset folder
     #[arg(long, value_name = "DATASET")]
     data: PathBuf,
-    /// The picture to write
+    /// Picture to write
     #[arg(long, value_name = "PNG")]
     out: PathBuf,
-    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
     #[arg(long, value_name = "S", default_value = "train")]
     split: String,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
     #[command(flatten)]

@@ -28,16 +28,16 @@ Examples:
   strivec shrink lego.strivec lego -o lean.strivec --max-loss 0.1
   strivec shrink small.strivec lego -o smaller.strivec --downscale 4 --config quarter.toml --max-loss 0.2
 
-Parameters are those that the file holds: components of tensors that are zeros throughout are not. Losses are measured on
-rays of the photographs that the scene was trained from. What the file says of its pictures (probes, corrections of its
-beginnings, quality, choices) is left out, as those change: see strivec-pack pack and strivec trade.";
+Parameters are those stored in the file; components that are all zero are not stored. Losses are measured on training rays. \
+Probes, prefix corrections, quality figures and stored render settings are dropped because the pictures change; strivec-pack \
+pack and strivec trade make them anew.";
 const GROW_EXAMPLES: &str = "\
 Examples:
   strivec grow small.strivec lego -o larger.strivec --max-params 6M
 
-A small scene is one of strivec train with --max-params. Parameters are those that the file holds; they are fewer than N where no more help.
-Training small and growing leads to worse pictures than training large and shrinking. What the file says of its pictures is left out, as
-those change.";
+Start from a small scene, such as one of strivec train --max-params. Parameters are those stored in the file; fewer than N \
+are used if more do not help. Training small and growing gives worse pictures than training large and shrinking. Probes, \
+prefix corrections, quality figures and stored render settings are dropped because the pictures change.";
 /// Steps of training after each round, as a share of the whole run's.
 const SHARE_OF_STEPS: u64 = 30;
 
@@ -55,53 +55,53 @@ pub(super) struct ShrinkArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = GROW_EXAMPLES)]
 pub(super) struct GrowArgs {
-    /// Lead to at most N parameters, as in 500k or 3.5M
+    /// Grow to at most N parameters, as in 500k or 3.5M
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: u64,
     #[command(flatten)]
     common: Common,
 }
 
-/// What both are told.
+/// Options of both commands.
 #[derive(Debug, clap::Args)]
 struct Common {
-    /// The scene
+    /// Scene file
     file: PathBuf,
-    /// Folder of the dataset that it was trained from
+    /// Dataset folder of the scene's training
     dataset: PathBuf,
-    /// The file to write
+    /// Scene file to write
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Training after each round, in optimizer steps; the last has twice as many [default: a thirtieth of the preset's]
+    /// Optimizer steps after each round, twice as many after the last [default: a thirtieth of the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// What the scene was trained as [default: what the file says, else 48]
+    /// Preset of the scene's training [default: the file's, else best]
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     #[command(flatten)]
     basics: Basics,
-    /// A PNG picture: parameters per cell against error per cell, before and after
+    /// Plot parameters per cell against error per cell, before and after, as PNG
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
-    /// How the file stores factors
+    /// Encoding of the factors
     #[arg(long, value_enum, default_value_t)]
     encoding: Precision,
 }
 
-/// How far the scene is resized.
+/// Where shrinking ends.
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Goal {
-    /// Leave at most N parameters, as in 500k or 3.5M
+    /// Shrink to at most N parameters, as in 500k or 3.5M
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
-    /// Leave as few parameters as lose at most this many dB on training rays
+    /// Shrink as far as possible with a PSNR loss of at most DB on training rays
     #[arg(long, value_name = "DB", value_parser = loss)]
     max_loss: Option<f64>,
 }
 
 fn loss(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|db: &f64| db.is_finite() && *db > 0.0).ok_or_else(|| "expected a positive number".into())
+    text.parse().ok().filter(|db: &f64| db.is_finite() && *db > 0.0).ok_or_else(|| "not a positive number of dB".into())
 }
 
 /// Progress of a round.

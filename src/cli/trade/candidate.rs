@@ -10,7 +10,7 @@ use crate::render::{Approximation, RenderSettings};
 pub(super) struct Candidate {
     /// Which of the scenes: the file's own is 0.
     pub(super) source: usize,
-    pub(super) choice: RenderSettings,
+    pub(super) settings: RenderSettings,
     pub(super) engine: Engine,
     pub(super) threads: usize,
 }
@@ -44,8 +44,8 @@ impl Candidate {
         if self.source != base.source {
             parts.push(sources[self.source].clone());
         }
-        let Approximation { neighbors, scales, components, step_scale, .. } = self.choice.approximation;
-        let Approximation { min_weight, min_transmittance, decoder, density_cache, .. } = self.choice.approximation;
+        let Approximation { neighbors, scales, components, step_scale, .. } = self.settings.approximation;
+        let Approximation { min_weight, min_transmittance, decoder, density_cache, .. } = self.settings.approximation;
         parts.extend(neighbors.map(|n| format!("M {n}")));
         parts.extend(scales.map(|n| format!("scales {n}")));
         parts.extend(components.map(|share| format!("components {:.0} %", 100.0 * share)));
@@ -56,8 +56,8 @@ impl Candidate {
         parts.extend(min_transmittance.map(|t| format!("end < {t}")));
         parts.extend(decoder.map(|mode| format!("decoder {}", mode.name())));
         parts.extend(density_cache.map(|cells| format!("cache {cells}")));
-        if self.choice.divisor != 1 {
-            parts.push(format!("1/{} size", self.choice.divisor));
+        if self.settings.divisor != 1 {
+            parts.push(format!("1/{} size", self.settings.divisor));
         }
         if self.engine != base.engine {
             parts.push(self.engine.name().to_owned());

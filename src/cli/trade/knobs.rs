@@ -28,7 +28,7 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
     let approximations = |name, values: Vec<Approximation>| Knob {
         name,
         candidates: (values.into_iter())
-            .map(|approximation| Candidate { choice: RenderSettings { approximation, divisor: 1 }, ..base.clone() })
+            .map(|approximation| Candidate { settings: RenderSettings { approximation, divisor: 1 }, ..base.clone() })
             .collect(),
     };
     let exact = Approximation::default();
@@ -72,7 +72,7 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
         "resolution",
         [2, 4]
             .map(|divisor| Candidate {
-                choice: RenderSettings { divisor, ..RenderSettings::default() },
+                settings: RenderSettings { divisor, ..RenderSettings::default() },
                 ..base.clone()
             })
             .into(),
@@ -171,7 +171,7 @@ pub(super) fn combinations(
 
 /// Both choices in one; `None` where they are about the same thing.
 fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
-    let (p, q) = (a.choice.approximation, b.choice.approximation);
+    let (p, q) = (a.settings.approximation, b.settings.approximation);
     fn either<T>(a: Option<T>, b: Option<T>) -> Option<Option<T>> {
         match (a, b) {
             (Some(_), Some(_)) => None,
@@ -189,7 +189,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
         decoder: either(p.decoder, q.decoder)?,
         density_cache: either(p.density_cache, q.density_cache)?,
     };
-    let divisor = one(f64::from(a.choice.divisor), f64::from(b.choice.divisor))? as u32;
+    let divisor = one(f64::from(a.settings.divisor), f64::from(b.settings.divisor))? as u32;
     let source = match (a.source, b.source) {
         (0, source) | (source, 0) => source,
         _ => return None,
@@ -198,7 +198,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     if source != 0 && approximation.decoder.is_some() {
         return None;
     }
-    Some(Candidate { source, choice: RenderSettings { approximation, divisor }, ..a.clone() })
+    Some(Candidate { source, settings: RenderSettings { approximation, divisor }, ..a.clone() })
 }
 
 #[cfg(test)]
@@ -209,8 +209,8 @@ mod tests {
 
     #[test]
     fn what_is_lost_is_judged_beside_what_the_scene_is_off() {
-        let base = Candidate { source: 0, choice: RenderSettings::default(), engine: Engine::CPU, threads: 1 };
-        let with = |approximation| Candidate { choice: RenderSettings { approximation, divisor: 1 }, ..base.clone() };
+        let base = Candidate { source: 0, settings: RenderSettings::default(), engine: Engine::CPU, threads: 1 };
+        let with = |approximation| Candidate { settings: RenderSettings { approximation, divisor: 1 }, ..base.clone() };
         let exact = Approximation::default();
         let knob = |name, approximation| Knob { name, candidates: vec![with(approximation)] };
         let knobs = [
@@ -234,7 +234,7 @@ mod tests {
         // The scene's own pictures, which nothing else shows exactly, where the scene has 36 dB.
         let of_own = combinations(&knobs, &measured(1.0, 0.0), &alone, 8, 2.5e-4);
         assert_eq!(of_own.len(), 1);
-        let RenderSettings { approximation, .. } = of_own[0].choice;
+        let RenderSettings { approximation, .. } = of_own[0].settings;
         assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
         assert_eq!(approximation.neighbors, None, "it loses more than 6 dB");
     }

@@ -99,7 +99,7 @@ pub(super) struct Args {
     /// Steps of each training; the whole schedule scales along
     #[arg(long, value_name = "N", default_value_t = 1500, requires = "train", value_parser = clap::value_parser!(u64).range(1..))]
     steps: u64,
-    /// Of every random choice of the trainings
+    /// Of every random settings of the trainings
     #[arg(long, value_name = "S", default_value_t = 0, requires = "train")]
     seed: u64,
 }
@@ -156,7 +156,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     let first = *args.backend.first().unwrap_or(&Backend::Cpu);
     let base = Candidate {
         source: 0,
-        choice: RenderSettings::default(),
+        settings: RenderSettings::default(),
         engine: Engine { backend: first, half: false },
         threads: all_threads,
     };

@@ -90,7 +90,7 @@ pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<ParetoPoint> {
     (front(&points).into_iter())
         .map(|n| ParetoPoint {
             names: Vec::new(),
-            choice: own[n].candidate.choice,
+            settings: own[n].candidate.settings,
             milliseconds: whole * own[n].measured.ratio,
             psnr: own[n].measured.psnr,
         })
@@ -211,10 +211,10 @@ impl Report {
         let size = [view.camera.width, view.camera.height];
         let mut rows = Vec::new();
         for point in self.front.points.iter().filter(|p| !p.names.is_empty()) {
-            let approximation = &point.choice.approximation;
+            let approximation = &point.settings.approximation;
             let scene = source.with_scales_of(approximation);
             let mut renderer = base.engine.prepare(scene, approximation, &session.console)?;
-            let small = renderer.render(&view.camera.downscaled(point.choice.divisor))?;
+            let small = renderer.render(&view.camera.downscaled(point.settings.divisor))?;
             let drawn = colors(&upsample_bilinear(&small, size));
             let difference = error_map(&drawn, &view.truth, ERROR_FULL)?;
             let pictures = [drawn, view.truth.clone(), difference].map(|colors| Canvas { size, colors });

@@ -101,12 +101,12 @@ impl Sweep<'_> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(candidate.threads).build();
         let pool = pool.map_err(|e| Error::Runtime(format!("threads: {e}")))?;
         pool.install(|| {
-            let approximation = &candidate.choice.approximation;
+            let approximation = &candidate.settings.approximation;
             let scene = self.sources[candidate.source].with_scales_of(approximation);
             let start = Instant::now();
             let mut renderer = candidate.engine.prepare(scene, approximation, quiet)?;
             let preparing_ms = 1e3 * start.elapsed().as_secs_f64();
-            let camera = view.camera.downscaled(candidate.choice.divisor);
+            let camera = view.camera.downscaled(candidate.settings.divisor);
             // What is touched for the first time is not what a second picture waits for.
             renderer.render(&camera.downscaled(8.min(camera.width.min(camera.height))))?;
             let start = Instant::now();
