@@ -3,7 +3,7 @@
 
     tools/measure/encodings.py lego.strivec LEGO --out docs/images/encodings-lego --every 10
 
-writes OUT.csv and OUT.svg and prints the table of docs/measurements.md. Each encoding is made by strivec-pack and judged by
+writes OUT.csv and OUT.svg and prints the table of docs/experiments/2026-11-22-rate-distortion.md. Each encoding is made by strivec-pack and judged by
 `strivec eval` on the dataset's test views. Rows that OUT.csv has already are not measured again. Needs matplotlib, and
 both commands of this project in target/release (or --commands FOLDER).
 """

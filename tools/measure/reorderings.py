@@ -4,7 +4,7 @@
     strivec-pack extract lego.strivec -o lego
     tools/measure/reorderings.py lego
 
-prints the table of docs/measurements.md: percent of the raw f32 numbers, zstd level 19 over chunks of 1024 tensors, without
+prints the table of docs/experiments/2026-11-22-number-order.md: percent of the raw f32 numbers, zstd level 19 over chunks of 1024 tensors, without
 placement. Needs numpy and zstandard.
 """
 
