@@ -6,6 +6,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::Error;
+use crate::color::byte;
 
 /// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up; what lies outside is clamped, and what is
 /// no number is 0.
@@ -15,7 +16,7 @@ fn quantized(value: f64, full: f64) -> f64 {
 
 /// A color as 8-bit sRGB.
 pub(super) fn color_bytes(color: [f32; 3]) -> [u8; 3] {
-    color.map(|v| quantized(f64::from(v), 255.0) as u8)
+    color.map(|v| byte(f64::from(v)))
 }
 
 /// An 8-bit sRGB PNG of `colors` of `size` (columns, rows).
@@ -34,7 +35,7 @@ pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> 
 ///
 /// As [`color_png`].
 pub fn opacity_png(size: [u32; 2], opacities: &[f32]) -> Result<Vec<u8>, Error> {
-    let bytes: Vec<u8> = opacities.iter().map(|&v| quantized(f64::from(v), 255.0) as u8).collect();
+    let bytes: Vec<u8> = opacities.iter().map(|&v| byte(f64::from(v))).collect();
     encoded(size, opacities.len(), &bytes, ExtendedColorType::L8)
 }
 

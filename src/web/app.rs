@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::canvas::Canvas;
 use super::scene_slot::SceneSlot;
+use crate::color::byte;
 use crate::container::Pose;
 use crate::geometry::{Camera, PoseError, Viewpoint};
 use crate::player::{
@@ -546,8 +547,6 @@ fn facts_of(facts: &[Fact]) -> Vec<Value> {
 
 /// A byte for red, green, blue and opacity of each pixel, on a background that differs from the scene's by `shift`.
 pub(super) fn rgba(pixels: &[Pixel], shift: [f32; 3]) -> Vec<u8> {
-    // In 64 bits, as PNG files are written: halves then fall the same way.
-    let byte = |value: f32| (f64::from(value).clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    let color = |p: &Pixel| [0, 1, 2].map(|c| byte(p.color[c] + (1.0 - p.opacity) * shift[c]));
+    let color = |p: &Pixel| [0, 1, 2].map(|c| byte(f64::from(p.color[c] + (1.0 - p.opacity) * shift[c])));
     pixels.iter().map(color).flat_map(|[r, g, b]| [r, g, b, 255]).collect()
 }

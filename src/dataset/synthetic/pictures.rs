@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::portable::{cos_sin, uniform};
 use super::scene::Scene;
 use super::shading::{Lights, color};
+use crate::color::byte;
 use crate::geometry::Camera;
 
 /// The horizontal angle of view in radians, that of NeRF-synthetic.
@@ -58,11 +59,6 @@ pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaIm
         }
     });
     picture
-}
-
-/// The byte nearest to a value in [0, 1].
-pub(super) fn byte(value: f64) -> u8 {
-    (255.0 * value).round() as u8
 }
 
 #[cfg(test)]

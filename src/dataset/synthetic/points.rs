@@ -4,9 +4,9 @@ use std::io::{self, Write};
 
 use glam::DVec3;
 
-use super::pictures::byte;
 use super::portable::{srgb, uniform};
 use super::scene::Scene;
+use crate::color::byte;
 use crate::geometry::Ray;
 
 /// A ball around the origin that contains the scene.

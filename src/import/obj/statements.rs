@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input, Point, Visitor};
+use crate::color::byte;
 
 /// Bytes of one statement: room for a polygon of a million corners.
 const MAX_BYTES: usize = 1 << 24;
@@ -107,5 +108,5 @@ fn cut_comment(line: &mut Vec<u8>) {
 
 /// A color from 0 to 1 as bytes.
 pub(super) fn color(channels: DVec3) -> [u8; 3] {
-    channels.to_array().map(|channel| (channel.clamp(0.0, 1.0) * 255.0).round() as u8)
+    channels.to_array().map(byte)
 }

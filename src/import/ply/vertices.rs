@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use super::super::{Fault, Point, Visitor};
 use super::body::{Body, Place};
 use super::header::{Element, Kind, Scalar};
+use crate::color::byte;
 
 /// Names of the three color channels.
 const CHANNELS: [[&str; 3]; 3] =
@@ -80,7 +81,7 @@ impl Columns {
 
 /// A color channel as a byte.
 fn channel(scalar: Scalar, value: f64) -> u8 {
-    if scalar.is_integer() { value as u8 } else { (value.clamp(0.0, 1.0) * 255.0).round() as u8 }
+    if scalar.is_integer() { value as u8 } else { byte(value) }
 }
 
 enum Positions {
