@@ -48,7 +48,7 @@ fn vertex_distance(scene: &Scene, field: &Field<f64>, ray: &Ray) -> f64 {
             for pair in samples.contributions_of(sample, s, scales) {
                 let center = scale.cloud.center((pair.tensor - field.scales[s].first_tensor) as usize);
                 let offset = DVec3::from_array(*position) + field.origin - center;
-                let cells = (offset + scale.cloud.half) / scale.cloud.cell_size();
+                let cells = (offset + scale.cloud.half_edge) / scale.cloud.cell_size();
                 smallest = smallest.min((cells - cells.round()).abs().min_element());
             }
         }

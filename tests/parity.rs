@@ -120,7 +120,7 @@ fn the_reference_finds_the_neighbors_of_an_exhaustive_search() {
         let position = DVec3::from_array([0, 1, 2].map(|a| 2.4 * random.uniform(3 * i + a) - 1.2));
         for (scale, found) in scene.scales.iter().zip(&field.locate(position).neighbors) {
             let mut all: Vec<(f64, usize)> = (scale.cloud.centers().enumerate())
-                .filter(|(_, c)| (position - *c).abs().cmple(scale.cloud.half).all())
+                .filter(|(_, c)| (position - *c).abs().cmple(scale.cloud.half_edge).all())
                 .map(|(n, c)| ((position - c).length(), n))
                 .collect();
             all.sort_by(|a, b| a.partial_cmp(b).unwrap());

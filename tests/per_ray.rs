@@ -30,7 +30,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
                 lattice: Lattice { origin: DVec3::NEG_ONE, pitch: DVec3::splat(2.0) },
                 cells: vec![UVec3::ZERO],
             },
-            half: DVec3::ONE,
+            half_edge: DVec3::ONE,
             resolution: [1; 3],
         },
         top_k: 4,

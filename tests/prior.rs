@@ -204,7 +204,7 @@ fn boxes_inside_a_cell_and_across_many_occupy_what_they_overlap() {
     let cloud = place_on_boxes(&tiny, &ScaleShape::cubic(1.0, 1.5, 3)).unwrap();
     assert_eq!(cells(&cloud), [UVec3::ZERO, UVec3::X, UVec3::new(1, 0, 2)]);
     assert_eq!(cloud.center(2), DVec3::new(1.5, 0.5, 2.5));
-    assert_eq!((cloud.half, cloud.resolution), (DVec3::splat(0.75), [3; 3]));
+    assert_eq!((cloud.half_edge, cloud.resolution), (DVec3::splat(0.75), [3; 3]));
 
     let large = voxels(DVec3::splat(-2.0), 1.0, &[[0, 0, 0]]);
     let shape = ScaleShape { pitch: [0.3, 0.5, 2.0], edge: [0.4, 0.6, 2.5], resolution: [1, 2, 3] };

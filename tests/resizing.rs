@@ -84,12 +84,12 @@ fn what_does_nothing_goes_first() {
     let scene = colorful();
     let views = views(&scene);
     let wide = with_idle_components(&scene, 3);
-    let goal = ShrinkGoal::Parameters(scene.held_parameter_count());
+    let goal = ShrinkGoal::Parameters(scene.nonzero_parameter_count());
     let small = shrunk(&wide, &views, goal, 2);
     println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
     small.scene.check().unwrap();
-    assert_eq!(small.parameters, [wide.held_parameter_count(), small.scene.held_parameter_count()]);
-    assert!(small.parameters[1] <= scene.held_parameter_count() && small.psnr[0] > 60.0);
+    assert_eq!(small.parameters, [wide.nonzero_parameter_count(), small.scene.nonzero_parameter_count()]);
+    assert!(small.parameters[1] <= scene.nonzero_parameter_count() && small.psnr[0] > 60.0);
     for round in &small.rounds {
         assert!(round.psnr_at_once > 72.0, "nothing that is seen was given up: {round:?}");
     }
@@ -99,7 +99,7 @@ fn what_does_nothing_goes_first() {
     }
 
     // The half of what is of use is missed at once, which is how the comparison is known to compare something.
-    let half = shrunk(&scene, &views, ShrinkGoal::Parameters(scene.held_parameter_count() / 2), 2);
+    let half = shrunk(&scene, &views, ShrinkGoal::Parameters(scene.nonzero_parameter_count() / 2), 2);
     assert!(half.rounds.last().unwrap().psnr_at_once < 65.0, "{:?}", half.rounds);
 }
 
@@ -107,7 +107,7 @@ fn what_does_nothing_goes_first() {
 fn training_makes_up_for_what_was_given_up() {
     let scene = colorful();
     let views = views(&scene);
-    let most = scene.held_parameter_count() * 2 / 3;
+    let most = scene.nonzero_parameter_count() * 2 / 3;
     let small = shrunk(&scene, &views, ShrinkGoal::Parameters(most), 60);
     println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
     assert!(small.parameters[1] <= most);
@@ -121,8 +121,9 @@ fn training_makes_up_for_what_was_given_up() {
     let held: usize = (small.scene.scales.iter())
         .map(|s| {
             let rows = Factors::rows(s.cloud.resolution);
-            let of =
-                |values: &[f32], rank: u32| Factors::held(values, rows, rank as usize).iter().filter(|h| **h).count();
+            let of = |values: &[f32], rank: u32| {
+                Factors::nonzero_components(values, rows, rank as usize).iter().filter(|h| **h).count()
+            };
             rows * (of(&s.factors.density, s.factors.density_rank)
                 + of(&s.factors.appearance, s.factors.appearance_rank))
         })
@@ -158,7 +159,7 @@ fn resolution_goes_where_cells_are_finer_than_what_is_there() {
     factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
     scale.cloud.resolution = to;
     fine.check().unwrap();
-    let small = shrunk(&fine, &views, ShrinkGoal::Parameters(fine.held_parameter_count() / 2), 2);
+    let small = shrunk(&fine, &views, ShrinkGoal::Parameters(fine.nonzero_parameter_count() / 2), 2);
     println!("{:?} parameters, {:?} dB, {:?}", small.parameters, small.psnr, small.rounds);
     let found = small.scene.scales[1].cloud.resolution;
     assert!((0..3).all(|a| found[a] < to[a]), "{found:?} of {to:?}");
@@ -181,7 +182,7 @@ fn a_scene_grows_where_its_error_is() {
             }
         }
     }
-    let most = scene.held_parameter_count() * 3 / 4;
+    let most = scene.nonzero_parameter_count() * 3 / 4;
     let tuning = Tuning { steps: 30, config: config() };
     let grown = grow::<TrainError>(small.clone(), &views, most, &tuning, &mut |_| Ok(())).unwrap();
     println!("{:?} parameters, {:?} dB, {:?}", grown.parameters, grown.psnr, grown.rounds);
@@ -195,7 +196,7 @@ fn a_scene_grows_where_its_error_is() {
         let of_scale = |s: &Scale| {
             let rows = Factors::rows(s.cloud.resolution);
             let of = |values: &[f32], rank: u32| {
-                let held = Factors::held(values, rows, rank as usize);
+                let held = Factors::nonzero_components(values, rows, rank as usize);
                 let of_tensor = |(n, held): (usize, &[bool])| {
                     if (s.cloud.center(n).x < 0.0) == is_bare { held.iter().filter(|h| **h).count() } else { 0 }
                 };
@@ -223,7 +224,7 @@ fn cells_that_are_too_coarse_become_finer() {
         scale.cloud.resolution = to;
     }
     let tuning = Tuning { steps: 40, config: config() };
-    let most = 3 * coarse.held_parameter_count();
+    let most = 3 * coarse.nonzero_parameter_count();
     let grown = grow::<TrainError>(coarse.clone(), &views, most, &tuning, &mut |_| Ok(())).unwrap();
     println!("{:?} parameters, {:?} dB, {:?}", grown.parameters, grown.psnr, grown.rounds);
     grown.scene.check().unwrap();
@@ -237,7 +238,7 @@ fn cells_that_are_too_coarse_become_finer() {
 fn threads_change_nothing_and_an_interruption_ends_it() {
     let scene = colorful();
     let views = views(&scene);
-    let goal = ShrinkGoal::Parameters(scene.held_parameter_count() * 3 / 4);
+    let goal = ShrinkGoal::Parameters(scene.nonzero_parameter_count() * 3 / 4);
     let of_threads = |n: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
         pool.install(|| shrunk(&scene, &views, goal, 3)).scene
@@ -272,7 +273,7 @@ fn cells_hold_all_parameters_and_only_where_something_is_seen() {
     let sum = |map: &CellMap, value: fn(&Cell) -> f64| map.cells.iter().map(value).sum::<f64>();
     let held = |scene: &Scene| {
         let shared: usize = scene.scales.iter().map(|s| s.appearance_matrix.weights.len()).sum();
-        (scene.held_parameter_count() - shared as u64 - scene.decoder.parameter_count()) as f64
+        (scene.nonzero_parameter_count() - shared as u64 - scene.decoder.parameter_count()) as f64
     };
     let map = CellMap::new(&scene, &scene.bounds, &batch, 16);
     let all = sum(&map, |c| c.parameters) + map.unseen_parameters;

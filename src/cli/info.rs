@@ -71,7 +71,7 @@ impl Info {
             file,
             bytes,
             parameters: scene.parameter_count(),
-            parameters_held: scene.held_parameter_count(),
+            parameters_held: scene.nonzero_parameter_count(),
             scales: scale_table::rows(scene),
             decoder_parameters: scene.decoder.parameter_count(),
             decoder_mode: scene.decoder.mode.name(),

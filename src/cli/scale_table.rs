@@ -34,7 +34,7 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
             Placement::Lattice { .. } => "lattice",
             Placement::Explicit { .. } => "explicit",
         },
-        edges: (2.0 * scale.cloud.half).to_array(),
+        edges: (2.0 * scale.cloud.half_edge).to_array(),
         resolution: scale.cloud.resolution,
         density_rank: scale.factors.density_rank,
         appearance_rank: scale.factors.appearance_rank,

@@ -32,5 +32,5 @@ pub(super) fn scene_error(metadata: &Metadata) -> f64 {
 
 /// The scene without the scales that `approximation` leaves out, corrected where the file says how.
 pub(super) fn with_scales_of(document: SceneFile, approximation: &Approximation) -> Scene {
-    container::beginning(document.scene, &document.metadata.prefixes, approximation.scales)
+    container::first_scales(document.scene, &document.metadata.prefixes, approximation.scales)
 }

@@ -1,156 +1,36 @@
-//! Arrays of numbers in groups (format-spec/v1.md, section "Arrays of numbers"): as floats, as integers on a grid of
-//! each group's own step, or as integers for the cosine transform of each group.
+//! Arrays of numbers in groups (spec 3.3): as floats, as integers times a step for each group, or as integers times a
+//! step for the cosine transform of each group.
 
 use std::fmt::Display;
 
 use half::f16;
 
 use super::cosine::CosineTransform;
+use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, largest, step, step_code};
+use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Body;
-use super::{Error, records};
+use super::record::{BorrowDecode, Encode};
 
-/// How an array's numbers are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// As they are.
-    F32,
-    /// Rounded to half precision, to nearest, ties to even: a relative error of at most 2^-11 down to 6.1e-5, an
-    /// absolute one of at most 3e-8 below. A number that would round to infinity is an error.
-    F16,
-    /// Integers of these bits (8, 6, 5, 4 or 3) times a step of each group's own.
-    Grid(u8),
-    /// 16-bit integers times a step of each group's own, for the coefficients of its cosine transform.
-    Cosine,
-}
-
-/// How the integers or floats are arranged before they are compressed. Loses nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Filter {
-    /// As they are.
-    #[default]
-    None,
-    /// All first bytes, then all second bytes, and so on.
-    Planes,
-    /// Each integer less its predecessor in the group.
-    Differences,
-}
-
-/// How an array is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ArrayOptions {
-    /// As floats or integers.
-    pub encoding: Encoding,
-    /// In which arrangement.
-    pub filter: Filter,
-}
-
-impl ArrayOptions {
-    /// `encoding` in the arrangement that compresses best on trained scenes.
-    pub fn best(encoding: Encoding) -> Self {
-        let filter = match encoding {
-            Encoding::F32 | Encoding::F16 | Encoding::Cosine => Filter::Planes,
-            Encoding::Grid(_) => Filter::None,
-        };
-        Self { encoding, filter }
-    }
-}
-
-/// The widths of [`Encoding::Grid`].
-pub const GRID_BITS: [u8; 5] = [8, 6, 5, 4, 3];
-
-/// M of the specification: 2^(j/8) in f32.
-const MANTISSAS: [u32; 8] =
-    [0x3f80_0000, 0x3f8b_95c2, 0x3f98_37f0, 0x3fa5_fed7, 0x3fb5_04f3, 0x3fc5_672a, 0x3fd7_44fd, 0x3fea_c0c7];
-/// The exponent of step code 1.
-const LOWEST_EXPONENT: i32 = -24;
-
-/// The step that `code` stands for.
-pub fn step(code: u8) -> f32 {
-    let Some(code) = code.checked_sub(1) else { return 0.0 };
-    let exponent = LOWEST_EXPONENT + i32::from(code / 8);
-    f32::from_bits(MANTISSAS[usize::from(code % 8)]) * f32::from_bits(((127 + exponent) as u32) << 23)
-}
-
-/// The code of the smallest step that is at least `step`; the largest there is where none is.
-pub fn step_code(step: f32) -> u8 {
-    let at_least = |code: u8| self::step(code) >= step;
-    let (mut low, mut high) = (0, u8::MAX);
-    while low < high {
-        let middle = low + (high - low) / 2;
-        if at_least(middle) { high = middle } else { low = middle + 1 }
-    }
-    low
-}
-
-/// The largest integer of a grid.
-fn largest(bits: u8) -> f32 {
-    ((1u32 << (bits - 1)) - 1) as f32
-}
-
-impl Encoding {
-    fn codes(self) -> (u8, u8) {
-        match self {
-            Self::F32 => (0, 0),
-            Self::F16 => (1, 0),
-            Self::Grid(bits) => (2, bits),
-            Self::Cosine => (3, 16),
-        }
-    }
-
-    fn of_head(place: &dyn Display, head: &records::ArrayHead) -> Result<Self, Error> {
-        let unsupported = |what: &str, code| Err(Error::unsupported(format!("{place} {what}"), format!("code {code}")));
-        match (head.encoding, head.bits) {
-            (0, 0) => Ok(Self::F32),
-            (1, 0) => Ok(Self::F16),
-            (2, bits) if GRID_BITS.contains(&bits) => Ok(Self::Grid(bits)),
-            (3, 16) => Ok(Self::Cosine),
-            (0..=3, bits) => unsupported("bits", bits),
-            (code, _) => unsupported("encoding", code),
-        }
-    }
-
-    /// Whether components run slowest, so that each vector is a group.
-    pub(super) fn is_by_group(self) -> bool {
-        matches!(self, Self::Grid(_) | Self::Cosine)
-    }
-
-    /// Bytes of a number.
-    pub(super) fn width(self) -> usize {
-        match self {
-            Self::F32 => 4,
-            Self::F16 | Self::Cosine => 2,
-            Self::Grid(_) => 1,
-        }
-    }
-
-    /// Bytes of an array of `numbers` numbers in `groups` groups.
-    pub(super) fn length(self, groups: u64, numbers: u64) -> u64 {
-        let steps = if self.is_by_group() { groups } else { 0 };
-        steps + self.width() as u64 * numbers
-    }
-
-    /// The steps that lose least: the smallest that reach each group's largest number, or coefficient.
-    fn finest_steps<'a>(self, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
-        let size = |values: &[f32]| values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-        let mut cosines = Cosines::default();
-        let step_of = |group: &[f32]| match self {
-            Self::F32 | Self::F16 => 0.0,
-            Self::Grid(bits) => size(group) / largest(bits),
-            Self::Cosine => size(cosines.forward(group)) / f32::from(i16::MAX),
-        };
-        groups.map(step_of).map(step_code).collect()
-    }
+/// The codes of an array, at the end of its section's record; 8 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
+pub(super) struct ArrayHead {
+    encoding: u8,
+    bits: u8,
+    filter: u8,
+    reserved: u8,
+    /// The largest difference of a number from that which the writer was given.
+    error: f32,
 }
 
 /// An array that is ready for a file.
 pub(super) struct Written {
-    pub(super) head: records::ArrayHead,
+    pub(super) head: ArrayHead,
     pub(super) body: Vec<u8>,
 }
 
-/// Writes `values`, cut into groups of `lengths`; `steps` holds the groups' step codes, or is `None` where the finest
-/// that fit are wanted.
+/// Writes `values`, cut into groups of `lengths`; `steps` holds the groups' step codes, or is `None` for the finest that
+/// reach every number.
 pub(super) fn write(
     place: &dyn Display,
     values: &[f32],
@@ -165,7 +45,7 @@ pub(super) fn write(
         Filter::Differences => 2,
     };
     let mut body = Vec::with_capacity(encoding.length(lengths.clone().count() as u64, values.len() as u64) as usize);
-    let head = |error| records::ArrayHead { encoding: code, bits, filter: filter_code, reserved: 0, error };
+    let head = |error| ArrayHead { encoding: code, bits, filter: filter_code, reserved: 0, error };
     check_filter(place, encoding, filter)?;
     let within = |largest: f32, is_too_large: &dyn Fn(f32) -> bool| match values.iter().position(|&v| is_too_large(v)) {
         Some(i) => Err(Error::Overflow { place: format!("{place} entry {i}"), value: values[i], largest }),
@@ -186,7 +66,7 @@ pub(super) fn write(
                         let most = step(u8::MAX) * largest(bits);
                         within(most, &|v| v.abs() > most)?;
                     }
-                    found = encoding.finest_steps(groups_of(values, lengths.clone()));
+                    found = finest_steps(encoding, groups_of(values, lengths.clone()));
                     &found
                 }
             };
@@ -218,11 +98,11 @@ pub(super) fn write(
 /// The numbers of the array that is the whole of `body`.
 pub(super) fn read_body(
     body: &Body<'_>,
-    head: &records::ArrayHead,
+    head: &ArrayHead,
     lengths: impl Iterator<Item = usize> + Clone,
     budget: &mut Budget,
 ) -> Result<Vec<f32>, Error> {
-    let (encoding, _) = of_head(body.section, head)?;
+    let (encoding, _) = head.options(body.section)?;
     let (groups, numbers) = count(lengths.clone());
     // The numbers, and the integers in another arrangement.
     budget.spend(body.section, 8 * numbers)?;
@@ -238,11 +118,11 @@ pub(super) fn count(lengths: impl Iterator<Item = usize>) -> (u64, u64) {
 /// The numbers of `body`, whose length the caller has checked against [`Encoding::length`].
 pub(super) fn read(
     place: &dyn Display,
-    head: &records::ArrayHead,
+    head: &ArrayHead,
     body: &[u8],
     lengths: impl Iterator<Item = usize> + Clone,
 ) -> Result<Vec<f32>, Error> {
-    let (encoding, filter) = of_head(place, head)?;
+    let (encoding, filter) = head.options(place)?;
     let groups = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
     let (steps, numbers) = body.split_at(groups);
     let numbers: std::borrow::Cow<[u8]> = match filter {
@@ -293,22 +173,48 @@ pub(super) fn read(
     Ok(values)
 }
 
-/// What an array head says.
-pub(super) fn of_head(place: &dyn Display, head: &records::ArrayHead) -> Result<(Encoding, Filter), Error> {
-    let encoding = Encoding::of_head(place, head)?;
-    let filter = match head.filter {
-        0 => Filter::None,
-        1 => Filter::Planes,
-        2 => Filter::Differences,
-        code => return Err(Error::unsupported(format!("{place} filter"), format!("code {code}"))),
-    };
-    check_filter(place, encoding, filter)?;
-    Error::unless_equal(format!("{place} reserved field"), 0, head.reserved)?;
-    let valid = head.error.is_finite() && head.error >= 0.0 && (encoding != Encoding::F32 || head.error == 0.0);
-    if !valid {
-        return Err(Error::malformed(format!("{place} error"), "a finite number from 0, 0 for f32", head.error));
+impl ArrayHead {
+    /// The encoding and filter of these codes.
+    pub(super) fn options(&self, place: &dyn Display) -> Result<(Encoding, Filter), Error> {
+        let encoding = self.encoding(place)?;
+        let filter = match self.filter {
+            0 => Filter::None,
+            1 => Filter::Planes,
+            2 => Filter::Differences,
+            code => return Err(Error::unsupported(format!("{place} filter"), format!("code {code}"))),
+        };
+        check_filter(place, encoding, filter)?;
+        Error::unless_equal(format!("{place} reserved field"), 0, self.reserved)?;
+        let valid = self.error.is_finite() && self.error >= 0.0 && (encoding != Encoding::F32 || self.error == 0.0);
+        if !valid {
+            return Err(Error::malformed(format!("{place} error"), "a finite number from 0, 0 for f32", self.error));
+        }
+        Ok((encoding, filter))
     }
-    Ok((encoding, filter))
+
+    fn encoding(&self, place: &dyn Display) -> Result<Encoding, Error> {
+        let unsupported = |what: &str, code| Err(Error::unsupported(format!("{place} {what}"), format!("code {code}")));
+        match (self.encoding, self.bits) {
+            (0, 0) => Ok(Encoding::F32),
+            (1, 0) => Ok(Encoding::F16),
+            (2, bits) if GRID_BITS.contains(&bits) => Ok(Encoding::Grid(bits)),
+            (3, 16) => Ok(Encoding::Cosine),
+            (0..=3, bits) => unsupported("bits", bits),
+            (code, _) => unsupported("encoding", code),
+        }
+    }
+}
+
+/// The step codes that lose least: the smallest steps that reach each group's largest number, or coefficient.
+fn finest_steps<'a>(encoding: Encoding, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
+    let size = |values: &[f32]| values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    let mut cosines = Cosines::default();
+    let step_of = |group: &[f32]| match encoding {
+        Encoding::F32 | Encoding::F16 => 0.0,
+        Encoding::Grid(bits) => size(group) / largest(bits),
+        Encoding::Cosine => size(cosines.forward(group)) / f32::from(i16::MAX),
+    };
+    groups.map(step_of).map(step_code).collect()
 }
 
 fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Result<(), Error> {
@@ -323,7 +229,7 @@ fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Resu
     Err(Error::malformed(format!("{place} filter"), "one that fits its encoding", format!("{filter:?}")))
 }
 
-/// Transforms for the lengths that have come up.
+/// Transforms of the lengths used so far.
 #[derive(Default)]
 struct Cosines {
     known: Vec<(usize, CosineTransform)>,
@@ -331,7 +237,7 @@ struct Cosines {
 }
 
 impl Cosines {
-    fn of(&mut self, length: usize) -> (&CosineTransform, &mut Vec<f32>) {
+    fn with_length(&mut self, length: usize) -> (&CosineTransform, &mut Vec<f32>) {
         let at = self.known.iter().position(|k| k.0 == length).unwrap_or_else(|| {
             self.known.push((length, CosineTransform::new(length)));
             self.known.len() - 1
@@ -340,13 +246,13 @@ impl Cosines {
     }
 
     fn forward(&mut self, values: &[f32]) -> &[f32] {
-        let (transform, result) = self.of(values.len());
+        let (transform, result) = self.with_length(values.len());
         transform.forward(values, result);
         &self.result
     }
 
     fn inverse(&mut self, coefficients: &[f32]) -> &[f32] {
-        let (transform, result) = self.of(coefficients.len());
+        let (transform, result) = self.with_length(coefficients.len());
         transform.inverse(coefficients, result);
         &self.result
     }

@@ -1,4 +1,4 @@
-//! How a section's bytes are stored.
+//! Codecs of the bodies of sections (spec 2.2).
 
 #[cfg(not(target_arch = "wasm32"))]
 mod libzstd;
@@ -12,7 +12,7 @@ pub(super) use libzstd::{compress, decompress};
 #[cfg(target_arch = "wasm32")]
 pub(super) use ruzstd::{compress, decompress};
 
-/// How a section's body is stored.
+/// The encoding of a section's body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codec {
     /// As it is.
@@ -24,7 +24,7 @@ pub enum Codec {
 }
 
 impl Codec {
-    pub(super) fn of_code(code: u16) -> Self {
+    pub(super) fn from_code(code: u16) -> Self {
         match code {
             0 => Self::Stored,
             1 => Self::Zstd,

@@ -1,19 +1,51 @@
-//! DECODER: the MLP, its mode and its positional encodings.
+//! DECODER: the MLP, its mode and its positional encodings (spec 3.5).
 
-use super::array::{self, ArrayOptions};
-use super::limits::Budget;
+use std::fmt::Display;
+
+use super::array::{self, ArrayHead};
+use super::encoding::ArrayOptions;
+use super::error::Error;
+use super::limits::{self, Budget};
 use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
-use super::{Error, records};
 use crate::model::{Decoder, DecoderMode, Linear};
 
+#[derive(Encode, BorrowDecode)]
+struct DecoderRecord {
+    mode: u8,
+    feature_frequencies: u32,
+    direction_frequencies: u32,
+    layers: Vec<LayerRecord>,
+    head: ArrayHead,
+}
+
+impl Record for DecoderRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} feature frequencies"), limits::FREQUENCIES, self.feature_frequencies)?;
+        limits::check(format!("{place} direction frequencies"), limits::FREQUENCIES, self.direction_frequencies)?;
+        limits::check(format!("{place} layers"), limits::LAYERS, self.layers.len())?;
+        for (i, layer) in self.layers.iter().enumerate() {
+            limits::check(format!("{place} layer {i} inputs"), limits::LAYER_WIDTH, layer.inputs)?;
+            limits::check(format!("{place} layer {i} outputs"), limits::LAYER_WIDTH, layer.outputs)?;
+        }
+        Ok(())
+    }
+}
+
+/// The shape of a layer.
+#[derive(Clone, Copy, Encode, BorrowDecode)]
+struct LayerRecord {
+    inputs: u32,
+    outputs: u32,
+}
+
 pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOptions) -> Result<(), Error> {
-    let layers: Vec<_> =
-        decoder.layers.iter().map(|l| records::Layer { inputs: l.inputs, outputs: l.outputs }).collect();
+    let layers: Vec<_> = decoder.layers.iter().map(|l| LayerRecord { inputs: l.inputs, outputs: l.outputs }).collect();
     let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
     let written = array::write(&"DECODER", &numbers, group_lengths(&layers), options, None)?;
-    let record = records::Decoder {
+    let record = DecoderRecord {
         mode: match decoder.mode {
             DecoderMode::PerSample => 0,
             DecoderMode::PerRay => 1,
@@ -24,11 +56,11 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOption
         layers,
         head: written.head,
     };
-    writer.compressed(Place::of(SectionKind::Decoder), records::write(&"DECODER", &record)?, &written.body)
+    writer.compressed(Place::whole(SectionKind::Decoder), record::write(&"DECODER", &record)?, &written.body)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder, Error> {
-    let (record, body): (records::Decoder, _) = payload.record_and_body()?;
+    let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
     let numbers = array::read_body(&body, &record.head, group_lengths(&record.layers), budget)?;
     let mut rest = numbers.as_slice();
     let mut take = |count: usize| {
@@ -37,7 +69,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder
         values.to_vec()
     };
     let layers = (record.layers.iter())
-        .map(|&records::Layer { inputs, outputs }| Linear {
+        .map(|&LayerRecord { inputs, outputs }| Linear {
             inputs,
             outputs,
             weights: take(inputs as usize * outputs as usize),
@@ -57,8 +89,8 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder
     })
 }
 
-/// A row of weights is a group, and so is a layer's bias.
-fn group_lengths(layers: &[records::Layer]) -> impl Iterator<Item = usize> + Clone {
+/// The lengths of the array's groups: each row of weights, then the bias, layer by layer.
+fn group_lengths(layers: &[LayerRecord]) -> impl Iterator<Item = usize> + Clone {
     layers.iter().flat_map(|l| {
         std::iter::repeat_n(l.inputs as usize, l.outputs as usize).chain(std::iter::once(l.outputs as usize))
     })

@@ -1,13 +1,12 @@
 //! From a scene to bytes.
 
-use std::collections::BTreeMap;
-
-use super::array::{ArrayOptions, Encoding, Filter};
+use super::encoding::{ArrayOptions, Encoding, Filter};
+use super::error::Error;
 use super::metadata::Metadata;
-use super::section::{Section, SectionKind};
+use super::section::SectionKind;
 use super::writer::{Finished, Place, Writer};
 use super::{
-    Error, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, provenance, rules, sections,
+    chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, provenance, rules, scale,
 };
 use crate::model::{Factors, Scene};
 
@@ -89,60 +88,48 @@ pub fn encode_scene_file(scene: &Scene, metadata: &Metadata, options: &EncodeOpt
     }
     limits::check("scales", limits::SCALES, scene.scales.len())?;
     let mut writer = Writer::new(options.zstd_level);
-    writer.record(Place::of(SectionKind::Frame), frame::write(&scene.frame)?);
-    writer.record(Place::of(SectionKind::Rules), rules::write(scene)?);
-    writer.record(Place::of(SectionKind::Provenance), provenance::write(&scene.provenance)?);
+    writer.record(Place::whole(SectionKind::Frame), frame::write(&scene.frame)?);
+    writer.record(Place::whole(SectionKind::Rules), rules::write(scene)?);
+    writer.record(Place::whole(SectionKind::Provenance), provenance::write(&scene.provenance)?);
     metadata.write_head(&mut writer)?;
     decoder::write(&mut writer, &scene.decoder, options.networks)?;
     if let Some(occupancy) = &scene.occupancy {
         occupancy::write(&mut writer, occupancy)?;
     }
-    for (s, scale) in scene.scales.iter().enumerate() {
-        let index = s as u16;
-        let chunks = placement::chunks_of(&scale.cloud, options.chunk_tensors);
-        placement::write_scale(&mut writer, index, scale, &chunks)?;
-        matrix::write(&mut writer, index, &scale.appearance_matrix, options.networks)?;
-        let of_chunk = |(chunk, tensors): (u32, &Vec<u32>)| -> Result<[Finished; 3], Error> {
-            let write = |kind, values, rank: u32, of_scales: &[FactorOptions]| {
-                let no_options = || Error::malformed("options", "how factors are written", "nothing");
-                let factors = of_scales.get(s).or(of_scales.last()).ok_or_else(no_options)?;
-                let part = factors::Part { values, rank: rank as usize, resolution: scale.cloud.resolution };
-                let place = Place::of_chunk(kind, index, chunk);
-                factors::write(&writer, place, &part, tensors, factors.array, factors.steps.as_deref())
-            };
-            let Factors { density, appearance, density_rank, appearance_rank, .. } = &scale.factors;
-            Ok([
-                placement::write(&writer, index, chunk, &scale.cloud, tensors)?,
-                write(SectionKind::Density, density, *density_rank, &options.density)?,
-                write(SectionKind::Appearance, appearance, *appearance_rank, &options.appearance)?,
-            ])
-        };
-        let finished = parallel::map((0..).zip(&chunks).collect(), of_chunk);
-        for sections in finished {
-            sections?.into_iter().for_each(|section| writer.add(section));
-        }
+    for s in 0..scene.scales.len() {
+        write_scale(&mut writer, scene, s, options)?;
         if let Some(Some(correction)) = metadata.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
-            prefix::write(&mut writer, index, correction, options.networks)?;
+            prefix::write(&mut writer, s as u16, correction, options.networks)?;
         }
     }
     metadata.write_tail(&mut writer)?;
     writer.finish()
 }
 
-/// The file `bytes` with other notes. Nothing else of it changes but where sections are.
-///
-/// # Errors
-///
-/// Where `bytes` are no whole file, or the notes exceed the format's limits.
-pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<u8>, Error> {
-    let contents = sections(bytes)?;
-    contents.check_whole(bytes)?;
-    let mut writer = Writer::new(None);
-    let is_unknown = |section: &&Section| matches!(section.kind, SectionKind::Other(_));
-    let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
-    let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
-    known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.as_it_was(s, payload(s)));
-    Metadata { notes: notes.clone(), ..Metadata::default() }.write_tail(&mut writer)?;
-    unknown.iter().for_each(|s| writer.as_it_was(s, payload(s)));
-    writer.finish()
+/// Writes the sections of scale `s`, but PREFIX.
+fn write_scale(writer: &mut Writer, scene: &Scene, s: usize, options: &EncodeOptions) -> Result<(), Error> {
+    let (scale, index) = (&scene.scales[s], s as u16);
+    let chunks = chunks::chunks_of(&scale.cloud, options.chunk_tensors);
+    scale::write(writer, index, scale, &chunks)?;
+    matrix::write(writer, index, &scale.appearance_matrix, options.networks)?;
+    let of_chunk = |(chunk, tensors): (u32, &Vec<u32>)| -> Result<[Finished; 3], Error> {
+        let write = |kind, values, rank: u32, of_scales: &[FactorOptions]| {
+            let no_options = || Error::malformed("options", "how factors are written", "nothing");
+            let factors = of_scales.get(s).or(of_scales.last()).ok_or_else(no_options)?;
+            let part = factors::Part { values, rank: rank as usize, resolution: scale.cloud.resolution };
+            let place = Place::in_chunk(kind, index, chunk);
+            factors::write(writer, place, &part, tensors, factors.array, factors.steps.as_deref())
+        };
+        let Factors { density, appearance, density_rank, appearance_rank, .. } = &scale.factors;
+        Ok([
+            placement::write(writer, index, chunk, &scale.cloud, tensors)?,
+            write(SectionKind::Density, density, *density_rank, &options.density)?,
+            write(SectionKind::Appearance, appearance, *appearance_rank, &options.appearance)?,
+        ])
+    };
+    let finished = parallel::map((0..).zip(&chunks).collect(), of_chunk);
+    for sections in finished {
+        sections?.into_iter().for_each(|section| writer.add(section));
+    }
+    Ok(())
 }

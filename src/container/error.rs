@@ -1,9 +1,9 @@
-//! What can be wrong with a file, or with a scene that is to become one.
+//! Errors of reading and writing files (spec 7).
 
 use std::fmt::Display;
 use std::ops::Range;
 
-use super::Version;
+use super::version::Version;
 use crate::model::BrokenInvariant;
 
 /// Why a file was not read or a scene not written.

@@ -1,14 +1,26 @@
-//! DENSITY and APPEARANCE: the factors of a chunk's tensors.
+//! DENSITY and APPEARANCE: the factors of a chunk's tensors (spec 3.10).
 
-use super::array::{self, ArrayOptions, Encoding};
+use super::array::{self, ArrayHead};
+use super::encoding::{ArrayOptions, Encoding};
+use super::error::Error;
 use super::limits::Budget;
 use super::payload::{Body, Payload};
+use super::record::{self, BorrowDecode, Encode, Record};
 use super::writer::{Finished, Place, Writer};
-use super::{Error, records};
 use crate::model::Factors;
 
-/// What a number takes while it is read: itself, and its integer in another arrangement.
+/// Bytes that a number takes while it is read: itself, and its integer in another arrangement.
 const NUMBER_BYTES: u64 = 8;
+
+#[derive(Encode, BorrowDecode)]
+struct FactorsRecord {
+    /// 1 if the body lists the components that each tensor has.
+    is_ragged: u8,
+    reserved: [u8; 7],
+    head: ArrayHead,
+}
+
+impl Record for FactorsRecord {}
 
 /// One part, density or appearance, of a scale's factors.
 pub(super) struct Part<'a> {
@@ -65,8 +77,8 @@ impl Layout {
     }
 }
 
-/// The section of the factors of `tensors`. `steps` holds a step code for each axis of each component of each of the scale's
-/// tensors.
+/// The section of the factors of `tensors`. `steps` has a step code for each axis of each component of each tensor of
+/// the scale: \[tensor\]\[component\]\[axis\].
 pub(super) fn write(
     writer: &Writer,
     place: Place,
@@ -79,7 +91,7 @@ pub(super) fn write(
     let rank = part.rank;
     let rows = Factors::rows(part.resolution);
     let of_tensor = |n: u32| &part.values[n as usize * rows * rank..][..rows * rank];
-    // −0 is a number, too.
+    // −0 counts as stored.
     let has = |n: u32, c: usize| of_tensor(n)[c..].iter().step_by(rank).any(|v| v.to_bits() != 0);
     let components: Vec<Vec<usize>> = tensors.iter().map(|&n| (0..rank).filter(|&c| has(n, c)).collect()).collect();
     let is_ragged = components.iter().any(|c| c.len() < rank);
@@ -105,8 +117,8 @@ pub(super) fn write(
     layout.for_each(options.encoding.is_by_group(), |t, at| values.push(of_tensor(tensors[t])[at]));
     let written = array::write(&name, &values, layout.group_lengths(), options, chosen.as_deref())?;
     body.extend(written.body);
-    let record = records::Factors { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
-    writer.finished(place, records::write(&name, &record)?, &body)
+    let record = FactorsRecord { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
+    writer.finished(place, record::write(&name, &record)?, &body)
 }
 
 /// The factors of a chunk.
@@ -118,7 +130,7 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Puts them among those of their scale; `places` says where the chunk's tensors are there.
+    /// Copies them into `values`, the factors of the scale; `places` are the numbers of the chunk's tensors there.
     pub(super) fn put(self, places: &[u32], values: &mut [f32]) {
         let mut next = self.numbers.into_iter();
         let tensor_len = self.layout.tensor_len();
@@ -130,9 +142,9 @@ impl Chunk {
     }
 }
 
-/// The section of a chunk's factors, whose record is read and whose body is still to be.
+/// The section of a chunk's factors, of which only the record is read.
 pub(super) struct Opened<'a> {
-    head: records::ArrayHead,
+    head: ArrayHead,
     body: Body<'a>,
     encoding: Encoding,
     /// Bytes of a tensor's mask of components.
@@ -150,9 +162,9 @@ pub(super) fn open<'a>(
     tensors: usize,
 ) -> Result<Opened<'a>, Error> {
     let name = payload.section;
-    let (record, body): (records::Factors, _) = payload.record_and_body()?;
+    let (record, body): (FactorsRecord, _) = payload.record_and_body()?;
     Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
-    let (encoding, _) = array::of_head(name, &record.head)?;
+    let (encoding, _) = record.head.options(name)?;
     let mask_bytes = match record.is_ragged {
         0 => 0,
         1 => rank.div_ceil(8),
@@ -170,7 +182,7 @@ pub(super) fn open<'a>(
 
 impl Opened<'_> {
     /// The most memory that [`Self::read`] takes.
-    pub(super) fn most(&self) -> u64 {
+    pub(super) fn max_memory(&self) -> u64 {
         let numbers = self.body.length / self.encoding.width() as u64;
         self.body.length + NUMBER_BYTES * numbers
     }

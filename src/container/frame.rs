@@ -1,14 +1,32 @@
-//! FRAME: how the model lies in the dataset's space, and how its pictures are meant.
+//! FRAME: the map from dataset space to model space, and how pictures are meant (spec 3.1).
 
 use glam::{DQuat, DVec3};
 
+use super::error::Error;
 use super::payload::Payload;
-use super::{Error, records};
+use super::record::{self, BorrowDecode, Encode, Record};
 use crate::geometry::Similarity;
 use crate::model::{ColorSpace, Frame, UpAxis};
 
+#[derive(Encode, BorrowDecode)]
+struct FrameRecord {
+    scale: f64,
+    /// x, y, z, w.
+    rotation: [f64; 4],
+    translation: [f64; 3],
+    /// All bits 0 if unknown.
+    meters_per_unit: f64,
+    near: f64,
+    far: f64,
+    background: [f32; 3],
+    up: u8,
+    color_space: u8,
+}
+
+impl Record for FrameRecord {}
+
 pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
-    let record = records::Frame {
+    let record = FrameRecord {
         scale: frame.model_from_dataset.scale,
         rotation: frame.model_from_dataset.rotation.to_array(),
         translation: frame.model_from_dataset.translation.to_array(),
@@ -29,11 +47,11 @@ pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
             ColorSpace::Srgb => 0,
         },
     };
-    records::write(&"FRAME", &record)
+    record::write(&"FRAME", &record)
 }
 
 pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
-    let record: records::Frame = payload.record()?;
+    let record: FrameRecord = payload.record()?;
     Ok(Frame {
         model_from_dataset: Similarity {
             scale: record.scale,

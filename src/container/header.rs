@@ -1,38 +1,41 @@
-//! The first 64 bytes: magic, version, section count, file length, checksums.
+//! The header, the first 64 bytes of a file: magic, version, section count, file length, checksums (spec 2.1).
 
-use std::fmt;
+use std::fmt::Display;
 
-use super::{Error, records};
+use super::error::Error;
+use super::limits;
+use super::record::{self, BorrowDecode, Encode, Record};
+use super::version::{VERSION, Version};
 
 /// The first bytes of every file: a byte with its high bit set, letters, CR LF, SUB, LF. Any conversion of line
 /// endings or to seven bits changes them, and SUB stops a listing on systems where it ends a text.
 pub const MAGIC: [u8; 8] = [0xB3, b'S', b'T', b'V', b'\r', b'\n', 0x1A, b'\n'];
-
-/// The version that this crate writes; it reads every minor version of the same major one.
-pub const VERSION: Version = Version { major: 1, minor: 0 };
 
 /// Bytes of the header.
 pub(super) const LENGTH: usize = 64;
 /// Bytes that the header's own checksum covers: all before it.
 const CHECKED: usize = LENGTH - 4;
 
-/// A version of the format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Version {
-    /// Changes when older readers would misread a file.
-    pub major: u16,
-    /// Changes when something was added that they can skip or refuse by name.
-    pub minor: u16,
+/// The fields between the magic and the checksum of the header.
+#[derive(Encode, BorrowDecode)]
+pub(super) struct Header {
+    pub(super) major: u16,
+    pub(super) minor: u16,
+    pub(super) sections: u32,
+    pub(super) file_length: u64,
+    pub(super) table_checksum: u32,
+    pub(super) file_checksum: u32,
+    pub(super) reserved: [u8; 28],
 }
 
-impl fmt::Display for Version {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{}", self.major, self.minor)
+impl Record for Header {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} section count"), limits::SECTIONS, self.sections)
     }
 }
 
 /// Reads the header at the start of `bytes`.
-pub(super) fn read(bytes: &[u8]) -> Result<records::Header, Error> {
+pub(super) fn read(bytes: &[u8]) -> Result<Header, Error> {
     check_magic(bytes)?;
     // Before anything else: a later major version may lay out the rest differently.
     let major = u16_at(bytes, 8)?;
@@ -46,15 +49,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<records::Header, Error> {
     if expected != found {
         return Err(Error::Corrupt { section: "header".into(), range: 0..LENGTH as u64, expected, found });
     }
-    let record: records::Header = records::read_whole(&"header", &header[8..CHECKED])?;
-    Error::unless_zero("header reserved bytes", &record.reserved)?;
-    Ok(record)
+    let header: Header = record::read_whole(&"header", &header[8..CHECKED])?;
+    Error::unless_zero("header reserved bytes", &header.reserved)?;
+    Ok(header)
 }
 
 /// The bytes of the header.
-pub(super) fn write(header: &records::Header) -> Result<Vec<u8>, Error> {
+pub(super) fn write(header: &Header) -> Result<Vec<u8>, Error> {
     let mut bytes = MAGIC.to_vec();
-    bytes.extend(records::write(&"header", header)?);
+    bytes.extend(record::write(&"header", header)?);
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
     Ok(bytes)
 }
@@ -96,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_conversion_of_line_endings_shows() {
+    fn conversions_of_line_endings_are_named() {
         let magic = |ending: &[u8], last: &[u8]| [&[0xB3], b"STV".as_slice(), ending, &[0x1A], last, &[1, 0]].concat();
         let intact = magic(b"\r\n", b"\n");
         assert_eq!(check_magic(&intact), Ok(()));

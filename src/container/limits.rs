@@ -1,10 +1,10 @@
-//! The format's limits (format-spec/v1.md, section "Limits"). Reader and writer both pass every record through them
-//! before they allocate anything whose size a file or a scene declares.
+//! The format's limits (spec 5). Reader and writer check every record against them before they allocate anything whose
+//! size a file or a scene declares.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 
-use super::Error;
+use super::error::Error;
 use crate::model::MAX_TOP_K;
 
 /// Sections in a file, of any kind.
@@ -15,7 +15,7 @@ pub const SCALES: RangeInclusive<u64> = 1..=16;
 pub const TENSORS: RangeInclusive<u64> = 1..=1 << 24;
 /// One more than the largest cell coordinate, per axis.
 pub const CELL_EXTENT: RangeInclusive<u64> = 1..=1 << 20;
-/// M, the neighbors that a point aggregates.
+/// `top_k`, the largest number of neighbors of a point.
 pub const TOP_K: RangeInclusive<u64> = 1..=MAX_TOP_K as u64;
 /// Cells of a factor, per axis.
 pub const RESOLUTION: RangeInclusive<u64> = 1..=1024;
@@ -39,7 +39,7 @@ pub const STRING_BYTES: RangeInclusive<u64> = 0..=4096;
 pub const CHUNKS: RangeInclusive<u64> = 1..=16_384;
 /// Appearance ranks of several scales together.
 pub const RANK_SUM: RangeInclusive<u64> = 1..=4096;
-/// Numbers in a group of an array that is written by its cosine transform.
+/// Numbers in a group of an array in the encoding cosine.
 pub const COSINE_LENGTH: RangeInclusive<u64> = 1..=1025;
 /// Bytes of a text: a license, a note.
 pub const TEXT_BYTES: RangeInclusive<u64> = 0..=1 << 20;
@@ -51,28 +51,29 @@ pub const THUMBNAIL_BYTES: RangeInclusive<u64> = 1..=1 << 22;
 /// Bytes of a section's record: bounds what decoding one can allocate.
 pub const RECORD_BYTES: usize = 1 << 23;
 
-/// What a reader may spend on a stranger's file.
+/// What a reader may spend on an untrusted file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes of memory for everything that is decoded, besides the file's own bytes and 16 MiB.
+    /// Bytes of memory for all decoded data, besides the file's own bytes and 16 MiB.
     pub memory: u64,
 }
 
 impl Default for Limits {
-    /// 4 GiB: four times the largest scenes that are trained. 1 GiB where addresses have 32 bits: a renderer holds copies.
+    /// 4 GiB, four times the largest scenes that are trained; 1 GiB if addresses have 32 bits, as a renderer holds
+    /// copies.
     fn default() -> Self {
         Self { memory: if cfg!(target_pointer_width = "32") { 1 << 30 } else { 1 << 32 } }
     }
 }
 
-/// What is left of a reader's memory. Nothing is ever given back, so its peak is below what was spent.
+/// The memory left to a reader. Nothing is given back, so its peak is at most what was spent.
 pub(super) struct Budget {
     left: u64,
 }
 
 impl Budget {
     pub(super) fn new(limits: Limits) -> Self {
-        // What was spent can then be counted, and allocated, in `usize`.
+        // Whatever is spent can then be counted, and allocated, in `usize`.
         Self { left: limits.memory.min(isize::MAX as u64) }
     }
 

@@ -1,12 +1,30 @@
-//! MATRIX: a scale's appearance matrix.
+//! MATRIX: a scale's appearance matrix (spec 3.8).
 
-use super::array::{self, ArrayOptions};
-use super::limits::Budget;
+use std::fmt::Display;
+
+use super::array::{self, ArrayHead};
+use super::encoding::ArrayOptions;
+use super::error::Error;
+use super::limits::{self, Budget};
 use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
-use super::{Error, records};
 use crate::model::AppearanceMatrix;
+
+#[derive(Encode, BorrowDecode)]
+struct MatrixRecord {
+    features: u32,
+    rank: u32,
+    head: ArrayHead,
+}
+
+impl Record for MatrixRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} features"), limits::FEATURES, self.features)?;
+        limits::check(format!("{place} rank"), limits::RANK, self.rank)
+    }
+}
 
 pub(super) fn write(
     writer: &mut Writer,
@@ -17,12 +35,12 @@ pub(super) fn write(
     let name = format!("MATRIX of scale {scale}");
     let rows = std::iter::repeat_n(matrix.rank as usize, matrix.features as usize);
     let written = array::write(&name, &matrix.weights, rows, options, None)?;
-    let record = records::Matrix { features: matrix.features, rank: matrix.rank, head: written.head };
-    writer.compressed(Place::of_scale(SectionKind::Matrix, scale), records::write(&name, &record)?, &written.body)
+    let record = MatrixRecord { features: matrix.features, rank: matrix.rank, head: written.head };
+    writer.compressed(Place::in_scale(SectionKind::Matrix, scale), record::write(&name, &record)?, &written.body)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<AppearanceMatrix, Error> {
-    let (record, body): (records::Matrix, _) = payload.record_and_body()?;
+    let (record, body): (MatrixRecord, _) = payload.record_and_body()?;
     let rows = std::iter::repeat_n(record.rank as usize, record.features as usize);
     let weights = array::read_body(&body, &record.head, rows, budget)?;
     Ok(AppearanceMatrix { features: record.features, rank: record.rank, weights })

@@ -1,29 +1,50 @@
-//! OCCUPANCY: one bit a vertex where samples count.
+//! OCCUPANCY: one bit for each vertex of the occupancy grid (spec 3.6).
+
+use std::fmt::Display;
 
 use glam::{DVec3, UVec3};
 
-use super::limits::Budget;
+use super::error::Error;
+use super::limits::{self, Budget};
 use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
-use super::{Error, records};
 use crate::geometry::Aabb;
 use crate::model::Occupancy;
 
+#[derive(Encode, BorrowDecode)]
+struct OccupancyRecord {
+    bounds_min: [f64; 3],
+    bounds_max: [f64; 3],
+    vertices: [u32; 3],
+}
+
+impl Record for OccupancyRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        for vertices in self.vertices {
+            limits::check(format!("{place} vertices of an axis"), limits::OCCUPANCY_AXIS, vertices)?;
+        }
+        // At most 2^36 after the check above.
+        let vertices = self.vertices.iter().map(|&v| u64::from(v)).product::<u64>();
+        limits::check(format!("{place} vertices"), limits::OCCUPANCY_VERTICES, vertices)
+    }
+}
+
 pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Error> {
-    let record = records::Occupancy {
+    let record = OccupancyRecord {
         bounds_min: occupancy.bounds.min.to_array(),
         bounds_max: occupancy.bounds.max.to_array(),
         vertices: occupancy.vertices.to_array(),
     };
-    let record_bytes = records::write(&"OCCUPANCY", &record)?;
+    let record_bytes = record::write(&"OCCUPANCY", &record)?;
     let mut bits: Vec<u8> = occupancy.words.iter().flat_map(|w| w.to_le_bytes()).collect();
     bits.truncate(byte_count(record.vertices) as usize);
-    writer.compressed(Place::of(SectionKind::Occupancy), record_bytes, &bits)
+    writer.compressed(Place::whole(SectionKind::Occupancy), record_bytes, &bits)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupancy, Error> {
-    let (record, body): (records::Occupancy, _) = payload.record_and_body()?;
+    let (record, body): (OccupancyRecord, _) = payload.record_and_body()?;
     let length = byte_count(record.vertices);
     budget.spend(payload.section, length + 8)?;
     let bits = body.decode(length, budget)?;
@@ -39,7 +60,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupan
     })
 }
 
-/// Bytes for one bit a vertex; the numbers are within the limits, so their product is below 2^31.
+/// Bytes of one bit for each vertex; the numbers are within the limits, so their product is below 2^31.
 fn byte_count(vertices: [u32; 3]) -> u64 {
     vertices.iter().map(|&v| u64::from(v)).product::<u64>().div_ceil(8)
 }

@@ -1,6 +1,7 @@
-//! Work on several sections at once, where the library has threads (feature `render`, and no browser). What comes out does not depend on it.
+//! Work on several sections at once, if the library has threads (feature `render`, not in browsers). The results do not
+//! depend on it.
 
-/// Calls `work` with each of `items`; its results in their order.
+/// The results of `work` on each of `items`, in their order.
 pub(super) fn map<I: Send, R: Send>(items: Vec<I>, work: impl Fn(I) -> R + Send + Sync) -> Vec<R> {
     #[cfg(all(feature = "render", not(target_arch = "wasm32")))]
     {

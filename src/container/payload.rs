@@ -1,13 +1,20 @@
-//! One section's bytes: a record, then a body on the next 64th byte.
+//! Payloads: a record, then a body at the next multiple of 64 bytes (spec 2.2).
 
 use std::borrow::Cow;
 
-use bincode::BorrowDecode;
-
+use super::codec::{self, Codec};
+use super::error::Error;
 use super::limits::{self, Budget};
-use super::records::{self, Limits};
+use super::record::{self, BorrowDecode, Record};
 use super::section::Section;
-use super::{Codec, Error, codec, table};
+
+/// Payloads, and bodies within them, begin at multiples of this.
+const ALIGNMENT: u64 = 64;
+
+/// The first multiple of 64 that is at least `end`.
+pub(super) fn aligned(end: u64) -> Option<u64> {
+    end.checked_next_multiple_of(ALIGNMENT)
+}
 
 /// The payload of a section, as it is in the file.
 pub(super) struct Payload<'a> {
@@ -16,7 +23,7 @@ pub(super) struct Payload<'a> {
     bytes: &'a [u8],
 }
 
-/// The part of a payload behind its record, still encoded.
+/// The part of a payload after its record, still encoded.
 pub(super) struct Body<'a> {
     pub(super) section: &'a Section,
     stored: &'a [u8],
@@ -25,7 +32,7 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Payload<'a> {
-    /// Checks that these are the bytes that were written.
+    /// Checks `bytes` against the checksum in the table.
     pub(super) fn new(section: &'a Section, bytes: &'a [u8]) -> Result<Self, Error> {
         let found = crc32fast::hash(bytes);
         if found == section.checksum {
@@ -35,20 +42,20 @@ impl<'a> Payload<'a> {
         Err(Error::Corrupt { section: section.to_string(), range, expected: section.checksum, found })
     }
 
-    /// All of it.
+    /// The whole payload, as it is in the file.
     pub(super) fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
     /// The record of a section that has no body.
-    pub(super) fn record<T: BorrowDecode<'a, ()> + Limits>(&self) -> Result<T, Error> {
+    pub(super) fn record<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<T, Error> {
         Error::unless_equal(format!("{} codec", self.section), Codec::Stored, self.section.codec)?;
-        records::read_whole(self.section, self.bytes)
+        record::read_whole(self.section, self.bytes)
     }
 
-    /// The record, and the body behind it.
-    pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Limits>(&self) -> Result<(T, Body<'a>), Error> {
-        let (record, rest) = records::read(self.section, self.bytes)?;
+    /// The record, and the body after it.
+    pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, Body<'a>), Error> {
+        let (record, rest) = record::read(self.section, self.bytes)?;
         Ok((record, self.body_after(self.bytes.len() - rest.len())?))
     }
 
@@ -57,9 +64,10 @@ impl<'a> Payload<'a> {
         self.body_after(0)
     }
 
+    /// The body that follows the first `record` bytes.
     fn body_after(&self, record: usize) -> Result<Body<'a>, Error> {
         let section = self.section;
-        let start = table::aligned(record as u64).filter(|&start| start <= self.bytes.len() as u64);
+        let start = aligned(record as u64).filter(|&start| start <= self.bytes.len() as u64);
         let start = start
             .ok_or_else(|| Error::malformed(format!("{section} length"), "padding up to the body", self.bytes.len()))?;
         Error::unless_zero(format!("{section} padding before the body"), &self.bytes[record..start as usize])?;
@@ -79,7 +87,7 @@ impl<'a> Body<'a> {
             Codec::Stored => Ok(Cow::Borrowed(self.stored)),
             Codec::Zstd => {
                 budget.spend(self.section, length)?;
-                // Only where addresses have 32 bits can this fail.
+                // This can fail only if addresses have 32 bits.
                 limits::check(&place, 0..=usize::MAX as u64, length)?;
                 codec::decompress(self.section, self.stored, length as usize).map(Cow::Owned)
             }

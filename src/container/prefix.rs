@@ -1,28 +1,32 @@
-//! PREFIX: how a scene of the first scales alone is corrected.
+//! PREFIX: the correction of a scene of the first scales alone (spec 3.11).
 
-use super::array::{self, ArrayOptions};
-use super::limits::Budget;
+use std::fmt::Display;
+
+use super::array::{self, ArrayHead};
+use super::encoding::ArrayOptions;
+use super::error::Error;
+use super::limits::{self, Budget};
 use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
-use super::{Error, records};
 use crate::model::Scene;
 
-/// What makes up for the scales that are missing (DESIGN, section 3).
+/// The correction that makes up for missing scales (spec 3.11).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prefix {
-    /// The density feature is multiplied by this, and then this is added.
+    /// g: the density feature f becomes g·f + o.
     pub gain: f64,
-    /// See `gain`.
+    /// o.
     pub offset: f64,
-    /// P.
+    /// P, the length of the appearance feature vector.
     pub features: u32,
-    /// \[scale\] the appearance matrices, \[P\]\[R\] each, that take the place of the scales' own.
+    /// \[scale\] the appearance matrices, \[P\]\[R\] each, that replace those of the scales.
     pub matrices: Vec<Vec<f32>>,
 }
 
 impl Prefix {
-    /// Corrects `scene`, which has as many scales as this has matrices.
+    /// Corrects `scene`, which must have as many scales as this has matrices.
     pub fn apply(&self, scene: &mut Scene) {
         scene.rules.density_shift += self.offset;
         for (scale, matrix) in scene.scales.iter_mut().zip(&self.matrices) {
@@ -32,7 +36,7 @@ impl Prefix {
             let rows = crate::model::Factors::rows(scale.cloud.resolution);
             let first = (scale.cloud.resolution[0] as usize + 1) * rank;
             for tensor in scale.factors.density.chunks_exact_mut(rows * rank) {
-                // A gain that makes too much of a factor must not make it infinite.
+                // Clamped, as a large gain must not make a factor infinite.
                 let gained = |v: f32| (f64::from(v) * self.gain).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
                 tensor[..first].iter_mut().for_each(|v| *v = gained(*v));
             }
@@ -40,9 +44,9 @@ impl Prefix {
     }
 }
 
-/// The first `scales` scales of `scene`, corrected where the file's `prefixes` say how; all of it where it has no more, and where
-/// there is no number.
-pub fn beginning(mut scene: Scene, prefixes: &[Option<Prefix>], scales: Option<u32>) -> Scene {
+/// The first `scales` scales of `scene`, corrected by the file's `prefixes` if they have that number of scales; the
+/// whole scene if `scales` is `None` or at least its number of scales.
+pub fn first_scales(mut scene: Scene, prefixes: &[Option<Prefix>], scales: Option<u32>) -> Scene {
     if let Some(scales) = scales.map(|n| n as usize).filter(|n| *n < scene.scales.len()) {
         scene.scales.truncate(scales);
         if let Some(Some(prefix)) = scales.checked_sub(1).and_then(|last| prefixes.get(last)) {
@@ -50,6 +54,22 @@ pub fn beginning(mut scene: Scene, prefixes: &[Option<Prefix>], scales: Option<u
         }
     }
     scene
+}
+
+#[derive(Encode, BorrowDecode)]
+struct PrefixRecord {
+    gain: f64,
+    offset: f64,
+    features: u32,
+    rank: u32,
+    head: ArrayHead,
+}
+
+impl Record for PrefixRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} features"), limits::FEATURES, self.features)?;
+        limits::check(format!("{place} sum of ranks"), limits::RANK_SUM, self.rank)
+    }
 }
 
 pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: ArrayOptions) -> Result<(), Error> {
@@ -64,20 +84,20 @@ pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: A
         }
     }
     let written = array::write(&name, &weights, std::iter::repeat_n(sum, features), options, None)?;
-    let record = records::Prefix {
+    let record = PrefixRecord {
         gain: prefix.gain,
         offset: prefix.offset,
         features: prefix.features,
         rank: sum.try_into().unwrap_or(u32::MAX),
         head: written.head,
     };
-    writer.compressed(Place::of_scale(SectionKind::Prefix, scale), records::write(&name, &record)?, &written.body)
+    writer.compressed(Place::in_scale(SectionKind::Prefix, scale), record::write(&name, &record)?, &written.body)
 }
 
 /// `ranks` are the appearance ranks of the scales that it corrects, whose matrices have `features` rows.
 pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: &mut Budget) -> Result<Prefix, Error> {
     let name = payload.section;
-    let (record, body): (records::Prefix, _) = payload.record_and_body()?;
+    let (record, body): (PrefixRecord, _) = payload.record_and_body()?;
     Error::unless_equal(format!("{name} features"), features, record.features)?;
     Error::unless_equal(format!("{name} sum of ranks"), ranks.iter().sum(), record.rank)?;
     if !(record.gain.is_finite() && record.gain > 0.0 && record.offset.is_finite()) {

@@ -1,76 +1,71 @@
-//! From bytes to a scene, whole or in part.
+//! From bytes to a scene, whole or in part (spec 2.4).
 
-use std::borrow::Cow;
-use std::ops::Range;
-
+use super::error::Error;
+use super::fetch::{Fetched, fetch};
 use super::limits::{Budget, Limits};
 use super::metadata::{Metadata, UnknownSection};
-use super::payload::Payload;
+use super::order::{Order, ScaleSections};
+use super::part::Part;
+use super::prefix::Prefix;
 use super::section::{Section, SectionKind};
 use super::source::Source;
-use super::{
-    Contents, Error, decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, provenance, rules,
-    section, table,
-};
+use super::table::Contents;
+use super::{decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, provenance, rules, scale, table};
 use crate::geometry::Aabb;
-use crate::model::{FactorKind, Factors, Provenance, Scale, Scene, TensorCloud};
+use crate::model::{Decoder, FactorKind, Factors, Frame, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud};
 
-/// Bytes that are asked for first: header and table of most files.
+/// Bytes of the first request: header and table of most files.
 const FIRST_READ: u64 = 16 << 10;
 /// Chunks that are decoded at once.
-const AT_ONCE: usize = 16;
-/// Sections that are no farther apart are asked for at once.
-const NEAR: u64 = 64 << 10;
+const PARALLEL_CHUNKS: usize = 16;
 
-/// A scene and what its file holds besides.
+/// A scene and the ancillary parts of its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneFile {
     /// The scene.
     pub scene: Scene,
-    /// The rest.
+    /// The ancillary parts.
     pub metadata: Metadata,
 }
 
-/// What to read of a file.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Part {
-    /// How many scales, coarsest first; `None` for all.
-    pub scales: Option<usize>,
-    /// The chunks that reach into this box of model space; `None` for all. The scene's bounds become what both share.
-    pub within: Option<Aabb>,
-    /// Whether thumbnail, probes, cameras, notes and unknown sections are wanted, too.
-    pub metadata: bool,
-}
-
-impl Part {
-    /// All of a file.
-    pub const WHOLE: Self = Self { scales: None, within: None, metadata: true };
-}
-
-/// The scene in a whole `.strivec` file, which passes [`Scene::check`].
+/// Decodes the scene of a whole `.strivec` file (spec 2.4). The scene passes [`Scene::check`].
 ///
-/// Sections that this version does not know are skipped where the file says that the scene is whole without them.
+/// Ancillary sections of unknown kinds are skipped.
 ///
 /// # Errors
 ///
-/// Where the bytes are anything but a whole, undamaged file of this major version whose scene is valid; the error
-/// says what and where. Memory stays within that of [`Limits::default`].
+/// If the bytes are not a whole, undamaged file of this major version whose scene is valid, or if decoding takes more
+/// memory than [`Limits::default`] allows.
+///
+/// # Examples
+///
+/// ```
+/// use strivec::container::{Error, decode};
+///
+/// assert!(matches!(decode(b"ply\nformat ascii 1.0\n"), Err(Error::NotStrivec { .. })));
+///
+/// let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/smallest.strivec"));
+/// let scene = decode(bytes)?;
+/// assert_eq!(scene.check(), Ok(()));
+/// println!("{} scales, {} parameters", scene.scales.len(), scene.parameter_count());
+/// # Ok::<(), Error>(())
+/// ```
 pub fn decode(bytes: &[u8]) -> Result<Scene, Error> {
     Ok(decode_scene_file(bytes, Limits::default())?.scene)
 }
 
-/// [`decode`], with everything that the file holds besides.
+/// [`decode`], with the ancillary sections of the file.
 ///
 /// # Errors
 ///
-/// As for [`decode`], and where decoding would take more than `limits`.
+/// As for [`decode`], but with the memory of `limits`.
 pub fn decode_scene_file(bytes: &[u8], limits: Limits) -> Result<SceneFile, Error> {
     let reader = Reader::open(bytes, limits)?;
     reader.contents.check_whole(bytes)?;
     reader.read(&Part::WHOLE)
 }
 
-/// A file that is opened: its table is known, its sections are read when they are wanted.
+/// An open file: its section table is read, its sections are read on demand.
 #[derive(Debug)]
 pub struct Reader<S> {
     source: S,
@@ -83,7 +78,7 @@ impl<S: Source> Reader<S> {
     ///
     /// # Errors
     ///
-    /// As for [`super::sections`], where the source fails, and where a critical section is unknown.
+    /// As for [`super::sections`]; and if the source fails, or if a critical section has an unknown kind.
     pub fn open(source: S, limits: Limits) -> Result<Self, Error> {
         let head = source.read(0..FIRST_READ)?;
         let length = table::length(&head)?;
@@ -96,91 +91,47 @@ impl<S: Source> Reader<S> {
         Ok(Self { source, contents, limits })
     }
 
-    /// What the file says it holds.
+    /// The header and section table.
     pub fn contents(&self) -> &Contents {
         &self.contents
     }
 
-    /// Reads `part`: no byte of other scales or chunks is asked for, and none of theirs is checked.
+    /// Reads `part`. No byte of other scales or chunks is read or checked.
     ///
     /// # Errors
     ///
-    /// Where what is read is not what the format demands, and where no tensor of a scale is in the part.
+    /// If a section of the part does not follow the format, if its scene is not valid, or if no tensor of a scale is in
+    /// the part.
     pub fn read(&self, part: &Part) -> Result<SceneFile, Error> {
         let mut budget = Budget::new(self.limits);
-        let mut metadata = Metadata::default();
         let (known, unknown): (Vec<&Section>, Vec<&Section>) =
             self.contents.sections.iter().partition(|s| !matches!(s.kind, SectionKind::Other(_)));
+        let mut order = Order::new(&known);
+        let head_sections = HeadSections::take(&mut order)?;
+        let head = self.read_head(&head_sections, &mut budget)?;
 
-        let mut order = Order { sections: &known, next: 0 };
-        let frame = order.take(SectionKind::Frame, None, None)?;
-        let rules = order.take(SectionKind::Rules, None, None)?;
-        let provenance = order.take_if(SectionKind::Provenance, None, None);
-        let mut beside: Vec<&Section> =
-            [SectionKind::License, SectionKind::Quality, SectionKind::Views, SectionKind::Thumbnail]
-                .into_iter()
-                .filter_map(|kind| order.take_if(kind, None, None))
-                .collect();
-        let decoder = order.take(SectionKind::Decoder, None, None)?;
-        let occupancy = order.take_if(SectionKind::Occupancy, None, None);
-
-        let head: Vec<&Section> =
-            [Some(frame), Some(rules), provenance, Some(decoder), occupancy].into_iter().flatten().collect();
-        let bytes = self.fetch(&head)?;
-        let frame = frame::read(&bytes.payload(frame)?)?;
-        let (rules, bounds, scale_count) = rules::read(&bytes.payload(rules)?)?;
-        let provenance = match provenance {
-            Some(section) => provenance::read(&bytes.payload(section)?)?,
-            None => Provenance::default(),
-        };
-        let decoder = decoder::read(&bytes.payload(decoder)?, &mut budget)?;
-        let occupancy = match occupancy {
-            Some(section) => Some(occupancy::read(&bytes.payload(section)?, &mut budget)?),
-            None => None,
-        };
-
-        let scale_count = usize::from(scale_count);
-        let count = part.scales.map_or(scale_count, |s| s.clamp(1, scale_count));
+        let count = part.scales.map_or(head.scales, |s| s.clamp(1, head.scales));
         let mut scales: Vec<Scale> = Vec::with_capacity(count);
-        for index in 0..scale_count as u16 {
-            let of_scale = ScaleSections::take(&mut order, index, usize::from(index) + 1 < scale_count)?;
-            if usize::from(index) < count {
-                scales.push(self.read_scale(&of_scale, part.within, &mut budget)?);
-                let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank).collect();
-                let features = scales[0].appearance_matrix.features;
-                let prefix = match of_scale.prefix {
-                    Some(section) => {
-                        let bytes = self.fetch(&[section])?;
-                        Some(prefix::read(&bytes.payload(section)?, features, &ranks, &mut budget)?)
-                    }
-                    None => None,
-                };
-                metadata.prefixes.push(prefix);
+        let mut metadata = Metadata::default();
+        for index in 0..head.scales {
+            let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
+            if index < count {
+                scales.push(self.read_scale(&sections, part.within, &mut budget)?);
+                metadata.prefixes.push(self.read_prefix(&sections, &scales, &mut budget)?);
             }
         }
-        beside.extend(
-            [SectionKind::Probes, SectionKind::Cameras, SectionKind::Notes]
-                .into_iter()
-                .filter_map(|kind| order.take_if(kind, None, None)),
-        );
+        let tail = [SectionKind::Probes, SectionKind::Cameras, SectionKind::Notes];
+        let mut ancillary = head_sections.ancillary;
+        ancillary.extend(tail.into_iter().filter_map(|kind| order.take_whole_if(kind)));
         order.finish()?;
         if part.metadata {
-            let bytes = self.fetch(&beside)?;
-            for section in beside {
-                metadata.read(&bytes.payload(section)?, &mut budget)?;
-            }
-            let bytes = self.fetch(&unknown)?;
-            for section in unknown {
-                budget.spend(section, section.length)?;
-                let payload = bytes.payload(section)?.bytes().to_vec();
-                metadata.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
-            }
+            self.read_metadata(&ancillary, &unknown, &mut metadata, &mut budget)?;
         }
 
+        let Head { frame, rules, bounds, decoder, occupancy, provenance, .. } = head;
+        let is_prefix = count < head.scales;
         let mut scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
-        if count < scale_count
-            && let Some(correction) = &metadata.prefixes[count - 1]
-        {
+        if is_prefix && let Some(correction) = &metadata.prefixes[count - 1] {
             correction.apply(&mut scene);
         }
         if let Some(within) = part.within {
@@ -190,7 +141,62 @@ impl<S: Source> Reader<S> {
         Ok(SceneFile { scene, metadata })
     }
 
-    /// The scale of these sections, or those of its chunks that reach into `within`.
+    /// Reads FRAME, RULES, PROVENANCE, DECODER and OCCUPANCY.
+    fn read_head(&self, sections: &HeadSections<'_>, budget: &mut Budget) -> Result<Head, Error> {
+        let &HeadSections { frame, rules, provenance, decoder, occupancy, .. } = sections;
+        let wanted: Vec<&Section> =
+            [Some(frame), Some(rules), provenance, Some(decoder), occupancy].into_iter().flatten().collect();
+        let bytes = fetch(&self.source, &wanted)?;
+        let frame = frame::read(&bytes.payload(frame)?)?;
+        let (rules, bounds, scales) = rules::read(&bytes.payload(rules)?)?;
+        let provenance = match provenance {
+            Some(section) => provenance::read(&bytes.payload(section)?)?,
+            None => Provenance::default(),
+        };
+        let decoder = decoder::read(&bytes.payload(decoder)?, budget)?;
+        let occupancy = match occupancy {
+            Some(section) => Some(occupancy::read(&bytes.payload(section)?, budget)?),
+            None => None,
+        };
+        Ok(Head { frame, rules, bounds, scales: usize::from(scales), provenance, decoder, occupancy })
+    }
+
+    /// The correction of the scene of `scales`, if the last of them has one.
+    fn read_prefix(
+        &self,
+        sections: &ScaleSections<'_>,
+        scales: &[Scale],
+        budget: &mut Budget,
+    ) -> Result<Option<Prefix>, Error> {
+        let Some(section) = sections.prefix else { return Ok(None) };
+        let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank).collect();
+        let features = scales[0].appearance_matrix.features;
+        let bytes = fetch(&self.source, &[section])?;
+        prefix::read(&bytes.payload(section)?, features, &ranks, budget).map(Some)
+    }
+
+    /// Reads the `ancillary` sections of known kinds and keeps the `unknown` ones.
+    fn read_metadata(
+        &self,
+        ancillary: &[&Section],
+        unknown: &[&Section],
+        metadata: &mut Metadata,
+        budget: &mut Budget,
+    ) -> Result<(), Error> {
+        let bytes = fetch(&self.source, ancillary)?;
+        for section in ancillary {
+            metadata.read(&bytes.payload(section)?, budget)?;
+        }
+        let bytes = fetch(&self.source, unknown)?;
+        for &section in unknown {
+            budget.spend(section, section.length)?;
+            let payload = bytes.payload(section)?.bytes().to_vec();
+            metadata.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
+        }
+        Ok(())
+    }
+
+    /// Reads the scale of these sections, or only its chunks that reach into `within`.
     fn read_scale(
         &self,
         sections: &ScaleSections<'_>,
@@ -202,15 +208,15 @@ impl<S: Source> Reader<S> {
         if within.is_none() {
             wanted.extend(sections.chunks.iter().flatten());
         }
-        let bytes = self.fetch(&wanted)?;
-        let shape = placement::read_scale(&bytes.payload(sections.scale)?, budget)?;
+        let bytes = fetch(&self.source, &wanted)?;
+        let shape = scale::read(&bytes.payload(sections.scale)?, budget)?;
         let appearance_matrix = matrix::read(&bytes.payload(sections.matrix)?, budget)?;
         Error::unless_equal(format!("{name} chunks"), shape.chunks.len(), sections.chunks.len())?;
         let reaches = |n: &usize| within.is_none_or(|box_| shape.covered(*n).intersection(&box_).is_solid());
         let chunks: Vec<usize> = (0..shape.chunks.len()).filter(reaches).collect();
         let more = match within {
             None => None,
-            Some(_) => Some(self.fetch(&chunks.iter().flat_map(|&n| sections.chunks[n]).collect::<Vec<_>>())?),
+            Some(_) => Some(fetch(&self.source, &chunks.iter().flat_map(|&n| sections.chunks[n]).collect::<Vec<_>>())?),
         };
         let bytes = more.as_ref().unwrap_or(&bytes);
 
@@ -225,9 +231,9 @@ impl<S: Source> Reader<S> {
         for &n in &chunks {
             centers.push(placement::read(&bytes.payload(sections.chunks[n][0])?, &shape, n, budget)?);
         }
-        let (placement, places) = placement::merge(&name.to_string(), &shape, centers)?;
+        let (placement, numbers) = placement::merge(&name.to_string(), &shape, centers)?;
         if within.is_none() {
-            placement::check_extent(&name.to_string(), &shape, &placement)?;
+            scale::check_extent(&name.to_string(), &shape, &placement)?;
         }
         let mut factors = Factors {
             kind: FactorKind::Cp,
@@ -236,136 +242,80 @@ impl<S: Source> Reader<S> {
             density: vec![0.0; density as usize],
             appearance: vec![0.0; appearance as usize],
         };
-        let ranks = [record.density_rank, record.appearance_rank].map(|rank| rank as usize);
-        let of_chunks: Vec<_> = chunks.iter().zip(&places).collect();
-        for some in of_chunks.chunks(AT_ONCE) {
-            // In the order of the file, so that what is wrong with it does not depend on threads.
-            let mut parts = Vec::with_capacity(2 * some.len());
-            for &(&n, places) in some {
-                for (section, rank) in sections.chunks[n][1..].iter().zip(ranks) {
-                    let part = factors::open(&bytes.payload(section)?, rank, record.resolution, places.len())?;
-                    let budget = budget.set_aside(section, part.most())?;
-                    parts.push((part, budget));
-                }
-            }
-            let read = parallel::map(parts, |(part, mut budget)| part.read(&mut budget));
-            let mut read = read.into_iter();
-            for (_, places) in some {
-                for values in [&mut factors.density, &mut factors.appearance] {
-                    if let Some(chunk) = read.next() {
-                        chunk?.put(places, values);
-                    }
-                }
-            }
-        }
-        let cloud = TensorCloud { placement, half: shape.half(), resolution: record.resolution };
+        read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
+        let cloud = TensorCloud { placement, half_edge: shape.half_edge(), resolution: record.resolution };
         Ok(Scale { cloud, top_k: record.top_k, factors, appearance_matrix })
     }
+}
 
-    /// The payloads of `sections`, which are in the order of the file; near ones are asked for at once.
-    fn fetch(&self, sections: &[&Section]) -> Result<Fetched<'_>, Error> {
-        let mut ranges: Vec<Range<u64>> = Vec::new();
-        for section in sections {
-            let end = section.offset + section.length;
-            match ranges.last_mut() {
-                Some(last) if section.offset >= last.start && section.offset <= last.end.saturating_add(NEAR) => {
-                    last.end = last.end.max(end);
+/// Reads the factors of these `chunks` into those of their scale; `numbers` are the numbers of each chunk's tensors
+/// in the scale.
+fn read_factors(
+    bytes: &Fetched<'_>,
+    sections: &ScaleSections<'_>,
+    chunks: &[usize],
+    numbers: &[Vec<u32>],
+    factors: &mut Factors,
+    resolution: [u32; 3],
+    budget: &mut Budget,
+) -> Result<(), Error> {
+    let ranks = [factors.density_rank, factors.appearance_rank].map(|rank| rank as usize);
+    let all: Vec<_> = chunks.iter().zip(numbers).collect();
+    for some in all.chunks(PARALLEL_CHUNKS) {
+        // In the order of the file, so that the first error does not depend on threads.
+        let mut parts = Vec::with_capacity(2 * some.len());
+        for &(&n, numbers) in some {
+            for (section, rank) in sections.chunks[n][1..].iter().zip(ranks) {
+                let part = factors::open(&bytes.payload(section)?, rank, resolution, numbers.len())?;
+                let reserved = budget.set_aside(section, part.max_memory())?;
+                parts.push((part, reserved));
+            }
+        }
+        let read = parallel::map(parts, |(part, mut budget)| part.read(&mut budget));
+        let mut read = read.into_iter();
+        for (_, numbers) in some {
+            for values in [&mut factors.density, &mut factors.appearance] {
+                if let Some(chunk) = read.next() {
+                    chunk?.put(numbers, values);
                 }
-                _ => ranges.push(section.offset..end),
             }
         }
-        let mut parts = Vec::with_capacity(ranges.len());
-        for range in ranges {
-            let bytes = self.source.read(range.clone())?;
-            let found = range.start + bytes.len() as u64;
-            if found < range.end {
-                let cut = sections.iter().find(|s| s.offset + s.length > found && s.offset >= range.start);
-                let part = cut.map_or_else(|| "file".into(), ToString::to_string);
-                return Err(Error::Truncated { part, missing: found..range.end });
-            }
-            parts.push((range, bytes));
-        }
-        Ok(Fetched { parts })
+    }
+    Ok(())
+}
+
+/// The sections before the scales.
+struct HeadSections<'a> {
+    frame: &'a Section,
+    rules: &'a Section,
+    provenance: Option<&'a Section>,
+    decoder: &'a Section,
+    occupancy: Option<&'a Section>,
+    /// LICENCE, QUALITY, VIEWS and THUMBNAIL, as far as the file has them.
+    ancillary: Vec<&'a Section>,
+}
+
+impl<'a> HeadSections<'a> {
+    fn take(order: &mut Order<'a, '_>) -> Result<Self, Error> {
+        let frame = order.take_whole(SectionKind::Frame)?;
+        let rules = order.take_whole(SectionKind::Rules)?;
+        let provenance = order.take_whole_if(SectionKind::Provenance);
+        let ancillary = [SectionKind::License, SectionKind::Quality, SectionKind::Views, SectionKind::Thumbnail];
+        let ancillary = ancillary.into_iter().filter_map(|kind| order.take_whole_if(kind)).collect();
+        let decoder = order.take_whole(SectionKind::Decoder)?;
+        let occupancy = order.take_whole_if(SectionKind::Occupancy);
+        Ok(Self { frame, rules, provenance, decoder, occupancy, ancillary })
     }
 }
 
-/// Bytes that were asked for.
-struct Fetched<'a> {
-    parts: Vec<(Range<u64>, Cow<'a, [u8]>)>,
-}
-
-impl Fetched<'_> {
-    /// The payload of a section that was asked for.
-    fn payload<'s>(&'s self, section: &'s Section) -> Result<Payload<'s>, Error> {
-        let range = section.offset..section.offset + section.length;
-        let holds = |part: &&(Range<u64>, Cow<'_, [u8]>)| part.0.start <= range.start && range.end <= part.0.end;
-        let Some((from, bytes)) = self.parts.iter().find(holds) else {
-            return Err(Error::Truncated { part: section.to_string(), missing: range });
-        };
-        let [start, end] = [range.start, range.end].map(|at| (at - from.start) as usize);
-        Payload::new(section, &bytes[start..end])
-    }
-}
-
-/// The sections of one scale.
-struct ScaleSections<'a> {
-    scale: &'a Section,
-    matrix: &'a Section,
-    /// \[chunk\] placement, density, appearance.
-    chunks: Vec<[&'a Section; 3]>,
-    prefix: Option<&'a Section>,
-}
-
-impl<'a> ScaleSections<'a> {
-    fn take(order: &mut Order<'a, '_>, index: u16, may_have_prefix: bool) -> Result<Self, Error> {
-        let scale = order.take(SectionKind::Scale, Some(index), None)?;
-        let matrix = order.take(SectionKind::Matrix, Some(index), None)?;
-        let mut chunks = Vec::new();
-        // Their number is checked against what SCALE says.
-        let mut next = Some(order.take(SectionKind::Placement, Some(index), Some(0))?);
-        while let Some(placement) = next {
-            let chunk = Some(chunks.len() as u32);
-            let density = order.take(SectionKind::Density, Some(index), chunk)?;
-            chunks.push([placement, density, order.take(SectionKind::Appearance, Some(index), chunk)?]);
-            next = order.take_if(SectionKind::Placement, Some(index), Some(chunks.len() as u32));
-        }
-        let prefix = if may_have_prefix { order.take_if(SectionKind::Prefix, Some(index), None) } else { None };
-        Ok(Self { scale, matrix, chunks, prefix })
-    }
-}
-
-/// Sections of known kind, in the order that they must have.
-struct Order<'a, 'b> {
-    sections: &'b [&'a Section],
-    next: usize,
-}
-
-impl<'a> Order<'a, '_> {
-    /// The next section, if it is this one.
-    fn take_if(&mut self, kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> Option<&'a Section> {
-        let section = self.sections.get(self.next).filter(|s| s.is_at(kind, scale, chunk))?;
-        self.next += 1;
-        Some(section)
-    }
-
-    /// The next section, which must be this one.
-    fn take(&mut self, kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> Result<&'a Section, Error> {
-        if let Some(section) = self.take_if(kind, scale, chunk) {
-            return Ok(section);
-        }
-        let name = section::name_of(kind, scale, chunk);
-        let elsewhere = self.sections.iter().any(|s| s.is_at(kind, scale, chunk));
-        Err(match self.sections.get(self.next) {
-            Some(found) if elsewhere => Error::malformed("order of sections", name, found),
-            _ => Error::MissingSection { name },
-        })
-    }
-
-    /// Checks that every section was taken.
-    fn finish(&self) -> Result<(), Error> {
-        match self.sections.get(self.next) {
-            None => Ok(()),
-            Some(section) => Err(Error::malformed("order of sections", "no further section", section)),
-        }
-    }
+/// What the sections before the scales hold.
+struct Head {
+    frame: Frame,
+    rules: Rules,
+    bounds: Aabb,
+    /// Number of scales.
+    scales: usize,
+    provenance: Provenance,
+    decoder: Decoder,
+    occupancy: Option<Occupancy>,
 }

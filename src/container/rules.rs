@@ -1,11 +1,41 @@
-//! RULES: the field's and the march's rules, the box that rays march through, the number of scales.
+//! RULES: the rules of the field and the march, the bounds that rays march through, the number of scales (spec 3.2).
+
+use std::fmt::Display;
 
 use glam::DVec3;
 
+use super::error::Error;
+use super::limits;
 use super::payload::Payload;
-use super::{Error, records};
+use super::record::{self, BorrowDecode, Encode, Record};
 use crate::geometry::Aabb;
 use crate::model::{Aggregation, Coverage, Reduction, Rules, Scene};
+
+#[derive(Encode, BorrowDecode)]
+struct RulesRecord {
+    scales: u16,
+    coverage: u8,
+    aggregation: u8,
+    density_reduction: u8,
+    appearance_reduction: u8,
+    contraction: u8,
+    reserved: u8,
+    bounds_min: [f64; 3],
+    bounds_max: [f64; 3],
+    density_shift: f64,
+    distance_scale: f64,
+    step: f64,
+    min_transmittance: f64,
+    min_weight: f64,
+    /// All bits 0 if nothing is contracted.
+    contracted_length: f64,
+}
+
+impl Record for RulesRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} scales"), limits::SCALES, self.scales)
+    }
+}
 
 pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
     let rules = &scene.rules;
@@ -13,7 +43,7 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         Reduction::Sum => 0,
         Reduction::Mean => 1,
     };
-    let record = records::Rules {
+    let record = RulesRecord {
         scales: scene.scales.len().try_into().unwrap_or(u16::MAX),
         coverage: match rules.coverage {
             Coverage::All => 0,
@@ -36,12 +66,12 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         min_weight: rules.min_weight,
         contracted_length: 0.0,
     };
-    records::write(&"RULES", &record)
+    record::write(&"RULES", &record)
 }
 
 /// Rules, bounds, and the number of scales.
 pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
-    let record: records::Rules = payload.record()?;
+    let record: RulesRecord = payload.record()?;
     let unknown = |what: &str, code: u8| Error::unsupported(format!("RULES {what}"), format!("code {code}"));
     let reduction = |what, code| match code {
         0 => Ok(Reduction::Sum),

@@ -1,8 +1,10 @@
-//! Sections: what the parts of a file are called and how its table describes them.
+//! Sections: the parts of a file, their kinds, and their entries in the section table (spec 2.2 and 2.3).
 
 use std::fmt;
 
-use super::{Codec, Error, records};
+use super::codec::Codec;
+use super::error::Error;
+use super::record::{BorrowDecode, Encode, Record};
 
 /// The bit of an entry's flags that marks a critical section.
 const CRITICAL: u16 = 1;
@@ -11,26 +13,26 @@ const NO_SCALE: u16 = u16::MAX;
 /// The chunk of a section that belongs to none.
 const NO_CHUNK: u32 = u32::MAX;
 
-/// What a section holds.
+/// Kinds of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SectionKind {
-    /// How the model lies in the dataset's space.
+    /// The map from dataset space to model space, and how pictures are meant.
     Frame,
-    /// The field's and the march's rules and bounds.
+    /// The rules and bounds of the field and the march.
     Rules,
-    /// What made the file.
+    /// Where the scene came from.
     Provenance,
-    /// The terms of its use.
+    /// The terms of use of the scene.
     License,
-    /// What was measured of it.
+    /// Measurements.
     Quality,
-    /// Where to look from.
+    /// The initial pose of a viewer, and a camera path.
     Views,
     /// A small picture.
     Thumbnail,
     /// The MLP.
     Decoder,
-    /// Where samples count; a scene may have none.
+    /// The occupancy grid; a scene may have none.
     Occupancy,
     /// A scale's shape and chunks.
     Scale,
@@ -38,19 +40,19 @@ pub enum SectionKind {
     Matrix,
     /// A chunk's tensors.
     Placement,
-    /// Their density factors.
+    /// A chunk's density factors.
     Density,
-    /// Their appearance factors.
+    /// A chunk's appearance factors.
     Appearance,
-    /// How a scene that ends with this scale is corrected.
+    /// The correction of the scene that ends with this scale.
     Prefix,
-    /// Rays with what they see.
+    /// Rays and their pixels.
     Probes,
-    /// The cameras that it was trained from.
+    /// The cameras of the training photographs.
     Cameras,
     /// Keys and values.
     Notes,
-    /// A kind that this version does not define: its name, padded with zeros.
+    /// A kind that this version does not define, by its name padded with zeros.
     Other([u8; 12]),
 }
 
@@ -93,8 +95,8 @@ impl SectionKind {
         )
     }
 
-    /// The kind of this name; `None` where it is not capital letters, digits and hyphens padded with zeros.
-    fn of_name(name: [u8; 12]) -> Option<Self> {
+    /// The kind of this name; `None` if it is not capital letters, digits and hyphens padded with zeros.
+    fn from_name(name: [u8; 12]) -> Option<Self> {
         let length = name.iter().position(|&b| b == 0).unwrap_or(name.len());
         let (letters, padding) = name.split_at(length);
         let valid = letters.iter().all(|b| b.is_ascii_uppercase() || b.is_ascii_digit() || *b == b'-');
@@ -127,15 +129,15 @@ impl fmt::Display for SectionKind {
 /// An entry of the section table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// What it holds.
+    /// Its kind.
     pub kind: SectionKind,
     /// Whether a reader that does not know its kind must refuse the file.
     pub critical: bool,
-    /// The scale it belongs to, if to one.
+    /// The scale it belongs to, if any.
     pub scale: Option<u16>,
-    /// The chunk of that scale, if to one.
+    /// The chunk of that scale, if any.
     pub chunk: Option<u32>,
-    /// How its body is stored.
+    /// The encoding of its body.
     pub codec: Codec,
     /// Where its payload begins in the file.
     pub offset: u64,
@@ -153,6 +155,25 @@ impl fmt::Display for Section {
     }
 }
 
+/// An entry of the section table as it is in the file; 64 bytes.
+#[derive(Encode, BorrowDecode)]
+pub(super) struct Entry {
+    pub(super) kind: [u8; 12],
+    pub(super) flags: u16,
+    pub(super) scale: u16,
+    pub(super) chunk: u32,
+    pub(super) codec: u16,
+    pub(super) reserved: u16,
+    pub(super) checksum: u32,
+    pub(super) reserved_too: u32,
+    pub(super) offset: u64,
+    pub(super) length: u64,
+    pub(super) decoded_length: u64,
+    pub(super) reserved_last: u64,
+}
+
+impl Record for Entry {}
+
 /// What messages call a section.
 pub(super) fn name_of(kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> String {
     let chunk = chunk.map_or_else(String::new, |chunk| format!(" of chunk {chunk}"));
@@ -166,9 +187,9 @@ impl Section {
         (self.kind, self.scale, self.chunk) == (kind, scale, chunk)
     }
 
-    /// Reads what an entry says; `index` is its place in the table.
-    pub(super) fn of_entry(entry: &records::Entry, index: usize) -> Result<Self, Error> {
-        let kind = SectionKind::of_name(entry.kind).ok_or_else(|| {
+    /// Reads `entry`, number `index` of the table.
+    pub(super) fn from_entry(entry: &Entry, index: usize) -> Result<Self, Error> {
+        let kind = SectionKind::from_name(entry.kind).ok_or_else(|| {
             let expected = "capital letters, digits and hyphens, then zeros";
             Error::malformed(format!("name of section {index}"), expected, format!("{:02x?}", entry.kind))
         })?;
@@ -177,7 +198,7 @@ impl Section {
             critical: entry.flags & CRITICAL != 0,
             scale: (entry.scale != NO_SCALE).then_some(entry.scale),
             chunk: (entry.chunk != NO_CHUNK).then_some(entry.chunk),
-            codec: Codec::of_code(entry.codec),
+            codec: Codec::from_code(entry.codec),
             offset: entry.offset,
             length: entry.length,
             decoded_length: entry.decoded_length,
@@ -197,8 +218,8 @@ impl Section {
         Ok(section)
     }
 
-    pub(super) fn entry(&self) -> records::Entry {
-        records::Entry {
+    pub(super) fn entry(&self) -> Entry {
+        Entry {
             kind: self.kind.name(),
             flags: if self.critical { CRITICAL } else { 0 },
             scale: self.scale.unwrap_or(NO_SCALE),

@@ -1,19 +1,19 @@
-//! Where a file's bytes come from.
+//! Sources of a file's bytes: memory, files, servers.
 
 use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::sync::Mutex;
 
-use super::Error;
+use super::error::Error;
 
-/// Anything that answers ranges of bytes: memory, a file, a server.
+/// A file that can be read by ranges of bytes: in memory, on disk, on a server.
 pub trait Source {
-    /// The bytes of `range`, or those of them that there are, from its start.
+    /// The bytes of `range`; fewer, from its start, if the file ends within it.
     ///
     /// # Errors
     ///
-    /// [`Error::Source`] where they cannot be had.
+    /// [`Error::Source`] if they cannot be read.
     fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error>;
 }
 
@@ -24,7 +24,7 @@ impl Source for &[u8] {
     }
 }
 
-/// A file, or whatever else can be read and sought.
+/// A file, or anything else that implements [`Read`] and [`Seek`].
 #[derive(Debug)]
 pub struct Seekable<R>(Mutex<R>);
 
@@ -38,17 +38,17 @@ impl<R> Seekable<R> {
 impl<R: Read + Seek> Source for Seekable<R> {
     fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error> {
         let failed = |error: std::io::Error| Error::Source { range: range.clone(), message: error.to_string() };
-        // A reader that panicked half-way is only sought anew.
+        // After a panic while the lock was held, seeking anew is enough.
         let mut inner = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         inner.seek(SeekFrom::Start(range.start)).map_err(failed)?;
-        // Grows as bytes come: the length may be a lie.
+        // Grows as bytes arrive: the length is untrusted.
         let mut bytes = Vec::new();
         (&mut *inner).take(range.end - range.start).read_to_end(&mut bytes).map_err(failed)?;
         Ok(Cow::Owned(bytes))
     }
 }
 
-/// A function that answers ranges, such as one that asks a server.
+/// A function that returns the bytes of a range, for example from a server.
 #[derive(Debug)]
 pub struct Fetch<F>(pub F);
 

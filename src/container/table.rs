@@ -1,29 +1,29 @@
-//! The section table: where everything is. It is read, and held against its checksum, before any payload.
+//! The section table (spec 2.2). It is read, and compared with its checksum, before any payload.
 
-use super::payload::Payload;
+use super::error::Error;
+use super::payload::{Payload, aligned};
 use super::section::Section;
-use super::{Error, VERSION, Version, header, records};
+use super::version::{VERSION, Version};
+use super::{header, record};
 
-/// Payloads begin at multiples of this.
-const ALIGNMENT: u64 = 64;
 /// Bytes of an entry.
 const ENTRY: usize = 64;
 
-/// What a file says it holds.
+/// The header and section table of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Contents {
-    /// The version it was written in.
+    /// The version of the format that it was written in.
     pub version: Version,
     /// Bytes of the whole file.
     pub file_length: u64,
-    /// CRC-32 of all bytes behind the header.
+    /// CRC-32 of all bytes after the header.
     pub file_checksum: u32,
     /// Its sections, in the order of the file.
     pub sections: Vec<Section>,
 }
 
 impl Contents {
-    /// Checks that `bytes` are all that this describes and nothing else, and that none of them has changed.
+    /// Checks that `bytes` are the whole file and nothing else, and that no checksum differs.
     pub(super) fn check_whole(&self, bytes: &[u8]) -> Result<(), Error> {
         let length = bytes.len() as u64;
         if length < self.file_length {
@@ -53,18 +53,13 @@ fn table_end(sections: usize) -> u64 {
     header::LENGTH as u64 + sections as u64 * ENTRY as u64
 }
 
-/// The first place after `end` where a payload may begin.
-pub(super) fn aligned(end: u64) -> Option<u64> {
-    end.checked_next_multiple_of(ALIGNMENT)
-}
-
-/// The header and section table at the start of `bytes`. Nothing after the table is looked at, and it need not be
-/// there: a prefix of a file will do.
+/// The header and section table at the start of `bytes`, which may be a prefix of a file: nothing after the table is
+/// read.
 ///
 /// # Errors
 ///
-/// Where header or table are not those of a `.strivec` file of this major version, damaged, beyond the limits, or
-/// describe sections that do not follow one another without a gap. Unknown sections are no error here.
+/// If header or table are not those of a `.strivec` file of this major version, are damaged or beyond the limits, or
+/// list sections that do not follow one another without a gap. Unknown sections are no error here.
 pub fn sections(bytes: &[u8]) -> Result<Contents, Error> {
     let header = header::read(bytes)?;
     let count = header.sections as usize;
@@ -80,8 +75,8 @@ pub fn sections(bytes: &[u8]) -> Result<Contents, Error> {
     let mut sections = Vec::with_capacity(count);
     let mut end = range.end;
     for (index, entry) in table.chunks_exact(ENTRY).enumerate() {
-        let entry = records::read_whole(&format!("section table entry {index}"), entry)?;
-        let section = Section::of_entry(&entry, index)?;
+        let entry = record::read_whole(&format!("section table entry {index}"), entry)?;
+        let section = Section::from_entry(&entry, index)?;
         let overflow = || Error::malformed(&section, "an end below 2^64", section.length);
         Error::unless_equal(format!("{section} offset"), aligned(end).ok_or_else(overflow)?, section.offset)?;
         end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
@@ -105,7 +100,7 @@ pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Ve
         let overflow = || Error::malformed("file length", "below 2^64", "more");
         section.offset = aligned(end).ok_or_else(overflow)?;
         end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
-        table.extend(records::write(&"section table", &section.entry())?);
+        table.extend(record::write(&"section table", &section.entry())?);
     }
     let mut file = vec![0; header::LENGTH];
     file.extend_from_slice(&table);
@@ -113,7 +108,7 @@ pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Ve
         file.resize(section.offset as usize, 0);
         file.extend_from_slice(payload);
     }
-    let header = records::Header {
+    let header = header::Header {
         major: VERSION.major,
         minor: VERSION.minor,
         sections: sections.len().try_into().unwrap_or(u32::MAX),

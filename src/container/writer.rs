@@ -1,9 +1,12 @@
-//! Collects payloads and lays them out behind their table.
+//! Collects payloads and lays them out after the section table.
 
+use super::codec::{self, Codec};
+use super::error::Error;
+use super::payload::aligned;
 use super::section::{Section, SectionKind};
-use super::{Codec, Error, codec, limits, table};
+use super::{limits, table};
 
-/// Where a section belongs.
+/// The kind of a section, and the scale and chunk that it belongs to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) kind: SectionKind,
@@ -12,15 +15,16 @@ pub(super) struct Place {
 }
 
 impl Place {
-    pub(super) fn of(kind: SectionKind) -> Self {
+    /// Of the whole scene.
+    pub(super) fn whole(kind: SectionKind) -> Self {
         Self { kind, scale: None, chunk: None }
     }
 
-    pub(super) fn of_scale(kind: SectionKind, scale: u16) -> Self {
+    pub(super) fn in_scale(kind: SectionKind, scale: u16) -> Self {
         Self { kind, scale: Some(scale), chunk: None }
     }
 
-    pub(super) fn of_chunk(kind: SectionKind, scale: u16, chunk: u32) -> Self {
+    pub(super) fn in_chunk(kind: SectionKind, scale: u16, chunk: u32) -> Self {
         Self { kind, scale: Some(scale), chunk: Some(chunk) }
     }
 }
@@ -33,7 +37,7 @@ pub(super) struct Finished {
 
 /// A file in the making.
 pub(super) struct Writer {
-    /// Nothing is compressed where there is none.
+    /// Nothing is compressed if there is none.
     zstd_level: Option<i32>,
     sections: Vec<Section>,
     payloads: Vec<Vec<u8>>,
@@ -49,12 +53,12 @@ impl Writer {
         self.add(Finished::new(place, Codec::Stored, record.len() as u64, record));
     }
 
-    /// Adds a section whose `body` follows its record as it is.
+    /// Adds a section whose `body` follows its record uncompressed.
     pub(super) fn stored(&mut self, place: Place, record: Vec<u8>, body: &[u8]) {
         self.add(Finished::stored(place, record, body));
     }
 
-    /// Adds a section whose `body`, behind its record, is compressed where that makes it smaller.
+    /// Adds a section whose `body`, after its record, is compressed if that makes it smaller.
     pub(super) fn compressed(&mut self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
         let finished = self.finished(place, record, body)?;
         self.add(finished);
@@ -68,13 +72,13 @@ impl Writer {
             Some(level) => Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len()),
         };
         let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
-        let payload = behind(record, &compressed);
+        let payload = with_body(record, &compressed);
         let decoded = payload.len() - compressed.len() + body.len();
         Ok(Finished::new(place, Codec::Zstd, decoded as u64, payload))
     }
 
     /// Adds a section that was in another file.
-    pub(super) fn as_it_was(&mut self, section: &Section, payload: &[u8]) {
+    pub(super) fn verbatim(&mut self, section: &Section, payload: &[u8]) {
         self.add(Finished { section: section.clone(), payload: payload.to_vec() });
     }
 
@@ -93,7 +97,7 @@ impl Writer {
 
 impl Finished {
     fn stored(place: Place, record: Vec<u8>, body: &[u8]) -> Self {
-        let payload = behind(record, body);
+        let payload = with_body(record, body);
         Self::new(place, Codec::Stored, payload.len() as u64, payload)
     }
 
@@ -108,9 +112,9 @@ impl Finished {
     }
 }
 
-/// `body` on the next 64th byte behind `record`.
-fn behind(mut record: Vec<u8>, body: &[u8]) -> Vec<u8> {
-    let start = table::aligned(record.len() as u64).unwrap_or(u64::MAX) as usize;
+/// `record`, and `body` at the next multiple of 64 bytes.
+fn with_body(mut record: Vec<u8>, body: &[u8]) -> Vec<u8> {
+    let start = aligned(record.len() as u64).unwrap_or(u64::MAX) as usize;
     record.resize(start, 0);
     record.extend_from_slice(body);
     record

@@ -4,6 +4,7 @@
 use glam::{DVec3, UVec3};
 
 use super::{CellIndex, Real};
+use crate::geometry::cell_at;
 use crate::model::Occupancy;
 
 /// A bit grid over cells. For an occupancy it decides as [`Occupancy::contains`] for points inside cells; a point on a
@@ -62,8 +63,7 @@ impl<T: Real> OccupancyCells<T> {
         let padded_min = [0, 1, 2].map(|a| min[a] - T::one() / cells_per_unit[a]);
         let mut grid = Self::empty(padded_min, cells_per_unit, cells.map(|c| c + 2));
         for (cell_index, _) in index.covered_cells().enumerate().filter(|c| c.1) {
-            let (row, layer) = (cells[0] as usize, cells[0] as usize * cells[1] as usize);
-            let cell = [cell_index % row, cell_index % layer / row, cell_index / layer];
+            let cell = cell_at(cell_index as u64, cells.map(|c| c as u32).into()).to_array();
             let [xs, ys, zs] = [0, 1, 2].map(|a| {
                 let c = cell[a] as i32;
                 let first = if c == 0 { 0 } else { c + 1 };

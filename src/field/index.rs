@@ -54,7 +54,7 @@ impl<T: Real> CellIndex<T> {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
         let limit = (512.0 * cloud.len() as f64 + 65536.0).min(MAX_CELLS);
-        let mut width = cloud.half / 3.0;
+        let mut width = cloud.half_edge / 3.0;
         while (bounds.size() / width).ceil().max(DVec3::ONE).element_product() > limit {
             width *= 1.25;
         }
@@ -184,7 +184,7 @@ fn tensors_by_cell(
     let ranges: Vec<_> = (cloud.centers())
         .map(|center| {
             let relative = center - corner;
-            (cell_at(relative - cloud.half - slack), cell_at(relative + cloud.half + slack))
+            (cell_at(relative - cloud.half_edge - slack), cell_at(relative + cloud.half_edge + slack))
         })
         .collect();
     let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {

@@ -129,7 +129,7 @@ impl<T: Real> FieldScale<T> {
         Self {
             first_tensor,
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
-            half_edge: scale.cloud.half.to_array().map(T::of),
+            half_edge: scale.cloud.half_edge.to_array().map(T::of),
             resolution: scale.cloud.resolution,
             density_rank: scale.factors.density_rank as usize,
             appearance_rank: scale.factors.appearance_rank as usize,
@@ -137,7 +137,7 @@ impl<T: Real> FieldScale<T> {
             appearance,
             top_k: scale.top_k as usize,
             index: CellIndex::new(&scale.cloud, origin),
-            rows: TensorRows::new(scale.cloud.half, scale.cloud.resolution),
+            rows: TensorRows::new(scale.cloud.half_edge, scale.cloud.resolution),
         }
     }
 

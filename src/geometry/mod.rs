@@ -1,8 +1,10 @@
-//! Boxes, rays, cameras and their paths, lattices, and the map between a dataset's space and the model's. Everything is f64.
+//! Boxes, rays, cameras and their paths, lattices, and the map between dataset space and model space. Everything is
+//! f64.
 
 mod aabb;
 mod camera;
 mod lattice;
+pub mod morton;
 mod path;
 mod pose;
 mod ray;
@@ -11,7 +13,7 @@ mod viewpoint;
 
 pub use aabb::Aabb;
 pub use camera::{Camera, PoseError};
-pub use lattice::Lattice;
+pub use lattice::{Lattice, cell_at, index_of};
 pub use path::{CameraPath, Keyframe, PathError};
 pub use pose::{NotRigid, rigid};
 pub use ray::Ray;

@@ -123,7 +123,7 @@ impl CellMap {
     fn share_out_parameters(&mut self, scene: &Scene, lattice: &Lattice) {
         for scale in &scene.scales {
             let rows = Factors::rows(scale.cloud.resolution);
-            let held = |values: &[f32], rank: u32| Factors::held(values, rows, rank as usize);
+            let held = |values: &[f32], rank: u32| Factors::nonzero_components(values, rows, rank as usize);
             let factors = &scale.factors;
             let ranks = [factors.density_rank as usize, factors.appearance_rank as usize];
             let held =
@@ -132,7 +132,7 @@ impl CellMap {
                 let components: usize =
                     (0..2).map(|p| held[p][n * ranks[p]..][..ranks[p]].iter().filter(|h| **h).count()).sum();
                 let parameters = (components * rows) as f64;
-                let covered = self.cells_in(lattice, &Aabb::around(scale.cloud.center(n), scale.cloud.half));
+                let covered = self.cells_in(lattice, &Aabb::around(scale.cloud.center(n), scale.cloud.half_edge));
                 let seen: f64 = covered.iter().map(|&c| self.cells[c].weight).sum();
                 if seen > 0.0 {
                     covered.iter().for_each(|&c| self.cells[c].parameters += parameters * self.cells[c].weight / seen);

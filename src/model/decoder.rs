@@ -1,17 +1,6 @@
-//! From appearance features and a direction to a color: the shared matrices and the MLP.
+//! The decoder: an MLP from appearance features and a direction to a color (spec 3.5 and 4.7; paper 3.4).
 
-use super::BrokenInvariant;
-
-/// The P×R matrix that every tensor of a scale shares (paper, section "Local tri-vector tensors"; no bias).
-#[derive(Clone, Debug, PartialEq)]
-pub struct AppearanceMatrix {
-    /// P, the length of the feature vector.
-    pub features: u32,
-    /// R, the scale's appearance rank.
-    pub rank: u32,
-    /// \[P\]\[R\], row-major.
-    pub weights: Vec<f32>,
-}
+use super::error::BrokenInvariant;
 
 /// A fully connected layer y = W·x + b.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,24 +15,24 @@ pub struct Linear {
     pub bias: Vec<f32>,
 }
 
-/// Where along the ray the decoder is called.
+/// Where the decoder is called along a ray (spec 4.8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum DecoderMode {
-    /// At every sample that counts; colors are composited (the paper).
+    /// At every shaded sample; colors are composited (the paper).
     PerSample,
-    /// Once a ray, on composited features.
+    /// Once for each ray, on composited features.
     PerRay,
-    /// Once a ray, on composited features. What comes out is added, before the sigmoid, to the first three features of
-    /// each sample that counts: samples keep a color of their own. Colors are composited.
+    /// Once for each ray, on composited features. Before the sigmoid, the output is added to the first three features
+    /// of each shaded sample, so that samples have their own colors. Colors are composited.
     Residual,
 }
 
 impl DecoderMode {
-    /// All of them.
+    /// All modes.
     pub const ALL: [Self; 3] = [Self::PerSample, Self::PerRay, Self::Residual];
 
-    /// As configurations and the command line write it.
+    /// The name in configurations and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::PerSample => "per-sample",
@@ -52,29 +41,29 @@ impl DecoderMode {
         }
     }
 
-    /// The fewest features that it works on.
+    /// The smallest number of appearance features P of this mode.
     pub fn min_features(self) -> u32 {
         if self == Self::Residual { 3 } else { 1 }
     }
 }
 
-/// The MLP. Its input is \[features, direction, PE(features), PE(direction)\], where PE takes every element times
-/// 1, 2, 4, … (no π): all sines first, then all cosines, the frequency running fastest within each. ReLU between the
-/// layers, a sigmoid at the end.
+/// The MLP. Its input is \[features, direction, PE(features), PE(direction)\]. PE multiplies every element by
+/// 1, 2, 4, … (no π) and takes all sines first, then all cosines, the frequency running fastest within each. ReLU
+/// follows each layer but the last, a sigmoid the last (spec 4.7).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoder {
-    /// Where it is called.
+    /// Where it is called along a ray.
     pub mode: DecoderMode,
     /// Frequencies of PE(features): 2 gives 1 and 2.
     pub feature_frequencies: u32,
     /// Frequencies of PE(direction).
     pub direction_frequencies: u32,
-    /// First to last; the last has 3 outputs.
+    /// First to last; the last has 3 outputs: red, green, blue.
     pub layers: Vec<Linear>,
 }
 
 impl Decoder {
-    /// The length of the input for `features` appearance features; the largest number where that overflows.
+    /// The length of the input for `features` appearance features; `u32::MAX` if it overflows.
     pub fn input_len(&self, features: u32) -> u32 {
         let encoded = |length: u32, frequencies: u32| {
             let copies = frequencies.saturating_mul(2).saturating_add(1);

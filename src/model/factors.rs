@@ -1,14 +1,14 @@
-//! The tensors' numbers.
+//! The factors of tensors (spec 3.10).
 
-use super::BrokenInvariant;
+use super::error::BrokenInvariant;
 
 /// How a tensor is factorized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum FactorKind {
-    /// CP: three vectors a component (paper, equations 4 and 5).
+    /// CP: three vectors for each component (paper 3.1).
     Cp,
-    /// VM: a matrix and a vector a component, as TensoRF's.
+    /// VM: a matrix and a vector for each component, as in TensoRF. Reserved by the file format; not supported.
     Vm,
 }
 
@@ -19,11 +19,11 @@ pub enum FactorKind {
 /// vertices reads two adjacent rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factors {
-    /// How the numbers are to be read.
+    /// The factorization.
     pub kind: FactorKind,
-    /// Density components a tensor.
+    /// Density components of a tensor.
     pub density_rank: u32,
-    /// Appearance components a tensor.
+    /// Appearance components of a tensor.
     pub appearance_rank: u32,
     /// Density vectors.
     pub density: Vec<f32>,
@@ -32,7 +32,7 @@ pub struct Factors {
 }
 
 impl Factors {
-    /// Rows (vertices of all three axes) of a tensor whose resolution in cells is `resolution`.
+    /// Rows (vertices of all three axes) of a tensor of `resolution` cells.
     pub fn rows(resolution: [u32; 3]) -> usize {
         resolution.iter().map(|&d| d as usize + 1).sum()
     }
@@ -53,27 +53,29 @@ impl Factors {
         (self.density.len() + self.appearance.len()) as u64
     }
 
-    /// \[tensor\]\[component\] whether any number of `values`, of tensors of `rows` rows and `rank` components, is other than
-    /// zero: files hold no other components.
-    pub fn held(values: &[f32], rows: usize, rank: usize) -> Vec<bool> {
-        let mut held = Vec::with_capacity(values.len() / rows.max(1));
+    /// \[tensor\]\[component\] whether any number of `values`, of tensors of `rows` rows and `rank` components, is not
+    /// zero. Files hold no other components.
+    pub fn nonzero_components(values: &[f32], rows: usize, rank: usize) -> Vec<bool> {
+        let mut nonzero = Vec::with_capacity(values.len() / rows.max(1));
         for tensor in values.chunks_exact((rows * rank).max(1)) {
-            let first = held.len();
-            held.resize(first + rank, false);
+            let first = nonzero.len();
+            nonzero.resize(first + rank, false);
             for row in tensor.chunks_exact(rank) {
-                held[first..].iter_mut().zip(row).for_each(|(held, &v)| *held |= v != 0.0);
+                nonzero[first..].iter_mut().zip(row).for_each(|(nonzero, &v)| *nonzero |= v != 0.0);
             }
         }
-        held
+        nonzero
     }
 
-    /// Number of entries of the components that are [`Factors::held`], of tensors of `rows` rows.
-    pub(super) fn held_parameter_count(&self, rows: usize) -> u64 {
-        let of = |values: &[f32], rank: u32| Self::held(values, rows, rank as usize).into_iter().filter(|h| *h).count();
+    /// Number of entries of the nonzero components, of tensors of `rows` rows.
+    pub(super) fn nonzero_parameter_count(&self, rows: usize) -> u64 {
+        let of = |values: &[f32], rank: u32| {
+            Self::nonzero_components(values, rows, rank as usize).into_iter().filter(|n| *n).count()
+        };
         (rows * (of(&self.density, self.density_rank) + of(&self.appearance, self.appearance_rank))) as u64
     }
 
-    /// Keeps what the tensors of the numbers `kept` have, of `tensors`.
+    /// Keeps the factors of the tensors of the numbers `kept`, of `tensors`.
     pub(super) fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
         for values in [&mut self.density, &mut self.appearance] {
             let len = values.len() / tensors.max(1);

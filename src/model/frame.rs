@@ -1,9 +1,11 @@
-//! How the model's space relates to the dataset's, and how its pictures are meant.
+//! The frame: the map from dataset space to model space, and how pictures are meant (spec 3.1).
 
-use super::BrokenInvariant;
+use glam::{DMat3, DVec3};
+
+use super::error::BrokenInvariant;
 use crate::geometry::Similarity;
 
-/// Which axis of the dataset's right-handed space points up.
+/// The axis of a right-handed space that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum UpAxis {
@@ -15,41 +17,94 @@ pub enum UpAxis {
     Z,
     /// −x.
     MinusX,
-    /// −y, as in photographs' own coordinates.
+    /// −y, as in OpenCV and COLMAP.
     MinusY,
     /// −z.
     MinusZ,
 }
 
-/// What the numbers of a color mean.
+/// Color spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum ColorSpace {
-    /// Display-referred sRGB, composited without linearisation, as the photographs were.
+    /// Display-referred sRGB, composited without linearization, as the photographs were.
     Srgb,
 }
 
-/// The scene's frame. The model's space is right-handed; cameras look along their −z with y up.
+/// The scene's frame. Model space is right-handed; cameras look along their −z with y up.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Frame {
-    /// From the dataset's space to the model's canonical box.
+    /// From dataset space to model space.
     pub model_from_dataset: Similarity,
-    /// Up in the dataset's space.
+    /// Up in dataset space.
     pub up: UpAxis,
-    /// Metres a dataset unit, where known.
+    /// Meters per unit of dataset space, if known.
     pub meters_per_unit: Option<f64>,
-    /// Where rays begin, in model units from the camera.
+    /// Distance from the camera at which rays begin, in model units.
     pub near: f64,
-    /// Where rays end, in model units from the camera.
+    /// Distance from the camera at which rays end, in model units.
     pub far: f64,
-    /// The color behind everything, in [0, 1].
+    /// The background color: red, green, blue in \[0, 1\].
     pub background: [f32; 3],
-    /// What colors mean.
+    /// The color space of all colors.
     pub color_space: ColorSpace,
 }
 
+impl UpAxis {
+    /// All axes.
+    pub const ALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::MinusX, Self::MinusY, Self::MinusZ];
+
+    /// The unit vector along the axis.
+    pub fn vector(self) -> DVec3 {
+        match self {
+            Self::X => DVec3::X,
+            Self::Y => DVec3::Y,
+            Self::Z => DVec3::Z,
+            Self::MinusX => DVec3::NEG_X,
+            Self::MinusY => DVec3::NEG_Y,
+            Self::MinusZ => DVec3::NEG_Z,
+        }
+    }
+
+    /// The rotation that takes the axis to +z by the shortest way; for −z the half turn about x.
+    pub fn z_up_from(self) -> DMat3 {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        // The images of the x, y and z axes.
+        match self {
+            Self::X => DMat3::from_cols(z, y, -x),
+            Self::Y => DMat3::from_cols(x, z, -y),
+            Self::Z => DMat3::IDENTITY,
+            Self::MinusX => DMat3::from_cols(-z, y, x),
+            Self::MinusY => DMat3::from_cols(x, -z, y),
+            Self::MinusZ => DMat3::from_cols(x, -y, -z),
+        }
+    }
+
+    /// The name on the command line: `x`, `y`, `z`, `-x`, `-y`, `-z`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::MinusX => "-x",
+            Self::MinusY => "-y",
+            Self::MinusZ => "-z",
+        }
+    }
+
+    /// The axis of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|axis| axis.name() == name)
+    }
+}
+
 impl Frame {
+    /// The unit vector that points up in model space.
+    pub fn up_in_model(&self) -> DVec3 {
+        (self.model_from_dataset.rotation * self.up.vector()).normalize()
+    }
+
     pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
         if !self.model_from_dataset.is_valid() {
             let found = format!("{:?}", self.model_from_dataset);
@@ -69,5 +124,20 @@ impl Frame {
             return Err(BrokenInvariant::new("frame background", "three numbers in [0, 1]", found));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_axis_is_turned_up_and_named() {
+        for up in UpAxis::ALL {
+            assert_eq!(up.z_up_from() * up.vector(), DVec3::Z, "{up:?}");
+            assert_eq!(up.z_up_from().determinant(), 1.0, "{up:?}");
+            assert_eq!(UpAxis::from_name(up.name()), Some(up));
+        }
+        assert_eq!(UpAxis::from_name("up"), None);
     }
 }

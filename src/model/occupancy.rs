@@ -1,17 +1,17 @@
-//! Where samples count at all.
+//! The occupancy grid: where samples count (spec 3.6).
 
 use glam::{DVec3, UVec3};
 
-use super::BrokenInvariant;
-use crate::geometry::Aabb;
+use super::error::BrokenInvariant;
+use crate::geometry::{Aabb, cell_at, index_of};
 
-/// One bit a vertex of a regular grid whose outermost vertices lie on the faces of `bounds`.
+/// One bit for each vertex of a regular grid whose outermost vertices lie on the faces of `bounds`.
 ///
-/// A point counts where the trilinear interpolation of the bits is positive: in the box, and where a vertex of
-/// non-zero weight is set (DESIGN, section 2.10).
+/// A point is occupied if the trilinear interpolation of the bits is positive: it is in the box, and a vertex of nonzero
+/// weight is set (spec 4.8).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
-    /// What the grid spans, in model units.
+    /// The box of the grid, in model units.
     pub bounds: Aabb,
     /// Vertices along x, y and z, at least 2 each.
     pub vertices: UVec3,
@@ -28,8 +28,7 @@ impl Occupancy {
 
     /// The bit number of `vertex`.
     pub fn index(&self, vertex: UVec3) -> usize {
-        let [x, y, z] = vertex.to_array().map(|v| v as usize);
-        (z * self.vertices.y as usize + y) * self.vertices.x as usize + x
+        index_of(vertex, self.vertices) as usize
     }
 
     /// Whether `vertex` is set.
@@ -44,12 +43,12 @@ impl Occupancy {
         self.words[bit / 64] |= 1 << (bit % 64);
     }
 
-    /// The position of `vertex`.
+    /// The position of `vertex`, in model units.
     pub fn position(&self, vertex: UVec3) -> DVec3 {
         self.bounds.min + vertex.as_dvec3() / (self.vertices.as_dvec3() - 1.0) * self.bounds.size()
     }
 
-    /// Edge lengths of a cell between vertices.
+    /// Edge lengths of a cell between vertices, in model units.
     pub fn cell_size(&self) -> DVec3 {
         self.bounds.size() / (self.vertices.as_dvec3() - 1.0)
     }
@@ -61,12 +60,9 @@ impl Occupancy {
 
     /// The set vertices, in storage order.
     pub fn iter(&self) -> impl Iterator<Item = UVec3> + '_ {
-        let (x, y) = (self.vertices.x as usize, self.vertices.y as usize);
         self.words.iter().enumerate().flat_map(move |(i, &word)| {
-            (0..64).filter(move |b| word >> b & 1 == 1).map(move |b| {
-                let bit = i * 64 + b;
-                UVec3::new((bit % x) as u32, (bit / x % y) as u32, (bit / (x * y)) as u32)
-            })
+            let set = (0..64).filter(move |b| word >> b & 1 == 1);
+            set.map(move |b| cell_at(i as u64 * 64 + b, self.vertices))
         })
     }
 
@@ -75,7 +71,7 @@ impl Occupancy {
         (point - self.bounds.min) / self.bounds.size() * (self.vertices.as_dvec3() - 1.0)
     }
 
-    /// Whether `point` counts.
+    /// Whether `point`, in model units, is occupied.
     pub fn contains(&self, point: DVec3) -> bool {
         if !self.bounds.contains(point) {
             return false;
@@ -89,7 +85,7 @@ impl Occupancy {
         })
     }
 
-    /// Whether any point of the closed box `within` counts.
+    /// Whether any point of the closed box `within` is occupied.
     pub fn meets(&self, within: &Aabb) -> bool {
         let last = self.vertices.as_dvec3() - 1.0;
         let (low, high) = (self.cell_coordinates(within.min), self.cell_coordinates(within.max));

@@ -1,8 +1,8 @@
-//! The choices that fix how a scene's numbers become a field and a field becomes a picture.
+//! The rules of the field and the march (spec 3.2).
 
-use super::BrokenInvariant;
+use super::error::BrokenInvariant;
 
-/// Which points are in the model.
+/// Which points are in the model (spec 4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Coverage {
@@ -12,17 +12,17 @@ pub enum Coverage {
     Any,
 }
 
-/// How the scales that cover a point are combined.
+/// How the scales that cover a point are combined (spec 4.5 and 4.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Reduction {
-    /// Added up (what gave the paper's numbers).
+    /// Their sum, which reproduces the results of the paper.
     Sum,
-    /// Averaged (the paper's text, section "Multi-scale tri-vector fields").
+    /// Their mean, as in the text of the paper (3.3).
     Mean,
 }
 
-/// How the neighbors within a scale are weighed.
+/// The weights of the neighbors within a scale (spec 4.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Aggregation {
@@ -32,31 +32,36 @@ pub enum Aggregation {
     Clamped,
 }
 
-/// The field's and the march's rules (DESIGN, section 2).
+/// The rules of the field and the march (spec 3.2 and 4).
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Rules {
     /// Which points are in the model.
     pub coverage: Coverage,
-    /// How neighbors are weighed.
+    /// The weights of neighbors.
     pub aggregation: Aggregation,
     /// How the scales' density features combine.
     pub density_reduction: Reduction,
     /// How the scales' appearance features combine.
     pub appearance_reduction: Reduction,
-    /// Added to the density feature before the softplus.
+    /// Added to the density feature before the softplus (spec 4.5).
     pub density_shift: f64,
-    /// Multiplies σ·δ in α; per model unit.
+    /// Multiplies σ·δ in the opacity of a sample (spec 4.8); per model unit.
     pub distance_scale: f64,
-    /// δ, the march's step, in model units.
+    /// δ, the distance between samples, in model units.
     pub step: f64,
-    /// The march stops after the sample that takes the transmittance below this.
+    /// The march ends after a sample that leaves the transmittance below this.
     pub min_transmittance: f64,
-    /// Samples of at most this weight add no color.
+    /// Samples of at most this visibility weight are not shaded.
     pub min_weight: f64,
 }
 
 impl Rules {
+    /// The optical depth σ·δ·distance_scale of a sample of density `sigma` (spec 4.8).
+    pub fn optical_depth(&self, sigma: f64) -> f64 {
+        sigma * self.step * self.distance_scale
+    }
+
     pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let fraction = |v: f64| (0.0..1.0).contains(&v);

@@ -1,6 +1,9 @@
-//! One scale of a scene.
+//! Scales of a scene (spec 3.7).
 
-use super::{AppearanceMatrix, BrokenInvariant, Factors, TensorCloud};
+use super::error::BrokenInvariant;
+use super::factors::Factors;
+use super::matrix::AppearanceMatrix;
+use super::tensor_cloud::TensorCloud;
 
 /// The largest [`Scale::top_k`].
 pub const MAX_TOP_K: u32 = 16;
@@ -8,11 +11,11 @@ pub const MAX_TOP_K: u32 = 16;
 /// A cloud of tensors of one size, their factors, and the appearance matrix they share.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    /// Where the tensors are and what they cover.
+    /// The centers of the tensors and the boxes that they cover.
     pub cloud: TensorCloud,
-    /// M: how many of the covering tensors a point aggregates.
+    /// The largest number of neighbors of a point (spec 4.2).
     pub top_k: u32,
-    /// The tensors' vectors.
+    /// The factors of the tensors.
     pub factors: Factors,
     /// Shared by all tensors of the scale.
     pub appearance_matrix: AppearanceMatrix,
@@ -24,10 +27,10 @@ impl Scale {
         self.factors.parameter_count() + self.appearance_matrix.weights.len() as u64
     }
 
-    /// The same without components of tensors that are zeros, which files leave out.
-    pub fn held_parameter_count(&self) -> u64 {
+    /// The same without components that are zero, which files leave out.
+    pub fn nonzero_parameter_count(&self) -> u64 {
         let rows = Factors::rows(self.cloud.resolution);
-        self.factors.held_parameter_count(rows) + self.appearance_matrix.weights.len() as u64
+        self.factors.nonzero_parameter_count(rows) + self.appearance_matrix.weights.len() as u64
     }
 
     /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
@@ -43,12 +46,6 @@ impl Scale {
             return Err(BrokenInvariant::new(format!("{place} top_k"), expected, self.top_k));
         }
         self.factors.check(place, self.cloud.len(), self.cloud.resolution)?;
-        let matrix = &self.appearance_matrix;
-        let name = || format!("{place} appearance matrix");
-        BrokenInvariant::unless_equal(|| name() + " features", features, matrix.features)?;
-        BrokenInvariant::unless_equal(|| name() + " rank", self.factors.appearance_rank, matrix.rank)?;
-        let weights = u64::from(matrix.features) * u64::from(matrix.rank);
-        BrokenInvariant::unless_equal(|| name() + " weights", weights, matrix.weights.len() as u64)?;
-        BrokenInvariant::unless_finite(name, &matrix.weights)
+        self.appearance_matrix.check(place, features, self.factors.appearance_rank)
     }
 }

@@ -1,63 +1,34 @@
 //! The whole scene and its invariants.
 
-use std::fmt::Display;
-
-use super::{Decoder, Frame, Occupancy, Provenance, Rules, Scale};
+use super::decoder::Decoder;
+use super::error::BrokenInvariant;
+use super::frame::Frame;
+use super::occupancy::Occupancy;
+use super::provenance::Provenance;
+use super::rules::Rules;
+use super::scale::Scale;
 use crate::geometry::Aabb;
 
-/// Samples that a ray may take at most: a step out of all proportion to the bounds would never end.
+/// Largest number of samples of a ray: with a tiny step the march would take forever.
 const MAX_SAMPLES: f64 = 1_048_576.0;
 
 /// A trained scene, frozen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// How it sits in the dataset's space.
+    /// The map from dataset space, near and far, background.
     pub frame: Frame,
-    /// Where rays march, in model units.
+    /// The box that rays march through, in model units (part of RULES in files, spec 3.2).
     pub bounds: Aabb,
-    /// How numbers become a field and a picture.
+    /// The rules of the field and the march.
     pub rules: Rules,
     /// Coarsest first, at least one.
     pub scales: Vec<Scale>,
-    /// From features to color.
+    /// From appearance features to colors.
     pub decoder: Decoder,
-    /// Where samples count; everywhere in the model where there is none.
+    /// Where samples count; `None` if they count everywhere in the model.
     pub occupancy: Option<Occupancy>,
-    /// What made it.
+    /// Where the scene came from.
     pub provenance: Provenance,
-}
-
-/// The first invariant that a scene breaks.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: expected {expected}, found {found}")]
-pub struct BrokenInvariant {
-    /// Which part of the scene.
-    pub place: String,
-    /// What it should be.
-    pub expected: String,
-    /// What it is.
-    pub found: String,
-}
-
-impl BrokenInvariant {
-    pub(super) fn new(place: impl Into<String>, expected: impl Display, found: impl Display) -> Self {
-        Self { place: place.into(), expected: expected.to_string(), found: found.to_string() }
-    }
-
-    pub(super) fn unless_equal<T: PartialEq + Display>(
-        place: impl FnOnce() -> String,
-        expected: T,
-        found: T,
-    ) -> Result<(), Self> {
-        if expected == found { Ok(()) } else { Err(Self::new(place(), expected, found)) }
-    }
-
-    pub(super) fn unless_finite(place: impl FnOnce() -> String, values: &[f32]) -> Result<(), Self> {
-        match values.iter().position(|v| !v.is_finite()) {
-            None => Ok(()),
-            Some(i) => Err(Self::new(format!("{} entry {i}", place()), "a finite number", values[i])),
-        }
-    }
 }
 
 impl Scene {
@@ -71,16 +42,28 @@ impl Scene {
         self.scales.iter().map(Scale::parameter_count).sum::<u64>() + self.decoder.parameter_count()
     }
 
-    /// The same without components of tensors that are zeros, which files leave out.
-    pub fn held_parameter_count(&self) -> u64 {
-        self.scales.iter().map(Scale::held_parameter_count).sum::<u64>() + self.decoder.parameter_count()
+    /// The same without components that are zero, which files leave out.
+    pub fn nonzero_parameter_count(&self) -> u64 {
+        self.scales.iter().map(Scale::nonzero_parameter_count).sum::<u64>() + self.decoder.parameter_count()
     }
 
     /// Checks every invariant that readers, renderers and the trainer rely on.
     ///
     /// # Errors
     ///
-    /// Names the first that does not hold.
+    /// The first invariant that does not hold.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/smallest.strivec"));
+    /// let mut scene = strivec::container::decode(bytes)?;
+    /// assert_eq!(scene.check(), Ok(()));
+    ///
+    /// scene.scales[0].top_k = 0;
+    /// assert_eq!(scene.check().unwrap_err().place, "scale 0 top_k");
+    /// # Ok::<(), strivec::container::Error>(())
+    /// ```
     pub fn check(&self) -> Result<(), BrokenInvariant> {
         self.frame.check()?;
         if !self.bounds.is_solid() {

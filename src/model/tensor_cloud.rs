@@ -1,12 +1,12 @@
-//! Where the tensors of one scale are.
+//! The centers of the tensors of one scale (spec 3.7 and 3.9).
 
 use glam::{DVec3, UVec3};
 
-use super::BrokenInvariant;
+use super::error::BrokenInvariant;
 use crate::geometry::{Aabb, Lattice};
 
-/// The centers, in canonical order: strictly ascending by (z, y, x), so that an answer that depends on the order
-/// (a tie between neighbors, the order of a sum) does not depend on who wrote the scene.
+/// The centers, strictly ascending by (z, y, x): so ties between neighbors and the order of sums do not depend on the
+/// writer of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Placement {
     /// The centers of these cells of a lattice.
@@ -23,14 +23,14 @@ pub enum Placement {
     },
 }
 
-/// Tensors of one size: tensor n covers the closed box center(n) ± `half`.
+/// Tensors of one size: tensor n covers the closed box center(n) ± `half_edge` (spec 4.1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct TensorCloud {
     /// The centers.
     pub placement: Placement,
     /// Half the edge lengths, per axis, in model units.
-    pub half: DVec3,
-    /// D, cells along each axis; a factor has D + 1 vertices from −half to half.
+    pub half_edge: DVec3,
+    /// D, cells along each axis; a factor has D + 1 vertices from −`half_edge` to `half_edge`.
     pub resolution: [u32; 3],
 }
 
@@ -48,7 +48,7 @@ impl TensorCloud {
         self.len() == 0
     }
 
-    /// The center of tensor `n`.
+    /// The center of tensor `n`, in model units.
     pub fn center(&self, n: usize) -> DVec3 {
         match &self.placement {
             Placement::Lattice { lattice, cells } => lattice.center(cells[n].as_ivec3()),
@@ -61,15 +61,15 @@ impl TensorCloud {
         (0..self.len()).map(|n| self.center(n))
     }
 
-    /// The box around everything the cloud covers; [`Aabb::EMPTY`] for no tensors.
+    /// The box around all tensors, in model units; [`Aabb::EMPTY`] if there are none.
     pub fn bounds(&self) -> Aabb {
         let centers = Aabb::from_points(self.centers());
-        if self.is_empty() { centers } else { centers.grown(self.half) }
+        if self.is_empty() { centers } else { centers.grown(self.half_edge) }
     }
 
-    /// Edge lengths of a cell of a factor's grid.
+    /// Edge lengths of a factor's cell, in model units.
     pub fn cell_size(&self) -> DVec3 {
-        2.0 * self.half / UVec3::from_array(self.resolution).as_dvec3()
+        2.0 * self.half_edge / UVec3::from_array(self.resolution).as_dvec3()
     }
 
     /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
@@ -81,8 +81,8 @@ impl TensorCloud {
     }
 
     pub(super) fn check(&self, place: &str) -> Result<(), BrokenInvariant> {
-        if !(self.half.is_finite() && self.half.min_element() > 0.0) {
-            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", self.half));
+        if !(self.half_edge.is_finite() && self.half_edge.min_element() > 0.0) {
+            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", self.half_edge));
         }
         if self.resolution.contains(&0) {
             let found = format!("{:?}", self.resolution);

@@ -5,7 +5,7 @@
 //! the appearance matrices, by Adam, against what the whole scene shows.
 
 use super::Views;
-use crate::container::{Prefix, beginning};
+use crate::container::{Prefix, first_scales};
 use crate::field::Field;
 use crate::geometry::Ray;
 use crate::model::{Factors, Scene};
@@ -24,7 +24,7 @@ const PROBED: f64 = 0.1;
 /// The correction for the scene of the first `scales` scales of `scene`, fitted in `steps` steps to what `views` see of all.
 pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, seed: u64) -> Prefix {
     let whole = CpuRenderer::<f32>::new(scene);
-    let mut field = Field::<f32>::new(&beginning(scene.clone(), &[], Some(scales as u32)));
+    let mut field = Field::<f32>::new(&first_scales(scene.clone(), &[], Some(scales as u32)));
     let mut backward = Backward::new(&field);
     let random = Random::new(seed, "prefix").substream(scales as u64);
     // The logarithm of the gain, and the offset.

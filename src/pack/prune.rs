@@ -45,7 +45,7 @@ pub fn crop(scene: &Scene, within: &Aabb) -> Result<Scene, BrokenInvariant> {
     cropped.bounds = scene.bounds.intersection(within);
     for scale in &mut cropped.scales {
         let reaches = |center: DVec3| {
-            let covered = Aabb::around(center, scale.cloud.half).intersection(&cropped.bounds);
+            let covered = Aabb::around(center, scale.cloud.half_edge).intersection(&cropped.bounds);
             covered.min.cmple(covered.max).all()
         };
         let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();

@@ -1,10 +1,10 @@
 //! Where a scene is looked at from when it is judged by its own pictures.
 
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 
 use crate::container::TrainingCamera;
 use crate::geometry::{Camera, Ray};
-use crate::model::{Scene, UpAxis};
+use crate::model::Scene;
 use crate::random::Random;
 
 /// Cameras in the model's space that see the scene as a dataset's might.
@@ -55,15 +55,7 @@ fn of_training(known: &TrainingCamera, size: u32) -> Camera {
 
 /// Cameras on a sphere around the bounds, by the golden angle, from 20° below the horizon to straight above.
 fn around(scene: &Scene, count: usize, size: u32) -> Vec<Camera> {
-    let up = scene.frame.model_from_dataset.rotation
-        * match scene.frame.up {
-            UpAxis::X => DVec3::X,
-            UpAxis::Y => DVec3::Y,
-            UpAxis::Z => DVec3::Z,
-            UpAxis::MinusX => DVec3::NEG_X,
-            UpAxis::MinusY => DVec3::NEG_Y,
-            UpAxis::MinusZ => DVec3::NEG_Z,
-        };
+    let up = scene.frame.model_from_dataset.rotation * scene.frame.up.vector();
     let (aside, ahead) = up.any_orthonormal_pair();
     let radius = 0.5 * scene.bounds.size().length();
     // The bounds' sphere then fills two thirds of the picture, and lies behind near.

@@ -53,7 +53,7 @@ impl BoxLines {
                 [x, y, z, s as f32]
             }));
             firsts.push(centers.len() as u32);
-            let [x, y, z] = scale.cloud.half.to_array().map(|v| v as f32);
+            let [x, y, z] = scale.cloud.half_edge.to_array().map(|v| v as f32);
             (halves[s], colors[s]) = ([x, y, z, 0.0], color_of(s, scale.cloud.len()));
         }
         let buffer = |label, size: usize, usage| {
@@ -104,7 +104,7 @@ pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl
         for center in scale.cloud.centers() {
             let corners: [DVec4; 8] = std::array::from_fn(|n| {
                 let sign = DVec3::from_array([1, 2, 4].map(|bit| if n & bit == 0 { -1.0 } else { 1.0 }));
-                clip_from_model * (center - origin + sign * scale.cloud.half).extend(1.0)
+                clip_from_model * (center - origin + sign * scale.cloud.half_edge).extend(1.0)
             });
             for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))).filter(|(a, b)| a != b) {
                 if let Some(ends) = in_front(corners[a], corners[b]) {

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::{Gesture, Gestures};
 use crate::container::{Pose, Views};
 use crate::geometry::{Aabb, Camera};
-use crate::model::{Frame, Scene, UpAxis};
+use crate::model::Scene;
 
 /// Degrees that a picture spans from top to bottom where the file does not say.
 const ANGLE_OF_VIEW: f64 = 0.7;
@@ -125,7 +125,7 @@ pub struct Controls {
 impl Controls {
     /// For `scene`; begins as `views` say, if there are any, and else where all of it is seen.
     pub fn new(scene: &Scene, views: Option<&Views>) -> Self {
-        let up = up_in_model(&scene.frame);
+        let up = scene.frame.up_in_model();
         let angle_of_view = views.map_or(ANGLE_OF_VIEW, |v| v.angle_of_view).clamp(0.02, 3.0);
         let first = match views {
             Some(views) => {
@@ -303,19 +303,6 @@ impl Controls {
         self.now.pose.position += length * self.now.axis(step.normalize());
         true
     }
-}
-
-/// Up in the model's space.
-fn up_in_model(frame: &Frame) -> DVec3 {
-    let axis = match frame.up {
-        UpAxis::X => DVec3::X,
-        UpAxis::Y => DVec3::Y,
-        UpAxis::Z => DVec3::Z,
-        UpAxis::MinusX => -DVec3::X,
-        UpAxis::MinusY => -DVec3::Y,
-        UpAxis::MinusZ => -DVec3::Z,
-    };
-    (frame.model_from_dataset.rotation * axis).normalize()
 }
 
 /// From a little above, as far as the sphere around `bounds` needs.

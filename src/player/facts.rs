@@ -24,7 +24,7 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
         fact("tensors", grouped(tensors as u64)),
     ];
     for (n, scale) in scene.scales.iter().enumerate() {
-        let [x, y, z] = (2.0 * scale.cloud.half).to_array();
+        let [x, y, z] = (2.0 * scale.cloud.half_edge).to_array();
         let [dx, dy, dz] = scale.cloud.resolution;
         let factors = &scale.factors;
         let value = format!(

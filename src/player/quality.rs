@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::container::{Prefix, beginning};
+use crate::container::{Prefix, first_scales};
 use crate::model::Scene;
 use crate::render::{Approximation, ParetoFront, RenderSettings};
 
@@ -23,7 +23,7 @@ pub fn adapted(
         density_cache: approximation.density_cache.filter(|_| has_cache),
         ..*approximation
     };
-    (beginning(scene.clone(), prefixes, approximation.scales), left)
+    (first_scales(scene.clone(), prefixes, approximation.scales), left)
 }
 
 /// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.

@@ -147,17 +147,8 @@ impl AlignmentHint {
             return DMat3::from_cols(axes[0], axes[1], axes[2]);
         }
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-        // Where the prior's x, y and z axes go.
-        let upright = match self.up {
-            UpAxis::X => DMat3::from_cols(z, y, -x),
-            UpAxis::Y => DMat3::from_cols(x, z, -y),
-            UpAxis::Z => DMat3::IDENTITY,
-            UpAxis::MinusX => DMat3::from_cols(-z, y, x),
-            UpAxis::MinusY => DMat3::from_cols(x, -z, y),
-            UpAxis::MinusZ => DMat3::from_cols(x, -y, -z),
-        };
         let quarter = DMat3::from_cols(y, -x, z);
-        (0..self.quarter_turns).fold(upright, |turned, _| quarter * turned)
+        (0..self.quarter_turns).fold(self.up.z_up_from(), |turned, _| quarter * turned)
     }
 
     /// Where a point of the prior goes.
@@ -176,24 +167,12 @@ impl AlignmentHint {
     }
 }
 
-/// As arguments write it.
-fn name(up: UpAxis) -> &'static str {
-    match up {
-        UpAxis::X => "x",
-        UpAxis::Y => "y",
-        UpAxis::Z => "z",
-        UpAxis::MinusX => "-x",
-        UpAxis::MinusY => "-y",
-        UpAxis::MinusZ => "-z",
-    }
-}
-
 impl fmt::Display for AlignmentHint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut causes: Vec<String> = Vec::new();
         let mut cures: Vec<String> = Vec::new();
         if self.up != UpAxis::Z {
-            let up = name(self.up);
+            let up = self.up.name();
             causes.push(format!("the prior's {up} axis seems to be up where the dataset's is z"));
             cures.push(format!("--up {up}"));
         }

@@ -19,7 +19,7 @@ mod visibility;
 
 use std::ops::ControlFlow;
 
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 
 pub use options::CoarseOptions;
 
@@ -29,7 +29,7 @@ pub(crate) use self::trainer::check_views;
 use self::trainer::{Level, RaySampler};
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
-use crate::geometry::{Aabb, Lattice};
+use crate::geometry::{Aabb, Lattice, cell_at};
 
 /// How far the reconstruction is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,8 +126,7 @@ fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
 fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
     let shift = density_of_alpha(options.initial_alpha, 1.0);
     let threshold = (density_of_alpha(options.occupied_alpha, 1.0) - shift) as f32;
-    let [nx, ny, _] = grid.vertices.to_array().map(|n| n as usize);
-    let vertex = |n: usize| UVec3::new((n % nx) as u32, (n / nx % ny) as u32, (n / (nx * ny)) as u32);
+    let vertex = |n: usize| cell_at(n as u64, grid.vertices);
     let cells = (0..grid.values.len()).filter(|&n| grid.values[n][0] > threshold).map(vertex).collect();
     let lattice = Lattice { origin: grid.origin - 0.5 * grid.voxel, pitch: DVec3::splat(grid.voxel) };
     VoxelBoxes { lattice, cells }

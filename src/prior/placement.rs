@@ -35,7 +35,7 @@ impl ScaleShape {
     }
 
     fn cloud(&self, placement: Placement) -> TensorCloud {
-        TensorCloud { placement, half: 0.5 * DVec3::from(self.edge), resolution: self.resolution }
+        TensorCloud { placement, half_edge: 0.5 * DVec3::from(self.edge), resolution: self.resolution }
     }
 
     fn check(&self) -> Result<(), Error> {

@@ -7,7 +7,7 @@ use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
 use super::VoxelBoxes;
-use crate::geometry::{Lattice, Ray};
+use crate::geometry::{Lattice, Ray, morton};
 
 /// Levels of 2 bits an axis that reach every 32-bit cell.
 const MAX_LEVELS: u32 = 16;
@@ -172,12 +172,9 @@ fn dominant(direction: DVec3) -> usize {
     direction.abs().max_position()
 }
 
-/// Two bits of z, y and x a level, the highest level first: children of a node, and theirs, follow one another.
+/// Two bits of z, y and x for each level, the highest level first: the children of a node, and theirs, are adjacent.
 fn key(cell: UVec3) -> u128 {
-    (0..MAX_LEVELS).fold(0, |key, level| {
-        let digit = |axis: usize| u128::from(cell[axis] >> (2 * level) & 3);
-        key | (digit(2) << 4 | digit(1) << 2 | digit(0)) << (6 * level)
-    })
+    morton::encode(cell, 2, MAX_LEVELS)
 }
 
 #[cfg(test)]

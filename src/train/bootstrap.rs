@@ -17,7 +17,7 @@ use super::prepare::frame;
 use super::{ConfigError, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
-use crate::geometry::{Aabb, Lattice, Ray, Similarity};
+use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
 use crate::prior::{self, CoarseProgress, RunningMse, VoxelBoxes};
 
@@ -204,7 +204,7 @@ impl CoarseCube {
             },
             scales: vec![ScaleConfig {
                 pitch: (self.resolution.as_dvec3() * self.cell).to_array(),
-                edge: (2.0 * cloud.half).to_array(),
+                edge: (2.0 * cloud.half_edge).to_array(),
                 resolutions: vec![cloud.resolution],
                 density_rank: options.components,
                 appearance_rank: options.components,
@@ -219,7 +219,7 @@ impl CoarseCube {
         let cells = (0..8).map(|n| UVec3::new(n & 1, n >> 1 & 1, n >> 2)).collect();
         TensorCloud {
             placement: Placement::Lattice { lattice: Lattice { origin: self.corner, pitch }, cells },
-            half: 0.5 * pitch + self.overlap().as_dvec3() * self.cell,
+            half_edge: 0.5 * pitch + self.overlap().as_dvec3() * self.cell,
             resolution: (self.resolution + 2 * self.overlap()).to_array(),
         }
     }
@@ -269,14 +269,12 @@ impl CoarseCube {
 
     /// The number of `cell`, of all eight boxes together.
     fn number(&self, cell: UVec3) -> usize {
-        let size = 2 * self.resolution;
-        (cell.z as usize * size.y as usize + cell.y as usize) * size.x as usize + cell.x as usize
+        index_of(cell, 2 * self.resolution) as usize
     }
 
     /// The cell of a number.
     fn cell_number(&self, n: usize) -> UVec3 {
-        let [x, y, _] = (2 * self.resolution).to_array().map(|n| n as usize);
-        UVec3::new((n % x) as u32, (n / x % y) as u32, (n / (x * y)) as u32)
+        cell_at(n as u64, 2 * self.resolution)
     }
 
     /// \[z\]\[y\]\[x\] the cells that hold a sample which adds enough to some pixel.

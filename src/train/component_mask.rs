@@ -56,7 +56,7 @@ impl ComponentMask {
             let factors = &scale.factors;
             let ranks = [factors.density_rank as usize, factors.appearance_rank as usize];
             let held = [(&factors.density, ranks[0]), (&factors.appearance, ranks[1])]
-                .map(|(values, rank)| Factors::held(values, rows, rank));
+                .map(|(values, rank)| Factors::nonzero_components(values, rows, rank));
             for n in 0..scale.cloud.len() {
                 let (mut dropped, mut left) = (0, 0);
                 for ((held, cleared), rank) in held.iter().zip(cleared).zip(ranks) {

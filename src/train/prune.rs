@@ -32,7 +32,7 @@ pub fn prune_unoccupied(scene: &mut Scene) -> Vec<Vec<usize>> {
 
 /// The tensors of `scale` in whose boxes samples count; the first where none is.
 fn occupied_tensors(scale: &Scale, occupancy: &Occupancy) -> Vec<usize> {
-    let half = scale.cloud.half + MARGIN * occupancy.cell_size();
+    let half = scale.cloud.half_edge + MARGIN * occupancy.cell_size();
     let counts = |center| occupancy.meets(&Aabb::around(center, half));
     let mut kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| counts(scale.cloud.center(n))).collect();
     if kept.is_empty() {

@@ -1,5 +1,6 @@
 //! The training loop's body: one step, and what the schedule does between steps.
 
+use glam::UVec3;
 use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
@@ -12,7 +13,7 @@ use super::{
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
-use crate::geometry::{Aabb, Ray};
+use crate::geometry::{Aabb, Ray, morton};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
@@ -345,14 +346,8 @@ pub(super) fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
         || field.first_sample(ray),
     );
     let Some(position) = first else { return u64::MAX };
-    let mut place = 0;
-    for (a, p) in position.into_iter().enumerate() {
-        let cell = ((f64::from(p) / size[a] + 0.5) * f64::from(1 << BITS)) as u64;
-        for bit in 0..BITS {
-            place |= (cell >> bit & 1) << (3 * bit + a as u32);
-        }
-    }
-    place
+    let cell = |a: usize| ((f64::from(position[a]) / size[a] + 0.5) * f64::from(1 << BITS)) as u32;
+    morton::encode(UVec3::new(cell(0), cell(1), cell(2)), 1, BITS) as u64
 }
 
 /// A scale's vectors and moments cut into tensors.

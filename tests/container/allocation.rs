@@ -66,7 +66,7 @@ fn bomb(tensors: u32) -> Vec<u8> {
     coarse.factors.appearance = vec![0.0; rows * 3];
     let mut file = File::of(&encode(&scene, &f32()).unwrap());
     let Placement::Lattice { lattice, .. } = &scene.scales[0].cloud.placement else { unreachable!() };
-    let last = lattice.center(IVec3::new(tensors as i32 - 1, 0, 0)) + scene.scales[0].cloud.half;
+    let last = lattice.center(IVec3::new(tensors as i32 - 1, 0, 0)) + scene.scales[0].cloud.half_edge;
     let scale = file.part("SCALE");
     scale.patch(0, &tensors.to_le_bytes());
     scale.patch(112, &tensors.to_le_bytes());

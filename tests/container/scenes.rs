@@ -111,11 +111,11 @@ fn linear(numbers: &mut Numbers, inputs: u32, outputs: u32) -> Linear {
 pub(crate) fn scale(
     numbers: &mut Numbers,
     placement: Placement,
-    half: DVec3,
+    half_edge: DVec3,
     resolution: [u32; 3],
     ranks: [u32; 2],
 ) -> Scale {
-    let cloud = TensorCloud { placement, half, resolution };
+    let cloud = TensorCloud { placement, half_edge, resolution };
     let rows = cloud.len() * Factors::rows(resolution);
     let factors = Factors {
         kind: FactorKind::Cp,

@@ -51,7 +51,7 @@ fn stepped(v: f64, direction: i32) -> f64 {
 
 /// Points with names, each with the points one step of f32 to either side.
 fn points(scene: &Scene) -> Vec<(String, DVec3)> {
-    let half = scene.scales[0].cloud.half;
+    let half = scene.scales[0].cloud.half_edge;
     let mut named: Vec<(String, DVec3)> = Vec::new();
     for center in [DVec3::X, DVec3::NEG_Y, DVec3::new(0.0, 0.0, 6.0)] {
         // Center, the centers of faces, of edges, and corners.
@@ -121,7 +121,7 @@ fn every_renderer_agrees_on_centers_faces_edges_corners_vertices_and_ties() {
             assert!(wrong.is_empty(), "{way:?}, {mode:?}: {wrong:?}");
         }
         let mut planted = scene.clone();
-        planted.scales[0].cloud.half.x -= 0.03125;
+        planted.scales[0].cloud.half_edge.x -= 0.03125;
         let wrong = disagreements(&scene, &planted, Way::CpuF32, Way::CpuF32.bound());
         assert!(wrong.len() > 8, "boxes a little smaller go unnoticed: {wrong:?}");
     }
@@ -131,7 +131,7 @@ fn every_renderer_agrees_on_centers_faces_edges_corners_vertices_and_ties() {
 #[test]
 fn boxes_are_closed_in_every_precision() {
     let scene = scene(DecoderMode::PerSample);
-    let (center, half) = (DVec3::new(0.0, 0.0, 6.0), scene.scales[0].cloud.half);
+    let (center, half) = (DVec3::new(0.0, 0.0, 6.0), scene.scales[0].cloud.half_edge);
     for a in 0..3 {
         for side in [-1.0, 1.0] {
             let mut face = center;

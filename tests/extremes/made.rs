@@ -84,8 +84,11 @@ impl Made {
             density: draw("density", density_rank, density),
             appearance: draw("appearance", appearance_rank, appearance),
         };
-        let cloud =
-            TensorCloud { placement: Placement::Explicit { centers }, half: self.half, resolution: self.resolution };
+        let cloud = TensorCloud {
+            placement: Placement::Explicit { centers },
+            half_edge: self.half,
+            resolution: self.resolution,
+        };
         let bounds = cloud.bounds();
         let bounds = bounds.grown(0.125 * bounds.size());
         let weights = |stream: &str, count: u32, deviation: f64| -> Vec<f32> {
@@ -159,7 +162,7 @@ pub(crate) fn moved(mut scene: Scene, factor: f64, offset: DVec3) -> Scene {
     let point = |p: DVec3| factor * p + offset;
     scene.bounds = Aabb { min: point(scene.bounds.min), max: point(scene.bounds.max) };
     for scale in &mut scene.scales {
-        scale.cloud.half *= factor;
+        scale.cloud.half_edge *= factor;
         match &mut scale.cloud.placement {
             Placement::Explicit { centers } => centers.iter_mut().for_each(|c| *c = point(*c)),
             Placement::Lattice { lattice, .. } => {

@@ -55,7 +55,7 @@ pub(crate) fn scene(config: &TrainConfig) -> Scene {
             }
             TensorCloud {
                 placement: Placement::Lattice { lattice, cells: occupied },
-                half: 0.5 * DVec3::from_array(scale.edge),
+                half_edge: 0.5 * DVec3::from_array(scale.edge),
                 resolution: scale.resolutions[0],
             }
         })

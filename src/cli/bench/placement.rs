@@ -104,7 +104,7 @@ fn look_up(scene: &Scene, field: &Field<f32>) -> (f64, f64) {
         .map(|n| {
             let center = centers[random.below(4 * n, centers.len() as u64) as usize];
             let offset = [1, 2, 3].map(|axis| 2.0 * random.uniform(4 * n + axis) - 1.0);
-            field.relative(center + glam::DVec3::from(offset) * cloud.half)
+            field.relative(center + glam::DVec3::from(offset) * cloud.half_edge)
         })
         .collect();
     let mut samples = Samples::default();

@@ -85,7 +85,7 @@ fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) ->
     let RenderSettings { approximation, divisor } =
         stored_settings(&QualitySelector::Name(name.to_owned()), document, path, size)?;
     approximation.check(&document.scene)?;
-    let scene = container::beginning(document.scene.clone(), &document.metadata.prefixes, approximation.scales);
+    let scene = container::first_scales(document.scene.clone(), &document.metadata.prefixes, approximation.scales);
     document.scene = approximation.applied(scene);
     forget_measurements(&mut document.metadata);
     if approximation.density_cache.is_some() || divisor != 1 {

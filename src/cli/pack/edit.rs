@@ -97,7 +97,7 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
             if !matches!(prefixes.get(scales - 1), Some(Some(_))) {
                 session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them"));
             }
-            document.scene = container::beginning(document.scene, prefixes, Some(scales as u32));
+            document.scene = container::first_scales(document.scene, prefixes, Some(scales as u32));
         }
         if let Some(corners) = args.corners {
             let map = document.scene.frame.model_from_dataset;

@@ -178,7 +178,7 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
         add("occupancy.npy".into(), npy(&[z, y, x], bits))?;
     }
     let scale = |scale: &Scale| ScaleDescription {
-        half: scale.cloud.half,
+        half: scale.cloud.half_edge,
         resolution: scale.cloud.resolution,
         top_k: scale.top_k,
         factor_kind: scale.factors.kind,
@@ -267,7 +267,7 @@ impl Folder<'_> {
         let ([features, rank], weights) =
             self.array::<f32, 2>(&format!("scale{s}_matrix"), [None, Some(appearance_rank)])?;
         Ok(Scale {
-            cloud: TensorCloud { placement, half: scale.half, resolution: scale.resolution },
+            cloud: TensorCloud { placement, half_edge: scale.half, resolution: scale.resolution },
             top_k: scale.top_k,
             factors: Factors {
                 kind: scale.factor_kind,

@@ -107,7 +107,7 @@ impl DataArgs {
         let Some(folder) = &self.data else { return Ok(Vec::new()) };
         let cameras = dataset::load_cameras(folder, "train", None, self.downscale)?;
         let map = scene.frame.model_from_dataset;
-        Ok(cameras.iter().map(|named| TrainingCamera::of(&named.camera.mapped(&map))).collect())
+        Ok(cameras.iter().map(|named| TrainingCamera::from(&named.camera.mapped(&map))).collect())
     }
 }
 
@@ -371,7 +371,7 @@ impl Packing<'_> {
         let mut psnrs = Vec::new();
         for count in 1..scales {
             let prefix = fit_prefix(decoded, count, &self.views, self.args.as_many(PREFIX_STEPS), self.args.seed);
-            let mut part = container::beginning(decoded.clone(), &[], Some(count as u32));
+            let mut part = container::first_scales(decoded.clone(), &[], Some(count as u32));
             prefix.apply(&mut part);
             let psnr = psnr_of_mse(judge.error(&part));
             psnrs.push(Some(psnr));

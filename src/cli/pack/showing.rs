@@ -18,7 +18,7 @@ pub(super) fn default_views(scene: &Scene) -> Views {
     let (count, seconds) = TURNTABLE;
     let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, count, [THUMBNAIL; 2]);
     let path: Vec<Pose> =
-        cameras.iter().map(|camera| Pose::of(&camera.mapped(&scene.frame.model_from_dataset))).collect();
+        cameras.iter().map(|camera| Pose::from(&camera.mapped(&scene.frame.model_from_dataset))).collect();
     let angle_of_view = 2.0 * (0.5 * f64::from(THUMBNAIL) / cameras[0].focal[1]).atan();
     Views { angle_of_view, first: path[0], center: scene.bounds.center(), seconds, is_closed: true, path }
 }

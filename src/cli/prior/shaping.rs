@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DMat4, DVec3};
+use glam::{DAffine3, DMat3, DMat4};
 
 use crate::cli::Error;
 use crate::cli::numbers::{boxed, numbers};
 use crate::cli::table::plural;
 use crate::geometry::Aabb;
 use crate::import::ReadOptions;
+use crate::model::UpAxis;
 use crate::prior::{BuildOptions, Outliers};
 
 /// Options of every prior from files.
@@ -112,18 +113,9 @@ impl Shaping {
     }
 }
 
-/// The quarter turn, or two, that brings `up` to z.
+/// The rotation that takes the axis `up` to z.
 fn to_z_up(up: &str) -> DMat3 {
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
-    // The columns: where x, y and z go.
-    match up {
-        "x" => DMat3::from_cols(z, y, -x),
-        "-x" => DMat3::from_cols(-z, y, x),
-        "y" => DMat3::from_cols(x, z, -y),
-        "-y" => DMat3::from_cols(x, -z, y),
-        "-z" => DMat3::from_cols(x, -y, -z),
-        _ => DMat3::IDENTITY,
-    }
+    UpAxis::from_name(up).map_or(DMat3::IDENTITY, UpAxis::z_up_from)
 }
 
 /// A 4×4 matrix from an argument, or from the file that it names.
@@ -151,6 +143,8 @@ fn matrix(text: &str) -> Result<DAffine3, Error> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     #[test]

@@ -45,7 +45,7 @@ impl ScaleUse {
     pub(super) fn of(scale: &Scale) -> Self {
         let rows = Factors::rows(scale.cloud.resolution);
         let ranks = |values: &[f32], rank: u32| -> Vec<usize> {
-            let held = Factors::held(values, rows, rank as usize);
+            let held = Factors::nonzero_components(values, rows, rank as usize);
             held.chunks_exact(rank as usize).map(|of_tensor| of_tensor.iter().filter(|h| **h).count()).collect()
         };
         let density = ranks(&scale.factors.density, scale.factors.density_rank);
@@ -60,7 +60,7 @@ impl ScaleUse {
             appearance_rank: most(&appearance),
             mean_density_rank: mean(&density),
             mean_appearance_rank: mean(&appearance),
-            parameters: scale.held_parameter_count(),
+            parameters: scale.nonzero_parameter_count(),
         }
     }
 

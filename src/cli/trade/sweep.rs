@@ -11,7 +11,7 @@ use crate::cli::console::Console;
 use crate::cli::progress::Progress;
 use crate::cli::render::colors;
 use crate::cli::{Error, Session};
-use crate::container::{Prefix, beginning};
+use crate::container::{Prefix, first_scales};
 use crate::measure::{Error as MeasureError, mse, ssim};
 use crate::model::Scene;
 use crate::render::{Approximation, upsample_bilinear};
@@ -29,7 +29,7 @@ pub(super) struct Source {
 impl Source {
     /// The scene without what `approximation` leaves out of its scales.
     pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
-        beginning(self.scene.clone(), &self.prefixes, approximation.scales)
+        first_scales(self.scene.clone(), &self.prefixes, approximation.scales)
     }
 }
 

@@ -114,7 +114,7 @@ fn write_gaussian(scale: &mut Scale, peak: f64) {
     for (factors, center) in scale.factors.density.chunks_exact_mut(tensor_len).zip(cloud.centers()) {
         for a in 0..3 {
             for vertex in 0..=cloud.resolution[a] {
-                let x = center[a] - cloud.half[a] + f64::from(vertex) * cloud.cell_size()[a];
+                let x = center[a] - cloud.half_edge[a] + f64::from(vertex) * cloud.cell_size()[a];
                 let value = peak.cbrt() * (-exponent * x * x).exp();
                 factors[(first_rows[a] + vertex as usize) * rank] = value as f32;
             }

@@ -237,7 +237,7 @@ impl App {
         match dataset::load_cameras(folder, "train", None, 1) {
             Ok(cameras) => {
                 let map = document.scene.frame.model_from_dataset;
-                let cameras = cameras.iter().map(|named| TrainingCamera::of(&named.camera.mapped(&map)));
+                let cameras = cameras.iter().map(|named| TrainingCamera::from(&named.camera.mapped(&map)));
                 document.metadata.cameras = cameras.collect();
             }
             Err(error) => self.say(error.to_string()),

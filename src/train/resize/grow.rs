@@ -47,13 +47,13 @@ pub fn grow<E: From<TrainError>>(
     let mut resizing = Resizing::begin(&scene, views, tuning, stepped)?;
     let mut good = scene;
     loop {
-        let held = good.held_parameter_count();
+        let held = good.nonzero_parameter_count();
         let next = most.min((GROWN * held as f64) as u64);
         let scales = good.scales.len();
         let mut ways = vec![with_more_components(&good, resizing.photographs(), next, &resizing.random())];
         ways.extend((0..scales).map(|s| finer(&good, s..s + 1, tuning.config.field.step_cells)));
         ways.extend((scales > 1).then(|| finer(&good, 0..scales, tuning.config.field.step_cells)));
-        ways.retain(|larger| (held + 1..=most).contains(&larger.held_parameter_count()));
+        ways.retain(|larger| (held + 1..=most).contains(&larger.nonzero_parameter_count()));
         match resizing.round_of_best(&good, ways)? {
             Some(larger) => good = larger,
             None => break,

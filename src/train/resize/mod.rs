@@ -1,7 +1,7 @@
 //! After training: fewer parameters, or more, where pictures say so.
 //!
 //! In: a trained scene and its photographs. Out: the same scene with another number of parameters, which are those that a file
-//! holds ([`Scene::held_parameter_count`]). It changes in rounds, and short training after each round lets all others adapt.
+//! holds ([`Scene::nonzero_parameter_count`]). It changes in rounds, and short training after each round lets all others adapt.
 
 mod grow;
 mod ranks;
@@ -110,7 +110,7 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         Ok(Self {
             seed: config.seed,
             steps: *steps,
-            parameters: scene.held_parameter_count(),
+            parameters: scene.nonzero_parameter_count(),
             psnr: measured.psnr(&field),
             steps_before: scene.provenance.steps,
             rounds: Vec::new(),
@@ -154,8 +154,8 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
             let trained = self.train(way.clone(), of_each, [done, trials + self.steps])?;
             psnrs.push(choosing.psnr(&Field::new(&trained)));
         }
-        let held = scene.held_parameter_count();
-        let worth = |n: usize| (psnrs[n + 1] - psnrs[0]) / (ways[n].held_parameter_count() - held) as f64;
+        let held = scene.nonzero_parameter_count();
+        let worth = |n: usize| (psnrs[n + 1] - psnrs[0]) / (ways[n].nonzero_parameter_count() - held) as f64;
         let best = (0..ways.len()).filter(|&n| worth(n) > 0.0).max_by(|&a, &b| worth(a).total_cmp(&worth(b)));
         best.map(|n| self.round(ways.swap_remove(n), trials)).transpose()
     }
@@ -165,7 +165,7 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         let psnr_at_once = self.psnr_of(&changed);
         let tuned = self.train(changed, self.steps, [trials, trials + self.steps])?;
         self.rounds.push(ResizeRound {
-            parameters: tuned.held_parameter_count(),
+            parameters: tuned.nonzero_parameter_count(),
             resolutions: tuned.scales.iter().map(|s| s.cloud.resolution).collect(),
             psnr_at_once,
             psnr: self.psnr_of(&tuned),
@@ -198,7 +198,7 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
             good.provenance.steps = self.steps_before + (taken + LAST_LENGTH) * self.steps;
         }
         Ok(Resized {
-            parameters: [self.parameters, good.held_parameter_count()],
+            parameters: [self.parameters, good.nonzero_parameter_count()],
             psnr: [self.psnr, self.psnr_of(&good)],
             rounds: self.rounds,
             scene: good,
@@ -210,8 +210,8 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
 fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
     let of_scale = |s: &Scale| ScaleConfig {
         // Nothing is placed any more.
-        pitch: (2.0 * s.cloud.half).to_array(),
-        edge: (2.0 * s.cloud.half).to_array(),
+        pitch: (2.0 * s.cloud.half_edge).to_array(),
+        edge: (2.0 * s.cloud.half_edge).to_array(),
         resolutions: vec![s.cloud.resolution],
         density_rank: s.factors.density_rank,
         appearance_rank: s.factors.appearance_rank,
@@ -261,7 +261,8 @@ impl Worth {
                 (&scale.factors.appearance, scale.factors.appearance_rank as usize),
             ];
             for (part, (values, rank)) in parts.into_iter().enumerate() {
-                let held = Factors::held(values, rows, rank).into_iter().enumerate().filter(|(_, held)| *held);
+                let held =
+                    Factors::nonzero_components(values, rows, rank).into_iter().enumerate().filter(|(_, held)| *held);
                 components.extend(held.map(|(n, _)| (worth[part][n] / rows as f64, rows as u64, [s, part, n])));
             }
         }
@@ -272,7 +273,7 @@ impl Worth {
     /// The components of `scene` that are worth least for each parameter they hold, so many that `most` parameters are left.
     fn least(&self, scene: &Scene, most: u64) -> ComponentMask {
         let mut cleared = ComponentMask::nothing(scene);
-        let mut held = scene.held_parameter_count();
+        let mut held = scene.nonzero_parameter_count();
         for (_, parameters, [s, part, n]) in self.ranking(scene) {
             if held <= most {
                 break;

@@ -10,7 +10,7 @@ pub(super) fn drop_ranks(scene: &mut Scene) {
         let rows = Factors::rows(scale.cloud.resolution);
         let factors = &mut scale.factors;
         let rank = factors.density_rank as usize;
-        let held = Factors::held(&factors.density, rows, rank);
+        let held = Factors::nonzero_components(&factors.density, rows, rank);
         let kept: Vec<Vec<usize>> =
             held.chunks_exact(rank).map(|held| (0..rank).filter(|&c| held[c]).collect()).collect();
         let most = kept.iter().map(Vec::len).max().unwrap_or(0).max(1);
@@ -18,7 +18,7 @@ pub(super) fn drop_ranks(scene: &mut Scene) {
         factors.density_rank = most as u32;
 
         let rank = factors.appearance_rank as usize;
-        let held = Factors::held(&factors.appearance, rows, rank);
+        let held = Factors::nonzero_components(&factors.appearance, rows, rank);
         let mut kept: Vec<usize> = (0..rank).filter(|&c| held.iter().skip(c).step_by(rank).any(|&h| h)).collect();
         if kept.is_empty() {
             kept.push(0);

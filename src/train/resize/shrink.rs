@@ -49,7 +49,7 @@ pub fn shrink<E: From<TrainError>>(
     let mut good = scene;
     let mut kept = KEPT;
     loop {
-        let held = good.held_parameter_count();
+        let held = good.nonzero_parameter_count();
         let fewer = (kept * held as f64) as u64;
         let most = match goal {
             ShrinkGoal::Parameters(most) if held <= most => break,
@@ -58,7 +58,7 @@ pub fn shrink<E: From<TrainError>>(
         };
         let choosing = resizing.choosing(&good);
         let smaller = smaller(&good, resizing.photographs(), &choosing, most, &resizing.random());
-        if smaller.held_parameter_count() >= held {
+        if smaller.nonzero_parameter_count() >= held {
             // Nothing but shared weights is left.
             break;
         }

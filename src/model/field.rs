@@ -1,19 +1,23 @@
-//! The reference field: what a scene means, in f64, as plainly as it can be said. Every other implementation is
-//! compared with this one, so nothing here is shared with them.
+//! The reference field: spec 4 in f64, written for clarity. Every other implementation is compared with this one, so
+//! nothing here is shared with them.
 //!
-//! Besides its value, each query returns its *decision margin*: the smallest displacement of the point, per axis and
-//! in model units, at which a discrete decision (which tensors cover it, which are nearest, whether it is occupied)
-//! would come out differently. Implementations in lower precision must agree where the margin exceeds their own
-//! position error.
+//! Besides its value, each query returns its *decision margin* (spec 4.10): the smallest displacement of the point, per
+//! axis and in model units, that changes a discrete decision (the covering tensors, the nearest ones, the occupancy).
+//! Implementations in lower precision must agree if the margin exceeds their own position error.
 
 use std::collections::HashMap;
 
 use glam::{DVec3, IVec3};
 
-use super::{Aggregation, Coverage, Decoder, Occupancy, Reduction, Rules, Scale, Scene};
+use super::decoder::Decoder;
+use super::factors::Factors;
+use super::occupancy::Occupancy;
+use super::rules::{Aggregation, Coverage, Reduction};
+use super::scale::Scale;
+use super::scene::Scene;
 
-/// Margins are exact below this, in model units, and reported as at least this above it; in proportion to their bounds in
-/// scenes of much more or much less than a few units ([`ReferenceField::margin_horizon`]).
+/// Margins are exact below this, in model units, and reported as at least this above it. In scenes whose bounds are much
+/// larger or smaller than a few units it scales with the bounds ([`ReferenceField::margin_horizon`]).
 pub const MARGIN_HORIZON: f64 = 1e-3;
 
 /// The longest edges of bounds for which [`MARGIN_HORIZON`] holds.
@@ -26,31 +30,31 @@ pub struct Neighbor {
     pub tensor: usize,
     /// The point's distance to its center.
     pub distance: f64,
-    /// Its weight, normalized as the scene's aggregation says.
+    /// Its weight w (spec 4.4).
     pub weight: f64,
 }
 
 /// A point with its neighbors.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Where.
+    /// In model units.
     pub position: DVec3,
-    /// For each scale its neighbors, nearest first; empty where the scale does not cover the point.
+    /// \[scale\] the neighbors, nearest first; empty if the scale does not cover the point.
     pub neighbors: Vec<Vec<Neighbor>>,
     /// Whether the point is in the model.
     pub covered: bool,
-    /// The decision margin of coverage and ranking.
+    /// The decision margin of coverage and neighbors, in model units.
     pub margin: f64,
 }
 
-/// The density feature at a point and how it changes with the position.
+/// The density feature at a point and its gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityAt {
     /// f, before shift and softplus.
     pub feature: f64,
     /// ∂f/∂position.
     pub gradient: DVec3,
-    /// The sum of the sizes of all products that f is the sum of: what rounding is relative to.
+    /// The sum of the absolute values of all products in f; rounding errors are relative to it.
     pub magnitude: f64,
 }
 
@@ -69,7 +73,23 @@ pub fn alpha(optical_depth: f64) -> f64 {
     -(-optical_depth).exp_m1()
 }
 
-/// A scene ready to be queried. The scene must have passed [`Scene::check`].
+/// The field of a scene (spec 4), in f64. The scene must have passed [`Scene::check`].
+///
+/// # Examples
+///
+/// ```
+/// use strivec::model::ReferenceField;
+///
+/// let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/smallest.strivec"));
+/// let scene = strivec::container::decode(bytes)?;
+/// let field = ReferenceField::new(&scene);
+/// let point = field.locate(scene.scales[0].cloud.center(0));
+/// assert!(point.covered);
+/// let sigma = field.density(field.density_feature(&point).feature);
+/// let color = field.decode(&field.appearance_features(&point), glam::DVec3::NEG_Z);
+/// assert!(sigma >= 0.0 && color.iter().all(|c| (0.0..=1.0).contains(c)));
+/// # Ok::<(), strivec::container::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct ReferenceField<'a> {
     scene: &'a Scene,
@@ -86,10 +106,10 @@ struct Buckets {
 
 impl Buckets {
     fn new(scale: &Scale, horizon: f64) -> Self {
-        let width = 2.0 * scale.cloud.half + 4.0 * horizon;
+        let width = 2.0 * scale.cloud.half_edge + 4.0 * horizon;
         let mut tensors = HashMap::<IVec3, Vec<usize>>::new();
         for (n, center) in scale.cloud.centers().enumerate() {
-            let reach = scale.cloud.half + 2.0 * horizon;
+            let reach = scale.cloud.half_edge + 2.0 * horizon;
             let first = ((center - reach) / width).floor().as_ivec3();
             let last = ((center + reach) / width).floor().as_ivec3();
             for z in first.z..=last.z {
@@ -103,7 +123,7 @@ impl Buckets {
         Self { width, tensors }
     }
 
-    /// Every tensor that covers `position` or would after a displacement within the horizon, ascending.
+    /// Every tensor that covers `position`, or does so after a displacement within the horizon, ascending.
     fn near(&self, position: DVec3) -> &[usize] {
         let cell = (position / self.width).floor().as_ivec3();
         self.tensors.get(&cell).map_or(&[], Vec::as_slice)
@@ -119,7 +139,7 @@ impl<'a> ReferenceField<'a> {
         Self { scene, horizon, buckets: scene.scales.iter().map(|s| Buckets::new(s, horizon)).collect() }
     }
 
-    /// Margins are exact below this, in model units, and reported as at least this above it.
+    /// Margins of this scene are exact below this, in model units, and reported as at least this above it.
     pub fn margin_horizon(&self) -> f64 {
         self.horizon
     }
@@ -129,7 +149,7 @@ impl<'a> ReferenceField<'a> {
         self.scene
     }
 
-    /// Which tensors make up the field at `position` (DESIGN, sections 2.1, 2.2 and 2.4).
+    /// The neighbors of `position`, in model units, with their weights (spec 4.1, 4.2 and 4.4).
     pub fn locate(&self, position: DVec3) -> Point {
         let mut margin = self.horizon;
         let neighbors: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
@@ -148,7 +168,7 @@ impl<'a> ReferenceField<'a> {
 
     fn nearest(&self, scale: &Scale, near: &[usize], position: DVec3) -> (Vec<Neighbor>, f64) {
         let top_k = scale.top_k as usize;
-        let half = scale.cloud.half;
+        let half = scale.cloud.half_edge;
         // (distance, tensor, how far the point is from a face of the box: positive outside, at most 0 inside)
         let mut candidates: Vec<(f64, usize, f64)> = near
             .iter()
@@ -177,7 +197,7 @@ impl<'a> ReferenceField<'a> {
         (neighbors, margin)
     }
 
-    /// Whether samples at `position` count, by the occupancy, and the decision's margin (DESIGN, section 2.10).
+    /// Whether `position` is occupied (spec 4.8), and the margin of this decision in model units.
     pub fn occupied(&self, position: DVec3) -> (bool, f64) {
         match &self.scene.occupancy {
             None => (true, self.horizon),
@@ -185,7 +205,7 @@ impl<'a> ReferenceField<'a> {
         }
     }
 
-    /// The density feature at a point of the model (DESIGN, sections 2.3 to 2.5).
+    /// The density feature f at a point of the model (spec 4.3 and 4.5).
     pub fn density_feature(&self, point: &Point) -> DensityAt {
         let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO, magnitude: 0.0 };
         let mut scales = 0;
@@ -221,12 +241,12 @@ impl<'a> ReferenceField<'a> {
         sum
     }
 
-    /// σ for a density feature (DESIGN, section 2.6).
+    /// The density σ of a density feature (spec 4.5).
     pub fn density(&self, feature: f64) -> f64 {
         softplus(feature + self.scene.rules.density_shift)
     }
 
-    /// The P appearance features at a point of the model (DESIGN, section 2.7).
+    /// The P appearance features F at a point of the model (spec 4.6).
     pub fn appearance_features(&self, point: &Point) -> Vec<f64> {
         let mut features = vec![0.0; self.scene.features() as usize];
         let mut scales = 0;
@@ -255,12 +275,12 @@ impl<'a> ReferenceField<'a> {
         features
     }
 
-    /// The color, in [0, 1], of `features` seen along the unit vector `direction` (DESIGN, section 2.7).
+    /// The color, in \[0, 1\], of P `features` along the unit vector `direction` from the camera (spec 4.7).
     pub fn decode(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
         self.decoder_output(features, direction).map(sigmoid)
     }
 
-    /// [`ReferenceField::decode`] before the sigmoid.
+    /// [`ReferenceField::decode`] before the sigmoid: y of spec 4.7.
     pub fn decoder_output(&self, features: &[f64], direction: DVec3) -> [f64; 3] {
         let mut values = decoder_input(&self.scene.decoder, features, direction);
         let layers = &self.scene.decoder.layers;
@@ -278,11 +298,11 @@ impl<'a> ReferenceField<'a> {
     }
 }
 
-/// Weights of tensors at these distances, nearest first (DESIGN, section 2.4).
+/// Weights of neighbors at these distances, nearest first (spec 4.4).
 fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     let Some(nearest) = distances.clone().next() else { return Vec::new() };
     let (raw, divisor): (Vec<f64>, f64) = match aggregation {
-        // The limit at a center: that tensor alone counts. Two centers never coincide.
+        // The limit at a center. No two centers coincide.
         Aggregation::Normalized if nearest == 0.0 => {
             (distances.enumerate().map(|(i, _)| if i == 0 { 1.0 } else { 0.0 }).collect(), 1.0)
         }
@@ -300,7 +320,7 @@ fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item =
     raw.into_iter().map(|w| w / divisor).collect()
 }
 
-/// Where an offset from a tensor's center falls on its three vertex rows.
+/// The interpolation at an offset from a tensor's center, on its three axes (spec 4.3).
 struct Interpolation {
     /// The row of the lower vertex within the tensor, per axis.
     rows: [usize; 3],
@@ -314,7 +334,6 @@ struct Interpolation {
 
 impl Interpolation {
     fn at(scale: &Scale, offset: DVec3) -> Self {
-        use super::Factors;
         let resolution = scale.cloud.resolution;
         let first = Factors::axis_rows(resolution);
         let cells_per_unit = 1.0 / scale.cloud.cell_size();
@@ -322,7 +341,7 @@ impl Interpolation {
         let mut fractions = [0.0; 3];
         for a in 0..3 {
             let cells = f64::from(resolution[a]);
-            let u = (offset[a] + scale.cloud.half[a]) / (2.0 * scale.cloud.half[a]) * cells;
+            let u = (offset[a] + scale.cloud.half_edge[a]) / (2.0 * scale.cloud.half_edge[a]) * cells;
             let lower = u.floor().clamp(0.0, cells - 1.0);
             rows[a] = first[a] + lower as usize;
             fractions[a] = u - lower;
@@ -353,7 +372,7 @@ impl Interpolation {
     }
 }
 
-/// A tensor's density feature at `offset` from its center, its gradient, and the sum of its products' sizes.
+/// A tensor's density feature at `offset` from its center, its gradient, and the sum of the absolute products.
 fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3, f64) {
     let interpolation = Interpolation::at(scale, offset);
     let rank = scale.factors.density_rank as usize;
@@ -383,7 +402,7 @@ fn decoder_input(decoder: &Decoder, features: &[f64], direction: DVec3) -> Vec<f
     input
 }
 
-/// The smallest displacement per axis that takes `position` into an occupancy cell of the other kind.
+/// The smallest displacement per axis that moves `position` into a cell of the opposite occupancy.
 fn occupancy_margin(occupancy: &Occupancy, position: DVec3, horizon: f64) -> f64 {
     let at = occupancy.cell_coordinates(position);
     let cell = at.floor().as_ivec3();
@@ -402,11 +421,4 @@ fn occupancy_margin(occupancy: &Occupancy, position: DVec3, horizon: f64) -> f64
         }
     }
     margin
-}
-
-impl Rules {
-    /// The optical depth σ·δ·distance_scale of a sample of density `sigma`.
-    pub fn optical_depth(&self, sigma: f64) -> f64 {
-        sigma * self.step * self.distance_scale
-    }
 }

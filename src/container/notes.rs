@@ -1,0 +1,65 @@
+//! NOTES: keys and values that programs keep in a file (spec 3.18).
+
+use std::collections::BTreeMap;
+
+use super::error::Error;
+use super::limits::{self, Budget};
+use super::payload::Payload;
+use super::record::{self, Count, Text};
+use super::section::{Section, SectionKind};
+use super::table::sections;
+use super::writer::{Place, Writer};
+
+pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Result<(), Error> {
+    let mut body = Vec::new();
+    for (key, value) in notes {
+        for text in [key, value] {
+            body.extend(record::write(&"NOTES", &Text { text })?);
+        }
+    }
+    let record = record::write(&"NOTES", &Count { count: notes.len() as u64 })?;
+    writer.compressed(Place::whole(SectionKind::Notes), record, &body)
+}
+
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMap<String, String>, Error> {
+    let name = payload.section;
+    let (record, body): (Count, _) = payload.record_and_body()?;
+    limits::check(format!("{name} notes"), limits::ITEMS, record.count)?;
+    limits::check(format!("{name} bytes"), 0..=*limits::TEXT_BYTES.end(), body.length)?;
+    budget.spend(name, 2 * body.length)?;
+    let bytes = body.decode(body.length, budget)?;
+    let mut rest = bytes.as_ref();
+    let mut notes = BTreeMap::<String, String>::new();
+    for n in 0..record.count {
+        let place = format!("{name} note {n}");
+        let (key, after): (Text<'_>, _) = record::read(&place, rest)?;
+        let (value, after): (Text<'_>, _) = record::read(&place, after)?;
+        rest = after;
+        if notes.last_key_value().is_some_and(|(last, _)| last.as_str() >= key.text) {
+            return Err(Error::malformed(place, "ascending keys", key.text));
+        }
+        notes.insert(key.text.into(), value.text.into());
+    }
+    Error::unless_equal(format!("{name} bytes after the notes"), 0, rest.len())?;
+    Ok(notes)
+}
+
+/// The file `bytes` with other notes; the payloads of all other sections stay as they are.
+///
+/// # Errors
+///
+/// If `bytes` are not a whole file, or if the notes exceed the format's limits.
+pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<u8>, Error> {
+    let contents = sections(bytes)?;
+    contents.check_whole(bytes)?;
+    let mut writer = Writer::new(None);
+    let is_unknown = |section: &&Section| matches!(section.kind, SectionKind::Other(_));
+    let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
+    let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
+    known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.verbatim(s, payload(s)));
+    if !notes.is_empty() {
+        write(&mut writer, notes)?;
+    }
+    unknown.iter().for_each(|s| writer.verbatim(s, payload(s)));
+    writer.finish()
+}

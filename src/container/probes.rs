@@ -1,0 +1,117 @@
+//! PROBES: rays and their pixels, with which a reader can check that it computes the right picture (spec 3.16).
+
+use std::fmt::Display;
+
+use super::error::Error;
+use super::limits::{self, Budget};
+use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
+use super::section::SectionKind;
+use super::writer::{Place, Writer};
+
+/// Bytes of a probe.
+const PROBE_BYTES: usize = 144;
+
+/// Rays and their pixels, computed in f64 from the numbers after decoding, and how close others must come to them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probes {
+    /// Tolerance of colors and opacity, absolute.
+    pub color_tolerance: f64,
+    /// Tolerance of depth, in model units.
+    pub depth_tolerance: f64,
+    /// Tolerance of density features, relative to max(1, |f|).
+    pub density_tolerance: f64,
+    /// Files of this crate have at least 64.
+    pub probes: Vec<Probe>,
+}
+
+/// A ray with its pixel, and a point with its density feature.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
+pub struct Probe {
+    /// Of the ray, in model units.
+    pub origin: [f64; 3],
+    /// Of the ray; of length 1 within 1e-6.
+    pub direction: [f64; 3],
+    /// Of the pixel, red, green, blue.
+    pub color: [f64; 3],
+    /// Of the pixel: 1 − T.
+    pub opacity: f64,
+    /// Of the pixel, in model units: Σ w·t/Σ w.
+    pub depth: f64,
+    /// A point of the model, in model units.
+    pub point: [f64; 3],
+    /// The density feature f at `point`.
+    pub density_feature: f64,
+    /// The decision margin of the ray and of `point`, in model units (spec 4.10).
+    pub margin: f64,
+    /// Zeros.
+    pub reserved: [u64; 2],
+}
+
+#[derive(Encode, BorrowDecode)]
+struct ProbesRecord {
+    color_tolerance: f64,
+    depth_tolerance: f64,
+    density_tolerance: f64,
+    count: u64,
+}
+
+impl Record for ProbesRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        let valid = |v: f64| v > 0.0 && v.is_finite();
+        for tolerance in [self.color_tolerance, self.depth_tolerance, self.density_tolerance] {
+            if !valid(tolerance) {
+                return Err(Error::malformed(format!("{place} tolerance"), "a positive number", tolerance));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Record for Probe {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        let numbers = [self.origin, self.direction, self.color, self.point].into_iter().flatten();
+        let finite = numbers.chain([self.opacity, self.depth, self.density_feature, self.margin]).all(f64::is_finite);
+        let length = self.direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if finite && (length - 1.0).abs() <= 1e-6 {
+            return Ok(());
+        }
+        Err(Error::malformed(place, "finite numbers and a direction of length 1", format!("{self:?}")))
+    }
+}
+
+pub(super) fn write(writer: &mut Writer, probes: &Probes) -> Result<(), Error> {
+    let record = ProbesRecord {
+        color_tolerance: probes.color_tolerance,
+        depth_tolerance: probes.depth_tolerance,
+        density_tolerance: probes.density_tolerance,
+        count: probes.probes.len() as u64,
+    };
+    let mut body = Vec::with_capacity(PROBE_BYTES * probes.probes.len());
+    for probe in &probes.probes {
+        body.extend(record::write(&"PROBES", probe)?);
+    }
+    writer.stored(Place::whole(SectionKind::Probes), record::write(&"PROBES", &record)?, &body);
+    Ok(())
+}
+
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Probes, Error> {
+    let name = payload.section;
+    let (record, body): (ProbesRecord, _) = payload.record_and_body()?;
+    limits::check(format!("{name} probes"), limits::ITEMS, record.count)?;
+    let length = record.count * PROBE_BYTES as u64;
+    budget.spend(name, length)?;
+    let bytes = body.decode(length, budget)?;
+    let probe = |(n, bytes): (usize, _)| -> Result<Probe, Error> {
+        let probe: Probe = record::read_whole(&format!("{name} probe {n}"), bytes)?;
+        Error::unless_equal(format!("{name} probe {n} reserved fields"), [0; 2] == probe.reserved, true)?;
+        Ok(probe)
+    };
+    let probes = bytes.chunks_exact(PROBE_BYTES).enumerate().map(probe).collect::<Result<_, _>>()?;
+    Ok(Probes {
+        color_tolerance: record.color_tolerance,
+        depth_tolerance: record.depth_tolerance,
+        density_tolerance: record.density_tolerance,
+        probes,
+    })
+}

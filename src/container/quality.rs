@@ -1,0 +1,77 @@
+//! QUALITY: measurements of the scene (spec 3.12).
+
+use std::fmt::Display;
+
+use super::error::Error;
+use super::limits;
+use super::payload::Payload;
+use super::record::{self, BorrowDecode, Encode, Record};
+use super::section::SectionKind;
+use super::writer::{Place, Writer};
+
+/// Measurements of a scene: PSNR in dB, infinite if there is no difference, `None` if not measured.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Of this scene's pictures against those before its numbers were encoded, over all pixels.
+    pub encoded: Option<f64>,
+    /// Mean over the test views of `dataset`, for this scene.
+    pub test: Option<f64>,
+    /// The same for the scene before its numbers were encoded.
+    pub test_before: Option<f64>,
+    /// \[scale\] of the pictures of scales 0 to this one against those of all scales; `None` for the last.
+    pub prefixes: Vec<Option<f64>>,
+    /// The dataset and the views of `test` and `test_before`.
+    pub dataset: String,
+}
+
+/// All bits of a number are set if it was not measured.
+#[derive(Encode, BorrowDecode)]
+struct QualityRecord<'a> {
+    encoded: f64,
+    test: f64,
+    test_before: f64,
+    prefixes: Vec<f64>,
+    dataset: &'a str,
+}
+
+impl Record for QualityRecord<'_> {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} prefixes"), 0..=*limits::SCALES.end(), self.prefixes.len())?;
+        let valid = |v: f64| v.to_bits() == u64::MAX || v > f64::NEG_INFINITY;
+        for (name, values) in [
+            ("PSNR against before", &[self.encoded][..]),
+            ("PSNR of the test views", &[self.test, self.test_before]),
+            ("PSNR of prefixes", &self.prefixes),
+        ] {
+            if let Some(found) = values.iter().find(|v| !valid(**v)) {
+                return Err(Error::malformed(format!("{place} {name}"), "a number, infinity or nothing", found));
+            }
+        }
+        limits::check(format!("{place} dataset bytes"), limits::STRING_BYTES, self.dataset.len())
+    }
+}
+
+pub(super) fn write(writer: &mut Writer, quality: &Quality) -> Result<(), Error> {
+    let unknown = f64::from_bits(u64::MAX);
+    let record = QualityRecord {
+        encoded: quality.encoded.unwrap_or(unknown),
+        test: quality.test.unwrap_or(unknown),
+        test_before: quality.test_before.unwrap_or(unknown),
+        prefixes: quality.prefixes.iter().map(|p| p.unwrap_or(unknown)).collect(),
+        dataset: &quality.dataset,
+    };
+    writer.record(Place::whole(SectionKind::Quality), record::write(&"QUALITY", &record)?);
+    Ok(())
+}
+
+pub(super) fn read(payload: &Payload<'_>) -> Result<Quality, Error> {
+    let record: QualityRecord<'_> = payload.record()?;
+    let known = |v: f64| (v.to_bits() != u64::MAX).then_some(v);
+    Ok(Quality {
+        encoded: known(record.encoded),
+        test: known(record.test),
+        test_before: known(record.test_before),
+        prefixes: record.prefixes.into_iter().map(known).collect(),
+        dataset: record.dataset.into(),
+    })
+}

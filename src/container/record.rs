@@ -1,0 +1,84 @@
+//! Records: the fixed fields at the start of payloads, header and table entries (spec 2 and 3).
+//!
+//! The one module that knows bincode: fields in order, little-endian, fixed width, no padding; a sequence or a string
+//! is preceded by its length as u64. Each section's file defines its record; every record checks its own limits, both
+//! when it is read and when it is written.
+
+use std::fmt::Display;
+
+pub(super) use bincode::{BorrowDecode, Encode};
+
+use super::error::Error;
+use super::limits;
+
+const CONFIG: bincode::config::Configuration<
+    bincode::config::LittleEndian,
+    bincode::config::Fixint,
+    bincode::config::Limit<{ limits::RECORD_BYTES }>,
+> = bincode::config::standard().with_little_endian().with_fixed_int_encoding().with_limit::<{ limits::RECORD_BYTES }>();
+
+/// A record with limits of its own.
+pub(super) trait Record {
+    /// The first limit that the record at `place` exceeds.
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        let _ = place;
+        Ok(())
+    }
+}
+
+/// Reads the record at the start of `bytes`, within its limits; also returns the bytes that follow it.
+pub(super) fn read<'a, T: BorrowDecode<'a, ()> + Record>(
+    place: &dyn Display,
+    bytes: &'a [u8],
+) -> Result<(T, &'a [u8]), Error> {
+    use bincode::error::DecodeError;
+    let (record, used): (T, usize) = bincode::borrow_decode_from_slice(bytes, CONFIG).map_err(|error| match error {
+        DecodeError::UnexpectedEnd { additional } => {
+            Error::malformed(place, format!("at least {additional} more bytes"), format!("{} bytes", bytes.len()))
+        }
+        DecodeError::LimitExceeded => {
+            let found = "a length beyond them";
+            Error::malformed(place, format!("at most {} bytes of record", limits::RECORD_BYTES), found)
+        }
+        DecodeError::Utf8 { inner } => Error::malformed(place, "UTF-8", inner),
+        other => Error::malformed(place, "a record", other),
+    })?;
+    record.check(place)?;
+    Ok((record, &bytes[used..]))
+}
+
+/// [`read`] of a record that fills `bytes`.
+pub(super) fn read_whole<'a, T: BorrowDecode<'a, ()> + Record>(
+    place: &dyn Display,
+    bytes: &'a [u8],
+) -> Result<T, Error> {
+    let (record, rest) = read(place, bytes)?;
+    Error::unless_equal(format!("{place} bytes after the record"), 0, rest.len())?;
+    Ok(record)
+}
+
+/// The bytes of a record that is within its limits.
+pub(super) fn write<T: Encode + Record>(place: &dyn Display, record: &T) -> Result<Vec<u8>, Error> {
+    record.check(place)?;
+    bincode::encode_to_vec(record, CONFIG).map_err(|error| Error::malformed(place, "a record", error))
+}
+
+/// A string that is a whole record: a license, the key or value of a note.
+#[derive(Encode, BorrowDecode)]
+pub(super) struct Text<'a> {
+    pub(super) text: &'a str,
+}
+
+impl Record for Text<'_> {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        limits::check(format!("{place} bytes of text"), limits::TEXT_BYTES, self.text.len())
+    }
+}
+
+/// The number of items that follow.
+#[derive(Encode, BorrowDecode)]
+pub(super) struct Count {
+    pub(super) count: u64,
+}
+
+impl Record for Count {}
