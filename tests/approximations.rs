@@ -4,7 +4,7 @@
 mod scenes;
 
 use strivec::geometry::{Aabb, Camera};
-use strivec::model::{DecoderMode, Occupancy, Scene};
+use strivec::model::{Coverage, DecoderMode, Occupancy, Reduction, Scene};
 use strivec::render::{Approximation, CpuRenderer, Picture, Renderer};
 use strivec::train::TrainConfig;
 
@@ -99,10 +99,10 @@ fn longer_steps_keep_the_opacity() {
 #[test]
 fn a_finer_density_cache_is_closer() {
     let mut config = scenes::config();
-    for mean in [false, true] {
-        config.field.density_mean = mean;
-        config.field.appearance_mean = mean;
-        config.field.coverage_all = !mean;
+    for (reduction, coverage) in [(Reduction::Sum, Coverage::All), (Reduction::Mean, Coverage::Any)] {
+        config.field.density_reduction = reduction;
+        config.field.appearance_reduction = reduction;
+        config.field.coverage = coverage;
         for occupied in [false, true] {
             let mut scene = scenes::scene(&config);
             if occupied {
@@ -115,7 +115,7 @@ fn a_finer_density_cache_is_closer() {
                 difference(&cached, &exact)
             };
             let (coarse, fine) = (change(16), change(120));
-            assert!(fine < 0.5 * coarse && fine < 0.03, "mean {mean}, occupied {occupied}: {fine}, {coarse}");
+            assert!(fine < 0.5 * coarse && fine < 0.03, "{reduction:?}, occupied {occupied}: {fine}, {coarse}");
         }
     }
 }

@@ -6,7 +6,7 @@ mod scenes;
 use glam::DVec3;
 use strivec::field::{Activations, Field, Real, Roulette, Samples};
 use strivec::geometry::Ray;
-use strivec::model::{DecoderMode, Scene};
+use strivec::model::{Aggregation, Coverage, DecoderMode, Reduction, Scene};
 use strivec::random::Random;
 use strivec::render::ReferenceRenderer;
 use strivec::train::{Backward, BatchRoulette, Gradients, Target, TrainConfig, network_parts};
@@ -217,10 +217,10 @@ fn configs() -> Vec<TrainConfig> {
     let mut plain = scenes::config();
     plain.field.density_shift = -6.0;
     let mut other = scenes::config();
-    other.field.coverage_all = false;
-    other.field.normalized = false;
-    other.field.density_mean = true;
-    other.field.appearance_mean = true;
+    other.field.coverage = Coverage::Any;
+    other.field.aggregation = Aggregation::Clamped;
+    other.field.density_reduction = Reduction::Mean;
+    other.field.appearance_reduction = Reduction::Mean;
     other.field.density_shift = -4.0;
     vec![plain, other]
 }

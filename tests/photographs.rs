@@ -29,13 +29,13 @@ fn frame() -> Frame {
 /// Draws `count` rays of `views`, none of which is left out: for each its view and its target.
 fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Target)> {
     let frame = frame();
-    let mut photographs = RaySampler::new(views, &frame, config);
-    assert!(photographs.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]), "a mask of another length");
-    assert_eq!(photographs.kept_count() as u64, 2 * PIXELS, "active rays");
+    let mut sampler = RaySampler::new(views, &frame, config).unwrap();
+    assert!(sampler.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]), "a mask of another length");
+    assert_eq!(sampler.active_ray_count() as u64, 2 * PIXELS, "active rays");
     let order = Random::new(config.seed, "rays");
     (0..count)
         .map(|draw| {
-            let (ray, target) = photographs.draw(&order, draw);
+            let (ray, target) = sampler.draw(&order, draw);
             let view = views.iter().position(|v| v.camera.position == ray.origin).unwrap();
             (view, target)
         })

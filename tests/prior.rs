@@ -335,7 +335,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
 fn small_bootstrap() -> TrainConfig {
     let bootstrap =
         BootstrapOptions { steps: vec![100, 300], batch_rays: 512, resolution: 16, ..BootstrapOptions::default() };
-    TrainConfig { bootstrap, seed: 7, ..TrainConfig::default() }
+    TrainConfig { bootstrap, seed: 7, ..TrainConfig::preset("48").unwrap() }
 }
 
 #[test]

@@ -138,11 +138,11 @@ fn views(scene: &Scene) -> Vec<View> {
         .collect()
 }
 
-fn unused_of(scene: &mut Scene) -> strivec::train::DeadComponents {
+fn prune_dead(scene: &mut Scene) -> strivec::train::DeadComponents {
     let views = views(scene);
-    let mut photographs = RaySampler::new(&views, &scene.frame, &config());
-    photographs.keep_rays_that_meet(&Field::<f32>::new(scene));
-    prune_dead_components(scene, &photographs, 3)
+    let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
+    sampler.filter_rays(&Field::<f32>::new(scene));
+    prune_dead_components(scene, &sampler, 3).unwrap()
 }
 
 /// Whether all density, or all appearance, of tensor `n` is exactly zero.
@@ -161,10 +161,10 @@ fn tensors_of_empty_space_are_cleared_and_others_are_not() {
         set_features(scale, |center| if center.x < -0.1 { 15.0 } else { 0.05 });
     }
     let before = scene.clone();
-    let unused = unused_of(&mut scene);
-    println!("{unused:?}");
+    let dead = prune_dead(&mut scene);
+    println!("{dead:?}");
     scene.check().unwrap();
-    assert!(unused.tensors_dropped > 10 && unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
+    assert!(dead.tensors_dropped > 10 && dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
     let (mut tensors, mut components, mut numbers) = (0, 0, 0);
     for (scale, was) in scene.scales.iter().zip(&before.scales) {
         let rows = Factors::rows(scale.cloud.resolution) as u64;
@@ -182,7 +182,7 @@ fn tensors_of_empty_space_are_cleared_and_others_are_not() {
         assert_eq!((&scale.cloud, &scale.appearance_matrix), (&was.cloud, &was.appearance_matrix));
     }
     assert_eq!((tensors, components, numbers), {
-        let u = &unused;
+        let u = &dead;
         (u.tensors_dropped, u.components_dropped, u.parameters_saved)
     });
     let size = |scene| container::encode(scene, &EncodeOptions::uniform(Encoding::F16)).unwrap().len();
@@ -190,7 +190,7 @@ fn tensors_of_empty_space_are_cleared_and_others_are_not() {
 
     // What is left is all used.
     let once = scene.clone();
-    let again = unused_of(&mut scene);
+    let again = prune_dead(&mut scene);
     assert_eq!((again.components_dropped, again.psnr_after.to_bits()), (0, again.psnr_before.to_bits()));
     assert_eq!(scene, once);
 }
@@ -201,9 +201,9 @@ fn what_keeps_a_sample_empty_stays() {
     set_features(&mut scene.scales[0], |_| 25.0);
     set_features(&mut scene.scales[1], |center| if center.x > 0.0 { -60.0 } else { 0.0 });
     let before = scene.clone();
-    let unused = unused_of(&mut scene);
-    println!("{unused:?}");
-    assert!(unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
+    let dead = prune_dead(&mut scene);
+    println!("{dead:?}");
+    assert!(dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
     let fine = &scene.scales[1];
     let hollow: Vec<usize> = (0..fine.cloud.len()).filter(|&n| fine.cloud.center(n).x > 0.3).collect();
     assert!(hollow.iter().all(|&n| !is_clear(fine, n)[0]), "without them the coarse scale shows");
@@ -220,9 +220,9 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
         scale.factors.appearance.iter_mut().step_by(rank).for_each(|v| *v *= 0.02);
     }
     let mut amplified = scene.clone();
-    let unused = unused_of(&mut scene);
-    println!("{unused:?}");
-    assert!(unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
+    let dead = prune_dead(&mut scene);
+    println!("{dead:?}");
+    assert!(dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
     let small = |scene: &Scene| {
         let scale = &scene.scales[0];
         let len = scale.factors.appearance.len() / scale.cloud.len();
@@ -246,9 +246,9 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
         row[..features].iter_mut().for_each(|w| *w *= 1e7);
         row[features..].fill(0.0);
     }
-    let unused = unused_of(&mut amplified);
-    println!("{unused:?}");
+    let dead = prune_dead(&mut amplified);
+    println!("{dead:?}");
     let (cleared, used) = small(&amplified);
     assert!(cleared == 0 && used > 10, "{cleared} of {used}");
-    assert!(unused.psnr_after >= unused.psnr_before - MAX_LOSS, "{unused:?}");
+    assert!(dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
 }

@@ -40,8 +40,8 @@ fn views(scene: &Scene) -> Vec<View> {
     (0..6).map(view).collect()
 }
 
-/// `scene` with `more` density and appearance components in each tensor whose numbers are 0.02 in magnitude: they change no
-/// feature by more than 1e-5 each.
+/// `scene` with `more` density and appearance components in each tensor whose numbers are 0.02 in magnitude: they
+/// change no feature by more than 1e-5 each.
 fn with_idle_components(scene: &Scene, more: usize) -> Scene {
     let mut scene = scene.clone();
     let idle = |n: usize| if n.is_multiple_of(3) { 0.02 } else { -0.02 };

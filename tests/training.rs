@@ -89,10 +89,10 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
     for stop in [1, 8, 11, 16, 20] {
         let mut first = trainer(&views);
         run_to(&mut first, stop);
-        let state = first.progress().to_bytes(&file(&first.scene()));
+        let state = first.checkpoint().to_bytes(&file(&first.scene()));
         drop(first);
-        let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
-        let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+        let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
+        let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
         assert_eq!(second.steps_done(), stop);
         run_to(&mut second, config().steps);
         assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
@@ -135,10 +135,10 @@ fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_
     for stop in [7, 8, 11, 16] {
         let mut first = pruning_trainer(&views, true);
         run_to(&mut first, stop);
-        let state = first.progress().to_bytes(&file(&first.scene()));
+        let state = first.checkpoint().to_bytes(&file(&first.scene()));
         drop(first);
-        let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
-        let mut second = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+        let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
+        let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
         run_to(&mut second, config().steps);
         assert!(file(&second.scene()) == whole, "resumed after step {stop}");
     }
@@ -153,21 +153,21 @@ fn clearing_what_is_unused_depends_on_no_thread_and_on_no_interruption() {
             let mut trainer = pruning_trainer(&views, false);
             run_to(&mut trainer, config().steps);
             if resume {
-                let state = trainer.progress().to_bytes(&file(&trainer.scene()));
-                let (progress, scene) = Checkpoint::from_bytes(&state).unwrap();
-                trainer = Trainer::resume(progress, container::decode(&scene).unwrap(), &views).unwrap();
+                let state = trainer.checkpoint().to_bytes(&file(&trainer.scene()));
+                let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
+                trainer = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
             }
             let mut scene = trainer.scene();
-            let unused = trainer.prune_dead_components(&mut scene);
-            (unused, file(&scene), file(&trainer.scene()))
+            let dead = trainer.prune_dead_components(&mut scene).unwrap();
+            (dead, file(&scene), file(&trainer.scene()))
         })
     };
-    let (unused, cleared, whole) = on(2, false);
-    println!("{unused:?}, {} bytes of {}", cleared.len(), whole.len());
-    assert!(unused.tensors_dropped > 0 && cleared.len() < whole.len());
+    let (dead, pruned, whole) = on(2, false);
+    println!("{dead:?}, {} bytes of {}", pruned.len(), whole.len());
+    assert!(dead.tensors_dropped > 0 && pruned.len() < whole.len());
     for (threads, resume) in [(1, false), (3, false), (2, true)] {
         let (same, file, _) = on(threads, resume);
-        assert!(same == unused && file == cleared, "{threads} threads, resumed: {resume}");
+        assert!(same == dead && file == pruned, "{threads} threads, resumed: {resume}");
     }
 }
 
@@ -181,9 +181,9 @@ fn a_new_occupancy_decides_which_rays_are_drawn() {
         let before = trainer.ray_count();
         run_to(&mut trainer, 8);
         assert!(trainer.scene().occupancy.is_some());
-        let mut meet = RaySampler::new(&views, &trainer.scene().frame, &config);
-        meet.keep_rays_that_meet(&Field::<f32>::new(&trainer.scene()));
-        [before, trainer.ray_count(), meet.kept_count()]
+        let mut meet = RaySampler::new(&views, &trainer.scene().frame, &config).unwrap();
+        meet.filter_rays(&Field::<f32>::new(&trainer.scene()));
+        [before, trainer.ray_count(), meet.active_ray_count()]
     });
     let [[before, kept, meet], [_, redrawn, meet_too]] = counts;
     assert_eq!((before, meet, meet), (kept, meet_too, redrawn));
@@ -196,19 +196,19 @@ fn a_damaged_state_and_other_photographs_are_named() {
     let mut trainer = trainer(&views);
     run_to(&mut trainer, 2);
     let scene = trainer.scene();
-    let state = trainer.progress().to_bytes(&file(&scene));
-    let (progress, _) = Checkpoint::from_bytes(&state).unwrap();
+    let state = trainer.checkpoint().to_bytes(&file(&scene));
+    let (checkpoint, _) = Checkpoint::from_bytes(&state).unwrap();
     for at in (8..state.len()).step_by(state.len() / 50) {
         let mut damaged = state.clone();
         damaged[at] ^= 0x10;
-        let changed = Checkpoint::from_bytes(&damaged).is_ok_and(|(p, _)| p == progress && at > state.len() / 2);
+        let changed = Checkpoint::from_bytes(&damaged).is_ok_and(|(c, _)| c == checkpoint && at > state.len() / 2);
         assert!(!changed, "a flipped bit at {at} goes unnoticed");
         assert!(Checkpoint::from_bytes(&state[..at]).is_err(), "cut at {at}");
     }
     let mut colors = views[0].pixels.colors([0.0; 3]);
     colors[0][0] += 0.5;
     views[0].pixels = Pixels::opaque(colors);
-    let error = Trainer::resume(progress, scene, &views).unwrap_err().to_string();
+    let error = Trainer::resume(checkpoint, scene, &views).unwrap_err().to_string();
     assert!(error.contains("photographs"), "{error}");
 }
 

@@ -125,8 +125,10 @@ impl From<train::TrainError> for Error {
     fn from(error: train::TrainError) -> Self {
         let message = error.to_string();
         match error {
-            train::TrainError::NoRays(_) | train::TrainError::Checkpoint(_) => Self::Malformed(message),
-            train::TrainError::Diverged { .. } => Self::Runtime(message),
+            train::TrainError::NoRays { .. }
+            | train::TrainError::TooManyPixels { .. }
+            | train::TrainError::Checkpoint(_) => Self::Malformed(message),
+            train::TrainError::Diverged { .. } | train::TrainError::EmptyScene { .. } => Self::Runtime(message),
         }
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Info {
     bytes: u64,
     parameters: u64,
     /// Those that the file holds: components of tensors that are zeros throughout are left out.
-    parameters_held: u64,
+    nonzero_parameters: u64,
     scales: Vec<ScaleRow>,
     /// Weights and biases.
     decoder_parameters: u64,
@@ -71,7 +71,7 @@ impl Info {
             file,
             bytes,
             parameters: scene.parameter_count(),
-            parameters_held: scene.nonzero_parameter_count(),
+            nonzero_parameters: scene.nonzero_parameter_count(),
             scales: scale_table::rows(scene),
             decoder_parameters: scene.decoder.parameter_count(),
             decoder_mode: scene.decoder.mode.name(),
@@ -111,7 +111,10 @@ impl Info {
             ("background", self.background.map(|c| short(c.into())).join(", ")),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
-            ("parameters", format!("{}, {} of them held", grouped(self.parameters), grouped(self.parameters_held))),
+            (
+                "parameters",
+                format!("{}, {} of them nonzero", grouped(self.parameters), grouped(self.nonzero_parameters)),
+            ),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let mut sections = Table::new(["section", "bytes"]);

@@ -141,7 +141,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     run.train(&mut trainer, &interrupted)?;
 
     let mut scene = trainer.scene();
-    let unused = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene));
+    let unused = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     files.remove_state()?;
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         bytes: bytes.len() as u64,
         parameters: scene.parameter_count(),
         steps: trainer.steps_done(),
-        seconds: trainer.progress().seconds,
+        seconds: trainer.checkpoint().seconds,
         scales: scale_table::rows(&scene),
         unused,
         curve: run.curve,
@@ -386,7 +386,7 @@ impl Run<'_> {
                 if due(Some(row_every)) || step == steps {
                     let test_psnr = self.args.eval_every.map(|_| self.evaluate(&trainer.scene()));
                     let train_psnr = measure::psnr_of_mse(error_sum / error_count);
-                    let seconds = trainer.progress().seconds;
+                    let seconds = trainer.checkpoint().seconds;
                     self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
                     (error_sum, error_count) = (0.0, 0.0);
                     self.write_log()?;
@@ -467,7 +467,7 @@ impl Files {
         let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
         let scene = container::encode(&trainer.scene(), &options)
             .map_err(|e| Error::Runtime(format!("{}: {e}", self.state.display())))?;
-        write_atomically(&self.state, &trainer.progress().to_bytes(&scene), true)
+        write_atomically(&self.state, &trainer.checkpoint().to_bytes(&scene), true)
     }
 
     /// A finished run needs its state no more.

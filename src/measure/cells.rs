@@ -41,8 +41,8 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The standard deviation of the photographs' colors there, over channels, rays and directions; nothing where nothing is
-    /// seen.
+    /// The standard deviation of the photographs' colors there, over channels, rays and directions; nothing where
+    /// nothing is seen.
     pub fn deviation(&self) -> Option<f64> {
         if self.weight <= 0.0 {
             return None;
@@ -60,8 +60,8 @@ struct Seen {
 }
 
 impl CellMap {
-    /// Of `scene` within `bounds`, with `along` cells along their longest edge, as `batch`'s rays see it. The same on any number
-    /// of threads.
+    /// Of `scene` within `bounds`, with `along` cells along their longest edge, as `batch`'s rays see it. The same on
+    /// any number of threads.
     pub fn new(scene: &Scene, bounds: &Aabb, batch: &RayBatch, along: usize) -> Self {
         let edge = bounds.size().max_element() / along.max(1) as f64;
         let size = (bounds.size() / edge).ceil().max(DVec3::ONE).to_array().map(|n| n as usize);

@@ -1,33 +1,33 @@
-//! Spending bytes where pictures need them.
+//! Encoding with the fewest bytes for a given distortion.
 //!
-//! Each vector of a component is written by its cosine transform with a step of its own. With h the vector's sensitivity, an
-//! error of variance step²/12 adds h·step²/12 a number to the mean squared error of pictures, and a bit a number less costs
-//! ln 2/6·h·step² of it: fewest bytes for a given loss are spent where h·step² is the same everywhere. That is `loss`. A
-//! component whose absence costs less than its bits do is dropped.
+//! Each vector of a component is stored by its cosine transform with a quantization step of its own. With the
+//! importance h of the vector's entries, an error of variance step²/12 adds h·step²/12 per entry to the mean squared
+//! error of pictures, and one bit less per entry adds ln 2/6·h·step². A given distortion takes the fewest bytes if
+//! h·step² is the same everywhere: that is `loss`. A component is dropped if its absence costs less than its bits.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::Sensitivity;
 use crate::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, step, step_code};
 use crate::model::{Factors, Scene};
+use crate::train::FactorImportance;
 
-/// A scene without the components that are not worth their bytes, and how to write it.
+/// A scene without the components that cost more bytes than they save error, and its encoding.
 #[derive(Clone, Debug)]
 pub struct Lossy {
-    /// What is to be written.
+    /// The scene to write.
     pub scene: Scene,
-    /// How.
+    /// The options to write it with.
     pub options: EncodeOptions,
-    /// What the loss should be: the mean squared error of pictures.
+    /// The estimated mean squared error of pictures.
     pub expected_error: f64,
-    /// The share of components that were dropped.
+    /// Share of components that were dropped, in \[0, 1\].
     pub dropped: f64,
 }
 
-/// Encodes `scene` so that every number costs the same `loss`.
-pub fn lossy(scene: &Scene, sensitivity: &Sensitivity, loss: f64) -> Lossy {
+/// Chooses the quantization steps at which h·step² is `loss` for every vector of `scene`, and drops components.
+pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
     let mut scene = scene.clone();
     let mut options = EncodeOptions {
         density: Vec::new(),
@@ -41,8 +41,8 @@ pub fn lossy(scene: &Scene, sensitivity: &Sensitivity, loss: f64) -> Lossy {
         let resolution = scale.cloud.resolution;
         let factors = &mut scale.factors;
         for (values, rank, h, of_scales) in [
-            (&mut factors.density, factors.density_rank, &sensitivity.density[s], &mut options.density),
-            (&mut factors.appearance, factors.appearance_rank, &sensitivity.appearance[s], &mut options.appearance),
+            (&mut factors.density, factors.density_rank, &importance.density[s], &mut options.density),
+            (&mut factors.appearance, factors.appearance_rank, &importance.appearance[s], &mut options.appearance),
         ] {
             let (rank, axes) = (rank as usize, Factors::axis_ranges(resolution));
             let tensor = Factors::rows(resolution) * rank;
@@ -64,17 +64,18 @@ pub fn lossy(scene: &Scene, sensitivity: &Sensitivity, loss: f64) -> Lossy {
     Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }
 }
 
-/// How a component of a tensor is written.
+/// The encoding of one component of a tensor.
 struct Choice {
     is_dropped: bool,
     steps: [u8; 3],
     error: f64,
 }
 
-/// Chooses for component `c` of the tensor of these `values` and sensitivities, and clears it where it is dropped.
+/// Chooses the steps of component `c` of a tensor, given its `values` and their importance `h`. Writes zeros if it is
+/// dropped.
 fn choose(
     values: &mut [f32],
-    sensitivity: &[f32],
+    importance: &[f32],
     rank: usize,
     c: usize,
     axes: &[Range<usize>; 3],
@@ -85,22 +86,22 @@ fn choose(
     for (a, axis) in axes.iter().enumerate() {
         let rows = axis.len();
         let of_axis = || axis.clone().map(|row| row * rank + c);
-        let (mut worth, mut squares, mut cost) = (0.0, 0.0, 0.0);
+        let (mut total, mut squares, mut cost) = (0.0, 0.0, 0.0);
         for at in of_axis() {
-            let (v, h) = (f64::from(values[at]), f64::from(sensitivity[at]));
-            worth += h;
+            let (v, h) = (f64::from(values[at]), f64::from(importance[at]));
+            total += h;
             squares += v * v;
             cost += h * v * v;
         }
         absent = absent.min(cost);
-        let wanted = (loss * rows as f64 / worth).sqrt();
-        // Steps beyond the numbers themselves lose no more than leaving them out.
+        let wanted = (loss * rows as f64 / total).sqrt();
+        // Larger steps than this quantize every entry to zero, which loses no more.
         let largest = (squares / rows as f64).sqrt().max(f64::from(f32::MIN_POSITIVE));
         steps[a] = step_code(wanted.min(8.0 * largest) as f32).max(1);
         let step = f64::from(step(steps[a]));
         let ratio = squares / rows as f64 / (step * step / 12.0);
         bits += rows as f64 * 0.5 * (1.0 + ratio).log2() + 6.0;
-        coded += worth * (step * step / 12.0).min(squares / rows as f64);
+        coded += total * (step * step / 12.0).min(squares / rows as f64);
     }
     let is_dropped = absent <= coded + std::f64::consts::LN_2 / 6.0 * loss * bits;
     if is_dropped {

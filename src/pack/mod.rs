@@ -1,21 +1,19 @@
-//! Making files small: what each number of a scene is worth, and which encoding spends fewest bytes on a given loss.
+//! Small files: pruning, cropping, and the encoding with the fewest bytes for a given distortion.
 //!
-//! In: a scene. Out: a scene with components dropped, the options to encode it with, and what the loss measures. Neither
-//! a dataset nor training is needed: a scene is judged by its own pictures from cameras around it.
+//! In: a scene. Out: the scene with components pruned, the options to encode it with, and the distortion. A dataset is
+//! not needed: the scene's own pictures from cameras around it are the reference. Photographs can be that, too.
 #![forbid(unsafe_code)]
 
-mod judge;
+mod distortion;
 mod lossy;
 mod prefix;
 mod prune;
-mod rays;
 mod search;
-mod sensitivity;
+mod views;
 
-pub use judge::Judge;
+pub use distortion::Distortion;
 pub use lossy::{Lossy, lossy};
 pub use prefix::fit_prefix;
 pub use prune::{crop, prune};
-pub use rays::{Views, probe_views};
 pub use search::{Candidate, Goal, MAX_TRIED, search};
-pub use sensitivity::{Sensitivity, sensitivity};
+pub use views::{Views, probe_views};

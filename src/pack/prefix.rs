@@ -1,8 +1,8 @@
-//! Fitting what makes up for missing scales (DESIGN, section 3): a sum over fewer scales is too weak to be opaque, and its
-//! colors lack what the missing ones add.
+//! Fitting the correction for the coarse scales alone (spec 3.11): a sum over fewer scales is too weak to be opaque,
+//! and its colors lack what the missing scales add.
 //!
-//! Factors stay as they are, so that a file's beginning is shared by all. Fitted are the gain and offset of the density feature and
-//! the appearance matrices, by Adam, against what the whole scene shows.
+//! Factors stay as they are, so that all prefixes share the file's beginning. The gain and the offset of the density
+//! feature and the appearance matrices are fitted, by Adam, to the pictures of the whole scene.
 
 use super::Views;
 use crate::container::{Prefix, first_scales};
@@ -18,10 +18,11 @@ const RAYS: usize = 4096;
 /// Learning rates of the gain's logarithm and the offset, and of the matrices; they fall to a tenth.
 const SHAPE_RATE: f64 = 0.05;
 const MATRIX_RATE: f64 = 0.005;
-/// By how much the offset is moved to see which way the loss falls.
-const PROBED: f64 = 0.1;
+/// Half the distance of the finite difference in the offset.
+const OFFSET_DIFFERENCE: f64 = 0.1;
 
-/// The correction for the scene of the first `scales` scales of `scene`, fitted in `steps` steps to what `views` see of all.
+/// The correction for the first `scales` scales of `scene`, fitted in `steps` steps to the whole scene's colors along
+/// rays of `views`.
 pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, seed: u64) -> Prefix {
     let whole = CpuRenderer::<f32>::new(scene);
     let mut field = Field::<f32>::new(&first_scales(scene.clone(), &[], Some(scales as u32)));
@@ -38,7 +39,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
             whole.trace(&rays).iter().map(|pixel| Target { color: pixel.color, background }).collect();
         let all = BatchRoulette::default();
         let shift = field.rules.density_shift;
-        let [above, below] = [PROBED, -PROBED].map(|by| {
+        let [above, below] = [OFFSET_DIFFERENCE, -OFFSET_DIFFERENCE].map(|by| {
             field.rules.density_shift = shift + by;
             backward.loss(&field, &rays, &targets, all)
         });
@@ -47,7 +48,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let of_gain: f64 = x_vectors(&field)
             .map(|(s, at)| f64::from(field.scales[s].density[at]) * f64::from(gradients.density[s][at]))
             .sum();
-        let of_shape = [of_gain as f32, ((above - below) / (2.0 * PROBED)) as f32];
+        let of_shape = [of_gain as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
         let fallen = 0.1f64.powf((n - 1) as f64 / steps as f64);
         let before = shape;
         Adam::new(SHAPE_RATE * fallen, n).update::<false>(

@@ -1,21 +1,22 @@
-//! Dropping what pictures do not show, and what is outside a box.
+//! Pruning of unimportant components, and cropping to a box.
 
 use glam::DVec3;
 
-use super::Sensitivity;
 use crate::geometry::Aabb;
 use crate::model::{BrokenInvariant, Factors, Scene};
+use crate::train::FactorImportance;
 
-/// Clears the components whose absence adds at most `error` each to the mean squared error of pictures; the share that was.
-pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
-    let (mut cleared, mut all) = (0u64, 0u64);
+/// Writes zeros over the components whose absence adds at most `max_error` each to the mean squared error of pictures.
+/// Returns their share of all components.
+pub fn prune(scene: &mut Scene, importance: &FactorImportance, max_error: f64) -> f64 {
+    let (mut pruned, mut all) = (0u64, 0u64);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let resolution = scale.cloud.resolution;
         let (rows, axes) = (Factors::rows(resolution), Factors::axis_ranges(resolution));
         let factors = &mut scale.factors;
         for (values, rank, h) in [
-            (&mut factors.density, factors.density_rank as usize, &sensitivity.density[s]),
-            (&mut factors.appearance, factors.appearance_rank as usize, &sensitivity.appearance[s]),
+            (&mut factors.density, factors.density_rank as usize, &importance.density[s]),
+            (&mut factors.appearance, factors.appearance_rank as usize, &importance.appearance[s]),
         ] {
             for (values, h) in values.chunks_exact_mut(rows * rank).zip(h.chunks_exact(rows * rank)) {
                 for c in 0..rank {
@@ -24,22 +25,23 @@ pub fn prune(scene: &mut Scene, sensitivity: &Sensitivity, error: f64) -> f64 {
                         of_axis.map(|at| f64::from(h[at]) * f64::from(values[at]).powi(2)).sum::<f64>()
                     };
                     all += 1;
-                    if cost(0).min(cost(1)).min(cost(2)) <= error {
-                        cleared += 1;
+                    if cost(0).min(cost(1)).min(cost(2)) <= max_error {
+                        pruned += 1;
                         (0..rows).for_each(|row| values[row * rank + c] = 0.0);
                     }
                 }
             }
         }
     }
-    cleared as f64 / all.max(1) as f64
+    pruned as f64 / all.max(1) as f64
 }
 
-/// `scene` in `within` alone: the tensors that reach into it, and the bounds that both share. Inside, nothing changes.
+/// The part of `scene` inside `within`, in model units: the tensors that reach into the box, and the intersection of
+/// the bounds. Inside, pictures stay the same.
 ///
 /// # Errors
 ///
-/// Where nothing is left.
+/// If nothing is left.
 pub fn crop(scene: &Scene, within: &Aabb) -> Result<Scene, BrokenInvariant> {
     let mut cropped = scene.clone();
     cropped.bounds = scene.bounds.intersection(within);

@@ -1,66 +1,67 @@
-//! Finding the loss that a user asked for.
+//! Search for the loss parameter that meets a bound on distortion or bytes.
 
-use super::{Judge, Lossy, Sensitivity, lossy};
+use super::{Distortion, Lossy, lossy};
 use crate::container::{EncodeOptions, Error, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
+use crate::train::FactorImportance;
 
-/// What a file should be.
+/// The bound that a file must meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// The smallest whose pictures' mean squared error is at most `more` above `before`.
+    /// The smallest file whose pictures have a mean squared error of at most `before + more`.
     Error {
-        /// The error of the scene as it was: none where the judge's pictures are its own.
+        /// The error of the original scene: 0 against its own pictures.
         before: f64,
-        /// Positive.
+        /// The error that the encoding may add, positive.
         more: f64,
     },
-    /// The best of at most this many bytes.
+    /// The file with the least error of at most this many bytes.
     Bytes(u64),
 }
 
-/// A scene, ready to be written, and what that does to it.
+/// A scene ready to be written, with its size and distortion.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// What is to be written.
+    /// The scene to write.
     pub scene: Scene,
-    /// How.
+    /// The options to write it with.
     pub options: EncodeOptions,
-    /// What a reader gets.
+    /// The scene that a reader decodes.
     pub decoded: Scene,
-    /// Bytes of the file without metadata, as `options` compress them.
+    /// Bytes of the file without metadata.
     pub bytes: u64,
-    /// The mean squared error of a reader's pictures to those of the scene as it was.
+    /// The mean squared error of the pictures of `decoded`.
     pub error: f64,
 }
 
-/// log10 of the smallest and the largest loss that is tried.
+/// log₁₀ of the smallest and the largest loss that is tried.
 const RANGE: [f64; 2] = [-17.0, -8.0];
-/// Losses this near in log10 are taken to be the same.
-const APART: f64 = 0.01;
-/// The share of what the goal allows that a search may leave unused.
-const UNUSED: f64 = 0.02;
+/// The search ends if the interval of log₁₀ losses is no longer than this.
+const MIN_INTERVAL: f64 = 0.01;
+/// The search ends if a candidate leaves at most this share of the goal unused.
+const SLACK: f64 = 0.02;
 /// The most losses that [`search`] tries.
 pub const MAX_TRIED: usize = 12;
-/// zstd's level where bytes decide nothing.
+/// The zstd level if the number of bytes does not matter.
 const QUICK_LEVEL: i32 = 1;
 
 impl Candidate {
-    /// What `options` make of `scene`, which `judge` knows as `pictured`.
+    /// Encodes and decodes `scene` with `options` and measures the result.
     ///
     /// # Errors
     ///
-    /// Where the scene cannot be encoded.
-    pub fn new(scene: Scene, options: EncodeOptions, judge: &Judge) -> Result<Self, Error> {
+    /// If the scene cannot be encoded.
+    pub fn new(scene: Scene, options: EncodeOptions, distortion: &Distortion) -> Result<Self, Error> {
         let bytes = encode_scene_file(&scene, &Metadata::default(), &options)?;
         let decoded = decode_scene_file(&bytes, Limits { memory: u64::MAX })?.scene;
-        let error = judge.error(&decoded);
+        let error = distortion.mse(&decoded);
         Ok(Self { scene, options, decoded, bytes: bytes.len() as u64, error })
     }
 }
 
 impl Goal {
-    /// How far `candidate` is from the goal, on a scale on which that is nearly linear in the logarithm of the loss and rises
-    /// with it; 0 where it is just met.
+    /// The distance of `candidate` from the goal, about linear in the logarithm of the loss and increasing with it; 0
+    /// if the goal is just met.
     fn beyond(self, candidate: &Candidate, reserved: u64) -> f64 {
         match self {
             Self::Error { before, more } => ((candidate.error - before).max(0.0) / more).ln(),
@@ -68,7 +69,7 @@ impl Goal {
         }
     }
 
-    /// Whether `beyond` is on the right side.
+    /// Whether a candidate at this distance meets the goal.
     fn is_met(self, beyond: f64) -> bool {
         match self {
             Self::Error { .. } => beyond <= 0.0,
@@ -76,50 +77,50 @@ impl Goal {
         }
     }
 
-    /// Where to aim at, to meet it and leave little unused.
+    /// The distance to aim at: the goal is met, and little is left unused.
     fn aim(self) -> f64 {
         match self {
-            Self::Error { .. } => -0.5 * UNUSED,
-            Self::Bytes(_) => 0.5 * UNUSED,
+            Self::Error { .. } => -0.5 * SLACK,
+            Self::Bytes(_) => 0.5 * SLACK,
         }
     }
 
-    /// log10 of a loss to begin with.
+    /// log₁₀ of the first loss to try.
     fn first_guess(self, scene: &Scene) -> f64 {
         match self {
-            // A number whose steps cost this loss adds a twelfth of it.
+            // An entry adds a twelfth of the loss to the error.
             Self::Error { more, .. } => (12.0 * more / scene.parameter_count() as f64).log10(),
             Self::Bytes(_) => 0.5 * (RANGE[0] + RANGE[1]),
         }
     }
 }
 
-/// Chooses among all losses for `scene`, `reserved` bytes being wanted for metadata; `None` where even the largest loss misses
-/// `goal`. `tried` hears of every candidate. Where the goal is an error, candidates are compressed in haste, as that changes no
-/// number.
+/// Searches the loss for `scene` that meets `goal` best, with `reserved` bytes kept free for metadata. Returns `None`
+/// if even the largest loss misses the goal. `on_candidate` is called with every candidate. If the goal is an error,
+/// candidates are compressed at a low level: compression does not change the error.
 ///
 /// # Errors
 ///
-/// Where the scene cannot be encoded.
+/// If the scene cannot be encoded.
 pub fn search(
     scene: &Scene,
-    sensitivity: &Sensitivity,
-    judge: &Judge,
+    importance: &FactorImportance,
+    distortion: &Distortion,
     goal: Goal,
     reserved: u64,
-    tried: &mut dyn FnMut(&Candidate),
+    on_candidate: &mut dyn FnMut(&Candidate),
 ) -> Result<Option<Candidate>, Error> {
     let [mut low, mut high] = RANGE;
-    let mut next = goal.first_guess(scene).clamp(low + APART, high - APART);
+    let mut next = goal.first_guess(scene).clamp(low + MIN_INTERVAL, high - MIN_INTERVAL);
     let mut before: Option<[f64; 2]> = None;
     let mut best: Option<(f64, Candidate)> = None;
     for _ in 0..MAX_TRIED {
-        let Lossy { scene, mut options, .. } = lossy(scene, sensitivity, 10f64.powf(next));
+        let Lossy { scene, mut options, .. } = lossy(scene, importance, 10f64.powf(next));
         if matches!(goal, Goal::Error { .. }) {
             options.zstd_level = Some(QUICK_LEVEL);
         }
-        let candidate = Candidate::new(scene, options, judge)?;
-        tried(&candidate);
+        let candidate = Candidate::new(scene, options, distortion)?;
+        on_candidate(&candidate);
         let beyond = goal.beyond(&candidate, reserved);
         let here = [next, beyond];
         if beyond <= 0.0 {
@@ -128,21 +129,22 @@ pub fn search(
             high = next;
         }
         if goal.is_met(beyond) {
-            // What is nearer to the goal is better.
+            // Of the candidates that meet the goal, the nearest to it is best.
             if best.as_ref().is_none_or(|(other, _)| beyond.abs() < other.abs()) {
                 best = Some((beyond, candidate));
             }
-            if beyond.abs() <= UNUSED {
+            if beyond.abs() <= SLACK {
                 break;
             }
         }
-        if high - low <= APART {
+        if high - low <= MIN_INTERVAL {
             break;
         }
-        // The secant's, or what errors that are in proportion to losses suggest; where that is out of the question, the middle.
+        // The secant method; at first, errors are taken to be proportional to losses. Outside of the interval, its
+        // middle.
         let slope = before.map_or(std::f64::consts::LN_10, |[x, y]| (beyond - y) / (next - x));
         next += (goal.aim() - beyond) / slope;
-        if !(low + 0.1 * APART..=high - 0.1 * APART).contains(&next) {
+        if !(low + 0.1 * MIN_INTERVAL..=high - 0.1 * MIN_INTERVAL).contains(&next) {
             next = 0.5 * (low + high);
         }
         before = Some(here);

@@ -1,20 +1,19 @@
-//! A prior from photographs with nothing but our own tensors (paper, appendix "Ablation Studies on Initial Geometry": "8
-//! coarse tri-vectors").
+//! A prior from photographs with nothing but our own tensors (paper, appendix "Ablation Studies on Initial Geometry":
+//! "8 coarse tri-vectors").
 //!
-//! In: posed photographs. Out: the voxels in which something is seen. CoarseCube tensors, 2×2×2, of eight components each
-//! cover the box of all frusta and are trained as any scene is. They start empty (a feature of about 0 is none, with the
-//! shift of −10), and density grows where rays need it. What is found bounds the next round, in which eight tensors cover
-//! that alone. It takes longer than [`crate::prior::coarse`] and finds less detail: it is for those who want no other
-//! method's reconstruction.
+//! In: posed photographs. Out: the voxels in which something is seen. CoarseCube tensors, 2×2×2, of eight components
+//! each cover the box of all frusta and are trained as any scene is. They start empty (a feature of about 0 is none,
+//! with the shift of −10), and density grows where rays need it. What is found bounds the next round, in which eight
+//! tensors cover that alone. It takes longer than [`crate::prior::coarse`] and finds less detail: it is for those who
+//! want no other method's reconstruction.
 
 use std::ops::ControlFlow;
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::prepare::frame;
-use super::{ConfigError, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
+use super::{BootstrapOptions, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
@@ -24,82 +23,6 @@ use crate::prior::{self, CoarseProgress, RunningMse, VoxelBoxes};
 /// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbors. Without it the
 /// planes in which they meet, the middle of the scene, show.
 const OVERLAP: f64 = 0.25;
-
-/// Settings of [`bootstrap_prior`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BootstrapOptions {
-    /// Steps of each round. The first round looks at the box of all frusta, each later one at what the one before found, or
-    /// where that was nothing at the same box. In less than 100 steps hardly anything is found.
-    pub steps: Vec<u64>,
-    /// Rays a step.
-    pub batch_rays: usize,
-    /// Density and appearance components of each of the eight tensors.
-    pub components: u32,
-    /// Cells along the longest axis of a tensor in the last round; half as many in the one before it, and so on. Voxels
-    /// are such cells.
-    pub resolution: u32,
-    /// Voxels are occupied where their α over one voxel edge exceeds this.
-    pub occupied_alpha: f64,
-    /// Voxels are occupied only next to a sample that adds more than this to some pixel.
-    pub min_visibility_weight: f64,
-    /// Rays that are looked at for that, about, evenly over all photographs.
-    pub visibility_rays: u32,
-}
-
-impl Default for BootstrapOptions {
-    fn default() -> Self {
-        Self {
-            steps: vec![300, 900],
-            batch_rays: 1024,
-            components: 8,
-            resolution: 48,
-            occupied_alpha: 3e-3,
-            min_visibility_weight: 1e-3,
-            visibility_rays: 1_000_000,
-        }
-    }
-}
-
-impl BootstrapOptions {
-    /// Number of steps over all rounds.
-    pub fn total_steps(&self) -> u64 {
-        self.steps.iter().fold(0, |sum, &n| sum.saturating_add(n))
-    }
-
-    /// Checks what the types do not.
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
-        let fraction = |v: f64| (0.0..1.0).contains(&v);
-        for (place, valid, expected, found) in [
-            (
-                "steps",
-                (1..=4).contains(&self.steps.len()) && !self.steps.contains(&0) && self.total_steps() <= 1 << 30,
-                "1 to 4 positive numbers of at most 2^30 together",
-                format!("{:?}", self.steps),
-            ),
-            ("batch_rays", (1..=1 << 20).contains(&self.batch_rays), "1 to 1048576", self.batch_rays.to_string()),
-            ("components", (1..=256).contains(&self.components), "1 to 256", self.components.to_string()),
-            ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
-            ("occupied_alpha", fraction(self.occupied_alpha), "a number in [0, 1)", self.occupied_alpha.to_string()),
-            (
-                "min_visibility_weight",
-                fraction(self.min_visibility_weight),
-                "a number in [0, 1)",
-                self.min_visibility_weight.to_string(),
-            ),
-            ("visibility_rays", self.visibility_rays > 0, "at least 1", self.visibility_rays.to_string()),
-        ] {
-            if !valid {
-                return Err(ConfigError::Value {
-                    place: format!("bootstrap.{place}"),
-                    expected: expected.into(),
-                    found,
-                });
-            }
-        }
-        Ok(())
-    }
-}
 
 /// The occupied voxels of `dataset`, in its own space, found by eight tensors with `config`'s bootstrap options,
 /// background, range and seed. Always the same ones for the same settings. `progress` is called after every step and
@@ -183,8 +106,8 @@ impl CoarseCube {
         (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
     }
 
-    /// `base` for a training of the eight. Geometry is all that is wanted, so colors need no more than a linear map, and
-    /// no occupancy may take away what has yet to grow.
+    /// `base` for a training of the eight. Geometry is all that is wanted, so colors need no more than a linear map,
+    /// and no occupancy may take away what has yet to grow.
     fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
         let cloud = self.cloud();

@@ -1,50 +1,33 @@
-//! What a run must remember, besides its scene, to go on as if it had never stopped.
+//! Checkpoints: the state with which a run resumes and ends in the same bytes as without the interruption.
 //!
-//! It is kept as one safetensors file: the moments as tensors, so that other tools can look at them, the scene's own
-//! file as bytes, and the rest as metadata under a checksum of all tensors.
+//! A checkpoint is one safetensors file: the moments as tensors, which other tools can read, the scene's own file as
+//! bytes, and the rest as metadata with a checksum of all tensors.
 
 use std::collections::HashMap;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::{ConfigError, Moments, NetworkLayout, RaySampler, TrainConfig};
+use super::{CheckpointError, Moments, NetworkLayout, RaySampler, TrainConfig};
 use crate::field::{Field, Real};
 
-/// Optimizer state and counters. What it says of resolutions and occupancy is in the scene.
+/// Optimizer state and counters. Resolutions and occupancy are in the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
     /// The run's settings.
     pub config: TrainConfig,
     /// Steps done.
     pub step: u64,
-    /// The step after which the optimizer last started anew.
+    /// The step after which the optimizer last restarted.
     pub restarted_at: u64,
-    /// Wall time spent so far, for reports alone.
+    /// Wall time spent so far, in seconds; only reported.
     pub seconds: f64,
     pub(super) density: Vec<Moments<f32>>,
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
     /// [`RaySampler::active_ray_mask`].
-    pub(super) kept: Vec<u8>,
+    pub(super) active_rays: Vec<u8>,
+    /// [`RaySampler::checksum`].
     photographs: u32,
-}
-
-/// What is wrong with a saved progress.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// Not the file it should be.
-    #[error("{place}: expected {expected}, found {found}")]
-    Malformed {
-        /// Which part.
-        place: String,
-        /// What it should be.
-        expected: String,
-        /// What it is.
-        found: String,
-    },
-    /// Its settings cannot be read.
-    #[error("settings: {0}")]
-    Config(#[from] ConfigError),
 }
 
 fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
@@ -52,8 +35,8 @@ fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> Chec
 }
 
 impl Checkpoint {
-    pub(super) fn start(config: &TrainConfig, field: &Field<f32>, photographs: &RaySampler<'_>) -> Self {
-        let mut progress = Self {
+    pub(super) fn start(config: &TrainConfig, field: &Field<f32>, sampler: &RaySampler<'_>) -> Self {
+        let mut checkpoint = Self {
             config: config.clone(),
             step: 0,
             restarted_at: 0,
@@ -61,14 +44,14 @@ impl Checkpoint {
             density: Vec::new(),
             appearance: Vec::new(),
             networks: Moments::default(),
-            kept: photographs.active_ray_mask(),
-            photographs: photographs.checksum(),
+            active_rays: sampler.active_ray_mask(),
+            photographs: sampler.checksum(),
         };
-        progress.restart(field);
-        progress
+        checkpoint.restart(field);
+        checkpoint
     }
 
-    /// Forgets the optimizer's state, for the resolutions that `field` has now.
+    /// Resets the optimizer, for the resolutions that `field` has now.
     pub(super) fn restart(&mut self, field: &Field<f32>) {
         self.restarted_at = self.step;
         self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
@@ -76,7 +59,7 @@ impl Checkpoint {
         self.networks = Moments::zeros(NetworkLayout::new(&field.decoder).len());
     }
 
-    /// Forgets the optimizer's state of all tensors but those of the numbers `kept`, by scale of `field`.
+    /// Removes the optimizer's state of all tensors but \[scale\] those of index `kept`, of `field`.
     pub(super) fn keep_tensors(&mut self, kept: &[Vec<usize>], field: &Field<f32>) {
         for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
             self.density[s].keep_tensors(kept, scale.len());
@@ -84,11 +67,11 @@ impl Checkpoint {
         }
     }
 
-    /// Checks that this belongs to `field` and `photographs`, and tells the latter which rays are kept.
-    pub(super) fn check<T: Real>(
+    /// Checks that this belongs to `field` and to the photographs of `sampler`, and restores its active rays.
+    pub(super) fn restore<T: Real>(
         &self,
         field: &Field<T>,
-        photographs: &mut RaySampler<'_>,
+        sampler: &mut RaySampler<'_>,
     ) -> Result<(), CheckpointError> {
         let expect = |place: &str, expected: usize, found: usize| {
             if expected == found { Ok(()) } else { Err(malformed(place, expected, found)) }
@@ -100,20 +83,20 @@ impl Checkpoint {
             expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
         }
         expect("network moments", NetworkLayout::new(&field.decoder).len(), self.networks.first.len())?;
-        if photographs.checksum() != self.photographs || !photographs.restore_active_rays(&self.kept) {
-            return Err(malformed("photographs", "those that the run began with", "others"));
+        if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
+            return Err(malformed("photographs", "the ones that were given", "others"));
         }
         Ok(())
     }
 
-    /// The bytes of this and of the scene's own file.
+    /// The bytes of the checkpoint, with the scene's own file in it.
     pub fn to_bytes(&self, scene_file: &[u8]) -> Vec<u8> {
         let mut tensors: Vec<(String, Dtype, &[u8])> = Vec::new();
         for (name, moments) in self.moments() {
             tensors.push((format!("{name}.first"), Dtype::F32, bytemuck::cast_slice(&moments.first)));
             tensors.push((format!("{name}.second"), Dtype::F32, bytemuck::cast_slice(&moments.second)));
         }
-        tensors.push(("kept".into(), Dtype::U8, &self.kept));
+        tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
         let mut hasher = crc32fast::Hasher::new();
@@ -140,13 +123,13 @@ impl Checkpoint {
             .chain([("networks".to_string(), &self.networks)])
     }
 
-    /// Reads what [`Checkpoint::to_bytes`] wrote: the progress, and the scene's own file.
+    /// Reads the bytes of [`Checkpoint::to_bytes`]: the checkpoint, and the scene's own file.
     ///
     /// # Errors
     ///
-    /// Names the first part that is not as it should be.
+    /// Names the first part that is missing or damaged.
     pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), CheckpointError> {
-        let not_safetensors = |e: safetensors::SafeTensorError| malformed("file", "safetensors", e);
+        let not_safetensors = |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", e);
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
         let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
         let metadata = header.metadata().clone().unwrap_or_default();
@@ -185,7 +168,7 @@ impl Checkpoint {
         let of_scales = |name: &str| {
             (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
         };
-        let progress = Self {
+        let checkpoint = Self {
             step: number("step", text("step")?)?,
             restarted_at: number("restarted_at", text("restarted_at")?)?,
             seconds: number("seconds", text("seconds")?)?,
@@ -193,13 +176,17 @@ impl Checkpoint {
             density: of_scales("density")?,
             appearance: of_scales("appearance")?,
             networks: moments("networks")?,
-            kept: tensor("kept", Dtype::U8)?.to_vec(),
+            active_rays: tensor("kept", Dtype::U8)?.to_vec(),
             config,
         };
-        if progress.restarted_at > progress.step || progress.step > progress.config.steps {
-            let found = format!("{} and {}", progress.restarted_at, progress.step);
-            return Err(malformed("restarted_at and step", format!("at most {}", progress.config.steps), found));
+        if checkpoint.restarted_at > checkpoint.step || checkpoint.step > checkpoint.config.steps {
+            let found = format!("{} and {}", checkpoint.restarted_at, checkpoint.step);
+            return Err(malformed(
+                "restarted_at and step",
+                format!("ascending and at most {}", checkpoint.config.steps),
+                found,
+            ));
         }
-        Ok((progress, tensor("scene", Dtype::U8)?.to_vec()))
+        Ok((checkpoint, tensor("scene", Dtype::U8)?.to_vec()))
     }
 }

@@ -1,4 +1,4 @@
-//! Finding out within a few steps that a run has diverged, and saying what to change.
+//! Detection of divergence within a few steps.
 
 use std::fmt::{self, Display};
 
@@ -7,48 +7,49 @@ use rayon::prelude::*;
 use super::{Target, TrainConfig, network_parts};
 use crate::field::Field;
 
-/// A step of Adam moves no number by more than the learning rate: a run would have to go on for 50 000 steps in one
-/// direction at the presets' rate to bring one here. Products of three are then far beyond what any density needs.
-const LARGEST: f32 = 1000.0;
-/// Steps whose mean error is compared.
+/// The largest magnitude of a parameter. A step of Adam moves a parameter by no more than the learning rate: at the
+/// presets' rate this takes 50 000 steps in one direction. Products of three such factors are far beyond any density.
+const MAX_PARAMETER: f32 = 1000.0;
+/// Number of steps whose mean error is compared.
 const WINDOW: usize = 32;
-/// Steps at the start whose error is that of an untrained scene.
-const FIRST: usize = 8;
-/// How many times worse than an untrained scene, and than a picture of one color, a window may be.
-const WORSE: f64 = 2.0;
-/// So many steps are each looked at for parameters that explode; later ones once a window.
-const EARLY: u64 = 64;
+/// Number of first steps whose mean error is that of an untrained scene.
+const FIRST_STEPS: usize = 8;
+/// The largest ratio of a window's error to that of an untrained scene and to that of a picture of one color.
+const MAX_ERROR_RATIO: f64 = 2.0;
+/// Parameters are checked after each of the first steps, this many, and later once per window.
+const EARLY_STEPS: u64 = 64;
 
-/// By what it is known that a run has diverged, with the settings to change.
+/// The symptom of a run that has diverged.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Divergence {
-    /// The error is no number any more.
+    /// The error is infinite or not a number.
     NotFinite {
         /// The mean squared error.
         found: f64,
-        /// The run's learning rates.
+        /// The learning rates of the factors and of the networks.
         rates: [f64; 2],
     },
-    /// The mean error of the last steps is twice that of an untrained scene, and of one color.
+    /// The mean error of the last steps is twice that of an untrained scene and of a picture of one color.
     Worse {
         /// The last steps' mean squared error.
         found: f64,
-        /// The larger one of the untrained scene's and one color's.
+        /// The larger error of the untrained scene and of one color.
         expected: f64,
-        /// The run's learning rates.
+        /// The learning rates of the factors and of the networks.
         rates: [f64; 2],
     },
-    /// A parameter is beyond what any scene needs.
+    /// A parameter is larger than any scene needs.
     Parameter {
-        /// Which parameters.
+        /// The kind of parameter, in the plural.
         what: &'static str,
-        /// One of them.
+        /// The value of one of them.
         found: f32,
         /// The setting of their learning rate.
         setting: &'static str,
-        /// The run's.
+        /// The run's learning rate.
         rate: f64,
-        /// The presets'.
+        /// The presets' learning rate.
         usual: f64,
     },
 }
@@ -57,80 +58,82 @@ impl Display for Divergence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rates = |[factors, networks]: &[f64; 2]| {
             format!(
-                "try a smaller factor_learning_rate (now {factors}) and network_learning_rate (now {networks}), or check \
+                "try a smaller `factor_learning_rate` (now {factors}) and `network_learning_rate` (now {networks}), or check \
                  that cameras and photographs belong together"
             )
         };
         match self {
             Self::NotFinite { found, rates: now } => {
-                write!(f, "expected a finite error, found {found}; {}", rates(now))
+                write!(f, "the mean squared error is {found}; {}", rates(now))
             }
             Self::Worse { found, expected, rates: now } => write!(
                 f,
-                "expected a mean squared error below {WORSE} times {expected:.4}, which one color or no training has, found \
-                 {found:.4}; {}",
+                "the mean squared error is {found:.4}, more than {MAX_ERROR_RATIO} times the {expected:.4} of an untrained scene or of \
+                 one color; {}",
                 rates(now)
             ),
             Self::Parameter { what, found, setting, rate, usual } => write!(
                 f,
-                "expected {what} within {LARGEST} of 0, found {found}; try a smaller {setting} (now {rate}, of presets {usual})"
+                "one of the {what} is {found}, beyond {MAX_PARAMETER} in magnitude; try a smaller `{setting}` (now {rate}; the \
+                 presets have {usual})"
             ),
         }
     }
 }
 
-/// What is remembered of a run's errors. A resumed run begins anew.
+/// The errors of the first and the last steps. A resumed run starts a new monitor.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DivergenceMonitor {
     steps: u64,
     first: Vec<f64>,
-    /// The last errors, and what one color would have had, in a ring.
+    /// Ring buffer of the last errors, each with that of a picture of one color.
     last: Vec<[f64; 2]>,
 }
 
 impl DivergenceMonitor {
-    /// Looks at a step's mean squared error before its update.
+    /// Records a step's mean squared error before its update.
     ///
     /// # Errors
     ///
-    /// Where it tells that the run has diverged.
+    /// If the errors show that the run has diverged.
     pub(super) fn record(&mut self, error: f64, targets: &[Target], config: &TrainConfig) -> Result<(), Divergence> {
         let rates = [config.factor_learning_rate, config.network_learning_rate];
         if !error.is_finite() {
             return Err(Divergence::NotFinite { found: error, rates });
         }
-        if self.first.len() < FIRST {
+        if self.first.len() < FIRST_STEPS {
             self.first.push(error);
         }
-        let seen = [error, variance(targets)];
+        let errors = [error, variance(targets)];
         let place = self.steps as usize % WINDOW;
         self.steps += 1;
         match self.last.get_mut(place) {
-            Some(last) => *last = seen,
-            None => self.last.push(seen),
+            Some(last) => *last = errors,
+            None => self.last.push(errors),
         }
         if self.last.len() == WINDOW {
-            let mean = |of: usize| self.last.iter().map(|seen| seen[of]).sum::<f64>() / WINDOW as f64;
-            let untrained = self.first.iter().sum::<f64>() / FIRST as f64;
+            let mean = |of: usize| self.last.iter().map(|errors| errors[of]).sum::<f64>() / WINDOW as f64;
+            let untrained = self.first.iter().sum::<f64>() / FIRST_STEPS as f64;
             let (found, expected) = (mean(0), mean(1).max(untrained));
-            if found > WORSE * expected {
+            if found > MAX_ERROR_RATIO * expected {
                 return Err(Divergence::Worse { found, expected, rates });
             }
         }
         Ok(())
     }
 
-    /// Looks, every now and then, at what a step has made of `field`'s parameters.
+    /// Checks the parameters of `field` after some of the steps.
     ///
     /// # Errors
     ///
-    /// Where they have exploded.
-    pub(super) fn see_parameters(&self, field: &mut Field<f32>, config: &TrainConfig) -> Result<(), Divergence> {
-        if self.steps > EARLY && !self.steps.is_multiple_of(WINDOW as u64) {
+    /// If one is too large.
+    pub(super) fn check_parameters(&self, field: &mut Field<f32>, config: &TrainConfig) -> Result<(), Divergence> {
+        if self.steps > EARLY_STEPS && !self.steps.is_multiple_of(WINDOW as u64) {
             return Ok(());
         }
         let usual = TrainConfig::default();
-        let exploded = |values: &[f32]| values.par_iter().copied().find_first(|v| v.is_nan() || v.abs() > LARGEST);
+        let exploded =
+            |values: &[f32]| values.par_iter().copied().find_first(|v| v.is_nan() || v.abs() > MAX_PARAMETER);
         let of_factors = field.scales.iter().find_map(|s| exploded(&s.density).or_else(|| exploded(&s.appearance)));
         if let Some(found) = of_factors {
             return Err(Divergence::Parameter {
@@ -169,13 +172,13 @@ fn variance(targets: &[Target]) -> f64 {
 mod tests {
     use super::*;
 
-    /// What is found in 64 steps of the error `after`, which follow 64 of 0.1 on photographs of two grays.
+    /// The divergence that 64 steps of the error `after` cause, after 64 steps of 0.1 on photographs of two grays.
     fn found(after: f64) -> Option<Divergence> {
         let target = |n: usize| Target { color: [(n % 2) as f32 * 0.6; 3], background: [1.0; 3] };
         let targets: Vec<Target> = (0..16).map(target).collect();
-        let mut watch = DivergenceMonitor::default();
+        let mut monitor = DivergenceMonitor::default();
         let config = TrainConfig::default();
-        (0..128).find_map(|n| watch.record(if n < 64 { 0.1 } else { after }, &targets, &config).err())
+        (0..128).find_map(|n| monitor.record(if n < 64 { 0.1 } else { after }, &targets, &config).err())
     }
 
     #[test]

@@ -7,17 +7,17 @@ use crate::model::{
 };
 use crate::random::Random;
 
-/// δ for a cloud at its current resolution: so many of its cells, averaged over the axes (DESIGN, section 2.9).
+/// δ for a cloud at its current resolution: this many of its cells, averaged over the axes (spec 4.8).
 pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
     cells * cloud.cell_size().element_sum() / 3.0
 }
 
-/// A scene with `clouds`, coarsest first, as `config` says: random factors and networks, and bounds around the model
-/// (DESIGN, section 2: Training).
+/// A scene of random factors and networks on `clouds`, coarsest first. Its bounds are the smallest box around the
+/// covered points (paper, Implementation).
 ///
 /// # Errors
 ///
-/// Where the clouds have no point in common and the model is where all scales are.
+/// If coverage is by all scales and the clouds have no point in common.
 pub fn initial_scene(
     config: &TrainConfig,
     clouds: Vec<TensorCloud>,
@@ -34,8 +34,8 @@ pub fn initial_scene(
     if !bounds.is_solid() {
         return Err(ConfigError::Value {
             place: "scales".into(),
-            expected: "tensors of all scales in the same place".into(),
-            found: "scales that do not overlap".into(),
+            expected: "scales whose tensors overlap".into(),
+            found: "scales without a common point".into(),
         });
     }
     let features = config.decoder.features;
@@ -81,7 +81,7 @@ pub fn initial_scene(
     Ok(Scene { frame, bounds, rules, scales, decoder, occupancy: None, provenance })
 }
 
-/// PyTorch's default for linear layers: uniform within 1/√inputs of 0.
+/// PyTorch's default for linear layers: uniform in ±1/√inputs.
 fn uniform(stream: &Random, inputs: u32, first: u32, count: u32) -> Vec<f32> {
     let bound = 1.0 / f64::from(inputs.max(1)).sqrt();
     (first..first + count).map(|i| (bound * (2.0 * stream.uniform(u64::from(i)) - 1.0)) as f32).collect()

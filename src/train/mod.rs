@@ -1,7 +1,7 @@
-//! A scene from photographs, on the CPU: losses, gradients, optimizer, schedule, resumable progress.
+//! Training on the CPU: from photographs to a scene. Losses, gradients, optimizer, schedule, checkpoints.
 //!
-//! Results are the same on any number of threads: random draws are keyed by their place ([`crate::random`]), rays come
-//! in chunks of fixed size, one task owns a tensor, and shared weights are summed in the order of chunks.
+//! Results are the same on any number of threads: random draws are keyed by their index ([`crate::random`]), rays come
+//! in chunks of fixed size, one task owns a tensor, and sums over shared weights are in the order of chunks.
 
 mod adam;
 mod backward;
@@ -10,9 +10,10 @@ mod checkpoint;
 mod chunk;
 mod component_mask;
 mod config;
-mod dead_components;
 mod divergence;
+mod error;
 mod factors;
+mod importance;
 mod initial;
 mod networks;
 mod occupancy;
@@ -29,13 +30,14 @@ mod upsample;
 pub(crate) use adam::Adam;
 pub use adam::Moments;
 pub use backward::{Backward, Gradients};
-pub use bootstrap::{BootstrapOptions, bootstrap_prior};
-pub use checkpoint::{Checkpoint, CheckpointError};
+pub use bootstrap::bootstrap_prior;
+pub use checkpoint::Checkpoint;
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchRoulette, Target};
-pub use config::{ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
-pub use dead_components::{DeadComponents, MAX_LOSS, prune_dead_components};
+pub use config::{BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 pub use divergence::Divergence;
+pub use error::{CheckpointError, TrainError};
+pub use importance::{DeadComponents, FactorImportance, MAX_LOSS, prune_dead_components};
 pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
@@ -47,5 +49,5 @@ pub use prune::prune_unoccupied;
 pub use ray_sampler::RaySampler;
 pub use rays::RayBatch;
 pub use resize::{ResizeRound, ResizeStep, Resized, ShrinkGoal, Tuning, grow, shrink};
-pub use trainer::{StepReport, TrainError, Trainer};
+pub use trainer::{StepReport, Trainer};
 pub use upsample::upsample;

@@ -1,4 +1,4 @@
-//! Where a field in training is dense enough to matter (DESIGN, section 2.10).
+//! Estimation of the occupancy from a field in training (spec 3.6).
 
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use crate::field::{Field, Real, Samples, vectorized};
 use crate::model::Occupancy;
 
-/// Vertices count from this opacity of one step on, without the distance scale.
+/// The least opacity of one step, without the distance scale, at which a vertex is dense.
 const MIN_ALPHA: f64 = 1e-4;
 
 /// The occupancy of `field` over its bounds, on cells of about `cell` (model units): vertices whose opacity over one
-/// step is at least 1e-4, and their neighbors. Where the field has an occupancy already, nothing outside it is set.
+/// step is at least 1e-4, and their neighbors. If the field has an occupancy already, vertices outside of it stay
+/// empty.
 pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
     let mut occupancy = Occupancy::empty(field.bounds, vertices);
@@ -36,7 +37,7 @@ pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     occupancy
 }
 
-/// \[y\]\[x\] whether the vertices of layer `z` are dense themselves.
+/// \[y\]\[x\] whether the vertices of layer `z` are dense, without their neighbors.
 #[inline(always)]
 fn dense_vertices<T: Real>(field: &Field<T>, grid: &Occupancy, z: u32) -> Vec<bool> {
     let mut samples = Samples::default();
@@ -53,7 +54,7 @@ fn dense_vertices<T: Real>(field: &Field<T>, grid: &Occupancy, z: u32) -> Vec<bo
     dense
 }
 
-/// A 3×3 maximum.
+/// Dilation by one vertex along x and y.
 fn spread_in_layer(layer: &[bool], width: usize, height: usize) -> Vec<bool> {
     let along_x: Vec<bool> = (0..layer.len())
         .map(|i| {

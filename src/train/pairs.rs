@@ -9,7 +9,7 @@ pub(super) struct TensorPair<T> {
     pub(super) place: u32,
     /// The row of the component gradients, where there are any.
     pub(super) row: u32,
-    /// What those are multiplied by; for density, the gradient itself.
+    /// The factor of these gradients; for density, the gradient itself.
     pub(super) weight: T,
 }
 

@@ -1,4 +1,4 @@
-//! From photographs to the scene that training starts from: coarse prior, canonical map, placement.
+//! From photographs to the scene that training starts from: prior, canonical map, placement.
 
 use std::ops::ControlFlow;
 
@@ -10,19 +10,20 @@ use crate::geometry::{Aabb, Similarity};
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CameraBounds, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
-/// Why there is nothing to train.
+/// A scene that cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PrepareError {
-    /// No prior, or no placement on it.
+    /// There is no prior, or no placement on it.
     #[error(transparent)]
     Prior(#[from] prior::Error),
-    /// Settings that do not fit the prior.
+    /// The settings do not fit the prior.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A scene that no reader would accept.
+    /// The scene breaks an invariant of the model.
     #[error(transparent)]
     Scene(#[from] BrokenInvariant),
-    /// The tensors that were to find the scene could not be trained.
+    /// Training the prior's tensors failed.
     #[error(transparent)]
     Train(#[from] TrainError),
 }
@@ -46,11 +47,11 @@ pub fn reconstruct_prior(
     prior::coarse::reconstruct(dataset, &options, config.seed, progress)
 }
 
-/// A scene of random tensors on `occupied`, which is in the dataset's space (DESIGN, section 2: Presets, Units).
+/// A scene of random tensors on `occupied`, which is in the dataset's space (paper, "Distributing local tensors").
 ///
 /// # Errors
 ///
-/// Where the prior or the settings leave nothing to place tensors on.
+/// If there is no cell to place tensors on.
 pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<Scene, PrepareError> {
     let bounds = occupied.bounds();
     let map = prior::canonical_map(&bounds, config.half_extent)?;
@@ -66,7 +67,7 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     Ok(scene)
 }
 
-/// How a model sits in its dataset's space, where rays have the range `near_far`.
+/// The frame of a model whose rays have the range `near_far`, in the dataset's units.
 pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_far: [f64; 2]) -> Frame {
     let [near, far] = near_far.map(|t| t * model_from_dataset.scale);
     Frame {
@@ -80,8 +81,8 @@ pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_f
     }
 }
 
-/// Where rays begin and end: as the cameras say, unless one of them is among what it looks at, as in a room. Then what they
-/// have in common is no distance, and everything in `bounds` counts.
+/// The range of rays, in the dataset's units. It is derived from the cameras alone, unless one of them is inside
+/// `bounds`, as in a room: then rays begin at the camera and reach the farthest corner.
 fn near_far(dataset: &Dataset, bounds: &Aabb) -> [f64; 2] {
     let cameras = dataset.views.iter().map(|view| &view.camera);
     let inside = |p: DVec3| p.clamp(bounds.min, bounds.max) == p;

@@ -1,20 +1,19 @@
-//! Leaving out tensors in whose boxes nothing counts any more (paper, appendix "Ablation Studies on Initial Geometry").
+//! Pruning of tensors whose boxes are empty (paper, appendix "Ablation Studies on Initial Geometry").
 
 use crate::geometry::Aabb;
 use crate::model::{Occupancy, Scale, Scene};
 
-/// Boxes are this many of the occupancy's cells larger on each side than they are: far more than rounding moves a
-/// position in f32, in which a sample may be covered a little outside a box.
+/// Boxes are enlarged by this many cells of the occupancy on each side. It is far more than the rounding of positions
+/// in f32, by which a sample a little outside a box may be covered.
 const MARGIN: f64 = 0.01;
 
-/// Removes the tensors in whose boxes no sample counts; returns, for each scale, the numbers of those that stay. Without
-/// an occupancy all do, and of every scale at least one.
+/// Removes the tensors whose boxes are empty. Returns \[scale\] the indices of the remaining tensors: all of them if
+/// there is no occupancy, and at least one per scale.
 ///
-/// Pictures stay the same to the bit in the reference renderer, whatever the coverage. A sample counts only where the
-/// occupancy is positive, and such a point is in no removed tensor's box. So none of them was among those that cover it:
-/// whether it is in the model, its nearest tensors, their order, which is that of their distances and centers, and their
-/// weights stay as they are. All other points show nothing. That is more than a tensor without components could say of
-/// itself (DESIGN, section 2.11), which is why that one stays.
+/// Pictures stay the same to the bit in the reference renderer, for any coverage. Samples exist only where the
+/// occupancy is positive, and no such point is in the box of a removed tensor. So a removed tensor covered none of
+/// them: their coverage, nearest tensors, order and weights stay the same. A tensor with components of zeros still
+/// covers (spec 3.10), so it is not removed.
 pub fn prune_unoccupied(scene: &mut Scene) -> Vec<Vec<usize>> {
     let occupancy = &scene.occupancy;
     let keep = |scale: &mut Scale| {
@@ -30,13 +29,13 @@ pub fn prune_unoccupied(scene: &mut Scene) -> Vec<Vec<usize>> {
     scene.scales.iter_mut().map(keep).collect()
 }
 
-/// The tensors of `scale` in whose boxes samples count; the first where none is.
+/// The tensors of `scale` whose boxes are not empty; the first one if all are.
 fn occupied_tensors(scale: &Scale, occupancy: &Occupancy) -> Vec<usize> {
     let half = scale.cloud.half_edge + MARGIN * occupancy.cell_size();
-    let counts = |center| occupancy.meets(&Aabb::around(center, half));
-    let mut kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| counts(scale.cloud.center(n))).collect();
+    let is_occupied = |center| occupancy.meets(&Aabb::around(center, half));
+    let mut kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| is_occupied(scale.cloud.center(n))).collect();
     if kept.is_empty() {
-        // A scale has tensors. One more changes nothing, either.
+        // A scale has at least one tensor. An additional one changes no picture.
         kept.push(0);
     }
     kept

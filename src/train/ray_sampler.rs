@@ -2,93 +2,94 @@
 
 use rayon::prelude::*;
 
-use super::{Target, TrainConfig};
+use super::{Target, TrainConfig, TrainError};
 use crate::dataset::View;
 use crate::field::{Field, Real, vectorized};
 use crate::geometry::{Camera, Ray};
 use crate::model::Frame;
 use crate::random::Random;
 
-/// RaySampler in the model's space, and which of their pixels are trained on.
+/// Draws rays of photographs, in the model's space. A ray is active if it is trained on.
 #[derive(Debug)]
 pub struct RaySampler<'a> {
     views: &'a [View],
     cameras: Vec<Camera>,
-    /// \[view\] the number of its first pixel, and the number of pixels.
+    /// \[view\] the index of its first pixel; at the end, the number of pixels.
     firsts: Vec<u64>,
-    /// Numbers of the pixels whose rays meet the model, ascending.
-    kept: Vec<u32>,
-    /// Behind transparent pixels.
+    /// Indices of the pixels whose rays are active, ascending.
+    active: Vec<u32>,
+    /// The color behind transparent pixels.
     background: [f32; 3],
-    /// Random backgrounds instead, and for \[view\] whether it has them.
+    /// The stream of random backgrounds, and \[view\] whether it has them; absent if `background` is behind all pixels.
     random: Option<(Random, Vec<bool>)>,
 }
 
 impl<'a> RaySampler<'a> {
-    /// All pixels of `views`, whose cameras `frame` maps into the model's space; none kept yet. `config` says what is
-    /// behind transparent ones: `frame`'s background or random ones.
+    /// The rays of all pixels of `views`, whose cameras `frame` maps into the model's space; none is active yet.
+    /// Transparent pixels are in front of `frame`'s background, or of random ones if `config` says so.
     ///
-    /// # Panics
+    /// # Errors
     ///
-    /// On 2³² pixels or more.
-    pub fn new(views: &'a [View], frame: &Frame, config: &TrainConfig) -> Self {
+    /// [`TrainError::TooManyPixels`].
+    pub fn new(views: &'a [View], frame: &Frame, config: &TrainConfig) -> Result<Self, TrainError> {
         let mut firsts = vec![0];
         for view in views {
             firsts.push(firsts[firsts.len() - 1] + view.pixels.len() as u64);
         }
-        assert!(firsts[views.len()] < 1 << 32, "{} pixels are more than a run can number", firsts[views.len()]);
+        check_pixel_count(firsts[views.len()])?;
         let cameras = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
         let random = config.random_background.then(|| {
             let transparent = views.par_iter().map(|v| !v.pixels.is_opaque()).collect();
             (Random::new(config.seed, "backgrounds"), transparent)
         });
-        Self { views, cameras, firsts, kept: Vec::new(), background: frame.background, random }
+        Ok(Self { views, cameras, firsts, active: Vec::new(), background: frame.background, random })
     }
 
-    /// Keeps the pixels whose rays have at least one sample in the model (DESIGN, section 2: Training).
-    pub fn keep_rays_that_meet<T: Real>(&mut self, field: &Field<T>) {
+    /// Makes the rays active that have at least one sample in `field`, and no others.
+    pub fn filter_rays<T: Real>(&mut self, field: &Field<T>) {
         let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
             .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
             .collect();
-        let kept_of_row = |&(v, row): &(usize, u32)| {
+        let active_of_row = |&(v, row): &(usize, u32)| {
             let camera = &self.cameras[v];
             let first = self.firsts[v] as u32 + row * camera.width;
-            let meets = |column: &u32| {
+            let is_active = |column: &u32| {
                 vectorized(
                     #[inline(always)]
                     || field.first_sample(&camera.ray(*column, row)).is_some(),
                 )
             };
-            (0..camera.width).filter(meets).map(|column| first + column).collect::<Vec<u32>>()
+            (0..camera.width).filter(is_active).map(|column| first + column).collect::<Vec<u32>>()
         };
-        self.kept = rows.par_iter().map(kept_of_row).flatten_iter().collect();
+        self.active = rows.par_iter().map(active_of_row).flatten_iter().collect();
     }
 
-    /// Number of kept pixels.
-    pub fn kept_count(&self) -> usize {
-        self.kept.len()
+    /// Number of active rays.
+    pub fn active_ray_count(&self) -> usize {
+        self.active.len()
     }
 
-    /// One bit a pixel, least significant first: whether it is kept.
+    /// One bit per pixel, least significant first: whether its ray is active.
     pub fn active_ray_mask(&self) -> Vec<u8> {
         let mut bits = vec![0; self.firsts[self.views.len()].div_ceil(8) as usize];
-        for &pixel in &self.kept {
+        for &pixel in &self.active {
             bits[pixel as usize / 8] |= 1 << (pixel % 8);
         }
         bits
     }
 
-    /// Keeps what [`RaySampler::active_ray_mask`] told; false where it told of another number of pixels.
+    /// Restores the active rays from a mask of [`RaySampler::active_ray_mask`]. Returns `false` if its length does not
+    /// match.
     pub fn restore_active_rays(&mut self, bits: &[u8]) -> bool {
         let pixels = self.firsts[self.views.len()];
         if bits.len() as u64 != pixels.div_ceil(8) {
             return false;
         }
-        self.kept = (0..pixels as u32).filter(|&p| bits[p as usize / 8] >> (p % 8) & 1 == 1).collect();
+        self.active = (0..pixels as u32).filter(|&p| bits[p as usize / 8] >> (p % 8) & 1 == 1).collect();
         true
     }
 
-    /// A checksum of all pixels and cameras, to tell a resumed run's photographs from others.
+    /// A checksum of all pixels and cameras. A resumed run must have the same.
     pub fn checksum(&self) -> u32 {
         let mut hasher = crc32fast::Hasher::new();
         for (view, camera) in self.views.iter().zip(&self.cameras) {
@@ -98,12 +99,12 @@ impl<'a> RaySampler<'a> {
         hasher.finalize()
     }
 
-    /// The kept ray number `draw` of an endless sequence in which every kept ray comes once before any comes again, as long
-    /// as the same are kept; what is behind it, and the color that was photographed there.
+    /// The active ray of index `draw` in an endless sequence, and its target. While the same rays are active, each
+    /// comes once before any comes again.
     pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
-        let kept = self.kept.len() as u64;
-        let at = order.substream(draw / kept).permuted(draw % kept, kept);
-        let pixel = u64::from(self.kept[at as usize]);
+        let active = self.active.len() as u64;
+        let at = order.substream(draw / active).permuted(draw % active, active);
+        let pixel = u64::from(self.active[at as usize]);
         let v = self.firsts.partition_point(|&first| first <= pixel) - 1;
         let within = (pixel - self.firsts[v]) as u32;
         let camera = &self.cameras[v];
@@ -113,5 +114,22 @@ impl<'a> RaySampler<'a> {
             _ => self.background,
         };
         (ray, Target { color: self.views[v].pixels.color(within as usize, background), background })
+    }
+}
+
+/// Pixels are numbered by `u32`.
+fn check_pixel_count(pixels: u64) -> Result<(), TrainError> {
+    if pixels < 1 << 32 { Ok(()) } else { Err(TrainError::TooManyPixels { pixels }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_that_no_u32_can_number_are_an_error() {
+        assert!(check_pixel_count((1 << 32) - 1).is_ok());
+        let error = check_pixel_count(1 << 32).unwrap_err().to_string();
+        assert!(error.contains("4294967296 pixels") && error.contains("smaller photographs"), "{error}");
     }
 }

@@ -1,31 +1,34 @@
-//! Rays of photographs with what they should see, and what a field shows there.
+//! Batches of rays, and the colors of a field along them.
 
+use glam::UVec3;
 use rayon::prelude::*;
 
 use super::chunk::RAYS_PER_CHUNK;
-use super::trainer::place_in_space;
 use super::{RaySampler, Target};
 use crate::field::{Activations, Field, Samples, vectorized};
-use crate::geometry::Ray;
+use crate::geometry::{Ray, morton};
 use crate::random::Random;
 
-/// Rays with what they should see.
+/// Bits per axis of the order of rays in space.
+const ORDER_BITS: u32 = 10;
+
+/// Rays with their photographed colors.
 #[derive(Clone, Debug)]
 pub struct RayBatch {
-    /// In the model's space.
+    /// \[ray\] in the model's space.
     pub rays: Vec<Ray>,
     /// \[ray\].
     pub targets: Vec<Target>,
 }
 
 impl RayBatch {
-    /// `count` rays of `photographs` from number `first` of `order`'s sequence on, ordered in space so that neighbors meet
-    /// the same tensors.
-    pub fn draw(photographs: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
+    /// `count` rays of `sampler`, from index `first` of `order`'s sequence on. They are sorted in space, so that rays
+    /// of a chunk share tensors and most of their reads are served by the cache.
+    pub fn draw(sampler: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
         let mut drawn: Vec<_> = (first..first + count as u64)
             .into_par_iter()
             .map(|d| {
-                let (ray, target) = photographs.draw(order, d);
+                let (ray, target) = sampler.draw(order, d);
                 (place_in_space(field, &ray), ray, target)
             })
             .collect();
@@ -34,12 +37,12 @@ impl RayBatch {
         Self { rays, targets }
     }
 
-    /// \[ray\] the color that `field` shows; the same on any number of threads.
+    /// \[ray\] the color of `field`; the same on any number of threads.
     pub fn colors(&self, field: &Field<f32>) -> Vec<[f32; 3]> {
         colors(field, &self.rays, |ray| self.targets[ray].background)
     }
 
-    /// How well `field` fits: the mean squared error over rays and channels, in dB.
+    /// The PSNR of `field` against the photographed colors, in dB.
     pub fn psnr(&self, field: &Field<f32>) -> f64 {
         let squared = |(color, target): (&[f32; 3], &Target)| {
             (0..3).map(|c| f64::from(color[c] - target.color[c]).powi(2)).sum::<f64>()
@@ -49,7 +52,19 @@ impl RayBatch {
     }
 }
 
-/// \[ray\] the color that `field` shows of `rays`, before `background`\[ray\].
+/// The Morton code of the ray's first sample in `field`; the largest number for a ray without samples.
+fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
+    let size = field.bounds.size();
+    let first = vectorized(
+        #[inline(always)]
+        || field.first_sample(ray),
+    );
+    let Some(position) = first else { return u64::MAX };
+    let cell = |a: usize| ((f64::from(position[a]) / size[a] + 0.5) * f64::from(1 << ORDER_BITS)) as u32;
+    morton::encode(UVec3::from_array([0, 1, 2].map(cell)), 1, ORDER_BITS) as u64
+}
+
+/// \[ray\] the color of `field` along `rays`, in front of `background`(ray).
 pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
     let mut colors = vec![[0.0; 3]; rays.len()];
     (rays.par_chunks(RAYS_PER_CHUNK).zip(colors.par_chunks_mut(RAYS_PER_CHUNK))).enumerate().for_each_init(

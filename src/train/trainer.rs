@@ -1,19 +1,18 @@
-//! The training loop's body: one step, and what the schedule does between steps.
+//! One step of training, and the schedule between steps.
 
-use glam::UVec3;
 use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
-use super::divergence::{Divergence, DivergenceMonitor};
+use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::{
-    BatchRoulette, Checkpoint, CheckpointError, DeadComponents, RaySampler, TrainConfig, estimate_occupancy,
+    BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, estimate_occupancy,
     march_step, network_parts, prune_dead_components, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
-use crate::geometry::{Aabb, Ray, morton};
+use crate::geometry::Aabb;
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
@@ -21,91 +20,72 @@ use crate::random::Random;
 #[derive(Debug)]
 pub struct Trainer<'a> {
     config: TrainConfig,
-    photographs: RaySampler<'a>,
-    /// All but what `field` holds anew at every step: factors, matrices, decoder.
+    sampler: RaySampler<'a>,
+    /// The scene, except that the current factors, matrices and decoder are in `field`.
     scene: Scene,
     field: Field<f32>,
     backward: Backward<f32>,
     tensor_gradients: Pool<TensorGradient<f32>>,
     order: Random,
-    progress: Checkpoint,
-    watch: DivergenceMonitor,
+    checkpoint: Checkpoint,
+    monitor: DivergenceMonitor,
 }
 
-/// What one step came to.
+/// The result of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
     /// Steps done.
     pub step: u64,
     /// Mean squared error of the step's rays, before its update.
     pub mean_squared_error: f64,
-    /// What it took.
+    /// Counts and times of its stages.
     pub work: Work,
 }
 
-/// Why a run cannot go on.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// No pixel's ray passes through the model.
-    #[error("photographs: expected rays that meet the model, found none of {0} (does the prior belong to them?)")]
-    NoRays(u64),
-    /// It gets worse and worse.
-    #[error("step {step}: the run has diverged: {found}")]
-    Diverged {
-        /// Steps done.
-        step: u64,
-        /// By what that is known, and what to change.
-        found: Divergence,
-    },
-    /// The saved progress does not fit.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-}
-
 impl<'a> Trainer<'a> {
-    /// Begins a run on `views` from `scene`, as [`super::initial_scene`] made it.
+    /// Begins a run on `views` from `scene`, as made by [`super::initial_scene`].
     ///
     /// # Errors
     ///
-    /// [`TrainError::NoRays`].
+    /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
     pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = RaySampler::new(views, &scene.frame, &config);
-        photographs.keep_rays_that_meet(&field);
-        let progress = Checkpoint::start(&config, &field, &photographs);
-        Self::assemble(config, scene, field, photographs, progress)
+        let mut sampler = RaySampler::new(views, &scene.frame, &config)?;
+        sampler.filter_rays(&field);
+        let checkpoint = Checkpoint::start(&config, &field, &sampler);
+        Self::assemble(config, scene, field, sampler, checkpoint)
     }
 
-    /// Goes on where `progress` and its `scene` left off.
+    /// Resumes the run of `checkpoint` and its `scene`.
     ///
     /// # Errors
     ///
-    /// Where `views` are not those that the run began with, or `scene` is not `progress`'s.
-    pub fn resume(progress: Checkpoint, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+    /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
+    pub fn resume(checkpoint: Checkpoint, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut photographs = RaySampler::new(views, &scene.frame, &progress.config);
-        progress.check(&field, &mut photographs)?;
-        Self::assemble(progress.config.clone(), scene, field, photographs, progress)
+        let mut sampler = RaySampler::new(views, &scene.frame, &checkpoint.config)?;
+        checkpoint.restore(&field, &mut sampler)?;
+        Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
     }
 
     fn assemble(
         config: TrainConfig,
         scene: Scene,
         field: Field<f32>,
-        photographs: RaySampler<'a>,
-        progress: Checkpoint,
+        sampler: RaySampler<'a>,
+        checkpoint: Checkpoint,
     ) -> Result<Self, TrainError> {
-        expect_rays(&photographs)?;
+        check_active_rays(&sampler)?;
         Ok(Self {
             order: Random::new(config.seed, "rays"),
             backward: Backward::new(&field),
             tensor_gradients: Pool::default(),
             config,
-            photographs,
+            sampler,
             scene,
             field,
-            progress,
-            watch: DivergenceMonitor::default(),
+            checkpoint,
+            monitor: DivergenceMonitor::default(),
         })
     }
 
@@ -114,42 +94,42 @@ impl<'a> Trainer<'a> {
         &self.config
     }
 
-    /// The photographs' rays.
-    pub(super) fn photographs(&self) -> &RaySampler<'a> {
-        &self.photographs
+    /// The rays that training draws from.
+    pub(super) fn sampler(&self) -> &RaySampler<'a> {
+        &self.sampler
     }
 
-    /// Goes on with another `scene` of the same photographs for `steps`, over which learning rates fall; the
-    /// optimizer starts anew.
+    /// Continues with another `scene` of the same photographs for `steps`, over which learning rates fall. The
+    /// optimizer restarts.
     pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
         self.field = Field::new(&scene);
         self.backward = Backward::new(&self.field);
         self.scene = scene;
         self.config.steps = steps;
-        self.progress.restart(&self.field);
+        self.checkpoint.restart(&self.field);
     }
 
     /// Steps done.
     pub fn steps_done(&self) -> u64 {
-        self.progress.step
+        self.checkpoint.step
     }
 
-    /// Rays that training draws from.
+    /// Number of rays that training draws from.
     pub fn ray_count(&self) -> usize {
-        self.photographs.kept_count()
+        self.sampler.active_ray_count()
     }
 
-    /// What has to be kept, besides [`Trainer::scene`], to go on later.
-    pub fn progress(&self) -> &Checkpoint {
-        &self.progress
+    /// The state that resumes the run, together with [`Trainer::scene`].
+    pub fn checkpoint(&self) -> &Checkpoint {
+        &self.checkpoint
     }
 
-    /// Adds to the wall time that the progress tells of.
+    /// Adds to the wall time of the checkpoint.
     pub fn add_seconds(&mut self, seconds: f64) {
-        self.progress.seconds += seconds;
+        self.checkpoint.seconds += seconds;
     }
 
-    /// The scene as it stands.
+    /// The current scene.
     pub fn scene(&self) -> Scene {
         let mut scene = self.scene.clone();
         let matrices = &self.field.decoder.appearance;
@@ -169,65 +149,62 @@ impl<'a> Trainer<'a> {
             layer.weights.clone_from(&trained.weights);
             layer.bias.clone_from(&trained.bias);
         }
-        scene.provenance.steps = self.progress.step;
+        scene.provenance.steps = self.checkpoint.step;
         scene
     }
 
-    /// Clears what this run's rays make no use of in `scene`, which is [`Trainer::scene`]'s at the end of the run: see
+    /// Removes the dead components of `scene`, which is [`Trainer::scene`] at the end of the run: see
     /// [`prune_dead_components`].
-    pub fn prune_dead_components(&self, scene: &mut Scene) -> DeadComponents {
-        prune_dead_components(scene, &self.photographs, self.config.seed)
-    }
-
-    /// One optimizer step, and what the schedule asks for after it.
     ///
     /// # Errors
     ///
-    /// Where the run has diverged, and where no ray meets the model any more.
+    /// [`TrainError::EmptyScene`].
+    pub fn prune_dead_components(&self, scene: &mut Scene) -> Result<DeadComponents, TrainError> {
+        prune_dead_components(scene, &self.sampler, self.config.seed)
+    }
+
+    /// One optimizer step, then the changes that the schedule has after it.
+    ///
+    /// # Errors
+    ///
+    /// If the run has diverged, or no ray passes through the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
-        let batch = self.config.batch_rays as u64;
-        let first = self.progress.step * batch;
-        let mut drawn: Vec<_> = (first..first + batch)
-            .into_par_iter()
-            .map(|d| {
-                let (ray, target) = self.photographs.draw(&self.order, d);
-                (place_in_space(&self.field, &ray), ray, target)
-            })
-            .collect();
-        drawn.sort_by_key(|d| d.0);
-        let (rays, targets): (Vec<_>, Vec<_>) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
+        let first = self.checkpoint.step * self.config.batch_rays as u64;
+        let RayBatch { rays, targets } =
+            RayBatch::draw(&self.sampler, &self.field, &self.order, first, self.config.batch_rays);
+        // The streams' names are part of every trained scene's bits.
         let roulette = |below: f64, name: &str| {
-            let random = Random::new(self.config.seed, name).substream(self.progress.step);
+            let random = Random::new(self.config.seed, name).substream(self.checkpoint.step);
             (below > 0.0).then_some(Roulette { below, random, first_ray: 0 })
         };
         let roulette = BatchRoulette {
-            color: roulette(self.config.color_roulette, "roulette"),
-            density: roulette(self.config.density_roulette, "density roulette"),
+            color: roulette(self.config.color_roulette, "thinning"),
+            density: roulette(self.config.density_roulette, "density thinning"),
         };
-        // Drawn by all threads.
+        // All threads draw rays.
         clock.lap(Stage::Rays);
         let threads = rayon::current_num_threads() as f64;
         let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, roulette);
-        self.progress.step += 1;
-        let step = self.progress.step;
+        self.checkpoint.step += 1;
+        let step = self.checkpoint.step;
         let diverged = |found| TrainError::Diverged { step, found };
-        self.watch.record(mean_squared_error, &targets, &self.config).map_err(diverged)?;
+        self.monitor.record(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimizer);
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
         self.update_factors(&mut clock.work);
-        self.watch.see_parameters(&mut self.field, &self.config).map_err(diverged)?;
+        self.monitor.check_parameters(&mut self.field, &self.config).map_err(diverged)?;
         clock.work.add(&self.backward.work());
-        let report = StepReport { step: self.progress.step, mean_squared_error, work: clock.work };
+        let report = StepReport { step: self.checkpoint.step, mean_squared_error, work: clock.work };
         self.follow_schedule()?;
         Ok(report)
     }
 
     /// The optimizer's step for parameters whose learning rate starts at `start`.
     fn adam(&self, start: f64) -> Adam<f32> {
-        let since_restart = self.progress.step - self.progress.restarted_at;
+        let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
         let factor = self.config.learning_rate_decay.powf(along);
         Adam::new(start * factor, since_restart)
@@ -236,7 +213,7 @@ impl<'a> Trainer<'a> {
     fn update_networks(&mut self) {
         let adam = self.adam(self.config.network_learning_rate);
         let gradients = self.backward.network_gradients();
-        let Moments { first, second } = &mut self.progress.networks;
+        let Moments { first, second } = &mut self.checkpoint.networks;
         let mut at = 0;
         for part in network_parts(&mut self.field.decoder) {
             let range = at..at + part.len();
@@ -257,8 +234,8 @@ impl<'a> Trainer<'a> {
             let [density_rank, appearance_rank] = geometry.ranks;
             let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density_rank);
             let rows = geometry.rows.count;
-            let of_density = &mut self.progress.density[s];
-            let of_appearance = &mut self.progress.appearance[s];
+            let of_density = &mut self.checkpoint.density[s];
+            let of_appearance = &mut self.checkpoint.appearance[s];
             let density = TensorChunks::new(density, of_density, rows * density_rank);
             let appearance = TensorChunks::new(appearance, of_appearance, rows * appearance_rank);
             density.into_par_iter().zip(appearance.into_par_iter()).enumerate().for_each(
@@ -284,13 +261,13 @@ impl<'a> Trainer<'a> {
         pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
 
-    /// Occupancy, bounds and resolution (DESIGN, section 2: Training).
+    /// Occupancy, bounds and resolution (paper, Implementation).
     fn follow_schedule(&mut self) -> Result<(), TrainError> {
-        let step = self.progress.step;
+        let step = self.checkpoint.step;
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
             let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
-            // Very short runs have nothing dense yet: they go on without.
+            // Very short runs have nothing dense yet: they continue without an occupancy.
             if dense.is_solid() {
                 if which == 0 {
                     self.scene.bounds = dense;
@@ -299,7 +276,7 @@ impl<'a> Trainer<'a> {
                 let mut scene = self.scene();
                 if self.config.prune {
                     let kept = prune_unoccupied(&mut scene);
-                    self.progress.keep_tensors(&kept, &self.field);
+                    self.checkpoint.keep_tensors(&kept, &self.field);
                 }
                 self.field = Field::new(&scene);
                 self.scene = scene;
@@ -318,39 +295,25 @@ impl<'a> Trainer<'a> {
             }
             self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
             self.field.rules.step = self.scene.rules.step;
-            self.progress.restart(&self.field);
+            self.checkpoint.restart(&self.field);
         }
         if self.config.refilter_rays && self.config.occupancy_at.contains(&step) {
-            self.photographs.keep_rays_that_meet(&self.field);
-            expect_rays(&self.photographs)?;
-            self.progress.kept = self.photographs.active_ray_mask();
+            self.sampler.filter_rays(&self.field);
+            check_active_rays(&self.sampler)?;
+            self.checkpoint.active_rays = self.sampler.active_ray_mask();
         }
         Ok(())
     }
 }
 
-fn expect_rays(photographs: &RaySampler<'_>) -> Result<(), TrainError> {
-    match photographs.kept_count() {
-        0 => Err(TrainError::NoRays(photographs.active_ray_mask().len() as u64 * 8)),
+fn check_active_rays(sampler: &RaySampler<'_>) -> Result<(), TrainError> {
+    match sampler.active_ray_count() {
+        0 => Err(TrainError::NoRays { pixels: sampler.active_ray_mask().len() as u64 * 8 }),
         _ => Ok(()),
     }
 }
 
-/// A number (Morton's) that is close for rays that meet the scene close to each other. A batch in this order lets a
-/// chunk's rays share tensors, so that most of what they read is in the cache already.
-pub(super) fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
-    const BITS: u32 = 10;
-    let size = field.bounds.size();
-    let first = vectorized(
-        #[inline(always)]
-        || field.first_sample(ray),
-    );
-    let Some(position) = first else { return u64::MAX };
-    let cell = |a: usize| ((f64::from(position[a]) / size[a] + 0.5) * f64::from(1 << BITS)) as u32;
-    morton::encode(UVec3::new(cell(0), cell(1), cell(2)), 1, BITS) as u64
-}
-
-/// A scale's vectors and moments cut into tensors.
+/// A scale's vectors and moments, split by tensor.
 struct TensorChunks<'a> {
     factors: &'a mut [f32],
     moments: &'a mut Moments<f32>,
@@ -371,7 +334,7 @@ impl<'a> TensorChunks<'a> {
     }
 }
 
-/// The loss's mean absolute density factor, per axis (paper, equation for L_L1; DESIGN, section 2: Training).
+/// The loss's mean absolute density factor, per axis (paper, "Optimization and objectives").
 struct L1 {
     /// (first entry, end, gradient of |v|) of each axis within a tensor.
     axes: [(usize, usize, f32); 3],

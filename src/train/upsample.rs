@@ -1,9 +1,9 @@
-//! Coarse to fine: factors resampled to more vertices.
+//! Upsampling of factors to a finer resolution.
 
 use crate::model::Factors;
 
 /// Resamples every tensor's vectors of `rank` components from resolution `from` to `to`, linearly, the ends aligned
-/// (DESIGN, section 2.3).
+/// (paper, Implementation).
 pub fn upsample(factors: &[f32], rank: usize, from: [u32; 3], to: [u32; 3]) -> Vec<f32> {
     let from_len = Factors::rows(from) * rank;
     if from_len == 0 {

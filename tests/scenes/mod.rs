@@ -3,7 +3,9 @@
 
 use glam::{DVec3, UVec3};
 use strivec::geometry::{Aabb, Camera, Lattice, Similarity};
-use strivec::model::{ColorSpace, DecoderMode, Frame, Occupancy, Placement, Scene, TensorCloud, UpAxis};
+use strivec::model::{
+    Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, TensorCloud, UpAxis,
+};
 use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig, initial_scene};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
@@ -31,7 +33,7 @@ pub(crate) fn config() -> TrainConfig {
             scale([0.25, 0.25, 0.2], [4, 6, 3], 8, 8, 3),
             scale([0.2, 0.16, 0.2], [3, 2, 5], 3, 17, 4),
         ],
-        ..TrainConfig::default()
+        ..TrainConfig::preset("48").unwrap()
     }
 }
 
@@ -85,10 +87,11 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
         let mut config = self::config();
-        config.field.coverage_all = bits & 1 == 0;
-        config.field.normalized = bits & 2 == 0;
-        config.field.density_mean = bits & 4 != 0;
-        config.field.appearance_mean = bits & 8 != 0;
+        let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
+        config.field.coverage = if bits & 1 == 0 { Coverage::All } else { Coverage::Any };
+        config.field.aggregation = if bits & 2 == 0 { Aggregation::Normalized } else { Aggregation::Clamped };
+        config.field.density_reduction = reduction(bits & 4 != 0);
+        config.field.appearance_reduction = reduction(bits & 8 != 0);
         config.decoder.mode = mode;
         config.factor_deviation = 0.8;
         let mut scene = self::scene(&config);

@@ -10,7 +10,7 @@ use crate::cli::{Error, Session};
 use crate::container;
 use crate::measure::psnr_of_mse;
 use crate::model::Scene;
-use crate::pack::{Judge, probe_views};
+use crate::pack::{Distortion, probe_views};
 
 /// Arguments of `strivec-pack diff`.
 #[derive(Debug, clap::Args)]
@@ -64,8 +64,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let psnr = if same_bytes || args.no_pictures {
         None
     } else {
-        let error = Judge::new(&before.scene, probe_views(&before.scene, &before.metadata.cameras, 6, JUDGED.1))
-            .error(&after.scene);
+        let error = Distortion::from_own_pictures(
+            &before.scene,
+            probe_views(&before.scene, &before.metadata.cameras, 6, JUDGED.1),
+        )
+        .mse(&after.scene);
         (error > 0.0).then(|| psnr_of_mse(error))
     };
     let largest_parameter_difference = largest_difference(&before.scene, &after.scene);

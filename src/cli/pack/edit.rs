@@ -12,7 +12,7 @@ use crate::cli::numbers::{boxed, numbers};
 use crate::cli::{Error, Session};
 use crate::container::{self, EncodeOptions, SceneFile};
 use crate::geometry::{Aabb, Similarity};
-use crate::pack::{self, probe_views, sensitivity};
+use crate::pack::{self, probe_views};
 
 /// Where a changed scene goes. Its numbers are written as 32-bit floating point; `pack` makes them small.
 #[derive(Debug, clap::Args)]
@@ -65,8 +65,8 @@ pub(super) struct PruneArgs {
 pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document| {
         let views = probe_views(&document.scene, &document.metadata.cameras, PROBED.0, JUDGED.1);
-        let sensitivity = sensitivity(&document.scene, &views, PROBED.1, args.seed);
-        let share = pack::prune(&mut document.scene, &sensitivity, args.error);
+        let importance = views.importance(&document.scene, PROBED.1, args.seed);
+        let share = pack::prune(&mut document.scene, &importance, args.error);
         session.console.say(&format!("{:.1} % of the components dropped", 100.0 * share));
         Ok(document)
     })

@@ -15,13 +15,12 @@ use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamer
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{make_probes, psnr_of_mse};
 use crate::model::Scene;
-use crate::pack::{
-    Candidate, Goal, Judge, MAX_TRIED, Sensitivity, Views, fit_prefix, probe_views, search, sensitivity,
-};
+use crate::pack::{Candidate, Distortion, Goal, MAX_TRIED, Views, fit_prefix, probe_views, search};
+use crate::train::FactorImportance;
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
 pub(in crate::cli) const JUDGED: (usize, u32) = (12, 320);
-/// Cameras and, at the usual effort, batches of rays that sensitivities are estimated from.
+/// Cameras and, at the usual effort, batches of rays that importance is estimated from.
 pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 /// Steps of fitting a prefix, at the usual effort.
 const PREFIX_STEPS: usize = 150;
@@ -263,11 +262,14 @@ fn pack(
     }
     let packing = Packing {
         views: probe_views(&scene, &metadata.cameras, PROBED.0, args.judged_width()),
-        own: Judge::new(&scene, probe_views(&scene, &metadata.cameras, JUDGED.0, args.judged_width())),
+        own: Distortion::from_own_pictures(
+            &scene,
+            probe_views(&scene, &metadata.cameras, JUDGED.0, args.judged_width()),
+        ),
         real: photographs.map(|(views, what)| {
-            let judge = Judge::from_photographs(&scene, views);
-            let before = judge.error(&scene);
-            (judge, before, what.as_str())
+            let distortion = Distortion::from_photographs(&scene, views);
+            let before = distortion.mse(&scene);
+            (distortion, before, what.as_str())
         }),
         scene,
         metadata,
@@ -281,10 +283,10 @@ fn pack(
         return packing.finish(&whole, path);
     }
     session.console.say("what each number is worth");
-    let sensitivity = sensitivity(&packing.scene, &packing.views, args.as_many(PROBED.1), args.seed);
+    let importance = packing.views.importance(&packing.scene, args.as_many(PROBED.1), args.seed);
     let mut reserved = args.goal.target_size.map_or(0, |target| EXTRAS_BYTES.min(target / 4));
     loop {
-        let candidate = packing.find(&sensitivity, reserved)?;
+        let candidate = packing.find(&importance, reserved)?;
         let candidate = candidate
             .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?;
         let (bytes, quality) = packing.finish(&candidate, path)?;
@@ -302,21 +304,21 @@ struct Packing<'a> {
     metadata: Metadata,
     views: Views,
     /// The scene's own pictures.
-    own: Judge,
+    own: Distortion,
     /// Photographs, the scene's error to them, and what they are called.
-    real: Option<(Judge, f64, &'a str)>,
+    real: Option<(Distortion, f64, &'a str)>,
     args: &'a Args,
     session: &'a Session,
 }
 
 impl Packing<'_> {
     /// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
-    fn find(&self, sensitivity: &Sensitivity, reserved: u64) -> Result<Option<Candidate>, Error> {
+    fn find(&self, importance: &FactorImportance, reserved: u64) -> Result<Option<Candidate>, Error> {
         let args = &self.args.goal;
         // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
-        let (judge, goal) = match (&self.real, args.max_loss) {
-            (Some((judge, before, _)), Some(loss)) => {
-                (judge, Goal::Error { before: *before, more: before * grown(loss) })
+        let (distortion, goal) = match (&self.real, args.max_loss) {
+            (Some((distortion, before, _)), Some(loss)) => {
+                (distortion, Goal::Error { before: *before, more: before * grown(loss) })
             }
             _ => (&self.own, goal(args, &self.metadata)),
         };
@@ -327,7 +329,7 @@ impl Packing<'_> {
             let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
             progress.set(count, || detail.clone());
         };
-        let found = search(&self.scene, sensitivity, judge, goal, reserved, &mut tried);
+        let found = search(&self.scene, importance, distortion, goal, reserved, &mut tried);
         found.map_err(|e| Error::Runtime(e.to_string()))
     }
 
@@ -345,12 +347,12 @@ impl Packing<'_> {
             metadata.thumbnail = Some(thumbnail(decoded)?);
         }
         let mut quality = metadata.quality.take().unwrap_or_default();
-        let error = self.own.error(decoded);
+        let error = self.own.mse(decoded);
         quality.encoded = (error > 0.0).then(|| psnr_of_mse(error));
         quality.prefixes = prefix_psnrs;
-        if let Some((judge, before, what)) = &self.real {
+        if let Some((distortion, before, what)) = &self.real {
             quality.test_before = Some(psnr_of_mse(*before));
-            quality.test = Some(psnr_of_mse(judge.error(decoded)));
+            quality.test = Some(psnr_of_mse(distortion.mse(decoded)));
             quality.dataset = (*what).to_owned();
         }
         metadata.quality = Some(quality.clone());
@@ -358,22 +360,25 @@ impl Packing<'_> {
         Ok((bytes, quality))
     }
 
-    /// Fits the corrections of prefixes of `decoded` into `metadata`; \[scale\] the PSNR of their pictures, nothing for the
-    /// last.
+    /// Fits the corrections of prefixes of `decoded` into `metadata`; \[scale\] the PSNR of their pictures, nothing for
+    /// the last.
     fn fit_prefixes(&self, decoded: &Scene, metadata: &mut Metadata) -> Vec<Option<f64>> {
         metadata.prefixes.clear();
         let scales = decoded.scales.len();
         if self.args.no_prefixes || scales == 1 {
             return Vec::new();
         }
-        let judge = Judge::new(decoded, probe_views(decoded, &metadata.cameras, 4, self.args.judged_width()));
+        let distortion = Distortion::from_own_pictures(
+            decoded,
+            probe_views(decoded, &metadata.cameras, 4, self.args.judged_width()),
+        );
         let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
         let mut psnrs = Vec::new();
         for count in 1..scales {
             let prefix = fit_prefix(decoded, count, &self.views, self.args.as_many(PREFIX_STEPS), self.args.seed);
             let mut part = container::first_scales(decoded.clone(), &[], Some(count as u32));
             prefix.apply(&mut part);
-            let psnr = psnr_of_mse(judge.error(&part));
+            let psnr = psnr_of_mse(distortion.mse(&part));
             psnrs.push(Some(psnr));
             metadata.prefixes.push(Some(prefix));
             progress.set(count as u64, || format!("{psnr:.1} dB"));

@@ -7,7 +7,7 @@ use crate::field::Field;
 use crate::measure::{Cell, CellMap, FLAT};
 use crate::model::Scene;
 use crate::random::Random;
-use crate::train::{RayBatch, RaySampler, TrainConfig};
+use crate::train::{RayBatch, RaySampler, TrainConfig, TrainError};
 
 /// Cells along the scene's longest edge, and rays that look at them, at most.
 const CELLS_ALONG: usize = 64;
@@ -30,14 +30,14 @@ pub(super) struct CellKind {
 }
 
 impl Cells {
-    pub(super) fn new(scenes: [&Scene; 2], views: &[View], config: &TrainConfig) -> Self {
+    pub(super) fn new(scenes: [&Scene; 2], views: &[View], config: &TrainConfig) -> Result<Self, TrainError> {
         let [before, _] = scenes;
         let field = Field::<f32>::new(before);
-        let mut photographs = RaySampler::new(views, &before.frame, config);
-        photographs.keep_rays_that_meet(&field);
-        let count = photographs.kept_count().min(CELL_RAYS);
-        let batch = RayBatch::draw(&photographs, &field, &Random::new(config.seed, "cells"), 0, count);
-        Self(scenes.map(|scene| CellMap::new(scene, &before.bounds, &batch, CELLS_ALONG)))
+        let mut sampler = RaySampler::new(views, &before.frame, config)?;
+        sampler.filter_rays(&field);
+        let count = sampler.active_ray_count().min(CELL_RAYS);
+        let batch = RayBatch::draw(&sampler, &field, &Random::new(config.seed, "cells"), 0, count);
+        Ok(Self(scenes.map(|scene| CellMap::new(scene, &before.bounds, &batch, CELLS_ALONG))))
     }
 
     pub(super) fn named(&self) -> [(&'static str, &CellMap); 2] {

@@ -189,7 +189,7 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
         Change::Shrink(goal) => shrink(scene, views, goal, &tuning, &mut stepped)?,
         Change::Grow(most) => grow(scene, views, most, &tuning, &mut stepped)?,
     };
-    let cells = Cells::new([&document.scene, &resized.scene], &dataset.views, &tuning.config);
+    let cells = Cells::new([&document.scene, &resized.scene], &dataset.views, &tuning.config)?;
     let options = EncodeOptions::uniform(args.encoding.factors());
     let bytes = container::encode_scene_file(&resized.scene, &metadata, &options)
         .map_err(|e| Error::container(&args.output, e))?;

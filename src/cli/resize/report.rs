@@ -112,7 +112,7 @@ impl Report<'_> {
         }
         let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
         format!(
-            "{}{}{}{}: {:.2} MB, {} of {} parameters, {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before, {:.1} min\n",
+            "{}{}{}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             rounds.text(),
             scales.text(),
             cells.text(),

@@ -5,7 +5,7 @@ use crate::cli::pack::{JUDGED, PROBED};
 use crate::cli::{Error, Session};
 use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
-use crate::pack::{Goal, Judge, probe_views, search, sensitivity};
+use crate::pack::{Distortion, Goal, probe_views, search};
 
 /// Encodings by number.
 const PLAIN: [(&str, Encoding); 3] =
@@ -28,12 +28,12 @@ pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, E
     }
     session.console.say("what each number is worth");
     let views = probe_views(scene, &[], PROBED.0, JUDGED.1);
-    let sensitivity = sensitivity(scene, &views, PROBED.1, 0);
-    let judge = Judge::new(scene, probe_views(scene, &[], JUDGED.0, JUDGED.1));
+    let importance = views.importance(scene, PROBED.1, 0);
+    let distortion = Distortion::from_own_pictures(scene, probe_views(scene, &[], JUDGED.0, JUDGED.1));
     for psnr in LOSSY {
         session.console.say(&format!("encoding within {psnr} dB"));
         let goal = Goal::Error { before: 0.0, more: 10f64.powf(-psnr / 10.0) };
-        if let Some(found) = search(scene, &sensitivity, &judge, goal, 0, &mut |_| {}).map_err(failed)? {
+        if let Some(found) = search(scene, &importance, &distortion, goal, 0, &mut |_| {}).map_err(failed)? {
             let options = EncodeOptions { zstd_level: Some(19), ..found.options };
             sources.push(source(format!("lossy {psnr} dB"), &found.scene, &options)?);
         }

@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 /// Trains the paper's tables.
 fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
-    let config = configuration(None, args.config.as_deref())?;
+    let config = configuration(args.config.is_none().then_some("48"), args.config.as_deref())?;
     let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
     config.check().map_err(|e| Error::Usage(e.to_string()))?;
     make_folder(&args.out)?;

@@ -1,19 +1,21 @@
-//! What parameters weigh in files and memory, and what a step takes: figures fitted to the runs in `docs/measurements.md`.
+//! Bytes of parameters in files and memory, and the time of a step: figures fitted to the runs in `docs/experiments/`.
 
-use super::ScalePlan;
+use super::scale::ScalePlan;
 use crate::model::DecoderMode;
 use crate::train::TrainConfig;
+use crate::train::initial::initial_decoder;
 
-/// Bytes of a parameter in a file of 16-bit floating point with zstd. Appearance factors, and density factors of a run
-/// that has hardly begun, stay as good as random; towards the presets' 30 000 steps density factors become sparse.
+/// Bytes of a parameter in a file of 16-bit floating point with zstd. Appearance factors compress as little as random
+/// numbers, and so do density factors at the start of a run; towards the presets' 30 000 steps density factors become
+/// sparse.
 const RANDOM_BYTES: f64 = 1.863;
 const SPARSE_BYTES: f64 = 1.38;
 const SPARSE_STEPS: f64 = 30_000.0;
-/// Tensors' places and the occupancy: bytes a tensor, and once.
+/// Placement and occupancy: bytes per tensor, and per file.
 const TENSOR_BYTES: f64 = 2.0;
 const FILE_BYTES: f64 = 50_000.0;
 
-/// Of the file of `scales` and a network of `decoder_parameters`, within 2 % on what was measured.
+/// Bytes of the file of `scales` and a network of `decoder_parameters`; within 2 % of the measured files.
 pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], decoder_parameters: u64) -> u64 {
     let sparse = (config.steps as f64 / SPARSE_STEPS).min(1.0).powf(1.5);
     let density_bytes = RANDOM_BYTES + sparse * (SPARSE_BYTES - RANDOM_BYTES);
@@ -26,12 +28,12 @@ pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], decoder_par
     (scales.iter().map(of_scale).sum::<f64>() + network + FILE_BYTES) as u64
 }
 
-/// How photographs are held in memory.
+/// The form of photographs in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhotographMemory {
-    /// 8 bits a channel, as 8-bit files at full size are.
+    /// 8 bits per channel: 8-bit files at full size.
     Bytes,
-    /// 32 bits a channel: everything else.
+    /// 32 bits per channel: all others.
     Floats,
 }
 
@@ -44,64 +46,65 @@ impl PhotographMemory {
     }
 }
 
-/// Bytes a parameter at the peak, when factors are resampled or a checkpoint is written: the factors, both moments, and
-/// copies.
+/// Bytes per parameter at the peak, at an upsampling or a checkpoint: the factor, both moments, and copies.
 const PARAMETER_BYTES: f64 = 25.0;
-/// Bytes a pixel for numbers of those that are drawn: 4 for each, of about half of them, and twice while they are sought.
+/// Bytes per pixel of the list of active rays: 4 for each of about half of the pixels, and twice that while it is
+/// built.
 const DRAWN_BYTES: u64 = 7;
-/// The program and a batch in flight.
+/// Bytes of the program and of a batch.
 const WORKING_BYTES: u64 = 40_000_000;
 
-/// Of the training process at its peak. Short runs of preset 48 at 800×800 held 1.46 GB at most, of `quarter.toml` 0.26.
+/// Bytes of the training process at its peak. Short runs of preset 48 at 800×800 held 1.46 GB at most, of
+/// `quarter.toml` 0.26.
 pub(super) fn memory_bytes(parameters: u64, pixels: u64, photographs: PhotographMemory) -> u64 {
     (parameters as f64 * PARAMETER_BYTES) as u64 + pixels * (photographs.pixel_bytes() + DRAWN_BYTES) + WORKING_BYTES
 }
 
-/// How fast a machine does the two kinds of work that a step consists of.
+/// The speed of a machine at the two kinds of work in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachineSpeed {
-    /// That compute.
+    /// Threads that train.
     pub threads: usize,
-    /// FLOP/s of a thread in matrix products, while all threads work.
+    /// FLOP/s per thread in matrix products, with all threads at work.
     pub product_flops: f64,
-    /// Numbers that a thread gathers and adds up a second from rows at random places in its cache, while all threads work.
+    /// Numbers per second that a thread gathers from random rows in its cache and adds, with all threads at work.
     pub gathered: f64,
 }
 
 impl MachineSpeed {
-    /// What the figures below were measured on: two cores of a Xeon of the Sapphire Rapids generation. How fast it gathers
-    /// is taken from two cores of a Zen 4, whose other figures are the same within a tenth.
+    /// The machine that the figures below were measured on: two cores of a Xeon (Sapphire Rapids). `gathered` is that
+    /// of two cores of a Zen 4, whose other figures are within a tenth of it.
     pub const REFERENCE: Self = Self { threads: 2, product_flops: 105e9, gathered: 25e9 };
 }
 
-/// Of the reference's threads: seconds a ray for drawing, marching and compositing it.
+/// Seconds of a reference thread per ray, for drawing, marching and compositing.
 const RAY: f64 = 9.0e-6;
-/// A sample and scale, for finding neighbors.
+/// Seconds per sample and scale, for finding neighbors.
 const NEIGHBORS: f64 = 0.093e-6;
-/// A component of a sample's neighbor, gathered and given its gradient. Samples that hardly matter are left out of
-/// density's.
+/// Seconds per component of a neighbor, for gathering it and for its gradient. Density gradients are thinned by Russian
+/// roulette.
 const DENSITY_COMPONENT: f64 = 2.0e-9;
 const APPEARANCE_COMPONENT: f64 = 3.95e-9;
-/// A feature that is encoded and decoded.
+/// Seconds per encoded feature.
 const ENCODED_FEATURE: f64 = 20e-9;
-/// A FLOP of the network, and of the appearance matrices, whose products are small.
+/// Seconds per FLOP of the network, and of the appearance matrices, whose products are small.
 const NETWORK_FLOP: f64 = 1.0 / 79e9;
 const MATRIX_FLOP: f64 = 1.0 / 51e9;
-/// A parameter, for the optimizer.
+/// Seconds per parameter, for the optimizer.
 const PARAMETER: f64 = 0.93e-9;
-/// A product forward is two more backward.
+/// Products of a step for each forward product: two more are backward.
 const PASSES: f64 = 3.0;
 
-/// Samples that are evaluated on a ray that meets something, with steps of half a cell.
+/// Samples on a ray that meets an occupied cell, with steps of half a cell.
 const SAMPLES: f64 = 29.0;
-/// How many of these get a color where none is left out.
+/// Number of these that are shaded without Russian roulette.
 const COLORED: f64 = 14.8;
-/// The share of drawn rays that meet something, once the occupancy is known, where rays are not drawn anew.
+/// Share of drawn rays that meet an occupied cell after the first occupancy, if rays are not filtered again.
 const MEETING: f64 = 0.67;
-/// The share of the covering tensors' mean number that a place on a surface has.
+/// Tensors that cover a point of a surface, relative to the mean over space.
 const COVERED: f64 = 0.85;
 
-/// Of all steps of `config` with `scales` on `machine`.
+/// Minutes of all steps of `config` with `scales` on `machine`.
 pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed) -> f64 {
     let first_occupancy = config.occupancy_at.first().map_or(config.steps, |&at| at.min(config.steps));
     let later = if config.refilter_rays { 1.0 } else { MEETING };
@@ -110,11 +113,11 @@ pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &Mach
     seconds / 60.0
 }
 
-/// Of a step of which `meeting` of the rays meet something.
+/// Seconds of a step in which the share `meeting` of the rays meets an occupied cell.
 fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed, meeting: f64) -> f64 {
     let rays = config.batch_rays as f64;
     let samples = rays * meeting * SAMPLES * (0.5 / config.field.step_cells).sqrt();
-    let colored = rays * meeting * COLORED * left_by_thinning(config.color_roulette);
+    let colored = rays * meeting * COLORED * shaded_share(config.color_roulette);
     let [mut density, mut appearance, mut components] = [0.0; 3];
     for (scale, settings) in scales.iter().zip(&config.scales) {
         let covering: f64 = [0, 1, 2].map(|a| settings.edge[a] / settings.pitch[a]).iter().product();
@@ -143,13 +146,13 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
     core_seconds / machine.threads.max(1) as f64
 }
 
-/// The share of samples' colors that is kept where those of less weight than `below` are left out at random.
-fn left_by_thinning(below: f64) -> f64 {
+/// Share of the samples that Russian roulette below the weight `below` shades.
+fn shaded_share(below: f64) -> f64 {
     1.0 / (1.0 + (below / 0.005).powf(0.6))
 }
 
-/// FLOP of calling the network once.
+/// FLOP of one call of the network.
 fn network_flop(config: &TrainConfig) -> f64 {
-    let decoder = super::initial_decoder(config);
+    let decoder = initial_decoder(config);
     decoder.layers.iter().map(|l| 2.0 * f64::from(l.inputs) * f64::from(l.outputs)).sum()
 }

@@ -1,14 +1,14 @@
-//! What a run will come to before it begins: parameters, file, memory, time; and settings that fit photographs or a
-//! budget.
+//! Estimates before a run: parameters, file, memory, time; and settings that fit photographs or a budget.
 //!
 //! In: settings, cameras and occupied cells in the dataset's space. Out: a [`Plan`], or changed settings and a line of
-//! reason for each change. Tensors are placed as training will place them, so parameters are exact; the rest is estimated
-//! from measured runs (`cost`). Nothing here draws random numbers for factors or looks at a pixel.
+//! reason for each change. Tensors are placed as in training, so parameters are exact; the rest is estimated from
+//! measured runs (`cost`). No random factors are drawn and no pixel is read.
 
 mod budget;
 mod cost;
 mod footprint;
 mod photographs;
+mod scale;
 #[cfg(test)]
 mod tests;
 
@@ -19,62 +19,37 @@ use crate::prior::{self, ScaleShape, VoxelBoxes, canonical_map};
 pub use budget::{Budget, fit_to_budget};
 pub use cost::{MachineSpeed, PhotographMemory};
 pub use photographs::{PIXELS_APART, fit_to_photographs};
+pub use scale::ScalePlan;
 
 use super::initial::initial_decoder;
 use super::{PrepareError, ScaleConfig, TrainConfig};
 use footprint::Footprints;
 
-/// What training with some settings will come to.
+/// The expected size and time of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Coarsest first.
     pub scales: Vec<ScalePlan>,
     /// Weights and biases of the network.
     pub decoder_parameters: u64,
-    /// Of everything that is trained, at the last resolution.
+    /// All trained parameters, at the last resolution.
     pub parameters: u64,
-    /// Of the file in 16-bit floating point with zstd.
+    /// Bytes of the file in 16-bit floating point with zstd.
     pub file_bytes: u64,
-    /// Of the training process at its peak.
+    /// Bytes of the training process at its peak.
     pub memory_bytes: u64,
-    /// Of the steps, without the prior, evaluations and files.
+    /// Minutes of the steps, without the prior, evaluations and files.
     pub minutes: f64,
-    /// What the cameras say about the settings, one line each.
+    /// Remarks on the settings from the cameras, one line each.
     pub reasons: Vec<String>,
 }
 
-/// One scale of a [`Plan`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct ScalePlan {
-    /// How many.
-    pub tensors: u64,
-    /// What a tensor covers, per axis, in model units.
-    pub edge: [f64; 3],
-    /// Cells of a tensor after the last upsampling.
-    pub resolution: [u32; 3],
-    /// Density components.
-    pub density_rank: u32,
-    /// Appearance components.
-    pub appearance_rank: u32,
-    /// Neighbors that a point aggregates.
-    pub top_k: u32,
-    /// Factors and appearance matrix.
-    pub parameters: u64,
-}
-
-impl ScalePlan {
-    /// In memory, as 32-bit floating point.
-    pub fn bytes(&self) -> u64 {
-        4 * self.parameters
-    }
-}
-
-/// What training with `config` on `occupied`, seen by `cameras`, will come to on `machine`. Cameras and cells are in the
-/// dataset's space; `photographs` says how the pictures are held in memory.
+/// The expected size and time of training with `config` on `occupied`, seen by `cameras`, on `machine`. Cameras and
+/// cells are in the dataset's space; `photographs` is the form of the photographs in memory.
 ///
 /// # Errors
 ///
-/// Where [`super::place_scene`] would have nothing to place tensors on.
+/// If there is no cell to place tensors on.
 pub fn plan(
     config: &TrainConfig,
     cameras: &[Camera],
@@ -97,7 +72,7 @@ pub fn plan(
     })
 }
 
-/// What `config`'s scales come to with so many tensors each.
+/// The plans of `config`'s scales with \[scale\] these numbers of tensors.
 fn scale_plans(config: &TrainConfig, tensors: &[u64]) -> Vec<ScalePlan> {
     let of_scale = |(scale, &tensors): (&ScaleConfig, &u64)| {
         let rank = u64::from(scale.density_rank) + u64::from(scale.appearance_rank);
@@ -142,7 +117,7 @@ fn finest_cell(config: &TrainConfig) -> f64 {
     config.scales.iter().flat_map(cells).fold(f64::INFINITY, f64::min)
 }
 
-/// What the cameras say about `config`'s cells and about `occupied`.
+/// Remarks on `config`'s cells and on `occupied`, from the cameras.
 fn observations(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Result<Vec<String>, PrepareError> {
     let map = canonical_map(&occupied.bounds(), config.half_extent)?;
     let footprints = Footprints::of(config, cameras, occupied);
@@ -168,7 +143,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// `resolution` for people: one number where all axes have it.
+/// `resolution` as text: one number if all axes are equal.
 fn cells_of(resolution: [u32; 3]) -> String {
     match resolution {
         [x, y, z] if x == y && y == z => x.to_string(),
@@ -185,8 +160,8 @@ fn listed(items: &[String]) -> String {
     }
 }
 
-/// `resolutions` (first to last) with another end: each keeps its place, in proportions, between the first and the last.
-/// None is finer than the end.
+/// `resolutions` (first to last) with another last one: each keeps its relative place, in the logarithm, between the
+/// first and the last. None is finer than the last.
 fn ending_in(resolutions: &[[u32; 3]], end: [u32; 3]) -> Vec<[u32; 3]> {
     let ([first, .., old_end] | [first @ old_end]) = resolutions else { return Vec::new() };
     let on_axis = |resolution: &[u32; 3], a: usize| {
@@ -203,7 +178,7 @@ fn ending_in(resolutions: &[[u32; 3]], end: [u32; 3]) -> Vec<[u32; 3]> {
     ending
 }
 
-/// Leaves out upsamplings that change no scale: each would restart the optimizer for nothing.
+/// Removes upsamplings that change no scale: each would only restart the optimizer.
 fn without_idle_upsamplings(config: &mut TrainConfig) {
     for stage in (1..=config.upsample_at.len()).rev() {
         if config.scales.iter().all(|s| s.resolutions[stage] == s.resolutions[stage - 1]) {

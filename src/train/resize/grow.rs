@@ -1,60 +1,61 @@
-//! More parameters where pictures' errors ask for them.
+//! Growing: more parameters where they reduce the error of pictures most.
 //!
-//! A round gives one of these, none of which changes the field at once (the march's step is shorter where the coarsest scale gets
-//! finer); which, a short training of each tells, by how far the error falls for each parameter:
-//! - components of tensors, for a third of the parameters that there are. Every tensor is offered a few, each with two random vectors
-//!   and one of zeros; those are kept along whose third vectors the photographs' error falls most steeply for the parameters
-//!   that they hold;
-//! - twice the resolution of a scale, or of all.
+//! A round makes one of these changes. None of them changes the field at once, except that the march's step gets
+//! shorter with the cells of the coarsest scale. A short training of each tells which reduces the error most per
+//! parameter:
+//! - more components, for a third more parameters. Every tensor is offered a few new ones, with two random vectors and
+//!   one of zeros. Those are kept along whose third vectors the error of the photographs falls most steeply per
+//!   parameter;
+//! - twice the resolution of a scale, or of all scales.
 //!
-//! It ends where there is no room, and where nothing helps.
+//! Growing ends if the bound leaves no room, or if no change reduces the error.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::ranks::{drop_ranks, with_components};
-use super::{BATCHES, RAYS, ResizeStep, Resized, Resizing, Tuning, Worth, resample};
+use super::{ResizeStep, Resized, Resizing, Tuning, resample};
 use crate::dataset::View;
-use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
 use crate::random::Random;
-use crate::train::{Backward, BatchRoulette, RayBatch, RaySampler, TrainError, march_step};
+use crate::train::importance::ComponentImportance;
+use crate::train::{RaySampler, TrainError, march_step};
 
-/// How many times the parameters a round of components leads to.
-const GROWN: f64 = 4.0 / 3.0;
-/// Components of density, and of appearance, that every tensor is given to choose among.
+/// Ratio of the parameters after a round of components to those before.
+const GROWTH: f64 = 4.0 / 3.0;
+/// New density components and new appearance components that every tensor is offered.
 const OFFERED: usize = 4;
 /// The most cells along an axis.
 const MAX_CELLS: u32 = 1024;
-/// The standard deviation of their numbers: about that of trained ones.
+/// Standard deviation of the entries of new vectors: about that of trained ones.
 const DEVIATION: f64 = 0.3;
 
-/// Grows `scene`, which was trained on `views`, to at most `most` parameters. `stepped` hears of every training step, and ends
-/// everything by an error. The same arguments always give the same result, on any number of threads. A scene that is as large
-/// already stays as it is.
+/// Grows `scene`, which was trained on `views`, to at most `max_parameters`. `on_step` is called after each training
+/// step; an error that it returns ends the run. The same arguments always give the same result, on any number of
+/// threads. A scene that is as large already stays as it is.
 ///
 /// # Errors
 ///
-/// Where no ray meets the scene, training diverges, or `stepped` says so.
+/// If no ray passes through the scene, training diverges, or `on_step` returns an error.
 pub fn grow<E: From<TrainError>>(
     scene: Scene,
     views: &[View],
-    most: u64,
+    max_parameters: u64,
     tuning: &Tuning,
-    stepped: &mut dyn FnMut(&ResizeStep) -> Result<(), E>,
+    on_step: &mut dyn FnMut(&ResizeStep) -> Result<(), E>,
 ) -> Result<Resized, E> {
-    let mut resizing = Resizing::begin(&scene, views, tuning, stepped)?;
+    let mut resizing = Resizing::begin(&scene, views, tuning, on_step)?;
     let mut good = scene;
     loop {
-        let held = good.nonzero_parameter_count();
-        let next = most.min((GROWN * held as f64) as u64);
+        let parameters = good.nonzero_parameter_count();
+        let next = max_parameters.min((GROWTH * parameters as f64) as u64);
         let scales = good.scales.len();
-        let mut ways = vec![with_more_components(&good, resizing.photographs(), next, &resizing.random())];
-        ways.extend((0..scales).map(|s| finer(&good, s..s + 1, tuning.config.field.step_cells)));
-        ways.extend((scales > 1).then(|| finer(&good, 0..scales, tuning.config.field.step_cells)));
-        ways.retain(|larger| (held + 1..=most).contains(&larger.nonzero_parameter_count()));
-        match resizing.round_of_best(&good, ways)? {
+        let mut candidates = vec![with_more_components(&good, resizing.sampler(), next, &resizing.random())];
+        candidates.extend((0..scales).map(|s| finer(&good, s..s + 1, tuning.config.field.step_cells)));
+        candidates.extend((scales > 1).then(|| finer(&good, 0..scales, tuning.config.field.step_cells)));
+        candidates.retain(|larger| (parameters + 1..=max_parameters).contains(&larger.nonzero_parameter_count()));
+        match resizing.round_of_best(&good, candidates)? {
             Some(larger) => good = larger,
             None => break,
         }
@@ -62,21 +63,22 @@ pub fn grow<E: From<TrainError>>(
     resizing.finish(good)
 }
 
-/// `scene` with more components, and `most` parameters at most where that are not fewer than it has.
-fn with_more_components(scene: &Scene, photographs: &RaySampler<'_>, most: u64, random: &Random) -> Scene {
+/// `scene` with more components: at most `max_parameters`, or as many as it has if these are more.
+fn with_more_components(scene: &Scene, sampler: &RaySampler<'_>, max_parameters: u64, random: &Random) -> Scene {
     let mut larger = scene.clone();
-    let old: Vec<[usize; 2]> =
+    let old_ranks: Vec<[usize; 2]> =
         scene.scales.iter().map(|s| [s.factors.density_rank as usize, s.factors.appearance_rank as usize]).collect();
     for (s, scale) in larger.scales.iter_mut().enumerate() {
         offer(scale, &random.substream(3).substream(s as u64));
     }
-    let worth = worth(&larger, &old, photographs, random);
-    worth.least(&larger, most).clear(&mut larger);
+    let importance = ComponentImportance::of_addition(&larger, &old_ranks, sampler, random);
+    importance.least_important(&larger, max_parameters).apply(&mut larger);
     drop_ranks(&mut larger);
     larger
 }
 
-/// `scene` with twice the resolution of `scales`, and steps of the march as short as the coarsest scale then asks for.
+/// `scene` with twice the resolution of `scales`, and the march's step of the resolution that the coarsest scale then
+/// has.
 fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
     let mut scene = scene.clone();
     for scale in &mut scene.scales[scales] {
@@ -87,7 +89,7 @@ fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
     scene
 }
 
-/// Gives all tensors of `scale` components that change nothing yet.
+/// Adds [`OFFERED`] components to all tensors of `scale`. Their third vectors are zeros, so pictures stay the same.
 fn offer(scale: &mut Scale, random: &Random) {
     let resolution = scale.cloud.resolution;
     let rows = Factors::rows(resolution);
@@ -124,38 +126,4 @@ fn offer(scale: &mut Scale, random: &Random) {
         .flat_map(|(p, row)| row.iter().copied().chain(offered(p)))
         .collect();
     matrix.rank += OFFERED as u32;
-}
-
-/// How steeply the photographs' error falls along the third vector of the components that `scene` has beyond the `old` ranks:
-/// the squared length of its gradient. Others are beyond price.
-fn worth(scene: &Scene, old: &[[usize; 2]], photographs: &RaySampler<'_>, random: &Random) -> Worth {
-    let field = Field::new(scene);
-    let mut backward = Backward::new(&field);
-    let mut sums: Vec<[Vec<f32>; 2]> =
-        field.scales.iter().map(|s| [vec![0.0; s.density.len()], vec![0.0; s.appearance.len()]]).collect();
-    let count = photographs.kept_count().min(RAYS);
-    for n in 0..BATCHES {
-        let batch = RayBatch::draw(photographs, &field, &random.substream(0), n * count as u64, count);
-        let gradients = backward.gradients(&field, &batch.rays, &batch.targets, BatchRoulette::default());
-        for ((sums, density), appearance) in sums.iter_mut().zip(gradients.density).zip(gradients.appearance) {
-            for (sums, gradients) in sums.iter_mut().zip([density, appearance]) {
-                sums.par_iter_mut().zip(gradients).for_each(|(sum, g)| *sum += g / BATCHES as f32);
-            }
-        }
-    }
-    let mut worth = Worth::nothing(scene);
-    for (((scale, worth), sums), old) in scene.scales.iter().zip(&mut worth.scales).zip(&sums).zip(old) {
-        let rows = Factors::rows(scale.cloud.resolution);
-        let third = Factors::axis_ranges(scale.cloud.resolution)[2].clone();
-        for ((worth, sums), &old) in worth.iter_mut().zip(sums).zip(old) {
-            let rank = old + OFFERED;
-            worth.par_chunks_mut(rank).zip(sums.par_chunks(rows * rank)).for_each(|(worth, gradient)| {
-                worth[..old].fill(f64::INFINITY);
-                for (c, worth) in worth.iter_mut().enumerate().skip(old) {
-                    *worth = third.clone().map(|row| f64::from(gradient[row * rank + c]).powi(2)).sum();
-                }
-            });
-        }
-    }
-    worth
 }

@@ -1,7 +1,8 @@
-//! After training: fewer parameters, or more, where pictures say so.
+//! Resizing after training: scenes with fewer parameters, or with more.
 //!
-//! In: a trained scene and its photographs. Out: the same scene with another number of parameters, which are those that a file
-//! holds ([`Scene::nonzero_parameter_count`]). It changes in rounds, and short training after each round lets all others adapt.
+//! In: a trained scene and its photographs. Out: the same scene with another number of parameters, counted without
+//! components of zeros ([`Scene::nonzero_parameter_count`]). It changes in rounds, and a short training after each
+//! round adapts the rest.
 
 mod grow;
 mod ranks;
@@ -12,155 +13,161 @@ use serde::Serialize;
 pub use grow::grow;
 pub use shrink::{ShrinkGoal, shrink};
 
-use super::component_mask::ComponentMask;
 use super::{
     RayBatch, RaySampler, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, prune_dead_components, upsample,
 };
 use crate::dataset::View;
 use crate::field::Field;
-use crate::model::{Factors, Scale, Scene};
+use crate::model::{Scale, Scene};
 use crate::random::Random;
 
-/// Learning rates begin at this share of training's own: about where those of a preset end.
-const RATE: f64 = 0.25;
-/// The last training is this many times as long as those between rounds.
-const LAST_LENGTH: u64 = 2;
-/// Where there are several ways to go on, each is tried for this part of a round's training.
-const TRIALS_SHARE: u64 = 4;
-/// Batches of rays that say what components are worth, and the rays of each.
-const BATCHES: u64 = 24;
-const RAYS: usize = 8192;
-/// Rays that choose among scenes, at most.
-const CHOOSING: usize = 1 << 15;
-/// Rays that measure what everything cost, at most; other ones than those that decide.
-const MEASURED: usize = 1 << 16;
+/// Learning rates of a round start at this share of the run's: about where those of a preset end.
+const LEARNING_RATE_SHARE: f64 = 0.25;
+/// The last training has this many times the steps of a round.
+const LAST_TRAINING: u64 = 2;
+/// Each candidate of a round is trained for the round's steps divided by this.
+const TRIAL_DIVISOR: u64 = 4;
+/// The most rays that choose among scenes.
+const SELECTION_RAYS: usize = 1 << 15;
+/// The most rays that measure the result; others than those that choose.
+const EVAL_RAYS: usize = 1 << 16;
 
-/// How a scene is trained while it changes.
+/// Training between the changes of a scene.
 #[derive(Clone, Debug)]
 pub struct Tuning {
-    /// Steps of training after each round; the last one has twice as many.
+    /// Steps of training after each round; the last training has twice as many.
     pub steps: u64,
-    /// Of the run that made the scene: batches, learning rates, regularization. Its schedule and scales are not used.
+    /// Settings of the run that made the scene. Its schedule and scales are not used.
     pub config: TrainConfig,
 }
 
-/// Where resizing is.
+/// Progress of resizing.
 #[derive(Clone, Debug)]
 pub struct ResizeStep {
-    /// Number of the round.
+    /// Index of the round.
     pub round: usize,
-    /// Steps of its training that are done, and all, with those of choosing what the round is.
+    /// Steps of the round's training, with those of its candidates: done, and total.
     pub steps: [u64; 2],
-    /// The last one.
+    /// The last step.
     pub report: StepReport,
 }
 
-/// What a round came to.
+/// The result of a round.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResizeRound {
-    /// Parameters that there are then.
+    /// Parameters after the round.
     pub parameters: u64,
-    /// \[scale\] cells of a tensor.
+    /// \[scale\] cells of a tensor after the round.
     pub resolutions: Vec<[u32; 3]>,
-    /// dB on rays of the photographs before training goes on.
+    /// PSNR on rays of the photographs before the round's training, in dB.
     pub psnr_at_once: f64,
-    /// dB on the same rays after it.
+    /// PSNR on the same rays after it, in dB.
     pub psnr: f64,
-    /// Whether it was taken; not where it cost too much.
+    /// Whether the round was kept. It is discarded if it loses too much.
     pub is_taken: bool,
 }
 
-/// A scene of another size.
+/// The result of resizing.
 #[derive(Clone, Debug)]
 pub struct Resized {
     /// The scene.
     pub scene: Scene,
-    /// Parameters that it had, and has.
+    /// Parameters before and after.
     pub parameters: [u64; 2],
-    /// dB on rays of the photographs, before and after.
+    /// PSNR on rays of the photographs before and after, in dB.
     pub psnr: [f64; 2],
-    /// What happened between.
+    /// All rounds, with the discarded ones.
     pub rounds: Vec<ResizeRound>,
 }
 
-/// Hears of every training step, and ends everything by an error.
-type Stepped<'s, E> = &'s mut dyn FnMut(&ResizeStep) -> Result<(), E>;
+impl Resized {
+    /// Whether any round was kept. If not, the scene is the one that was given.
+    pub fn is_resized(&self) -> bool {
+        self.rounds.iter().any(|round| round.is_taken)
+    }
+}
+
+/// Called after each training step; an error that it returns ends the run.
+type OnStep<'s, E> = &'s mut dyn FnMut(&ResizeStep) -> Result<(), E>;
 
 /// A scene that is being resized.
 struct Resizing<'v, 's, E> {
     trainer: Trainer<'v>,
     seed: u64,
     steps: u64,
-    measured: RayBatch,
-    /// Of the scene as it came.
+    /// Rays that measure the result.
+    evaluation: RayBatch,
+    /// Parameters of the original scene.
     parameters: u64,
+    /// PSNR of the original scene on `evaluation`, in dB.
     psnr: f64,
     steps_before: u64,
     rounds: Vec<ResizeRound>,
-    stepped: Stepped<'s, E>,
+    on_step: OnStep<'s, E>,
 }
 
 impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
-    fn begin(scene: &Scene, views: &'v [View], tuning: &Tuning, stepped: Stepped<'s, E>) -> Result<Self, E> {
+    fn begin(scene: &Scene, views: &'v [View], tuning: &Tuning, on_step: OnStep<'s, E>) -> Result<Self, E> {
         let Tuning { steps, config } = tuning;
         let trainer = Trainer::new(tuned(config, scene, *steps), scene.clone(), views)?;
         let field = Field::new(scene);
-        let count = trainer.ray_count().min(MEASURED);
-        let measured = RayBatch::draw(trainer.photographs(), &field, &Random::new(config.seed, "measured"), 0, count);
+        let count = trainer.ray_count().min(EVAL_RAYS);
+        let evaluation = RayBatch::draw(trainer.sampler(), &field, &Random::new(config.seed, "measured"), 0, count);
         Ok(Self {
             seed: config.seed,
             steps: *steps,
             parameters: scene.nonzero_parameter_count(),
-            psnr: measured.psnr(&field),
+            psnr: evaluation.psnr(&field),
             steps_before: scene.provenance.steps,
             rounds: Vec::new(),
             trainer,
-            measured,
-            stepped,
+            evaluation,
+            on_step,
         })
     }
 
-    fn photographs(&self) -> &RaySampler<'v> {
-        self.trainer.photographs()
+    fn sampler(&self) -> &RaySampler<'v> {
+        self.trainer.sampler()
     }
 
-    /// Of the next round: substreams 0 and 1 say what components are worth, 2 chooses among scenes, 3 is for new components.
+    /// The stream of the next round: substreams 0 and 1 are for the importance of components, 2 for the choice among
+    /// scenes, 3 for new components.
     fn random(&self) -> Random {
         Random::new(self.seed, "resize").substream(self.rounds.len() as u64)
     }
 
-    /// Rays that choose among scenes as large as `scene`.
-    fn choosing(&self, scene: &Scene) -> RayBatch {
-        let count = self.photographs().kept_count().min(CHOOSING);
-        RayBatch::draw(self.photographs(), &Field::new(scene), &self.random().substream(2), 0, count)
+    /// Rays that choose among scenes that replace `scene`.
+    fn selection_rays(&self, scene: &Scene) -> RayBatch {
+        let count = self.sampler().active_ray_count().min(SELECTION_RAYS);
+        RayBatch::draw(self.sampler(), &Field::new(scene), &self.random().substream(2), 0, count)
     }
 
     fn psnr_of(&self, scene: &Scene) -> f64 {
-        self.measured.psnr(&Field::new(scene))
+        self.evaluation.psnr(&Field::new(scene))
     }
 
-    /// Goes on with the one of `ways` that is most worth its parameters after a short training beside `scene`'s own, and books that as a
-    /// round; with none where none is better than `scene` then.
-    fn round_of_best(&mut self, scene: &Scene, mut ways: Vec<Scene>) -> Result<Option<Scene>, E> {
-        if ways.is_empty() {
+    /// Trains each of `candidates` briefly, and `scene` as well, and makes a round of the candidate with the highest
+    /// gain of PSNR per parameter. Returns `None` if none gains anything.
+    fn round_of_best(&mut self, scene: &Scene, mut candidates: Vec<Scene>) -> Result<Option<Scene>, E> {
+        if candidates.is_empty() {
             return Ok(None);
         }
-        let of_each = self.steps.div_ceil(TRIALS_SHARE);
-        let trials = (1 + ways.len() as u64) * of_each;
-        let choosing = self.choosing(scene);
+        let steps = self.steps.div_ceil(TRIAL_DIVISOR);
+        let trials = (1 + candidates.len() as u64) * steps;
+        let selection = self.selection_rays(scene);
         let mut psnrs = Vec::new();
-        for way in std::iter::once(scene).chain(&ways) {
-            let done = psnrs.len() as u64 * of_each;
-            let trained = self.train(way.clone(), of_each, [done, trials + self.steps])?;
-            psnrs.push(choosing.psnr(&Field::new(&trained)));
+        for candidate in std::iter::once(scene).chain(&candidates) {
+            let done = psnrs.len() as u64 * steps;
+            let trained = self.train(candidate.clone(), steps, [done, trials + self.steps])?;
+            psnrs.push(selection.psnr(&Field::new(&trained)));
         }
-        let held = scene.nonzero_parameter_count();
-        let worth = |n: usize| (psnrs[n + 1] - psnrs[0]) / (ways[n].nonzero_parameter_count() - held) as f64;
-        let best = (0..ways.len()).filter(|&n| worth(n) > 0.0).max_by(|&a, &b| worth(a).total_cmp(&worth(b)));
-        best.map(|n| self.round(ways.swap_remove(n), trials)).transpose()
+        let parameters = scene.nonzero_parameter_count();
+        let gain = |n: usize| (psnrs[n + 1] - psnrs[0]) / (candidates[n].nonzero_parameter_count() - parameters) as f64;
+        let best = (0..candidates.len()).filter(|&n| gain(n) > 0.0).max_by(|&a, &b| gain(a).total_cmp(&gain(b)));
+        best.map(|n| self.round(candidates.swap_remove(n), trials)).transpose()
     }
 
-    /// Goes on with `changed`, after so many steps of `trials`, and books that as a round.
+    /// Trains `changed` and records it as a round, which has had this many steps of `trials` before.
     fn round(&mut self, changed: Scene, trials: u64) -> Result<Scene, E> {
         let psnr_at_once = self.psnr_of(&changed);
         let tuned = self.train(changed, self.steps, [trials, trials + self.steps])?;
@@ -174,28 +181,28 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
         Ok(tuned)
     }
 
-    /// The `steps` after the first `done` of `all` that a round has.
-    fn train(&mut self, scene: Scene, steps: u64, [done, all]: [u64; 2]) -> Result<Scene, E> {
+    /// Trains `scene` for `steps`, after the first `done` of the round's `total` steps.
+    fn train(&mut self, scene: Scene, steps: u64, [done, total]: [u64; 2]) -> Result<Scene, E> {
         self.trainer.continue_from(scene, steps);
         for n in 1..=steps {
             let report = self.trainer.step()?;
-            (self.stepped)(&ResizeStep { round: self.rounds.len(), steps: [done + n, all], report })?;
+            (self.on_step)(&ResizeStep { round: self.rounds.len(), steps: [done + n, total], report })?;
         }
         Ok(self.trainer.scene())
     }
 
-    /// The last training of what the rounds led to, and what no tensor needs left out.
+    /// Trains the last round's scene longer, and removes dead components and unused ranks.
     fn finish(mut self, mut good: Scene) -> Result<Resized, E> {
         if self.rounds.iter().any(|r| r.is_taken) {
-            let last = LAST_LENGTH * self.steps;
-            let tuned = self.train(good.clone(), last, [0, last])?;
+            let steps = LAST_TRAINING * self.steps;
+            let tuned = self.train(good.clone(), steps, [0, steps])?;
             if self.psnr_of(&tuned) >= self.psnr_of(&good) {
                 good = tuned;
             }
-            prune_dead_components(&mut good, self.photographs(), self.seed);
+            prune_dead_components(&mut good, self.sampler(), self.seed)?;
             ranks::drop_ranks(&mut good);
             let taken = self.rounds.iter().filter(|r| r.is_taken).count() as u64;
-            good.provenance.steps = self.steps_before + (taken + LAST_LENGTH) * self.steps;
+            good.provenance.steps = self.steps_before + (taken + LAST_TRAINING) * self.steps;
         }
         Ok(Resized {
             parameters: [self.parameters, good.nonzero_parameter_count()],
@@ -221,8 +228,8 @@ fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
         steps,
         upsample_at: Vec::new(),
         occupancy_at: Vec::new(),
-        factor_learning_rate: RATE * config.factor_learning_rate,
-        network_learning_rate: RATE * config.network_learning_rate,
+        factor_learning_rate: LEARNING_RATE_SHARE * config.factor_learning_rate,
+        network_learning_rate: LEARNING_RATE_SHARE * config.network_learning_rate,
         scales: scene.scales.iter().map(of_scale).collect(),
         ..config.clone()
     }
@@ -235,52 +242,4 @@ fn resample(scale: &mut Scale, to: [u32; 3]) {
     factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
     factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
     scale.cloud.resolution = to;
-}
-
-/// What components of tensors are worth.
-struct Worth {
-    /// \[scale\] density and appearance, \[tensor\]\[component\].
-    scales: Vec<[Vec<f64>; 2]>,
-}
-
-impl Worth {
-    /// Of all components of `scene` nothing yet.
-    fn nothing(scene: &Scene) -> Self {
-        let zeros = |s: &[Vec<bool>; 2]| s.each_ref().map(|c| vec![0.0; c.len()]);
-        Self { scales: ComponentMask::nothing(scene).scales.iter().map(zeros).collect() }
-    }
-
-    /// All components of `scene` that it holds: what each is worth for each of the parameters it holds, how many these are, and
-    /// where it is (scale, part, component of all tensors); what is worth least comes first.
-    fn ranking(&self, scene: &Scene) -> Vec<(f64, u64, [usize; 3])> {
-        let mut components = Vec::new();
-        for (s, (scale, worth)) in scene.scales.iter().zip(&self.scales).enumerate() {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let parts = [
-                (&scale.factors.density, scale.factors.density_rank as usize),
-                (&scale.factors.appearance, scale.factors.appearance_rank as usize),
-            ];
-            for (part, (values, rank)) in parts.into_iter().enumerate() {
-                let held =
-                    Factors::nonzero_components(values, rows, rank).into_iter().enumerate().filter(|(_, held)| *held);
-                components.extend(held.map(|(n, _)| (worth[part][n] / rows as f64, rows as u64, [s, part, n])));
-            }
-        }
-        components.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-        components
-    }
-
-    /// The components of `scene` that are worth least for each parameter they hold, so many that `most` parameters are left.
-    fn least(&self, scene: &Scene, most: u64) -> ComponentMask {
-        let mut cleared = ComponentMask::nothing(scene);
-        let mut held = scene.nonzero_parameter_count();
-        for (_, parameters, [s, part, n]) in self.ranking(scene) {
-            if held <= most {
-                break;
-            }
-            cleared.scales[s][part][n] = true;
-            held -= parameters;
-        }
-        cleared
-    }
 }

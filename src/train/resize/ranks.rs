@@ -1,25 +1,25 @@
-//! Ranks that all tensors of a scale have.
+//! The ranks that all tensors of a scale share.
 
 use crate::model::{Factors, Scene};
 
-/// Leaves out of all tensors of a scale what none needs: density components, which may stand in any order, beyond the most
-/// that a tensor has; appearance components, whose places the appearance matrix knows, that no tensor has. Pictures stay the
-/// same but for the order of sums.
+/// Lowers the ranks of each scale as far as no nonzero component is lost. Density components may be in any order, so
+/// the rank is the most that a tensor has. Appearance components have their columns in the appearance matrix, so only
+/// those are dropped that are zero in every tensor. Pictures stay the same but for the order of sums.
 pub(super) fn drop_ranks(scene: &mut Scene) {
     for scale in &mut scene.scales {
         let rows = Factors::rows(scale.cloud.resolution);
         let factors = &mut scale.factors;
         let rank = factors.density_rank as usize;
-        let held = Factors::nonzero_components(&factors.density, rows, rank);
+        let nonzero = Factors::nonzero_components(&factors.density, rows, rank);
         let kept: Vec<Vec<usize>> =
-            held.chunks_exact(rank).map(|held| (0..rank).filter(|&c| held[c]).collect()).collect();
+            nonzero.chunks_exact(rank).map(|nonzero| (0..rank).filter(|&c| nonzero[c]).collect()).collect();
         let most = kept.iter().map(Vec::len).max().unwrap_or(0).max(1);
         factors.density = with_components(&factors.density, rows, rank, most, |n| &kept[n]);
         factors.density_rank = most as u32;
 
         let rank = factors.appearance_rank as usize;
-        let held = Factors::nonzero_components(&factors.appearance, rows, rank);
-        let mut kept: Vec<usize> = (0..rank).filter(|&c| held.iter().skip(c).step_by(rank).any(|&h| h)).collect();
+        let nonzero = Factors::nonzero_components(&factors.appearance, rows, rank);
+        let mut kept: Vec<usize> = (0..rank).filter(|&c| nonzero.iter().skip(c).step_by(rank).any(|&n| n)).collect();
         if kept.is_empty() {
             kept.push(0);
         }
@@ -31,7 +31,7 @@ pub(super) fn drop_ranks(scene: &mut Scene) {
     }
 }
 
-/// `values` of `rank` components with the components `kept`\[tensor\] first and zeros after them, `new_rank` in all.
+/// `values` of `rank` components, with the components `kept`(tensor) first and zeros after them, `new_rank` in all.
 pub(super) fn with_components<'k>(
     values: &[f32],
     rows: usize,

@@ -1,4 +1,4 @@
-//! Where a scene is looked at from when it is judged by its own pictures.
+//! Cameras for pictures of a scene without its dataset.
 
 use glam::DMat3;
 
@@ -6,16 +6,18 @@ use crate::container::TrainingCamera;
 use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::random::Random;
+use crate::train::FactorImportance;
 
-/// Cameras in the model's space that see the scene as a dataset's might.
+/// Cameras in the model's space that see a scene as those of a dataset might.
 #[derive(Clone, Debug)]
 pub struct Views {
     /// The cameras.
     pub cameras: Vec<Camera>,
 }
 
-/// `count` cameras with pictures of `size` pixels a side: those of `known` at equal distances where there are any, else
-/// evenly around the bounds, mostly from above, near enough to fill their pictures.
+/// `count` cameras with pictures of about `size` pixels along the longer side: `known` cameras at equal distances if
+/// there are any, else cameras around the bounds, most of them above the horizon, so near that the scene fills their
+/// pictures.
 pub fn probe_views(scene: &Scene, known: &[TrainingCamera], count: usize, size: u32) -> Views {
     let cameras = if known.is_empty() {
         around(scene, count, size)
@@ -27,7 +29,7 @@ pub fn probe_views(scene: &Scene, known: &[TrainingCamera], count: usize, size: 
 }
 
 impl Views {
-    /// `count` rays through random places of random cameras' pictures, always the same for the same `random`.
+    /// `count` rays through random points of random cameras' pictures, the same ones for the same `random`.
     pub fn rays(&self, count: usize, random: &Random) -> Vec<Ray> {
         (0..count as u64)
             .map(|n| {
@@ -36,6 +38,11 @@ impl Views {
                 camera.ray_through(x * f64::from(camera.width), y * f64::from(camera.height))
             })
             .collect()
+    }
+
+    /// The importance of the factors of `scene`, from `batches` batches of rays.
+    pub fn importance(&self, scene: &Scene, batches: usize, seed: u64) -> FactorImportance {
+        FactorImportance::estimate(scene, batches, seed, |count, random| self.rays(count, random))
     }
 }
 
@@ -58,7 +65,7 @@ fn around(scene: &Scene, count: usize, size: u32) -> Vec<Camera> {
     let up = scene.frame.model_from_dataset.rotation * scene.frame.up.vector();
     let (aside, ahead) = up.any_orthonormal_pair();
     let radius = 0.5 * scene.bounds.size().length();
-    // The bounds' sphere then fills two thirds of the picture, and lies behind near.
+    // The sphere around the bounds fills two thirds of the picture and lies behind the near distance.
     let distance = (2.5 * radius).max(scene.frame.near + radius).min(scene.frame.far);
     let focal = Camera::focal_of_angle(size, 2.0 * (1.3 * radius / distance).min(1.2).asin().min(1.2));
     (0..count)

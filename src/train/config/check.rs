@@ -1,0 +1,120 @@
+//! Ranges of settings that their types do not express.
+
+use super::{BootstrapOptions, ConfigError, ScaleConfig, TrainConfig};
+
+impl TrainConfig {
+    /// Checks that all values are in range.
+    ///
+    /// # Errors
+    ///
+    /// Names the first field that is out of range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        for (place, value) in [
+            ("steps", self.steps as f64),
+            ("batch_rays", self.batch_rays as f64),
+            ("factor_learning_rate", self.factor_learning_rate),
+            ("network_learning_rate", self.network_learning_rate),
+            ("learning_rate_decay", self.learning_rate_decay),
+            ("factor_deviation", self.factor_deviation),
+            ("half_extent", self.half_extent),
+            ("field.distance_scale", self.field.distance_scale),
+            ("field.step_cells", self.field.step_cells),
+        ] {
+            positive(place, value)?;
+        }
+        let least = self.decoder.mode.min_features();
+        if self.decoder.features < least {
+            let expected = format!("at least {least} if `decoder.mode` is {}", self.decoder.mode.name());
+            return Err(error("decoder.features", &expected, self.decoder.features));
+        }
+        for (place, value) in [
+            ("density_l1", self.density_l1),
+            ("color_roulette", self.color_roulette),
+            ("density_roulette", self.density_roulette),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(error(place, "a number of at least 0", value));
+            }
+        }
+        if let Some([near, far]) = self.near_far
+            && !(near >= 0.0 && near < far && far.is_finite())
+        {
+            return Err(error("near_far", "two numbers with 0 <= near < far", format!("{near} and {far}")));
+        }
+        if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Err(error("background", "three numbers in [0, 1]", format!("{:?}", self.background)));
+        }
+        self.bootstrap.check()?;
+        if self.scales.is_empty() {
+            return Err(error("scales", "a list of at least one scale", "empty"));
+        }
+        self.scales.iter().enumerate().try_for_each(|(i, scale)| scale.check(i, self.upsample_at.len()))
+    }
+}
+
+impl ScaleConfig {
+    /// Checks the scale of index `i` in a run with this many upsamplings.
+    fn check(&self, i: usize, upsamplings: usize) -> Result<(), ConfigError> {
+        let place = |field: &str| format!("scales[{i}].{field}");
+        for a in 0..3 {
+            positive(&place("pitch"), self.pitch[a])?;
+            positive(&place("edge"), self.edge[a])?;
+            if self.edge[a] < self.pitch[a] {
+                let expected =
+                    format!("at least the pitch {}, as there are gaps between tensors otherwise", self.pitch[a]);
+                return Err(error(&place("edge"), &expected, self.edge[a]));
+            }
+        }
+        positive(&place("density_rank"), f64::from(self.density_rank))?;
+        positive(&place("appearance_rank"), f64::from(self.appearance_rank))?;
+        if self.resolutions.len() != upsamplings + 1 {
+            let expected = format!("a list of {}, one more than `upsample_at` has", upsamplings + 1);
+            return Err(error(&place("resolutions"), &expected, self.resolutions.len()));
+        }
+        if self.resolutions.iter().flatten().any(|&d| d == 0) {
+            return Err(error(&place("resolutions"), "at least 1", 0));
+        }
+        Ok(())
+    }
+}
+
+impl BootstrapOptions {
+    /// Checks that all values are in range.
+    pub(in crate::train) fn check(&self) -> Result<(), ConfigError> {
+        let is_fraction = |v: f64| (0.0..1.0).contains(&v);
+        let are_steps_valid =
+            (1..=4).contains(&self.steps.len()) && !self.steps.contains(&0) && self.total_steps() <= 1 << 30;
+        for (field, is_valid, expected, found) in [
+            (
+                "steps",
+                are_steps_valid,
+                "1 to 4 positive numbers with a sum of at most 2^30",
+                format!("{:?}", self.steps),
+            ),
+            ("batch_rays", (1..=1 << 20).contains(&self.batch_rays), "1 to 1048576", self.batch_rays.to_string()),
+            ("components", (1..=256).contains(&self.components), "1 to 256", self.components.to_string()),
+            ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
+            ("occupied_alpha", is_fraction(self.occupied_alpha), "in [0, 1)", self.occupied_alpha.to_string()),
+            (
+                "min_visibility_weight",
+                is_fraction(self.min_visibility_weight),
+                "in [0, 1)",
+                self.min_visibility_weight.to_string(),
+            ),
+            ("visibility_rays", self.visibility_rays > 0, "at least 1", self.visibility_rays.to_string()),
+        ] {
+            if !is_valid {
+                return Err(error(&format!("bootstrap.{field}"), expected, found));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn positive(place: &str, value: f64) -> Result<(), ConfigError> {
+    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(error(place, "a positive number", value)) }
+}
+
+fn error(place: &str, expected: &str, found: impl ToString) -> ConfigError {
+    ConfigError::Value { place: place.into(), expected: expected.into(), found: found.to_string() }
+}

@@ -1,0 +1,221 @@
+//! Settings of a training run: everything that the result depends on besides the photographs.
+
+mod check;
+mod error;
+mod presets;
+#[cfg(test)]
+mod tests;
+mod toml;
+
+use serde::{Deserialize, Serialize};
+
+pub use error::ConfigError;
+
+use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
+use crate::prior::CoarseOptions;
+
+/// A training run's settings. They have a TOML form, in which every field may be left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainConfig {
+    /// The preset that the settings began as.
+    pub preset: String,
+    /// Random seed.
+    pub seed: u64,
+    /// Optimizer steps.
+    pub steps: u64,
+    /// Rays per step.
+    pub batch_rays: usize,
+    /// sRGB color behind transparent pixels, in \[0, 1\].
+    pub background: [f32; 3],
+    /// Compare every ray of a photograph with transparent parts on a random background of its own, so that no part of
+    /// the scene can pass for background. The prior and all rendering keep `background`.
+    pub random_background: bool,
+    /// Select the rays to train on anew with every new occupancy, so that none is spent on space that proved empty.
+    pub refilter_rays: bool,
+    /// Remove tensors whose boxes are empty with every new occupancy. Pictures stay the same, and files get smaller.
+    pub prune: bool,
+    /// Distances at which rays begin and end, in the dataset's units; found from the cameras if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_far: Option<[f64; 2]>,
+    /// Learning rate of the factors after each restart of the optimizer.
+    pub factor_learning_rate: f64,
+    /// Learning rate of the appearance matrices and the decoder after each restart of the optimizer.
+    pub network_learning_rate: f64,
+    /// Factor by which learning rates fall over a whole run without restarts.
+    pub learning_rate_decay: f64,
+    /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
+    /// off.
+    pub density_l1: f64,
+    /// Russian roulette on colors in training: a sample of less than this visibility weight is shaded with a
+    /// probability of its weight over this, and then has this weight. The expected pixel stays the same. 0 shades all
+    /// samples.
+    pub color_roulette: f64,
+    /// Russian roulette on density gradients in training: the threshold in means of a chunk of rays. 0 keeps all
+    /// gradients.
+    pub density_roulette: f64,
+    /// Standard deviation of the factors at the start.
+    pub factor_deviation: f64,
+    /// Steps after which the factors are upsampled to their next resolution.
+    pub upsample_at: Vec<u64>,
+    /// Steps after which the occupancy is estimated anew. The first of them shrinks the bounds to it.
+    pub occupancy_at: Vec<u64>,
+    /// Half the largest extent of the scene, in model units. The scales' pitches are relative to it.
+    pub half_extent: f64,
+    /// The rules of the field and of the march.
+    pub field: FieldConfig,
+    /// The shape of the decoder.
+    pub decoder: DecoderConfig,
+    /// The coarse reconstruction.
+    pub prior: CoarseOptions,
+    /// The prior from tri-vectors alone.
+    pub bootstrap: BootstrapOptions,
+    /// The scales, coarsest first.
+    pub scales: Vec<ScaleConfig>,
+}
+
+/// The rules of the field and of the march that training starts from (spec 3.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FieldConfig {
+    /// Which points are in the model (spec 4.1).
+    pub coverage: Coverage,
+    /// How the neighbors of a scale are weighted (spec 4.4).
+    pub aggregation: Aggregation,
+    /// How the density features of scales are combined (spec 4.5).
+    pub density_reduction: Reduction,
+    /// How the appearance features of scales are combined (spec 4.6).
+    pub appearance_reduction: Reduction,
+    /// See [`Rules::density_shift`].
+    pub density_shift: f64,
+    /// See [`Rules::distance_scale`].
+    pub distance_scale: f64,
+    /// The march's step in cells of scale 0, at any of its resolutions.
+    pub step_cells: f64,
+    /// See [`Rules::min_transmittance`].
+    pub min_transmittance: f64,
+    /// See [`Rules::min_weight`].
+    pub min_weight: f64,
+}
+
+/// The shape of the decoder (spec 3.5).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DecoderConfig {
+    /// Whether the decoder is called per sample, per ray, or per ray with a residual of each sample.
+    pub mode: DecoderMode,
+    /// P, the length of the appearance feature.
+    pub features: u32,
+    /// Frequencies of the positional encoding of the features.
+    pub feature_frequencies: u32,
+    /// Frequencies of the positional encoding of the direction.
+    pub direction_frequencies: u32,
+    /// Widths of the hidden layers.
+    pub hidden: Vec<u32>,
+}
+
+/// The tensors of a scale. Lengths are in model units, per axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleConfig {
+    /// Distance between lattice cells.
+    pub pitch: [f64; 3],
+    /// Edge of a tensor's box.
+    pub edge: [f64; 3],
+    /// Cells of a tensor at the start, and after each upsampling.
+    pub resolutions: Vec<[u32; 3]>,
+    /// Density components.
+    pub density_rank: u32,
+    /// Appearance components.
+    pub appearance_rank: u32,
+    /// The most neighbors that a point aggregates.
+    pub top_k: u32,
+}
+
+/// Settings of [`super::bootstrap_prior`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BootstrapOptions {
+    /// Steps of each round. The first round covers the box of all frusta, each later one the box of the occupied voxels
+    /// of the round before, or the same box if there were none. In less than 100 steps hardly anything is found.
+    pub steps: Vec<u64>,
+    /// Rays per step.
+    pub batch_rays: usize,
+    /// Density and appearance components of each of the eight tensors.
+    pub components: u32,
+    /// Cells along the longest axis of a tensor in the last round; half as many in the round before it, and so on. A
+    /// voxel is such a cell.
+    pub resolution: u32,
+    /// Occupied voxels have an α over one voxel edge above this.
+    pub occupied_alpha: f64,
+    /// Occupied voxels are next to a sample of more than this visibility weight.
+    pub min_visibility_weight: f64,
+    /// About how many rays find these samples, evenly spread over all photographs.
+    pub visibility_rays: u32,
+}
+
+impl Default for FieldConfig {
+    fn default() -> Self {
+        Self {
+            coverage: Coverage::All,
+            aggregation: Aggregation::Normalized,
+            density_reduction: Reduction::Sum,
+            appearance_reduction: Reduction::Sum,
+            density_shift: -10.0,
+            distance_scale: 25.0,
+            step_cells: 0.5,
+            min_transmittance: 1e-3,
+            min_weight: 1e-4,
+        }
+    }
+}
+
+impl FieldConfig {
+    /// The rules with the march's step `step`, in model units.
+    pub fn rules(&self, step: f64) -> Rules {
+        Rules {
+            coverage: self.coverage,
+            aggregation: self.aggregation,
+            density_reduction: self.density_reduction,
+            appearance_reduction: self.appearance_reduction,
+            density_shift: self.density_shift,
+            distance_scale: self.distance_scale,
+            step,
+            min_transmittance: self.min_transmittance,
+            min_weight: self.min_weight,
+        }
+    }
+}
+
+impl Default for DecoderConfig {
+    fn default() -> Self {
+        Self {
+            mode: DecoderMode::PerSample,
+            features: 27,
+            feature_frequencies: 2,
+            direction_frequencies: 2,
+            hidden: vec![128, 128],
+        }
+    }
+}
+
+impl Default for BootstrapOptions {
+    fn default() -> Self {
+        Self {
+            steps: vec![300, 900],
+            batch_rays: 1024,
+            components: 8,
+            resolution: 48,
+            occupied_alpha: 3e-3,
+            min_visibility_weight: 1e-3,
+            visibility_rays: 1_000_000,
+        }
+    }
+}
+
+impl BootstrapOptions {
+    /// Number of steps over all rounds.
+    pub fn total_steps(&self) -> u64 {
+        self.steps.iter().fold(0, |sum, &n| sum.saturating_add(n))
+    }
+}

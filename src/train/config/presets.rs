@@ -1,0 +1,152 @@
+//! The presets.
+
+use super::{BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+use crate::model::{DecoderMode, Reduction};
+use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
+
+/// Steps that the presets' schedules are written for (paper, Implementation).
+const PRESET_STEPS: u64 = 30_000;
+/// Steps of the preset for scans (paper, The ScanNet dataset).
+const SCAN_STEPS: u64 = 100_000;
+/// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
+const EARLIEST_OCCUPANCY: u64 = 300;
+/// Half the largest extent of a scan in model units: about the extent of a room in meters.
+const SCAN_HALF_EXTENT: f64 = 4.8;
+
+impl Default for TrainConfig {
+    /// The preset [`TrainConfig::DEFAULT_PRESET`].
+    fn default() -> Self {
+        best()
+    }
+}
+
+impl TrainConfig {
+    /// The presets' names.
+    pub const PRESETS: [&str; 8] = ["12", "24", "48", "96", "fast", "per-ray", "best", "scannet"];
+    /// The preset of settings that name none.
+    pub const DEFAULT_PRESET: &str = "best";
+
+    /// The preset `name`.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::UnknownPreset`].
+    pub fn preset(name: &str) -> Result<Self, ConfigError> {
+        let mut preset = match name {
+            "12" | "24" | "48" | "96" => paper(name.parse().expect("a number")),
+            "best" => best(),
+            "per-ray" => {
+                let mut preset = paper(48);
+                preset.decoder.mode = DecoderMode::PerRay;
+                preset.refilter_rays = false;
+                preset.color_roulette = 0.002;
+                preset
+            }
+            "fast" => {
+                let mut preset = paper(48);
+                preset.refilter_rays = false;
+                preset.scales.truncate(2);
+                preset.scales.iter_mut().for_each(|s| s.top_k = 2);
+                preset
+            }
+            "scannet" => {
+                let mut preset = paper(48).with_steps(SCAN_STEPS);
+                preset.half_extent = SCAN_HALF_EXTENT;
+                preset.field.density_reduction = Reduction::Mean;
+                preset.scales = scan_scales();
+                preset
+            }
+            _ => return Err(ConfigError::UnknownPreset { name: name.into(), known: Self::PRESETS.join(", ") }),
+        };
+        preset.preset = name.into();
+        Ok(preset)
+    }
+
+    /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is moved to before step 300, at
+    /// which hardly any density has grown.
+    pub fn with_steps(self, steps: u64) -> Self {
+        let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
+        let mut occupancy_at: Vec<u64> =
+            self.occupancy_at.iter().map(|at| scaled(at).max(EARLIEST_OCCUPANCY.min(*at))).collect();
+        occupancy_at.dedup();
+        Self { upsample_at: self.upsample_at.iter().map(scaled).collect(), occupancy_at, steps, ..self }
+    }
+}
+
+/// The paper's model with this many appearance components (paper, Implementation).
+fn paper(appearance_rank: u32) -> TrainConfig {
+    TrainConfig {
+        preset: appearance_rank.to_string(),
+        seed: 0,
+        steps: PRESET_STEPS,
+        batch_rays: 4096,
+        background: [1.0; 3],
+        random_background: false,
+        refilter_rays: true,
+        prune: false,
+        near_far: None,
+        factor_learning_rate: 0.02,
+        network_learning_rate: 0.001,
+        learning_rate_decay: 0.1,
+        density_l1: 1e-5,
+        color_roulette: 0.001,
+        density_roulette: 1.0,
+        factor_deviation: 0.2,
+        upsample_at: vec![2000, 3000, 4000, 5500, 7000],
+        occupancy_at: vec![2000, 4000, 8000, 16_000],
+        half_extent: CANONICAL_HALF_EXTENT,
+        field: FieldConfig::default(),
+        decoder: DecoderConfig::default(),
+        prior: CoarseOptions::default(),
+        bootstrap: BootstrapOptions::default(),
+        scales: preset_scales(appearance_rank),
+    }
+}
+
+/// The best quality: the paper's model of 48 components with a decoder per ray and a residual per sample.
+fn best() -> TrainConfig {
+    let mut preset = paper(48);
+    preset.preset = "best".into();
+    preset.decoder.mode = DecoderMode::Residual;
+    // Highlights come and go within a few degrees.
+    preset.decoder.direction_frequencies = 6;
+    preset.color_roulette = 0.002;
+    preset
+}
+
+/// The paper's three scales (paper, Implementation).
+fn preset_scales(appearance_rank: u32) -> Vec<ScaleConfig> {
+    vec![
+        scale([0.4, 0.6], [29, 43, 65, 85, 103, 121], [32, appearance_rank], 4),
+        scale([0.2, 0.3], [15, 23, 35, 43, 53, 61], [24, appearance_rank], 4),
+        scale([0.1, 0.15], [7, 11, 17, 21, 27, 31], [16, appearance_rank], 4),
+    ]
+}
+
+/// Four scales for rooms (paper, The ScanNet dataset). At the last resolution the cells of all scales are of about the
+/// same size, and as large relative to the finest pitch as those of [`preset_scales`].
+fn scan_scales() -> Vec<ScaleConfig> {
+    vec![
+        scale([3.0, 5.0], [83, 123, 185, 243, 293, 345], [24, 48], 4),
+        scale([1.7, 3.2], [53, 79, 119, 155, 189, 221], [24, 48], 4),
+        scale([0.6, 1.6], [27, 39, 59, 77, 95, 111], [16, 48], 2),
+        scale([0.3, 0.8], [13, 19, 29, 39, 47, 55], [12, 48], 2),
+    ]
+}
+
+/// A scale that is the same along all axes.
+fn scale(
+    [pitch, edge]: [f64; 2],
+    resolutions: [u32; 6],
+    [density_rank, appearance_rank]: [u32; 2],
+    top_k: u32,
+) -> ScaleConfig {
+    ScaleConfig {
+        pitch: [pitch; 3],
+        edge: [edge; 3],
+        resolutions: resolutions.map(|d| [d; 3]).to_vec(),
+        density_rank,
+        appearance_rank,
+        top_k,
+    }
+}

@@ -1,0 +1,85 @@
+//! Presets, their TOML form, and errors of settings.
+
+use super::{ScaleConfig, TrainConfig};
+use crate::model::{Coverage, DecoderMode, Reduction};
+
+#[test]
+fn every_preset_survives_its_own_toml() {
+    for name in TrainConfig::PRESETS {
+        let preset = TrainConfig::preset(name).unwrap();
+        preset.check().unwrap();
+        assert_eq!(TrainConfig::from_toml(&preset.to_toml(), None).unwrap(), preset);
+    }
+}
+
+#[test]
+fn a_file_that_names_a_preset_gets_its_scales() {
+    let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100", None).unwrap();
+    assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
+    let mode = |text| TrainConfig::from_toml(text, None).unwrap().decoder.mode;
+    assert_eq!(mode("preset = \"per-ray\"\n[decoder]\nfeatures = 9"), DecoderMode::PerRay);
+    assert_eq!(mode("preset = \"48\"\n[decoder]\nfeatures = 9"), DecoderMode::PerSample);
+    assert_eq!(mode("[decoder]\nfeatures = 9"), DecoderMode::Residual);
+    let text = "preset = \"per-ray\"\nseed = 7\n[decoder]\nmode = \"residual\"";
+    assert_eq!(mode(text), DecoderMode::Residual);
+    let per_ray = TrainConfig::preset("per-ray").unwrap();
+    assert_eq!(TrainConfig::from_toml(text, Some("per-ray")).unwrap(), TrainConfig { seed: 7, ..per_ray });
+}
+
+#[test]
+fn unknown_fields_and_senseless_values_are_named() {
+    let message = |text| TrainConfig::from_toml(text, None).unwrap_err().to_string();
+    assert!(message("stepz = 3").contains("stepz"));
+    assert!(message("steps = 0").contains("steps"));
+    assert!(message("half_extent = 0.0").contains("half_extent"));
+    assert!(message("preset = \"7\"").contains("12, 24"));
+    assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
+    assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
+    for mode in DecoderMode::ALL.map(DecoderMode::name) {
+        assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");
+    }
+}
+
+#[test]
+fn cells_of_the_scan_preset_are_as_fine_as_those_of_48() {
+    let (scan, usual) = (TrainConfig::preset("scannet").unwrap(), TrainConfig::preset("48").unwrap());
+    assert_eq!((scan.steps, scan.upsample_at.len(), scan.scales.len()), (100_000, 5, 4));
+    let finest = |config: &TrainConfig, upsampled: usize| {
+        let scale = config.scales.last().unwrap();
+        scale.edge[0] / f64::from(scale.resolutions[upsampled][0]) / scale.pitch[0]
+    };
+    for upsampled in 0..6 {
+        let ratio = finest(&scan, upsampled) / finest(&usual, upsampled);
+        assert!((0.9..1.1).contains(&ratio), "{upsampled}: {ratio}");
+        let cell = |scale: &ScaleConfig| scale.edge[0] / f64::from(scale.resolutions[upsampled][0]);
+        let ratio = cell(&scan.scales[0]) / cell(&scan.scales[3]);
+        assert!((0.9..1.1).contains(&ratio), "{upsampled}: {ratio}");
+    }
+}
+
+#[test]
+fn scaling_the_steps_scales_the_schedule() {
+    let config = TrainConfig::preset("24").unwrap().with_steps(3000);
+    assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
+    assert_eq!(config.occupancy_at, [300, 400, 800, 1600]);
+    let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
+    assert_eq!(short.occupancy_at, [300, 533]);
+}
+
+#[test]
+fn settings_that_name_no_preset_are_those_of_the_default_preset() {
+    let preset = TrainConfig::preset(TrainConfig::DEFAULT_PRESET).unwrap();
+    assert_eq!(TrainConfig::default(), preset);
+    assert_eq!(TrainConfig::from_toml("", None).unwrap(), preset);
+    assert_ne!(TrainConfig::preset("48").unwrap(), preset);
+}
+
+#[test]
+fn rules_are_named_as_the_model_names_them() {
+    let text = "[field]\ncoverage = \"any\"\naggregation = \"clamped\"\ndensity_reduction = \"mean\"";
+    let field = TrainConfig::from_toml(text, None).unwrap().field;
+    assert_eq!((field.coverage, field.density_reduction), (Coverage::Any, Reduction::Mean));
+    assert_eq!(field.appearance_reduction, Reduction::Sum);
+    let error = TrainConfig::from_toml("[field]\ncoverage = \"some\"", None).unwrap_err().to_string();
+    assert!(error.contains("all") && error.contains("any"), "{error}");
+}

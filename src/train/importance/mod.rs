@@ -1,0 +1,16 @@
+//! The importance of parameters: how much pictures depend on them. Each question has one estimate.
+//!
+//! | question | estimate | used by |
+//! |---|---|---|
+//! | error of the pictures if a component is removed | [`ComponentImportance::of_removal`] | `train::resize::shrink` |
+//! | error that training a new component may save | [`ComponentImportance::of_addition`] | `train::resize::grow` |
+//! | error of the pictures if one factor entry changes | [`FactorImportance`] | [`mod@crate::pack`] |
+//! | components that no ray depends on | [`prune_dead_components`] | the end of training |
+
+mod components;
+mod dead_components;
+mod factors;
+
+pub(super) use components::ComponentImportance;
+pub use dead_components::{DeadComponents, MAX_LOSS, prune_dead_components};
+pub use factors::FactorImportance;
