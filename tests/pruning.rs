@@ -11,7 +11,7 @@ use strivec::geometry::Ray;
 use strivec::model::{Coverage, Factors, Occupancy, Placement, Scale, Scene};
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
-use strivec::train::{MAX_LOSS, RaySampler, TrainConfig, prune_dead_components, prune_unoccupied};
+use strivec::train::{MAX_LOSS, RaySampler, TrainConfig, TrainError, prune_dead_components, prune_unoccupied};
 
 /// A scene that counts on one side only, with its centers on lattices or listed.
 fn one_sided(coverage: Coverage, listed: bool) -> Scene {
@@ -251,4 +251,20 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
     let (cleared, used) = small(&amplified);
     assert!(cleared == 0 && used > 10, "{cleared} of {used}");
     assert!(dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
+}
+
+#[test]
+fn a_scene_that_no_photograph_depends_on_is_an_error() {
+    let mut scene = scenes::scene(&config());
+    let views = views(&scene);
+    for scale in &mut scene.scales {
+        set_features(scale, |_| 0.05);
+    }
+    scene.provenance.steps = 60;
+    let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
+    sampler.filter_rays(&Field::<f32>::new(&scene));
+    let error = prune_dead_components(&mut scene, &sampler, 3).unwrap_err();
+    assert!(matches!(error, TrainError::EmptyScene { steps: 60 }), "{error}");
+    let text = error.to_string();
+    assert!(text.contains("60 steps") && text.contains("more steps") && text.contains("prior"), "{text}");
 }

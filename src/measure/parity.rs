@@ -1,5 +1,5 @@
-//! How closely a renderer follows the reference: apart for rays that are far from any decision and for the others,
-//! where the field itself jumps (DESIGN, section 2).
+//! How closely a renderer follows the reference. Rays that are near a decision, at which the field is discontinuous
+//! (spec 4.10), are counted apart from the others.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::render::{Pixel, ReferenceRenderer, Renderer};
 
-/// The position error that f32 arithmetic has near the model's origin, in model units (DESIGN, section 2).
+/// The position error of f32 arithmetic near the model's origin, in model units (spec 4.10).
 pub const F32_POSITION_ERROR: f64 = 1e-6;
 
 /// Differences of color to the reference, the largest of the three channels of each ray.

@@ -13,7 +13,7 @@ use crate::render::{Pixel, ReferenceRenderer, Renderer};
 const TRIED: u64 = 16;
 /// Smaller decision margins, in model units, are not what f32 can be held against.
 pub const PROBE_MARGIN: f64 = 2e-6;
-/// DESIGN, section 2: what renderers may differ by where decisions are clear.
+/// The most that renderers may differ by if no decision is near (spec 4.10).
 const COLOR_TOLERANCE: f64 = 2e-4;
 
 /// How far a renderer is from a scene's probes.
@@ -33,8 +33,8 @@ pub struct ProbeReport {
 
 /// `count` probes of `scene`, spread over what it shows; fewer where it shows almost nothing.
 ///
-/// Cameras stand around the bounds at any angle, where a dataset's cameras may; each looks at a point of the bounds. A probe's
-/// point is the one that the ray sees, at its depth.
+/// Cameras stand around the bounds at any angle, where a dataset's cameras may; each looks at a point of the bounds. A
+/// probe's point is the one that the ray sees, at its depth.
 pub fn make_probes(scene: &Scene, count: usize, seed: u64) -> Probes {
     let renderer = ReferenceRenderer::new(scene);
     let field = ReferenceField::new(scene);
@@ -115,8 +115,8 @@ pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
     report
 }
 
-/// The largest difference between the reference's density features and those of `probes`, relative to the larger of 1 and
-/// their size; none where no probe is compared.
+/// The largest difference between the reference's density features and those of `probes`, relative to the larger of 1
+/// and their size; none where no probe is compared.
 pub fn probe_density_error(scene: &Scene, probes: &Probes) -> f64 {
     let field = ReferenceField::new(scene);
     let error = |probe: &Probe| {

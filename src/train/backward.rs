@@ -11,7 +11,7 @@ use crate::field::{Field, Real, Roulette, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
 
-/// Values of which there are as many as threads have ever needed at once.
+/// Reused values: as many as threads have needed at once.
 #[derive(Debug, Default)]
 pub(super) struct Pool<S>(Mutex<Vec<S>>);
 
@@ -38,7 +38,7 @@ pub struct Backward<T> {
     scratch: Pool<Scratch<T>>,
 }
 
-/// The gradients of everything that is trained, for tests and tools; training itself never holds them all.
+/// The gradients of all trained parameters, for tests and tools; training itself never holds them all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gradients<T> {
     /// Mean over rays and channels of the squared error.
@@ -52,12 +52,12 @@ pub struct Gradients<T> {
 }
 
 impl<T: Real> Backward<T> {
-    /// For batches on `field` or a field of the same decoder.
+    /// For batches on `field`, or on a field with the same decoder.
     pub fn new(field: &Field<T>) -> Self {
         Self { layout: NetworkLayout::new(&field.decoder), chunks: Vec::new(), scratch: Pool::default() }
     }
 
-    /// Runs all chunks; returns the loss of a batch: the mean over rays and channels of the squared error.
+    /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error.
     pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], roulette: BatchRoulette) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
@@ -79,7 +79,7 @@ impl<T: Real> Backward<T> {
         self.chunks.iter().map(|c| c.squared_error).sum::<f64>() * loss_scale
     }
 
-    /// What the last batch took, over all chunks.
+    /// Counts and times of the last batch, over all chunks.
     pub fn work(&self) -> Work {
         let mut work = Work::default();
         self.chunks.iter().for_each(|c| work.add(&c.samples.clock.work));
@@ -136,12 +136,12 @@ impl<T: Real> Backward<T> {
 }
 
 impl Backward<f32> {
-    /// The gradients of `field`'s pictures of `rays` times random signs, `signs` saying which: squared, each is an estimate of
-    /// the mean over rays and channels of (∂color/∂parameter)², without bias, and so is the squared derivative along any
-    /// direction (Hutchinson's estimator).
+    /// The gradients of the colors of `field` along `rays`, each channel with a random sign from `signs`. Squared, each
+    /// is an unbiased estimate of the mean over rays and channels of (∂color/∂parameter)², and so is the squared
+    /// derivative along any direction (Hutchinson's estimator).
     pub fn picture_gradients(&mut self, field: &Field<f32>, rays: &[Ray], signs: &Random) -> Gradients<f32> {
         let sign = |n: usize| if signs.bits(n as u64) & 1 == 0 { 1.0 } else { -1.0 };
-        // The loss's gradient is the error times 2/(3·rays): with this error the square root of what is wanted.
+        // The loss's gradient is the error times 2/(3·rays). With this error it is 1/√(3·rays).
         let size = 0.5 * (3.0 * rays.len() as f32).sqrt();
         let colors = super::rays::colors(field, rays, |_| field.background);
         let target = |(ray, color): (usize, &[f32; 3])| Target {
@@ -153,7 +153,7 @@ impl Backward<f32> {
     }
 }
 
-/// Where each scale's components lie in a row of all.
+/// \[scale\] the range of its components in a row of the components of all scales.
 pub(super) fn component_ranges<T: Real>(field: &Field<T>) -> Vec<ComponentRange> {
     let width = field.component_count();
     let mut first = 0;

@@ -1,11 +1,10 @@
-//! A prior from photographs with nothing but our own tensors (paper, appendix "Ablation Studies on Initial Geometry":
-//! "8 coarse tri-vectors").
+//! A prior from photographs by tri-vectors alone (paper, appendix "Ablation Studies on Initial Geometry": "8 coarse
+//! tri-vectors").
 //!
-//! In: posed photographs. Out: the voxels in which something is seen. CoarseCube tensors, 2×2×2, of eight components
-//! each cover the box of all frusta and are trained as any scene is. They start empty (a feature of about 0 is none,
-//! with the shift of −10), and density grows where rays need it. What is found bounds the next round, in which eight
-//! tensors cover that alone. It takes longer than [`crate::prior::coarse`] and finds less detail: it is for those who
-//! want no other method's reconstruction.
+//! In: posed photographs. Out: the occupied voxels. 2×2×2 tensors of eight components each cover the box of all frusta
+//! and are trained as any scene is. They start empty (with the shift of −10, a feature of about 0 has no density), and
+//! density grows where rays need it. The box of the occupied voxels bounds the next round. It takes longer than
+//! [`crate::prior::coarse`] and finds less detail, but needs no other method's reconstruction.
 
 use std::ops::ControlFlow;
 
@@ -20,17 +19,17 @@ use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
 use crate::prior::{self, CoarseProgress, RunningMse, VoxelBoxes};
 
-/// By this share of its cells, rounded up, a tensor reaches past each of its faces into its neighbors. Without it the
-/// planes in which they meet, the middle of the scene, show.
+/// Share of its cells, rounded up, by which a tensor reaches past each of its faces into its neighbors. Without it, the
+/// planes between tensors, in the middle of the scene, show in pictures.
 const OVERLAP: f64 = 0.25;
 
-/// The occupied voxels of `dataset`, in its own space, found by eight tensors with `config`'s bootstrap options,
-/// background, range and seed. Always the same ones for the same settings. `progress` is called after every step and
+/// The occupied voxels of `dataset`, in its own space, from eight tensors with `config`'s bootstrap options,
+/// background, range and seed. The same settings always give the same voxels. `progress` is called after every step and
 /// stops the work by returning [`ControlFlow::Break`].
 ///
 /// # Errors
 ///
-/// As [`prior::coarse::reconstruct`], and where training fails.
+/// As [`prior::coarse::reconstruct`], and if training fails.
 pub fn bootstrap_prior(
     config: &TrainConfig,
     dataset: &Dataset,
@@ -54,9 +53,9 @@ pub fn bootstrap_prior(
     let (mut found, mut psnr) = (None, 0.0);
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
-        let eight = CoarseCube::over(&within, resolution)?;
-        let config = eight.config(config, steps);
-        let scene = eight.scene(&config, [near, far], &dataset.name)?;
+        let cube = CoarseCube::over(&within, resolution)?;
+        let config = cube.config(config, steps);
+        let scene = cube.scene(&config, [near, far], &dataset.name)?;
         let mut trainer = Trainer::new(config, scene, &dataset.views)?;
         let mut fit = RunningMse::default();
         for _ in 0..steps {
@@ -66,7 +65,7 @@ pub fn bootstrap_prior(
                 return Err(prior::Error::Cancelled { step: done }.into());
             }
         }
-        let boxes = eight.occupied(&trainer.scene(), &dataset.views, options);
+        let boxes = cube.occupied(&trainer.scene(), &dataset.views, options);
         if !boxes.cells.is_empty() {
             within = boxes.bounds().grown(DVec3::splat(2.0 * boxes.lattice.pitch.x)).intersection(&frusta);
         }
@@ -78,7 +77,8 @@ pub fn bootstrap_prior(
     }
 }
 
-/// CoarseCube boxes of cubic cells, and the space in which they are tensors.
+/// 2×2×2 boxes of cubic cells, and the space in which they are tensors.
+#[derive(Debug)]
 struct CoarseCube {
     model_from_dataset: Similarity,
     /// The smallest corner, in model units.
@@ -90,12 +90,12 @@ struct CoarseCube {
 }
 
 impl CoarseCube {
-    /// Over `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each.
+    /// Covers `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each box.
     fn over(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
         let model_from_dataset = prior::canonical_map(within, prior::CANONICAL_HALF_EXTENT)?;
         let [min, max] = [within.min, within.max].map(|p| model_from_dataset.point(p));
         let cell = (max - min).max_element() / f64::from(2 * resolution);
-        // Whole cells, a little more than the box; rounding alone adds none.
+        // Whole cells, which may reach a little beyond the box; rounding errors add none.
         let cells = ((max - min) / (2.0 * cell) - 1e-6).ceil().max(DVec3::ONE);
         let corner = 0.5 * (min + max) - cells * cell;
         Ok(Self { model_from_dataset, corner, cell, resolution: cells.as_uvec3() })
@@ -106,8 +106,8 @@ impl CoarseCube {
         (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
     }
 
-    /// `base` for a training of the eight. Geometry is all that is wanted, so colors need no more than a linear map,
-    /// and no occupancy may take away what has yet to grow.
+    /// `base` for a training of the cube. Geometry is all that is wanted, so colors need no more than a linear map,
+    /// and no occupancy removes space in which density has yet to grow.
     fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
         let cloud = self.cloud();
@@ -155,7 +155,8 @@ impl CoarseCube {
         Ok(scene)
     }
 
-    /// The cells of `scene` that are dense and within one cell of what `views` see of it, in the dataset's space.
+    /// The cells of `scene` that are dense and at most one cell away from a sample that `views` see, in the dataset's
+    /// space.
     fn occupied(&self, scene: &Scene, views: &[View], options: &BootstrapOptions) -> VoxelBoxes {
         let field = Field::<f32>::new(scene);
         let size = 2 * self.resolution;
@@ -163,7 +164,7 @@ impl CoarseCube {
         let is_near_seen = |cell: UVec3| {
             let (first, last) = (cell.saturating_sub(UVec3::ONE), (cell + 1).min(size - 1));
             let mut rows = (first.z..=last.z).flat_map(|z| (first.y..=last.y).map(move |y| (y, z)));
-            rows.any(|(y, z)| (first.x..=last.x).any(|x| seen[self.number(UVec3::new(x, y, z))]))
+            rows.any(|(y, z)| (first.x..=last.x).any(|x| seen[self.index(UVec3::new(x, y, z))]))
         };
         let edges_in_a_step = self.cell / field.rules.step;
         let is_dense = |samples: &mut Samples<f32>, cell: UVec3| {
@@ -179,7 +180,7 @@ impl CoarseCube {
         let cells = (0..seen.len())
             .into_par_iter()
             .map_init(Samples::default, |samples, n| {
-                let cell = self.cell_number(n);
+                let cell = self.cell_at(n);
                 (is_near_seen(cell) && is_dense(samples, cell)).then_some(cell)
             })
             .flatten_iter()
@@ -190,17 +191,17 @@ impl CoarseCube {
         VoxelBoxes { lattice, cells }
     }
 
-    /// The number of `cell`, of all eight boxes together.
-    fn number(&self, cell: UVec3) -> usize {
+    /// The index of `cell` in the grid of all eight boxes.
+    fn index(&self, cell: UVec3) -> usize {
         index_of(cell, 2 * self.resolution) as usize
     }
 
-    /// The cell of a number.
-    fn cell_number(&self, n: usize) -> UVec3 {
+    /// The cell of an index.
+    fn cell_at(&self, n: usize) -> UVec3 {
         cell_at(n as u64, 2 * self.resolution)
     }
 
-    /// \[z\]\[y\]\[x\] the cells that hold a sample which adds enough to some pixel.
+    /// \[z\]\[y\]\[x\] whether a cell holds a sample of enough visibility weight for some pixel.
     fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
         let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
         let stride = (pixels as f64 / f64::from(options.visibility_rays)).sqrt().ceil().max(1.0) as usize;
@@ -220,12 +221,12 @@ impl CoarseCube {
                         continue;
                     }
                     let position = samples.positions[place as usize];
-                    // What the tensors cover beyond the boxes belongs to the cells at their faces.
+                    // Samples beyond the boxes, which tensors cover too, belong to the cells at the faces.
                     let cell = [0, 1, 2].map(|a| {
                         let at = (position[a] - corner[a]) / self.cell as f32;
                         (at.max(0.0) as u32).min(last[a])
                     });
-                    seen[self.number(cell.into())] = true;
+                    seen[self.index(cell.into())] = true;
                 }
             }
             seen

@@ -3,9 +3,9 @@
 //!
 //! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, let s_i be ∂L/∂w_i by way
 //! of colors (0 for samples without one) and b the gradient of the pixel times the background; then
-//! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). Where every sample is decoded, s_i is the pixel's gradient times
-//! the sample's color. Where rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
-//! gradient times c plus ∂L/∂F·(f_i − F)/W. Where samples keep colors of their own, the pixel is Σ w·c_i with
+//! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). If every sample is decoded, s_i is the pixel's gradient times
+//! the sample's color. If rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
+//! gradient times c plus ∂L/∂F·(f_i − F)/W. If samples have residual colors, the pixel is Σ w·c_i with
 //! c_i = sigmoid(own_i + o(F)), so s_i is the pixel's gradient times c_i plus the same.
 
 use super::NetworkLayout;
@@ -17,29 +17,29 @@ use crate::model::{DecoderMode, Reduction};
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
 pub(crate) const RAYS_PER_CHUNK: usize = 128;
 
-/// What a ray should see.
+/// The expected color of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// The photographed color.
     pub color: [f32; 3],
-    /// What is behind everything.
+    /// The background behind the scene.
     pub background: [f32; 3],
 }
 
-/// What a batch leaves out at random.
+/// Russian roulette of a batch.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BatchRoulette {
-    /// Of the colors of samples, by weight.
+    /// On the colors of samples, by visibility weight.
     pub color: Option<Roulette>,
-    /// Of the gradients of samples' densities, by their size in means of a chunk.
+    /// On the gradients of samples' densities, by their size in means of a chunk.
     pub density: Option<Roulette>,
 }
 
-/// What a chunk leaves for the tensors and the shared weights. Reused from step to step.
+/// The results of a chunk, for the gradients of tensors and of shared weights. Reused from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
     pub(super) samples: Samples<T>,
-    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, where samples keep colors of their own,
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, if samples have residual colors,
     /// \[colored\]\[ΣR\] ∂L/∂(their components).
     pub(super) component_gradients: Vec<T>,
     /// ∂L/∂shared weights, in the flat layout.
@@ -60,7 +60,7 @@ pub(super) struct Scratch<T> {
     pixel_gradients: Vec<[T; 3]>,
     /// \[colored\] ∂L/∂(the sample's weight), by way of colors.
     weight_gradients: Vec<T>,
-    /// \[colored\] its row of `component_gradients`, and what that row is multiplied by to be the gradients of the
+    /// \[colored\] its row of `component_gradients`, and the factor that turns it into the gradients of the
     /// sample's components.
     component_shares: Vec<(u32, T)>,
     /// \[place\] ∂L/∂(a scale's density feature).
@@ -69,7 +69,7 @@ pub(super) struct Scratch<T> {
     output_gradients: Vec<T>,
     /// \[term\]\[3\] ∂L/∂(a color before the sigmoid), where samples keep colors of their own.
     term_gradients: Vec<T>,
-    /// \[colored\]\[ΣR\] ∂L/∂(components), where samples keep colors of their own.
+    /// \[colored\]\[ΣR\] ∂L/∂(components), if samples have residual colors.
     sample_gradients: Vec<T>,
 }
 
@@ -97,7 +97,7 @@ impl<T: Real> Chunk<T> {
         self.weigh_backward(field, scratch);
         self.composite_backward(field, targets, scratch);
         if let Some(roulette) = roulette.density {
-            self.thin_density(roulette, &mut scratch.feature_gradients);
+            self.density_roulette(roulette, &mut scratch.feature_gradients);
         }
         self.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
@@ -173,7 +173,7 @@ impl<T: Real> Chunk<T> {
                         sums.iter_mut().zip(composite_gradients).for_each(|(sum, &g)| *sum += g * share_of_composite);
                     }
                 }
-                // A thinned sample's color weighs more than the sample.
+                // By Russian roulette, a sample's color may weigh more than the sample.
                 let place = colored.slots[c] as usize;
                 weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));
@@ -220,9 +220,9 @@ impl<T: Real> Chunk<T> {
         }
     }
 
-    /// Leaves out a random part of the small gradients of density features.
+    /// Russian roulette on the small gradients of density features.
     #[inline(always)]
-    fn thin_density(&self, roulette: Roulette, gradients: &mut [T]) {
+    fn density_roulette(&self, roulette: Roulette, gradients: &mut [T]) {
         let samples = &self.samples;
         let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
         let mean = total.f64() / samples.len().max(1) as f64;
@@ -238,17 +238,33 @@ impl<T: Real> Chunk<T> {
     /// From the gradients of the rows' outputs to those of the layers, the appearance matrices and the components.
     #[inline(always)]
     fn decode_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
-        let Scratch { activations, input_gradients, output_gradients, term_gradients, sample_gradients, .. } = scratch;
-        let decoder = &field.decoder;
-        let n = activations.row_count();
-        let components = field.component_count();
+        let rows = scratch.activations.row_count();
         self.network_gradients.clear();
         self.network_gradients.resize(layout.len(), T::zero());
-        self.component_gradients.resize(n * components, T::zero());
-        if n == 0 {
+        self.component_gradients.resize(rows * field.component_count(), T::zero());
+        if rows == 0 {
             return;
         }
-        let encoded_direction_at = decoder.input_parts()[2];
+        self.layers_backward(field, layout, scratch);
+        self.samples.clock.lap(Stage::DecoderBackward);
+        // `output_gradients` holds the gradients of the first layer's input, without the encoded direction.
+        let width = field.decoder.input_parts()[2];
+        encode_backward(field, &scratch.activations, &mut scratch.output_gradients, width);
+        self.samples.clock.lap(Stage::EncodingBackward);
+        self.matrices_backward(field, layout, scratch);
+        if field.decoder.mode == DecoderMode::Residual {
+            self.residuals_backward(field, scratch);
+        }
+        self.samples.clock.lap(Stage::AppearanceMatricesBackward);
+    }
+
+    /// From the gradients of the rows' outputs to those of the layers. Leaves those of the first layer's input, without
+    /// the encoded direction, in `output_gradients`.
+    #[inline(always)]
+    fn layers_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
+        let Scratch { activations, input_gradients, output_gradients, .. } = scratch;
+        let decoder = &field.decoder;
+        let n = activations.row_count();
         for (l, layer) in decoder.layers.iter().enumerate().rev() {
             let inputs = &activations.inputs[l];
             let (weights_at, bias_at, end) = layout.layers[l];
@@ -269,8 +285,8 @@ impl<T: Real> Chunk<T> {
                     *sum += g;
                 }
             }
-            // Nothing needs the gradient of the encoded direction.
-            let columns = if l == 0 { encoded_direction_at } else { layer.inputs };
+            // The gradient of the encoded direction is not used.
+            let columns = if l == 0 { decoder.input_parts()[2] } else { layer.inputs };
             input_gradients.resize(n * columns, T::zero());
             multiply(
                 MatrixMut::new(input_gradients, n, columns, columns),
@@ -285,11 +301,16 @@ impl<T: Real> Chunk<T> {
             }
             std::mem::swap(output_gradients, input_gradients);
         }
-        self.samples.clock.lap(Stage::DecoderBackward);
-        // `output_gradients` now holds those of the first layer's input.
-        encode_backward(field, activations, output_gradients, encoded_direction_at);
-        self.samples.clock.lap(Stage::EncodingBackward);
-        let feature_gradients = Matrix::new(output_gradients, n, decoder.features, encoded_direction_at);
+    }
+
+    /// From the gradients of the features, in `output_gradients`, to those of the appearance matrices and the rows'
+    /// components.
+    #[inline(always)]
+    fn matrices_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &Scratch<T>) {
+        let Scratch { activations, output_gradients, .. } = scratch;
+        let decoder = &field.decoder;
+        let (n, components) = (activations.row_count(), field.component_count());
+        let feature_gradients = Matrix::new(output_gradients, n, decoder.features, decoder.input_parts()[2]);
         multiply(
             MatrixMut::new(&mut self.network_gradients[..layout.appearance], decoder.features, components, components),
             feature_gradients.transposed(),
@@ -302,24 +323,29 @@ impl<T: Real> Chunk<T> {
             Matrix::new(&decoder.appearance, decoder.features, components, components),
             false,
         );
-        if decoder.mode == DecoderMode::Residual {
-            let count = activations.shaded.len();
-            let own_gradients = Matrix::new(term_gradients, count, 3, 3);
-            multiply(
-                MatrixMut::new(&mut self.network_gradients[..3 * components], 3, components, components),
-                own_gradients.transposed(),
-                Matrix::new(&activations.components, count, components, components),
-                true,
-            );
-            sample_gradients.resize(count * components, T::zero());
-            multiply(
-                MatrixMut::new(sample_gradients, count, components, components),
-                own_gradients,
-                Matrix::new(&decoder.appearance, 3, components, components),
-                false,
-            );
-        }
-        self.samples.clock.lap(Stage::AppearanceMatricesBackward);
+    }
+
+    /// From the gradients of the samples' residual colors to those of the first three rows of the appearance matrices
+    /// and of the samples' components.
+    #[inline(always)]
+    fn residuals_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
+        let Scratch { activations, term_gradients, sample_gradients, .. } = scratch;
+        let components = field.component_count();
+        let count = activations.shaded.len();
+        let residual_gradients = Matrix::new(term_gradients, count, 3, 3);
+        multiply(
+            MatrixMut::new(&mut self.network_gradients[..3 * components], 3, components, components),
+            residual_gradients.transposed(),
+            Matrix::new(&activations.components, count, components, components),
+            true,
+        );
+        sample_gradients.resize(count * components, T::zero());
+        multiply(
+            MatrixMut::new(sample_gradients, count, components, components),
+            residual_gradients,
+            Matrix::new(&field.decoder.appearance, 3, components, components),
+            false,
+        );
     }
 
     /// Fills the pairs by tensor.
@@ -351,8 +377,8 @@ fn difference_along<T: Real>(gradient: &[T], from: &[T], to: &[T]) -> T {
     sums.into_iter().fold(rest, |sum, s| sum + s)
 }
 
-/// Adds the gradients of PE(features) to those of the features. `gradients` has rows of `width`: the first layer's input
-/// without the encoded direction.
+/// Adds the gradients of PE(features) to those of the features. `gradients` has rows of `width`: the first layer's
+/// input without the encoded direction.
 #[inline(always)]
 fn encode_backward<T: Real>(field: &Field<T>, activations: &Activations<T>, gradients: &mut [T], width: usize) {
     let decoder = &field.decoder;

@@ -50,14 +50,14 @@ pub fn training_steps(
 ) -> Result<Measured, TrainError> {
     let (seconds, reports) = runs.time(|| trainer.step())?;
     let peak_bytes = memory.peak();
-    let shape = FieldShape::of(&Field::<f32>::new(&trainer.scene()));
+    let shape = FieldShape::new(&Field::<f32>::new(&trainer.scene()));
     Ok(measured(seconds, reports.into_iter().map(|report| report.work), &shape, peak, peak_bytes))
 }
 
 /// Frames of `scene` that `camera`, which is in the model's space, takes with the fast renderer.
 pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
     let field = Field::<f32>::new(scene);
-    let shape = FieldShape::of(&field);
+    let shape = FieldShape::new(&field);
     let renderer = CpuRenderer::from_field(field);
     let rays: Vec<Ray> = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.trace_with_work(&rays).1));

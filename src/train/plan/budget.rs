@@ -9,7 +9,7 @@ use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
 
 /// Steps in which each sacrifice is made.
 const STEPS: u32 = 64;
-/// What is left of each at the end: cells along an edge (pixels 1.3 apart are then 2 apart), appearance components,
+/// The least share that is left of each: cells along an edge (cells of 1.3 pixels then have 2), appearance components,
 /// density components.
 const MIN_CELLS: f64 = 0.65;
 const MIN_APPEARANCE: f64 = 0.25;
@@ -17,25 +17,25 @@ const MIN_DENSITY: f64 = 0.5;
 /// Ranks are multiples of this where they can be: kernels work in registers of at least as many numbers.
 const LANES: u32 = 4;
 
-/// What a scene may come to; absent is any.
+/// Bounds on a scene; an absent one is no bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Budget {
-    /// Of everything that is trained.
+    /// The most trained parameters.
     pub parameters: Option<u64>,
-    /// Of the file, as [`super::Plan::file_bytes`] estimates it.
+    /// The most bytes of the file, as [`super::Plan::file_bytes`] estimates it.
     pub file_bytes: Option<u64>,
 }
 
-/// `config` made smaller until tensors on `occupied` (in the dataset's space) stay within `budget`, and what was given up
-/// for it; unchanged where it fits.
+/// `config` with fewer parameters, so that tensors on `occupied` (in the dataset's space) stay within `budget`, and a
+/// line of reason for each reduction. It is unchanged if it fits.
 ///
-/// What is given up, in this order, each only once the one before is used up, and no more of it than is needed:
-/// resolution, down to 0.65 of the cells along an edge; appearance components, down to a quarter; density components,
-/// down to half; the finest scale. Without that scale all else is given back, and given up in the same order.
+/// Reductions come in this order, each once the one before is used up, and only as far as needed: resolution, down to
+/// 0.65 of the cells along an edge; appearance components, down to a quarter; density components, down to half; the
+/// finest scale. Without that scale, all others start again from their full size.
 ///
 /// # Errors
 ///
-/// Where even the coarsest scale alone, with the least of everything, is too large: names that least.
+/// If even the coarsest scale alone, with all reductions, is too large: names its size.
 pub fn fit_to_budget(
     config: &TrainConfig,
     occupied: &VoxelBoxes,

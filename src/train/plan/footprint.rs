@@ -1,4 +1,4 @@
-//! How large a pixel is where the scene is.
+//! The size of pixels at the occupied cells.
 
 use rayon::prelude::*;
 
@@ -6,8 +6,8 @@ use crate::geometry::Camera;
 use crate::prior::{CameraBounds, VoxelBoxes};
 use crate::train::TrainConfig;
 
-/// The share of seen cells that may have smaller pixels than [`Footprints::near_pixel`]: a few cells in front of one camera
-/// shall not decide for all.
+/// The share of seen cells that may have smaller pixels than [`Footprints::near_pixel`]: a few cells in front of one
+/// camera shall not decide for all.
 const NEAREST_SHARE: f64 = 0.1;
 
 /// For each occupied cell, how wide a pixel of the camera that sees it best is there.
@@ -25,9 +25,9 @@ struct Frustum<'a> {
 }
 
 impl Footprints {
-    /// Of `occupied`, seen by `cameras`, both in the dataset's space. A camera sees a cell that any part of the smallest
-    /// sphere around it may be in its picture, between near and far. What lies in front of the cell is not asked: the
-    /// prior knows it only roughly.
+    /// Of `occupied`, seen by `cameras`, both in the dataset's space. A camera sees a cell that any part of the
+    /// smallest sphere around it may be in its picture, between near and far. What lies in front of the cell is not
+    /// asked: the prior knows it only roughly.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
         let derived = CameraBounds::from_cameras(cameras.iter());
         let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]);
@@ -59,7 +59,8 @@ impl Footprints {
         self.widths.iter().filter(|w| w.is_finite()).count()
     }
 
-    /// The width of a pixel, in the dataset's units, that a tenth of the seen cells are below; `None` where none is seen.
+    /// The width of a pixel, in the dataset's units, that a tenth of the seen cells are below; `None` where none is
+    /// seen.
     pub(super) fn near_pixel(&self) -> Option<f64> {
         let mut seen: Vec<f64> = self.widths.iter().copied().filter(|w| w.is_finite()).collect();
         let at = (NEAREST_SHARE * seen.len().checked_sub(1)? as f64) as usize;
@@ -80,8 +81,8 @@ impl<'a> Frustum<'a> {
         }
     }
 
-    /// How wide a pixel is at `place` (along columns, along rows, ahead); infinite where the sphere of `radius` around it is
-    /// behind the camera or outside the picture. Nearer than `radius` the camera may be in the cell.
+    /// How wide a pixel is at `place` (along columns, along rows, ahead); infinite where the sphere of `radius` around
+    /// it is behind the camera or outside the picture. Nearer than `radius` the camera may be in the cell.
     fn pixel_width(&self, [column, row, ahead]: [f64; 3], radius: f64) -> f64 {
         let inside =
             |planes: &[[f64; 2]; 2], across: f64| planes.iter().all(|[x, z]| x * across + z * ahead >= -radius);

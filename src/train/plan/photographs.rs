@@ -1,4 +1,4 @@
-//! Settings as fine as photographs can tell, and no finer.
+//! Settings whose resolution matches that of the photographs.
 
 use super::footprint::Footprints;
 use super::{cells_of, ending_in, finest_cell, last, listed, rounded, without_idle_upsamplings};
@@ -6,28 +6,30 @@ use crate::geometry::Camera;
 use crate::prior::{self, VoxelBoxes, canonical_map};
 use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 
-/// Edge of a tensor's cell in pixels at the nearest cells: what `docs/configs/quarter.toml` has, which was found by hand.
+/// Edge of a tensor's cell in pixels at the nearest occupied cells, as in `docs/configs/quarter.toml`, where it was
+/// found by hand.
 pub const PIXELS_APART: f64 = 1.3;
-/// A tensor has at most this many times the cells of the settings that are fitted: nothing was measured beyond.
+/// A tensor has at most this many times the cells of the settings that are fitted: larger ratios were not measured.
 const MAX_TIMES: u32 = 2;
 /// A finer scale whose tensors have fewer cells on every axis adds next to nothing to the scale before it.
-const FEWEST_CELLS: u32 = 4;
+const MIN_CELLS: u32 = 4;
 /// Lengths are relative to the scene's extent, up to this: far below what placing tensors takes for rounding.
 const EXTENT_DIGITS: f64 = 1e9;
 
 /// `config` made for a scene, and the occupied cells that any of `cameras` sees; then a line of reason for each choice.
 /// All are in the dataset's space.
 ///
-/// `config`'s lengths count as those for a scene of the presets' extent and are scaled to this one's. Cells of all scales
-/// are [`PIXELS_APART`] pixels wide where pixels are small, a tensor having at most twice as many as in `config`. The
-/// steps of coarse to fine, ranks and neighbors stay; but a scale is left out where its tensors would have hardly any
-/// cells, no tensor has more density components than would pay against a dense grid, and no upsampling changes nothing.
+/// `config`'s lengths count as those for a scene of the presets' extent and are scaled to this one's. Cells of all
+/// scales are [`PIXELS_APART`] pixels wide where pixels are small, a tensor having at most twice as many as in
+/// `config`. The steps of coarse to fine, ranks and neighbors stay; but a scale is left out where its tensors would
+/// have hardly any cells, no tensor has more density components than would pay against a dense grid, and no upsampling
+/// changes nothing.
 ///
 /// Scenes that differ in their unit alone get the same tensors.
 ///
 /// # Errors
 ///
-/// Where no camera sees any cell, and where what is seen has no extent.
+/// If no camera sees any cell, or the seen cells have no extent.
 pub fn fit_to_photographs(
     config: &TrainConfig,
     cameras: &[Camera],
@@ -100,7 +102,7 @@ fn cells_along(edge: f64, cell: f64) -> u32 {
 }
 
 fn leave_out_fine_scales(config: &mut TrainConfig, cell: f64, reasons: &mut Vec<String>) {
-    let hardly_any = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < FEWEST_CELLS);
+    let hardly_any = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < MIN_CELLS);
     while config.scales.len() > 1
         && let Some(scale) = config.scales.pop_if(|scale| hardly_any(scale))
     {
