@@ -200,7 +200,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     assert_eq!(text(&run(folder.path(), &train).stdout), text(&output.stdout));
 
     let message = failure(&plan(&["--max-size", "9", "--quiet"]), 1);
-    assert!(message.contains("budget: expected at least ") && message.ends_with("found 9 bytes\n"), "{message}");
+    assert!(message.contains("`budget` must be at least ") && message.ends_with("not 9 bytes\n"), "{message}");
     let output = run(folder.path(), &["train", "toy", "-o", "b", "--auto", "--print-config"]);
     assert_eq!(code(&output), 1, "it needs the photographs");
 }
@@ -229,7 +229,7 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let folder = TempDir::new().unwrap();
     let quiet = |arguments: &[&str]| run(folder.path(), &[arguments, &["--quiet"]].concat());
     assert_eq!(code(&quiet(&["synth", "data", "--views", "6", "--test-views", "1", "--size", "32x32"])), 0);
-    let small = "batch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
+    let small = "preset = \"48\"\nbatch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
         resolutions = [[12, 12, 12]]\ndensity_rank = 8\nappearance_rank = 12\ntop_k = 2\n";
     fs::write(folder.path().join("small.toml"), small).unwrap();
     let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150"];

@@ -25,6 +25,7 @@ fn json(output: &Output) -> Value {
 
 /// Two scales of few cells, and a prior in a second.
 const TINY: &str = "
+preset = \"48\"
 batch_rays = 64
 upsample_at = []
 occupancy_at = []
