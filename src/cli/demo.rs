@@ -21,7 +21,7 @@ Examples:
   strivec demo --out /tmp/demo --seed 7";
 
 /// The run's settings.
-const SETTINGS: &str = include_str!("../../docs/configs/demo.toml");
+const SETTINGS: &str = include_str!("demo.toml");
 const TRAINING_VIEWS: u32 = 60;
 const HELD_OUT_VIEWS: u32 = 8;
 const SIZE: u32 = 128;

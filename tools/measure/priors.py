@@ -2,7 +2,7 @@
 """What a prior is worth: tensors, parameters, minutes and PSNR of the same training on different priors.
 
     strivec synth toy --views 60 --test-views 20 --size 128x128
-    tools/measure/priors.py toy --out priors-toy --config docs/configs/demo.toml --steps 1500
+    tools/measure/priors.py toy --out priors-toy --config src/cli/demo.toml --steps 1500
     tools/measure/priors.py LEGO --out priors-lego --config docs/configs/quarter.toml --steps 5500 --downscale 4 \\
         --prior "TensoRF's alpha mask" lego.th
 

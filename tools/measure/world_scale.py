@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The same dataset at other world scales: `--auto` should find the same model.
 
-    tools/measure/world_scale.py DATASET --out auto --steps 1500 -- --config docs/configs/demo.toml
+    tools/measure/world_scale.py DATASET --out auto --steps 1500 -- --config src/cli/demo.toml
 
 copies the camera poses of a dataset in the Blender layout with their positions times 1, 0.01 and 1000, or what --scales says (pictures
 are linked), trains each by `strivec train --auto` with the arguments after --, and prints a table; then the PSNR between the pictures of the test views.
