@@ -83,3 +83,14 @@ fn rules_are_named_as_the_model_names_them() {
     let error = TrainConfig::from_toml("[field]\ncoverage = \"some\"", None).unwrap_err().to_string();
     assert!(error.contains("all") && error.contains("any"), "{error}");
 }
+
+#[test]
+fn the_documents_settings_are_valid() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/configs");
+    let files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|file| file.unwrap().path()).collect();
+    assert!(files.len() >= 2, "{files:?}");
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        TrainConfig::from_toml(&text, None).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+    }
+}
