@@ -1,81 +1,25 @@
 //! The camera in the user's hands: orbit, pan, dolly, fly, focus, views that are kept.
 
 use std::collections::BTreeSet;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{Gesture, Gestures};
-use crate::container::{Pose, Views};
-use crate::geometry::{Aabb, Camera};
+use super::action::KEPT;
+use super::first_view::{Stand, first_view};
+use super::{Action, Gesture, Gestures, action_of};
+use crate::container::{Pose, TrainingCamera, Views};
+use crate::geometry::Camera;
 use crate::model::Scene;
 
-/// Degrees that a picture spans from top to bottom where the file does not say.
-const ANGLE_OF_VIEW: f64 = 0.7;
-/// Radians above the horizon at first.
-const ELEVATION: f64 = 0.45;
 /// No nearer to straight up or down than this, in radians.
 const FROM_POLE: f64 = 0.02;
-/// Of the scene's extent a second.
+/// Extents of the scene per second.
 const FLYING_SPEED: f64 = 0.4;
-/// With Shift.
+/// Factor of the speed while Shift is held.
 const FASTER: f64 = 4.0;
-
-/// What a key asks for, besides flying.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
-    /// Turn around what is under the pointer from now on.
-    Focus,
-    /// Back to where the viewer began.
-    Reset,
-    /// To a view that was kept: 1 to 9.
-    Recall(usize),
-    /// Keep this view: 1 to 9.
-    Keep(usize),
-    /// Show or hide the help.
-    Help,
-    /// The next way of looking at the scene: color, depth, …
-    NextView,
-    /// Write what is seen to a picture.
-    Screenshot,
-    /// Begin or end recording the camera's path.
-    Record,
-    /// Play the recorded path, or stop.
-    Play,
-    /// To the next training camera.
-    NextCamera,
-    /// To the training camera before.
-    CameraBefore,
-    /// Show or hide tensor boxes.
-    Boxes,
-    /// Show or hide the panel.
-    Panel,
-}
-
-/// What the key of W3C code `code` ("KeyF", "Digit1") asks for. With Control or Shift, digits keep views.
-pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
-    if let Some(digit) = code.strip_prefix("Digit") {
-        let n = digit.parse().ok().filter(|n| (1..=KEPT).contains(n))?;
-        return Some(if is_modified { Action::Keep(n) } else { Action::Recall(n) });
-    }
-    match code {
-        "KeyF" => Some(Action::Focus),
-        "KeyR" | "Home" => Some(Action::Reset),
-        "KeyH" | "F1" => Some(Action::Help),
-        "KeyV" => Some(Action::NextView),
-        "KeyP" | "F12" => Some(Action::Screenshot),
-        "KeyC" => Some(Action::Record),
-        "Space" => Some(Action::Play),
-        "PageDown" => Some(Action::NextCamera),
-        "PageUp" => Some(Action::CameraBefore),
-        "KeyB" => Some(Action::Boxes),
-        "KeyI" => Some(Action::Panel),
-        _ => None,
-    }
-}
-
-/// Views that can be kept.
-const KEPT: usize = 9;
+/// Orbit of an arrow key, in parts of the window's height.
+const KEY_STEP: f64 = 0.05;
 
 /// What a drag of the pointer does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,29 +32,12 @@ pub enum Drag {
     Look,
 }
 
-/// Where the camera is, in the model's space, and what it turns around.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Stand {
-    pose: Pose,
-    /// Distance to what it turns around, straight ahead.
-    distance: f64,
-}
-
-impl Stand {
-    fn axis(&self, axis: DVec3) -> DVec3 {
-        self.pose.rotation * axis
-    }
-
-    /// What it turns around.
-    fn pivot(&self) -> DVec3 {
-        self.pose.position - self.distance * self.axis(DVec3::Z)
-    }
-}
-
 /// The camera, and what is held down.
 #[derive(Clone, Debug)]
 pub struct Controls {
     first: Stand,
+    /// Vertical, in radians.
+    first_angle: f64,
     now: Stand,
     kept: [Option<Stand>; KEPT],
     /// Vertical, in radians.
@@ -123,20 +50,15 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// For `scene`; begins as `views` say, if there are any, and else where all of it is seen.
-    pub fn new(scene: &Scene, views: Option<&Views>) -> Self {
+    /// Controls for `scene`. The first view is a training camera's if `cameras` do not surround the scene, else that of
+    /// `views`, else an overview.
+    pub fn new(scene: &Scene, views: Option<&Views>, cameras: &[TrainingCamera]) -> Self {
         let up = scene.frame.up_in_model();
-        let angle_of_view = views.map_or(ANGLE_OF_VIEW, |v| v.angle_of_view).clamp(0.02, 3.0);
-        let first = match views {
-            Some(views) => {
-                let distance = (views.center - views.first.position).length().max(1e-6);
-                Stand { pose: views.first, distance }
-            }
-            None => overview(&scene.bounds, up, angle_of_view),
-        };
+        let (first, angle_of_view) = first_view(scene, up, views, cameras);
         let extent = scene.bounds.size().max_element();
         Self {
             first,
+            first_angle: angle_of_view,
             now: first,
             kept: [None; KEPT],
             angle_of_view,
@@ -277,13 +199,34 @@ impl Controls {
             return None;
         }
         let action = action_of(code, is_modified).filter(|_| is_pressed);
-        match action {
-            Some(Action::Reset) => self.now = self.first,
-            Some(Action::Keep(n)) => self.kept[n - 1] = Some(self.now),
-            Some(Action::Recall(n)) => self.now = self.kept[n - 1].unwrap_or(self.now),
-            _ => {}
+        if let Some(action) = action {
+            self.act(action);
         }
         action
+    }
+
+    /// Does `action` if it concerns the camera alone.
+    pub fn act(&mut self, action: Action) {
+        match action {
+            Action::Reset => (self.now, self.angle_of_view) = (self.first, self.first_angle),
+            Action::Keep(n) => self.kept[n - 1] = Some(self.now),
+            Action::Recall(n) => self.now = self.kept[n - 1].unwrap_or(self.now),
+            _ => {}
+        }
+    }
+
+    /// Orbits or zooms by one step of an arrow key, plus or minus. Returns whether `code` is such a key.
+    pub fn step(&mut self, code: &str) -> bool {
+        match code {
+            "ArrowLeft" => self.orbit(-KEY_STEP, 0.0),
+            "ArrowRight" => self.orbit(KEY_STEP, 0.0),
+            "ArrowUp" => self.orbit(0.0, -KEY_STEP),
+            "ArrowDown" => self.orbit(0.0, KEY_STEP),
+            "Equal" | "NumpadAdd" => self.wheel(1.0),
+            "Minus" | "NumpadSubtract" => self.wheel(-1.0),
+            _ => return false,
+        }
+        true
     }
 
     /// All keys are up: the window has lost them.
@@ -305,25 +248,18 @@ impl Controls {
     }
 }
 
-/// From a little above, as far as the sphere around `bounds` needs.
-fn overview(bounds: &Aabb, up: DVec3, angle_of_view: f64) -> Stand {
-    let ahead = up.any_orthonormal_vector();
-    let back = ELEVATION.cos() * ahead + ELEVATION.sin() * up;
-    let distance = 0.5 * bounds.size().length() / (0.5 * angle_of_view).min(FRAC_PI_2).sin();
-    let camera = Camera::looking_at([2, 2], 1.0, bounds.center() + distance * back, bounds.center(), up);
-    let pose = Pose { position: camera.position, rotation: DQuat::from_mat3(&camera.world_from_camera) };
-    Stand { pose, distance }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Aabb;
+    use crate::player::first_view::overview;
 
     fn controls() -> Controls {
         let bounds = Aabb::around(DVec3::new(1.0, 0.0, 0.0), DVec3::ONE);
         let first = overview(&bounds, DVec3::Z, 0.7);
         Controls {
             first,
+            first_angle: 0.7,
             now: first,
             kept: [None; KEPT],
             angle_of_view: 0.7,

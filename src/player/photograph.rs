@@ -37,7 +37,12 @@ impl Photograph {
         }
     }
 
-    /// How much of the photograph is to be shown.
+    /// The training camera whose photograph is to be shown and is not loaded.
+    pub fn missing(&self) -> Option<usize> {
+        self.camera.filter(|_| self.share > 0.0 && !self.is_loaded)
+    }
+
+    /// How much of the photograph is shown now.
     pub fn shown_share(&self) -> f32 {
         if self.is_loaded { self.share } else { 0.0 }
     }
@@ -84,7 +89,7 @@ mod tests {
     fn a_photograph_fills_the_height_of_what_its_camera_sees() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
         let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
-        let mut controls = Controls::new(&document.scene, None);
+        let mut controls = Controls::new(&document.scene, None, &[]);
         let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
         assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());
         assert!(photograph.go_to(1, &cameras(), &mut controls));

@@ -103,7 +103,7 @@ mod tests {
         let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let map =
             Similarity { scale: 2.5, rotation: DQuat::from_rotation_z(0.7), translation: DVec3::new(1.0, -2.0, 3.0) };
-        let mut controls = Controls::new(&document.scene, None);
+        let mut controls = Controls::new(&document.scene, None, &[]);
         let mut recorder = Recorder::default();
         assert!(!recorder.play() && !recorder.is_playing(), "there is nothing to play");
         assert!(!recorder.record() && recorder.is_recording());

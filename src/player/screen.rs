@@ -32,7 +32,7 @@ impl View {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Color, Self::Depth, Self::Opacity, Self::Normals, Self::Samples];
 
-    /// For people.
+    /// Name in interfaces of programs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Color => "color",
@@ -40,6 +40,17 @@ impl View {
             Self::Opacity => "opacity",
             Self::Normals => "normals",
             Self::Samples => "samples",
+        }
+    }
+
+    /// Name in the panel.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Color => "Color",
+            Self::Depth => "Depth",
+            Self::Opacity => "Opacity",
+            Self::Normals => "Normals",
+            Self::Samples => "Samples",
         }
     }
 
@@ -165,12 +176,12 @@ impl Screen {
     }
 
     /// Keeps a picture that was not drawn on the device: the pixels that `camera` saw.
-    pub fn keep_looks(&mut self, looks: &[TraceInfo], camera: &Camera) {
+    pub fn keep_traced(&mut self, traced: &[TraceInfo], camera: &Camera) {
         let pixels = self.room_for(camera);
-        let values: Vec<[f32; 8]> = (looks.iter())
-            .map(|look| {
-                let ([r, g, b], opacity, depth) = (look.pixel.color, look.pixel.opacity, look.pixel.depth);
-                [r, g, b, opacity, depth, look.samples as f32, 0.0, look.normal.map_or(0.0, coded)]
+        let values: Vec<[f32; 8]> = (traced.iter())
+            .map(|info| {
+                let ([r, g, b], opacity, depth) = (info.pixel.color, info.pixel.opacity, info.pixel.depth);
+                [r, g, b, opacity, depth, info.samples as f32, 0.0, info.normal.map_or(0.0, coded)]
             })
             .collect();
         self.gpu.queue().write_buffer(&pixels, 0, bytemuck::cast_slice(&values));

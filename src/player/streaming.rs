@@ -1,43 +1,43 @@
-//! Opening a file while it arrives, the coarse scale first: which bytes to ask for next, and what can be shown by now.
+//! Opening a file in steps, the coarse scale first: a file at hand by [`each_step`], a file that arrives by [`Stream`].
 //!
-//! Asks for nothing itself, and waits for nothing: whoever loads asks [`Stream::wanted`], hands bytes to [`Stream::add`], and
-//! takes scenes from [`Stream::step`].
+//! A [`Stream`] loads nothing itself: load the ranges of [`Stream::wanted`], pass their bytes to [`Stream::add`], and take
+//! scenes from [`Stream::step`].
 
 use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::container::{Contents, Error, Limits, Part, Reader, SceneFile, Section, SectionKind, Source};
 
-/// Ranges that are no farther apart are asked for at once, as the reader does.
+/// Ranges with gaps of at most this many bytes are loaded as one, as the reader does.
 const NEAR: u64 = 64 << 10;
-/// Files below this are shown when all of them is there.
+/// Files of fewer bytes are shown in one step.
 const SMALL: u64 = 1 << 20;
 
-/// A scene, as far as it is there.
-#[derive(Debug)]
+/// A scene of the scales that have arrived.
+#[derive(Clone, Debug)]
 pub struct Step {
     /// The scene; a prefix of it is corrected to look like the whole.
     pub document: SceneFile,
-    /// What is in the file.
+    /// Header and table of the file.
     pub contents: Contents,
-    /// Scales that are there.
+    /// Number of scales that have arrived.
     pub scales: usize,
     /// Whether these are all.
     pub is_whole: bool,
 }
 
-/// A file that arrives.
+/// A file that arrives in pieces.
 #[derive(Debug, Default)]
 pub struct Stream {
     known: Sparse,
     contents: Option<Contents>,
-    /// Scales of the steps before.
+    /// Number of scales of the last step.
     shown: usize,
     is_done: bool,
 }
 
 impl Stream {
-    /// Takes the bytes of `range`; where these are fewer, the file ends with them.
+    /// Adds the bytes of `range`; if these are fewer, the file ends with them.
     pub fn add(&mut self, range: Range<u64>, bytes: Vec<u8>) {
         let end = range.start + bytes.len() as u64;
         if end < range.end {
@@ -46,21 +46,21 @@ impl Stream {
         self.known.add(range.start, bytes);
     }
 
-    /// What the file says it holds, as soon as that is there.
+    /// Header and table of the file, once they have arrived.
     pub fn contents(&self) -> Option<&Contents> {
         self.contents.as_ref()
     }
 
-    /// Bytes of the file that are there.
+    /// Number of bytes that have arrived.
     pub fn bytes(&self) -> u64 {
         self.known.parts.iter().map(|(_, part)| part.len() as u64).sum()
     }
 
-    /// The bytes that the next step needs, those that are there left out; none where [`Stream::step`] has all it needs.
+    /// The missing bytes of the next step; empty if [`Stream::step`] can be called.
     ///
     /// # Errors
     ///
-    /// Where what is there is no `.strivec` file.
+    /// If the bytes are not those of a `.strivec` file.
     pub fn wanted(&mut self) -> Result<Vec<Range<u64>>, Error> {
         if self.is_done {
             return Ok(Vec::new());
@@ -86,23 +86,19 @@ impl Stream {
         Ok(needed.into_iter().flat_map(|range| self.known.missing(range)).collect())
     }
 
-    /// The next scene, once all that is [`Stream::wanted`] for it is there; `None` where this step has none to show, or where
-    /// there are no more steps.
+    /// The next scene, once nothing is [`Stream::wanted`] for it; `None` if this step cannot be shown, or if there are no more
+    /// steps.
     ///
     /// # Errors
     ///
-    /// Where the file is malformed, and where bytes are missing.
+    /// If the file is malformed, or if bytes are missing.
     pub fn step(&mut self) -> Result<Option<Step>, Error> {
         let Some(contents) = self.contents.clone().filter(|_| !self.is_done) else { return Ok(None) };
         let scales = self.next_scales(&contents);
         let is_whole = scales == scale_count(&contents);
         (self.shown, self.is_done) = (scales, is_whole);
         let reader = Reader::open(&self.known, Limits::default())?;
-        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
-        let document = reader.read(&part)?;
-        // Fewer scales that nothing makes up for are hardly opaque.
-        let is_shown = is_whole || document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some);
-        Ok(is_shown.then_some(Step { document, contents, scales, is_whole }))
+        read_step(&reader, scales)
     }
 
     /// Whether there are no more steps.
@@ -111,18 +107,50 @@ impl Stream {
     }
 
     fn next_scales(&self, contents: &Contents) -> usize {
-        let all = scale_count(contents);
         let is_all_there = self.known.missing(0..contents.file_length).is_empty();
-        if contents.file_length < SMALL || is_all_there { all } else { (self.shown + 1).min(all) }
+        if is_all_there { scale_count(contents) } else { next_scales(contents, self.shown) }
     }
 }
 
-/// Scales of the file.
+/// Number of scales to show after `shown` scales: one more, and all of a small file.
+fn next_scales(contents: &Contents, shown: usize) -> usize {
+    let all = scale_count(contents);
+    if contents.file_length < SMALL { all } else { (shown + 1).min(all) }
+}
+
+/// Reads the first `scales` scales. Returns `None` if the file has no correction for leaving out the others: such a prefix is
+/// hardly opaque.
+fn read_step<S: Source>(reader: &Reader<S>, scales: usize) -> Result<Option<Step>, Error> {
+    let contents = reader.contents().clone();
+    let is_whole = scales == scale_count(&contents);
+    let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
+    let document = reader.read(&part)?;
+    let is_shown = is_whole || document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some);
+    Ok(is_shown.then_some(Step { document, contents, scales, is_whole }))
+}
+
+/// Calls `show` with each step of a file at hand, the coarse scale first, until it returns false.
+///
+/// # Errors
+///
+/// If the file cannot be read or is malformed.
+pub fn each_step<S: Source>(reader: &Reader<S>, mut show: impl FnMut(Step) -> bool) -> Result<(), Error> {
+    let (mut scales, all) = (0, scale_count(reader.contents()));
+    loop {
+        scales = next_scales(reader.contents(), scales);
+        let is_wanted = read_step(reader, scales)?.is_none_or(&mut show);
+        if scales >= all || !is_wanted {
+            return Ok(());
+        }
+    }
+}
+
+/// Number of scales in the file.
 pub fn scale_count(contents: &Contents) -> usize {
     contents.sections.iter().filter_map(|s| s.scale).max().map_or(0, |last| usize::from(last) + 1)
 }
 
-/// Near ones joined; `ranges` come in the order of the file.
+/// Joins ranges with small gaps; `ranges` are in file order.
 fn joined(ranges: impl Iterator<Item = Range<u64>>) -> Vec<Range<u64>> {
     let mut joined: Vec<Range<u64>> = Vec::new();
     for range in ranges {
@@ -134,12 +162,12 @@ fn joined(ranges: impl Iterator<Item = Range<u64>>) -> Vec<Range<u64>> {
     joined
 }
 
-/// Those bytes of a file that are there.
+/// The bytes of a file that have arrived.
 #[derive(Debug)]
 struct Sparse {
-    /// Where they begin, ascending; none overlap.
+    /// Offset and bytes, ascending; none overlap.
     parts: Vec<(u64, Vec<u8>)>,
-    /// Where the file ends; the largest number as long as nobody knows.
+    /// End of the file; `u64::MAX` while unknown.
     end: u64,
 }
 
@@ -155,7 +183,7 @@ impl Sparse {
         for gap in self.missing(offset..end) {
             let at = self.parts.partition_point(|(start, _)| *start < gap.start);
             let [first, last] = [gap.start, gap.end].map(|v| (v - offset) as usize);
-            // Mostly all of it is new, and nothing is copied.
+            // Usually all bytes are new and none are copied.
             if (first, last) == (0, bytes.len()) {
                 self.parts.insert(at, (offset, bytes));
                 return;
@@ -164,7 +192,7 @@ impl Sparse {
         }
     }
 
-    /// What of `range` is not there.
+    /// The parts of `range` that have not arrived.
     fn missing(&self, range: Range<u64>) -> Vec<Range<u64>> {
         let mut gaps = Vec::new();
         let mut at = range.start;
@@ -192,7 +220,7 @@ impl Sparse {
 impl Source for &Sparse {
     fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error> {
         if let Some(range) = self.missing(range.clone()).into_iter().next() {
-            return Err(Error::Source { range, message: "they have not arrived".into() });
+            return Err(Error::Source { range, message: "the bytes have not arrived".into() });
         }
         let [start, end] = [range.start, range.end].map(|at| at.min(self.end));
         let holds = |(at, part): &&(u64, Vec<u8>)| *at <= start && end <= at + part.len() as u64;

@@ -7,10 +7,11 @@ use web_sys::HtmlCanvasElement;
 
 use crate::render::gpu::{Gpu, GpuError};
 
-/// Behind everything.
+/// Gray level behind the pictures.
 const DARK: f64 = 0.06;
 
 /// A canvas and the device that draws on it.
+#[derive(Debug)]
 pub(super) struct Canvas {
     pub(super) gpu: Gpu,
     surface: wgpu::Surface<'static>,
@@ -41,12 +42,12 @@ impl Canvas {
         [self.configuration.width, self.configuration.height]
     }
 
-    /// Of its pixels.
+    /// Format of its pixels.
     pub(super) fn format(&self) -> wgpu::TextureFormat {
         self.configuration.format
     }
 
-    /// Gives it another size, or as much of it as the device takes.
+    /// Sets its size, clamped to the device's limit.
     pub(super) fn resize(&mut self, size: [u32; 2]) {
         let most = self.gpu.device().limits().max_texture_dimension_2d;
         let size = size.map(|v| v.clamp(1, most));
@@ -56,7 +57,7 @@ impl Canvas {
         }
     }
 
-    /// The end of all that the device was given until now.
+    /// Completes when the device has finished all work that is submitted now.
     pub(super) fn idle(&self) -> impl Future<Output = ()> + use<> {
         let state = Arc::new(Mutex::new((false, None::<Waker>)));
         let there = Arc::clone(&state);
@@ -77,7 +78,7 @@ impl Canvas {
         })
     }
 
-    /// Clears it, and draws as `draw` says.
+    /// Clears the canvas and draws by `draw`.
     pub(super) fn paint(&self, draw: impl FnOnce(&mut wgpu::RenderPass<'_>)) {
         use wgpu::CurrentSurfaceTexture::{Suboptimal, Success};
         let (Success(frame) | Suboptimal(frame)) = self.surface.get_current_texture() else { return };

@@ -1,4 +1,4 @@
-//! A file that arrives.
+//! A file that is downloaded.
 
 use std::ops::Range;
 
@@ -6,10 +6,10 @@ use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
 use crate::player::{Step, Stream};
 
-/// A file that a page loads in pieces, the coarse scale first: load what is `wanted` and `add` it, until nothing is; then
-/// give this to a player's `take`; and again, until that says that all is there.
+/// A file that a page loads in pieces, the coarse scale first. Load the `wanted` ranges and `add` them until none is wanted,
+/// call the player's `take`, and repeat until it returns true.
 #[wasm_bindgen]
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Download {
     stream: Stream,
     /// Whether a scene of it is shown.
@@ -18,38 +18,38 @@ pub struct Download {
 
 #[wasm_bindgen]
 impl Download {
-    /// Nothing has arrived.
+    /// An empty download.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The ranges of bytes to load now: where each begins, and where it ends.
+    /// The ranges of bytes to load now: start and end of each.
     ///
     /// # Errors
     ///
-    /// Where what has arrived is no such file.
+    /// If the bytes are not those of a `.strivec` file.
     pub fn wanted(&mut self) -> Result<Vec<f64>, JsError> {
         Ok(self.stream.wanted()?.into_iter().flat_map(|range| [range.start as f64, range.end as f64]).collect())
     }
 
-    /// Takes the bytes from `start` to `end`; where they are fewer, the file ends with them.
+    /// Adds the bytes from `start` to `end`; if they are fewer, the file ends with them.
     pub fn add(&mut self, start: f64, end: f64, bytes: Vec<u8>) {
         self.stream.add(Range { start: start as u64, end: end as u64 }, bytes);
     }
 
-    /// Takes the bytes of the whole file.
+    /// Adds the bytes of the whole file.
     pub fn add_whole(&mut self, bytes: Vec<u8>) {
         self.stream.add(0..u64::MAX, bytes);
     }
 
-    /// Whether a scene of it is shown: as `take` has found one to show.
+    /// Whether `take` has shown a scene of it.
     #[wasm_bindgen(getter)]
     pub fn has_scene(&self) -> bool {
         self.is_shown
     }
 
-    /// Bytes that have arrived, and, once it is known, those of the whole file.
+    /// Number of bytes that have arrived, and the file's length once it is known.
     #[wasm_bindgen(getter)]
     pub fn progress(&self) -> Vec<f64> {
         let all = self.stream.contents().map(|contents| contents.file_length);
@@ -58,7 +58,7 @@ impl Download {
 }
 
 impl Download {
-    /// The next scene, where there is one to show, and whether it was the last.
+    /// The next scene, if one can be shown, and whether it was the last step.
     pub(super) fn step(&mut self) -> Result<(Option<Step>, bool), crate::container::Error> {
         let step = self.stream.step()?;
         Ok((step, self.stream.is_done()))

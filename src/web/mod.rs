@@ -1,12 +1,11 @@
-//! What a page in a browser calls: a player on a canvas, and a file that opens while it arrives. Errors become exceptions with
-//! the library's own text. What a page looks like is left to the page (`tools/web/`).
+//! Bindings for a page in a browser: a player on a canvas, a file that opens while it arrives, and the help of keys. Errors
+//! become exceptions with the library's text. The page itself is in `tools/web/`.
 
 mod app;
 mod canvas;
-mod clock;
 mod download;
+mod painter;
 mod player;
-mod scene_slot;
 
 pub use download::Download;
 pub use player::Player;
@@ -19,8 +18,14 @@ extern "C" {
     fn console_error(text: &str);
 }
 
-/// Has a panic say on the page's console what went wrong: all else of it that a page sees is "unreachable".
+/// Reports panics on the page's console. Without this a page only sees "unreachable".
 #[wasm_bindgen(start)]
 fn report_panics() {
     std::panic::set_hook(Box::new(|panic| console_error(&panic.to_string())));
+}
+
+/// The help of keys and pointer as JSON: pairs of input and effect.
+#[wasm_bindgen]
+pub fn keys() -> String {
+    serde_json::json!(crate::player::KEYS).to_string()
 }

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Drives strivec-player by real input events: opens a scene, drags, presses keys, drops a broken file, resizes, and then 1000 random events.
+"""Drives strivec-player by input events of the X server: opens a scene, drags, presses keys, drops files, resizes the window,
+and then sends 1000 random events.
 
     tools/player/drive.py target/release/strivec-player SCENE [--renderer gpu|cpu|memory] [--pictures FOLDER] [--events N]
 
-Starts a display of its own (Xvfb). Needs python3-xlib and Xvfb; for pictures also imagemagick's `import`. Fails at the first thing that
-does not happen. What the player says with --timing tells what it did.
+Starts its own display (Xvfb). Needs python3-xlib and Xvfb; for pictures also ImageMagick's `import`. Fails at the first missing
+reaction: the player prints its pictures and messages with --timing.
 """
 
 import argparse
@@ -53,7 +54,7 @@ class Player:
         self.process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment, cwd=folder
         )
-        self.lines, self.said = queue.Queue(), []
+        self.lines, self.printed = queue.Queue(), []
         threading.Thread(target=lambda: [self.lines.put(line) for line in self.process.stdout], daemon=True).start()
 
     def expect(self, text):
@@ -65,28 +66,28 @@ class Player:
                 line = self.lines.get(timeout=0.2)
             except queue.Empty:
                 continue
-            self.said.append(line)
+            self.printed.append(line)
             if text in line:
                 return line
-        sys.exit(f"drive: the player never said {text!r}, but:\n{''.join(self.said)}")
+        sys.exit(f"drive: the player did not print {text!r}, but:\n{''.join(self.printed)}")
 
-    def forget(self):
-        """Drops what was said so far."""
+    def skip_output(self):
+        """Skips the output so far."""
         while not self.lines.empty():
-            self.said.append(self.lines.get())
+            self.printed.append(self.lines.get())
 
     def check(self):
         if self.process.poll() is not None:
-            rest = "".join(self.said) + "".join(iter(self.lines.get_nowait, None) if not self.lines.empty() else [])
+            rest = "".join(self.printed) + "".join(iter(self.lines.get_nowait, None) if not self.lines.empty() else [])
             sys.exit(f"drive: the player ended with {self.process.returncode}:\n{rest}")
 
     def window(self):
-        """Its window, once it is there."""
+        """Its window, once it is open."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
             self.check()
             for window in self.xvfb.root.query_tree().children:
-                if window.get_wm_name() == "Strivec":
+                if (window.get_wm_name() or "").endswith("Strivec"):
                     return window
             time.sleep(0.1)
         sys.exit("drive: no window")
@@ -121,41 +122,41 @@ class Player:
         kind = atom("text/uri-list")
         source.set_selection_owner(atom("XdndSelection"), X.CurrentTime)
 
-        def tell(name, *values):
+        def send(name, *values):
             message = event.ClientMessage(window=target, client_type=atom(name), data=(32, [source.id, *values]))
             target.send_event(message, event_mask=0)
             d.sync()
 
         def serve(is_done):
-            """Answers who asks for the file's name, until an event is what is waited for."""
+            """Answers requests for the file's name until `is_done(event)`."""
             until = time.monotonic() + PATIENCE
             while time.monotonic() < until:
                 while d.pending_events():
-                    asked = d.next_event()
-                    if asked.type == X.SelectionRequest:
+                    request = d.next_event()
+                    if request.type == X.SelectionRequest:
                         name = f"file://{path}\r\n".encode()
-                        asked.requestor.change_property(asked.property, asked.target, 8, name)
+                        request.requestor.change_property(request.property, request.target, 8, name)
                         answer = event.SelectionNotify(
-                            time=asked.time,
-                            requestor=asked.requestor,
-                            selection=asked.selection,
-                            target=asked.target,
-                            property=asked.property,
+                            time=request.time,
+                            requestor=request.requestor,
+                            selection=request.selection,
+                            target=request.target,
+                            property=request.property,
                         )
-                        asked.requestor.send_event(answer, event_mask=0)
+                        request.requestor.send_event(answer, event_mask=0)
                         d.sync()
-                    if is_done(asked):
+                    if is_done(request):
                         return
                 self.check()
                 time.sleep(0.02)
             sys.exit("drive: the drop was not taken")
 
-        tell("XdndEnter", 5 << 24, kind, 0, 0)
-        tell("XdndPosition", 0, 200 << 16 | 200, X.CurrentTime, atom("XdndActionCopy"))
-        serve(lambda asked: asked.type == X.SelectionRequest)
+        send("XdndEnter", 5 << 24, kind, 0, 0)
+        send("XdndPosition", 0, 200 << 16 | 200, X.CurrentTime, atom("XdndActionCopy"))
+        serve(lambda request: request.type == X.SelectionRequest)
         time.sleep(0.2)
-        tell("XdndDrop", 0, X.CurrentTime, 0, 0)
-        serve(lambda asked: asked.type == X.ClientMessage and asked.client_type == atom("XdndFinished"))
+        send("XdndDrop", 0, X.CurrentTime, 0, 0)
+        serve(lambda request: request.type == X.ClientMessage and request.client_type == atom("XdndFinished"))
         source.destroy()
 
     def picture(self, path):
@@ -165,7 +166,7 @@ class Player:
 
 def changed(player, what):
     """Runs `what` and waits for a picture that was drawn since."""
-    player.forget()
+    player.skip_output()
     what()
     player.expect(" ms")
 
@@ -228,12 +229,12 @@ def main():
             player.key("h")
             broken = Path(folder) / "broken.strivec"
             broken.write_bytes(arguments.scene.read_bytes()[:5000])
-            player.forget()
+            player.skip_output()
             player.drop(broken)
             player.expect("broken.strivec")
             time.sleep(0.5)
             picture("broken") and player.picture(picture("broken"))
-            player.forget()
+            player.skip_output()
             player.key("p")
             player.expect("wrote ")
             assert len(list(Path(folder).glob("*-001.png"))) == 1

@@ -1,4 +1,4 @@
-//! What `strivec-player` is told.
+//! Arguments of `strivec-player`.
 
 use std::path::PathBuf;
 
@@ -9,52 +9,54 @@ Examples:
   strivec-player scenes
   strivec-player lego.strivec --compare small.strivec --data lego
 
-Files can also be dropped on the window. H shows the keys.";
+Files and folders can be dropped on the window. H shows the keys.
 
-/// Look at .strivec scenes.
+Exit codes: 0 closed, 1 usage, 2 unreadable file, 3 malformed file, 4 anything else.";
+
+/// Show .strivec scenes in a window
 #[derive(Debug, Default, clap::Parser)]
 #[command(name = "strivec-player", version, after_help = EXAMPLES)]
 pub(super) struct Arguments {
-    /// A scene, the address of one, or a folder of scenes
+    /// Scene to show: a file, its URL, or a folder of files
     #[arg(value_name = "FILE|URL|FOLDER")]
     pub(super) place: Option<String>,
-    /// Another scene beside the first
+    /// Second scene, to compare with the first
     #[arg(long, value_name = "FILE|URL", requires = "place")]
     pub(super) compare: Option<String>,
-    /// Folder of the dataset that the scene was trained on, for its photographs
+    /// Folder of the scene's dataset, to show its cameras and photographs
     #[arg(long, value_name = "FOLDER")]
     pub(super) data: Option<PathBuf>,
-    /// As the file's point of this name, as `strivec trade --store` has written it: fast, balanced or best
+    /// Quality setting stored in the file by `strivec trade --store`: fast, balanced or best [default: exact]
     #[arg(long, value_name = "NAME")]
     pub(super) quality: Option<String>,
-    /// What draws
+    /// Device that renders the pictures
     #[arg(long, value_enum, default_value_t)]
     pub(super) renderer: Renderer,
-    /// Factors of 16 bits on the graphics device: half the memory
+    /// Store factors in 16 bits on the graphics device, in half the memory
     #[arg(long)]
     pub(super) half: bool,
-    /// Milliseconds that a picture may take while the camera moves
+    /// Time of a picture while the camera moves, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 40, value_parser = clap::value_parser!(u32).range(5..=2000))]
     pub(super) frame_time: u32,
-    /// Size of the window
+    /// Size of the window, in points
     #[arg(long, value_name = "WxH", default_value = "1280x800", value_parser = size)]
     pub(super) size: Option<[u32; 2]>,
-    /// Say on the terminal how long pictures took, and what is shown as messages
+    /// Print the time of each picture, and all messages, on the terminal
     #[arg(long)]
     pub(super) timing: bool,
 }
 
-/// What draws pictures.
+/// Device that renders the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Renderer {
-    /// The graphics device; the processor where there is none, or one that is software
+    /// The graphics device; the CPU if there is none, or only a software one
     #[default]
     Auto,
     /// The graphics device
     Gpu,
-    /// The processor; the graphics device only shows its pictures
+    /// The CPU; the graphics device displays its pictures
     Cpu,
-    /// The processor, pictures and window: without a graphics device at all
+    /// The CPU alone, without a graphics device
     Memory,
 }
 
@@ -62,7 +64,7 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     parsed
         .filter(|s: &[u32; 2]| s.iter().all(|v| (64..=16384).contains(v)))
-        .ok_or_else(|| "expected WxH, as in 1280x800".into())
+        .ok_or_else(|| "not a size: use WIDTHxHEIGHT from 64 to 16384, as 1280x800".into())
 }
 
 #[cfg(test)]

@@ -1,30 +1,30 @@
-//! Pictures on a window without a graphics device. Twin: `shaders/display.wgsl`.
+//! Display of pictures without a graphics device. Twin: `shaders/display.wgsl`.
 
 use egui::Color32;
 use glam::{DVec2, Vec2, Vec3};
 
 use super::app::App;
-use super::scene_slot::{Artist, Photograph};
-use super::software::Canvas;
-use super::surface::rectangle;
+use super::painter::{Artist, Photograph};
+use super::software::{Canvas, rectangle};
+use crate::color::byte;
 use crate::geometry::Camera;
 use crate::player::{Place, Show, View, each_line};
 use crate::render::TraceInfo;
 
 /// Paints slot `n` as `place` says, if it has a picture.
 pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
-    let Some((show, slot)) = app.show(n).zip(app.slots[n].as_ref()) else { return };
+    let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
     let Artist::Cpu(painter) = &slot.painter.artist else { return };
-    let Some((camera, looks)) = &painter.kept else { return };
-    let picture = Shown { camera, looks, show: &show, photograph: slot.painter.photograph.as_ref() };
+    let Some((camera, traced)) = &painter.kept else { return };
+    let picture = Shown { camera, traced, show: &show, photograph: slot.painter.photograph.as_ref() };
     let [whole, seen] = [place.whole, place.seen].map(rectangle);
     canvas.fill(seen, whole, |at| {
-        let [r, g, b] = picture.color_at(at.into()).to_array().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8);
+        let [r, g, b] = picture.color_at(at.into()).to_array().map(|v| byte(v.into()));
         Color32::from_rgb(r, g, b)
     });
-    if app.has_boxes {
+    if app.session.has_boxes {
         let [corner, size] = [whole.min.to_vec2(), whole.size()].map(|v| DVec2::new(v.x.into(), v.y.into()));
-        each_line(&slot.scene, camera, &app.boxes, |ends, color| {
+        each_line(&slot.scene, camera, &app.session.boxes, |ends, color| {
             canvas.line(seen, ends.map(|p| corner + p * size), color);
         });
     }
@@ -33,7 +33,7 @@ pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas)
 /// A picture, and how it is shown.
 struct Shown<'a> {
     camera: &'a Camera,
-    looks: &'a [TraceInfo],
+    traced: &'a [TraceInfo],
     show: &'a Show,
     photograph: Option<&'a Photograph>,
 }
@@ -43,19 +43,19 @@ impl Shown<'_> {
     fn color_at(&self, share: Vec2) -> Vec3 {
         let show = self.show;
         let at = share * Vec2::new(self.camera.width as f32, self.camera.height as f32);
-        let look = self.look(at.x.floor() as i32, at.y.floor() as i32);
+        let info = self.traced_at(at.x.floor() as i32, at.y.floor() as i32);
         let color = match show.view {
             View::Color => self.between_pixels(at),
-            View::Depth if look.pixel.depth > 0.0 => {
+            View::Depth if info.pixel.depth > 0.0 => {
                 let [near, far] = show.depths;
-                let nearness = (far - look.pixel.depth) / (far - near).max(1e-6);
-                Vec3::splat((0.08 + 0.92 * nearness.clamp(0.0, 1.0)) * look.pixel.opacity)
+                let nearness = (far - info.pixel.depth) / (far - near).max(1e-6);
+                Vec3::splat((0.08 + 0.92 * nearness.clamp(0.0, 1.0)) * info.pixel.opacity)
             }
-            View::Opacity => Vec3::splat(look.pixel.opacity),
-            View::Normals => look.normal.map_or(Vec3::ZERO, |normal| {
+            View::Opacity => Vec3::splat(info.pixel.opacity),
+            View::Normals => info.normal.map_or(Vec3::ZERO, |normal| {
                 0.5 + 0.5 * (self.camera.world_from_camera.transpose() * normal.as_dvec3()).as_vec3()
             }),
-            View::Samples => heat(look.samples as f32 / show.most_samples.max(1.0)),
+            View::Samples => heat(info.samples as f32 / show.most_samples.max(1.0)),
             View::Depth => Vec3::ZERO,
         };
         let [left, top, width, height] = show.photograph;
@@ -70,17 +70,17 @@ impl Shown<'_> {
         }
     }
 
-    fn look(&self, column: i32, row: i32) -> &TraceInfo {
+    fn traced_at(&self, column: i32, row: i32) -> &TraceInfo {
         let [column, row] = [(column, self.camera.width), (row, self.camera.height)]
             .map(|(at, count)| at.clamp(0, count as i32 - 1) as usize);
-        &self.looks[row * self.camera.width as usize + column]
+        &self.traced[row * self.camera.width as usize + column]
     }
 
     /// The color at `at`, in pixels from the corner, on the background that is wanted.
     fn between_pixels(&self, at: Vec2) -> Vec3 {
         let [own, wanted] = [self.show.scene_background, self.show.background].map(Vec3::from);
         between_four(at, |column, row| {
-            let pixel = &self.look(column, row).pixel;
+            let pixel = &self.traced_at(column, row).pixel;
             Vec3::from(pixel.color) + (1.0 - pixel.opacity) * (wanted - own)
         })
     }

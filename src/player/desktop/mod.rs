@@ -2,11 +2,16 @@
 
 mod app;
 mod arguments;
+mod chooser;
+mod dataset_folder;
 mod memory;
+mod message;
 mod opening;
+mod output;
+mod overlay;
+mod painter;
 mod panel;
 mod recent;
-mod scene_slot;
 mod software;
 mod surface;
 mod window;

@@ -1,60 +1,71 @@
 //! Opening scenes in the background: from files, folders and servers, the coarse scale first.
 
-use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use crate::container::{Contents, Error, Fetch, Limits, Part, Reader, SceneFile, Seekable, Source};
-use crate::player::scale_count;
+use crate::container::{Error, Limits, Reader, Seekable};
+use crate::player::{Step, Stream, each_step};
 
-/// A server that says nothing for so long is gone.
-const PATIENCE: Duration = Duration::from_secs(30);
-/// Files below this are opened at once.
-const SMALL: u64 = 1 << 20;
+/// Longest time for a request to a server.
+const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// What the background says.
-pub(super) enum News {
+/// An event of the thread that opens a file.
+pub(super) enum OpeningEvent {
     /// A scene of the first scales, or of all.
-    Scene(Box<Opened>),
-    /// Why there is none.
-    Failed(String),
+    Step(Box<Step>),
+    /// The file cannot be opened.
+    Failed(OpeningError),
 }
 
-/// A scene, as far as it is there.
-pub(super) struct Opened {
-    /// The scene; a prefix of it is corrected to look like the whole.
-    pub(super) document: SceneFile,
-    pub(super) contents: Contents,
-    /// Scales that are there.
-    pub(super) scales: usize,
-    /// Whether these are all.
-    pub(super) is_whole: bool,
-    /// What was opened.
-    pub(super) name: String,
+/// Why a file cannot be opened.
+#[derive(Debug)]
+pub(super) struct OpeningError {
+    /// For people; begins with the path or the URL.
+    pub(super) text: String,
+    /// Exit code of the process: 2 if the file cannot be read, 3 if it is malformed.
+    pub(super) exit_code: u8,
 }
 
-/// Opens `place`, a path or a URL; `wake` is called after each piece of news.
-pub(super) fn open(place: String, wake: impl Fn() + Send + 'static) -> Receiver<News> {
+/// Opens `place`, a path or a URL; `wake` is called after each event.
+pub(super) fn open(place: String, wake: impl Fn() + Send + 'static) -> Receiver<OpeningEvent> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
-        let mut tell = |news| {
-            let is_heard = sender.send(news).is_ok();
+        let send = |event| {
+            let is_open = sender.send(event).is_ok();
             wake();
-            is_heard
+            is_open
         };
-        if let Err(error) = open_in_steps(&place, &mut tell) {
-            tell(News::Failed(format!("{place}: {error}")));
+        let mut show = |step| send(OpeningEvent::Step(Box::new(step)));
+        let opened = if is_url(&place) { download(&place, &mut show) } else { read(&place, &mut show) };
+        if let Err(error) = opened {
+            send(OpeningEvent::Failed(failure(&place, &error)));
         }
     });
     receiver
 }
 
-/// The scenes in the folder `path`, by name; `None` where it is no folder.
+/// Reads the header and the table of the file at `path`.
+///
+/// # Errors
+///
+/// If the file cannot be read, or if it is not a `.strivec` file.
+pub(super) fn check(path: &str) -> Result<(), OpeningError> {
+    reader(path).map(drop).map_err(|error| failure(path, &error))
+}
+
+fn failure(place: &str, error: &Error) -> OpeningError {
+    let (text, exit_code) = match error {
+        Error::Source { message, .. } => (message.clone(), 2),
+        error => (error.to_string(), 3),
+    };
+    OpeningError { text: format!("{place}: {text}"), exit_code }
+}
+
+/// The scenes in the folder `path`, by name; `None` if it is not a folder.
 pub(super) fn scenes_in(path: &Path) -> Option<Vec<PathBuf>> {
     let entries = std::fs::read_dir(path).ok()?;
     let mut found: Vec<_> = entries
@@ -65,122 +76,98 @@ pub(super) fn scenes_in(path: &Path) -> Option<Vec<PathBuf>> {
     Some(found)
 }
 
-/// Whether `place` is on a server.
+/// Whether `place` is a URL.
 pub(super) fn is_url(place: &str) -> bool {
     place.starts_with("http://") || place.starts_with("https://")
 }
 
-fn open_in_steps(place: &str, tell: &mut dyn FnMut(News) -> bool) -> Result<(), Error> {
-    let name = place.rsplit(['/', '\\']).next().unwrap_or(place).to_owned();
-    if is_url(place) {
-        let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(PATIENCE)).build().into();
-        let fetch = |range: Range<u64>| fetch(&agent, place, range);
-        return read_in_steps(Remembered::new(Fetch(fetch)), name, tell);
+/// The last part of a path or a URL.
+pub(super) fn name_of(place: &str) -> &str {
+    place.trim_end_matches(['/', '\\']).rsplit(['/', '\\']).next().unwrap_or(place)
+}
+
+fn reader(path: &str) -> Result<Reader<Seekable<File>>, Error> {
+    let unreadable = |message: String| Error::Source { range: 0..0, message };
+    if Path::new(path).is_dir() {
+        return Err(unreadable("is a folder, not a file".into()));
     }
-    let range = 0..0;
-    let file = File::open(place).map_err(|e| Error::Source { range, message: e.to_string() })?;
-    read_in_steps(Seekable::new(file), name, tell)
+    let file = File::open(path).map_err(|e| unreadable(format!("cannot be read: {e}")))?;
+    Reader::open(Seekable::new(file), Limits::default())
 }
 
-fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>) -> Result<Vec<u8>, String> {
-    let last = range.end.saturating_sub(1);
-    let answer = agent.get(url).header("Range", format!("bytes={}-{last}", range.start)).call();
-    let answer = answer.map_err(|e| e.to_string())?;
-    let is_part = answer.status() == 206;
-    let length = range.end - range.start;
-    // A server that does not know ranges sends everything.
-    let skipped = if is_part { 0 } else { range.start };
-    let mut body = answer.into_body().into_reader();
-    let mut bytes = Vec::new();
-    std::io::copy(&mut (&mut body).take(skipped), &mut std::io::sink()).map_err(|e| e.to_string())?;
-    body.take(length).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
-    Ok(bytes)
+fn read(path: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
+    each_step(&reader(path)?, show)
 }
 
-fn read_in_steps<S: Source>(source: S, name: String, tell: &mut dyn FnMut(News) -> bool) -> Result<(), Error> {
-    let reader = Reader::open(source, Limits::default())?;
-    let contents = reader.contents().clone();
-    let all = scale_count(&contents);
-    let mut steps: Vec<_> = if contents.file_length < SMALL { Vec::new() } else { (1..all).collect() };
-    steps.push(all);
-    for scales in steps {
-        let is_whole = scales == all;
-        let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
-        let document = reader.read(&part)?;
-        // Fewer scales that nothing makes up for are hardly opaque.
-        if !is_whole && !document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some) {
-            continue;
+fn download(url: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
+    let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(TIMEOUT)).build().into();
+    let mut stream = Stream::default();
+    while !stream.is_done() {
+        for range in stream.wanted()? {
+            let (range, bytes) =
+                fetch(&agent, url, range.clone()).map_err(|message| Error::Source { range, message })?;
+            let is_whole_file = range.end == u64::MAX;
+            stream.add(range, bytes);
+            if is_whole_file {
+                break;
+            }
         }
-        let opened = Opened { document, contents: contents.clone(), scales, is_whole, name: name.clone() };
-        if !tell(News::Scene(Box::new(opened))) {
+        if stream.wanted()?.is_empty()
+            && let Some(step) = stream.step()?
+            && !show(step)
+        {
             return Ok(());
         }
     }
     Ok(())
 }
 
-/// A source that is asked for no byte twice.
-struct Remembered<S> {
-    inner: S,
-    known: Mutex<Vec<(u64, Vec<u8>)>>,
-}
-
-impl<S> Remembered<S> {
-    fn new(inner: S) -> Self {
-        Self { inner, known: Mutex::new(Vec::new()) }
-    }
-}
-
-impl<S: Source> Source for Remembered<S> {
-    fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error> {
-        let mut known = self.known.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let mut bytes = Vec::new();
-        let mut at = range.start;
-        while at < range.end {
-            let held = known.iter().find(|(start, held)| (*start..start + held.len() as u64).contains(&at));
-            if let Some((start, held)) = held {
-                let part = &held[(at - start) as usize..];
-                let part = &part[..part.len().min((range.end - at) as usize)];
-                bytes.extend_from_slice(part);
-                at += part.len() as u64;
-                continue;
-            }
-            let end = known.iter().map(|(start, _)| *start).filter(|start| *start > at).fold(range.end, u64::min);
-            let new = self.inner.read(at..end)?.into_owned();
-            if new.is_empty() {
-                break;
-            }
-            known.push((at, new));
-        }
-        Ok(Cow::Owned(bytes))
-    }
+/// The bytes of `range`, or those of the whole file if the server does not support ranges.
+fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>) -> Result<(Range<u64>, Vec<u8>), String> {
+    let last = range.end.saturating_sub(1);
+    let answer = agent.get(url).header("Range", format!("bytes={}-{last}", range.start)).call();
+    let answer = answer.map_err(|e| format!("cannot be downloaded: {e}"))?;
+    let range = if answer.status() == 206 { range } else { 0..u64::MAX };
+    let (mut bytes, length) = (Vec::new(), range.end - range.start);
+    let body = answer.into_body().into_reader();
+    body.take(length).read_to_end(&mut bytes).map_err(|e| format!("the download stopped: {e}"))?;
+    Ok((range, bytes))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
-
     use super::*;
 
+    /// Serves `file` for `requests` requests; with ranges if `has_ranges`. Returns the requested ranges.
+    fn serve(file: Vec<u8>, has_ranges: bool) -> (String, std::thread::JoinHandle<()>, Receiver<Range<usize>>) {
+        let server = tiny_http::Server::http("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/scene.strivec", server.server_addr());
+        let (sender, receiver) = channel();
+        let thread = std::thread::spawn(move || {
+            while let Ok(Some(request)) = server.recv_timeout(Duration::from_secs(2)) {
+                let header = request.headers().iter().find(|header| header.field.equiv("Range")).unwrap();
+                let (first, last) = header.value.as_str().strip_prefix("bytes=").unwrap().split_once('-').unwrap();
+                let [first, last]: [u64; 2] = [first, last].map(|v| v.parse().unwrap());
+                let range =
+                    if has_ranges { first as usize..(last + 1).min(file.len() as u64) as usize } else { 0..file.len() };
+                let response = tiny_http::Response::from_data(&file[range.clone()]);
+                let _ = sender.send(range);
+                request.respond(response.with_status_code(if has_ranges { 206 } else { 200 })).unwrap();
+            }
+        });
+        (url, thread, receiver)
+    }
+
     #[test]
-    fn no_byte_is_asked_for_twice() {
-        let file: Vec<u8> = (0..200).collect();
-        let asked = RefCell::new(Vec::new());
-        let source = Remembered::new(Fetch(|range: Range<u64>| {
-            asked.borrow_mut().push([range.start, range.end]);
-            Ok(file[range.start as usize..(range.end as usize).min(200)].to_vec())
-        }));
-        for (range, expected) in [
-            (10..20, vec![[10, 20]]),
-            (10..20, vec![]),
-            (5..25, vec![[5, 10], [20, 25]]),
-            (0..30, vec![[0, 5], [25, 30]]),
-            (190..250, vec![[190, 250], [200, 250]]),
-        ] {
-            asked.borrow_mut().clear();
-            let end = (range.end as usize).min(200);
-            assert_eq!(source.read(range.clone()).unwrap(), &file[range.start as usize..end], "{range:?}");
-            assert_eq!(*asked.borrow(), expected, "{range:?}");
+    fn no_byte_is_downloaded_twice() {
+        let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec")).unwrap();
+        for has_ranges in [true, false] {
+            let (url, thread, ranges) = serve(file.clone(), has_ranges);
+            let OpeningEvent::Step(step) = open(url, || {}).recv().unwrap() else { panic!("it did not open") };
+            assert!(step.is_whole);
+            thread.join().unwrap();
+            let bytes: usize = ranges.iter().map(|range| range.len()).sum();
+            assert_eq!(bytes, file.len(), "with ranges: {has_ranges}");
         }
     }
 
@@ -195,16 +182,18 @@ mod tests {
         assert_eq!(names, ["a.strivec", "b.strivec"]);
         assert_eq!(scenes_in(&folder.path().join("c.png")), None);
         assert!(is_url("https://a/b.strivec") && !is_url("/http://x"));
+        assert_eq!([name_of("https://a/b.strivec"), name_of("/a/b/"), name_of("b")], ["b.strivec", "b", "b"]);
     }
 
     #[test]
-    fn a_file_that_is_none_is_said() {
+    fn files_that_cannot_be_opened_are_reported() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "words").unwrap();
-        let news = open(file.path().display().to_string(), || {});
-        let News::Failed(text) = news.recv().unwrap() else { panic!("it opened") };
-        assert!(text.contains(&file.path().display().to_string()), "{text}");
-        let News::Failed(text) = open("/nowhere.strivec".into(), || {}).recv().unwrap() else { panic!("it opened") };
-        assert!(text.contains("No such file"), "{text}");
+        let path = file.path().display().to_string();
+        for (place, part, exit_code) in [(path.as_str(), path.as_str(), 3), ("/nowhere.strivec", "No such file", 2)] {
+            let OpeningEvent::Failed(error) = open(place.into(), || {}).recv().unwrap() else { panic!("it opened") };
+            assert!(error.text.contains(part) && error.exit_code == exit_code, "{error:?}");
+            assert_eq!(check(place).unwrap_err().text, error.text);
+        }
     }
 }

@@ -1,11 +1,13 @@
-//! Which scenes were opened last: a text file in the user's configuration folder, one a line.
+//! The scenes that were opened last: a text file in the user's configuration folder, one path or URL a line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// So many are kept.
+use super::opening::is_url;
+
+/// Length of the list.
 const KEPT: usize = 10;
 
-/// Where the list is; `None` where the system has no such place.
+/// Path of the list; `None` if the system has no configuration folder.
 fn file() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let folder = if cfg!(windows) {
@@ -16,21 +18,28 @@ fn file() -> Option<PathBuf> {
     Some(folder?.join("strivec").join("recent.txt"))
 }
 
-/// The last ones, newest first. That there are none is no error.
+/// The scenes that were opened last and still exist, newest first.
 pub(super) fn load() -> Vec<String> {
     let text = file().and_then(|path| std::fs::read_to_string(path).ok()).unwrap_or_default();
-    text.lines().filter(|line| !line.is_empty()).take(KEPT).map(str::to_owned).collect()
+    let exists = |place: &&str| is_url(place) || (Path::new(place).is_absolute() && Path::new(place).exists());
+    text.lines().filter(exists).take(KEPT).map(str::to_owned).collect()
 }
 
-/// Puts `place` in front of `recent`, and remembers that where it can.
+/// Puts `place`, which was opened, in front of `recent`, and saves the list.
 pub(super) fn add(recent: &mut Vec<String>, place: &str) {
-    recent.retain(|other| other != place);
-    recent.insert(0, place.to_owned());
+    let place = if is_url(place) { place.to_owned() } else { absolute(place) };
+    recent.retain(|other| *other != place);
+    recent.insert(0, place);
     recent.truncate(KEPT);
     if let Some(path) = file()
         && path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok())
     {
-        // Nothing depends on it.
+        // A list that cannot be saved is no reason to bother the user.
         let _ = std::fs::write(path, recent.join("\n"));
     }
+}
+
+/// The absolute form of `path`.
+pub(super) fn absolute(path: &str) -> String {
+    std::path::absolute(path).map_or_else(|_| path.to_owned(), |path| path.display().to_string())
 }

@@ -1,10 +1,15 @@
-//! The window without a graphics device: pictures, and egui's triangles, drawn by the processor.
+//! Rasterization of pictures and egui's triangles on the CPU, for a window without a graphics device.
 
 use std::collections::HashMap;
 
 use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Mesh, Primitive, TextureId, Vertex};
 use egui::{Color32, Pos2, Rect};
 use glam::DVec2;
+
+/// A rectangle of left, top, right and bottom.
+pub(super) fn rectangle([left, top, right, bottom]: [f32; 4]) -> Rect {
+    Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom))
+}
 
 /// Colors of a window, row by row from the top left.
 pub(super) struct Canvas {
@@ -19,7 +24,7 @@ impl Canvas {
         Self { width, height, colors: vec![color; width * height] }
     }
 
-    /// Fills the pixels from `from` to `to` by what `color` says of their places, in parts of `whole`.
+    /// Fills the pixels of `part` with `color` of their places, in parts of `whole`.
     pub(super) fn fill(&mut self, part: Rect, whole: Rect, mut color: impl FnMut([f32; 2]) -> Color32) {
         let [left, right] = [part.left(), part.right()].map(|v| (v.round().max(0.0) as usize).min(self.width));
         let [top, bottom] = [part.top(), part.bottom()].map(|v| (v.round().max(0.0) as usize).min(self.height));
@@ -57,7 +62,7 @@ impl Canvas {
     }
 }
 
-/// What of a line lies in `part`.
+/// The segment of a line that lies in `part`.
 fn clipped(part: Rect, [from, to]: [DVec2; 2]) -> Option<[DVec2; 2]> {
     let along = to - from;
     let (mut first, mut last) = (0.0_f64, 1.0_f64);
@@ -83,7 +88,7 @@ fn clipped(part: Rect, [from, to]: [DVec2; 2]) -> Option<[DVec2; 2]> {
 pub(super) struct Textures(HashMap<TextureId, ([usize; 2], Vec<Color32>)>);
 
 impl Textures {
-    /// Takes a change in.
+    /// Applies a change.
     pub(super) fn set(&mut self, id: TextureId, delta: &ImageDelta) {
         let ImageData::Color(image) = &delta.image;
         let [width, height] = image.size;
@@ -104,7 +109,7 @@ impl Textures {
         }
     }
 
-    /// Forgets one.
+    /// Removes a texture.
     pub(super) fn free(&mut self, id: TextureId) {
         self.0.remove(&id);
     }
@@ -151,7 +156,7 @@ fn paint_triangle(
     }
     let [a, b, c] = places(&corners);
     let area = area.abs();
-    // A pixel on an edge that two triangles share belongs to that to whose left or top it is.
+    // A pixel on the edge of two triangles belongs to the one whose left or top edge it is.
     let owned = [c - b, a - c, b - a].map(|edge| edge.y < 0.0 || (edge.y == 0.0 && edge.x > 0.0));
     let low = a.min(b).min(c).max(clip.min.to_vec2());
     let high = a.max(b).max(c).min(clip.max.to_vec2());

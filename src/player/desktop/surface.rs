@@ -1,22 +1,22 @@
-//! What the window is painted on: a graphics device's surface, or memory.
+//! The surface of the window: a graphics device's, or memory.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use egui::epaint::ClippedPrimitive;
-use egui::{Color32, Pos2, Rect, TexturesDelta};
+use egui::{Color32, Rect, TexturesDelta};
 use winit::window::Window;
 
 use super::app::App;
 use super::memory::fill_slot;
 use super::software::{Canvas, Textures};
-use crate::player::Place;
+use crate::player::{Painter as _, Place};
 use crate::render::gpu::{Gpu, GpuError};
 
-/// Behind everything.
+/// Gray level behind the pictures.
 const DARK: f64 = 0.06;
 
-/// What egui wants painted.
+/// egui's shapes and textures of a frame.
 pub(super) struct Painting {
     pub(super) primitives: Vec<ClippedPrimitive>,
     pub(super) textures: TexturesDelta,
@@ -25,7 +25,7 @@ pub(super) struct Painting {
     pub(super) picture: Rect,
 }
 
-/// A way onto the window.
+/// A surface of the window.
 pub(super) enum Surface {
     Gpu(Box<GpuSurface>),
     Memory { surface: softbuffer::Surface<Arc<Window>, Arc<Window>>, textures: Textures },
@@ -44,12 +44,14 @@ impl Surface {
     pub(super) fn on_gpu(window: &Arc<Window>) -> Result<(Self, Gpu, wgpu::TextureFormat), GpuError> {
         let descriptor = wgpu::InstanceDescriptor::new_with_display_handle_from_env(Box::new(Arc::clone(window)));
         let instance = wgpu::Instance::new(descriptor);
-        let surface = instance.create_surface(Arc::clone(window)).map_err(|e| GpuError::NoAdapter(e.to_string()))?;
+        let surface = instance
+            .create_surface(Arc::clone(window))
+            .map_err(|_| GpuError::NoAdapter("no Vulkan, Metal or DirectX 12 device can draw on this window".into()))?;
         let gpu = pollster::block_on(Gpu::request(&instance, Some(&surface)))?;
         let size = window.inner_size();
         let mut configuration = surface
             .get_default_config(gpu.adapter(), size.width.max(1), size.height.max(1))
-            .ok_or_else(|| GpuError::NoAdapter("the adapter cannot draw on the window".into()))?;
+            .ok_or_else(|| GpuError::NoAdapter("the device cannot draw on this window".into()))?;
         // Colors are display-referred already.
         let formats = surface.get_capabilities(gpu.adapter()).formats;
         let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
@@ -63,12 +65,13 @@ impl Surface {
 
     /// Memory that the system shows in `window`.
     pub(super) fn in_memory(window: &Arc<Window>) -> Result<Self, String> {
-        let context = softbuffer::Context::new(Arc::clone(window)).map_err(|e| e.to_string())?;
-        let surface = softbuffer::Surface::new(&context, Arc::clone(window)).map_err(|e| e.to_string())?;
+        let fail = |e: softbuffer::SoftBufferError| format!("cannot draw on the window from memory: {e}");
+        let context = softbuffer::Context::new(Arc::clone(window)).map_err(fail)?;
+        let surface = softbuffer::Surface::new(&context, Arc::clone(window)).map_err(fail)?;
         Ok(Self::Memory { surface, textures: Textures::default() })
     }
 
-    /// The window has another size.
+    /// Sets the window's size.
     pub(super) fn resize(&mut self, width: u32, height: u32) {
         if let Self::Gpu(gpu) = self
             && width > 0
@@ -141,15 +144,15 @@ impl GpuSurface {
 
     /// Paints slot `n` as `place` says, if it has a picture.
     fn paint_slot(&self, app: &App, n: usize, place: Place, pass: &mut wgpu::RenderPass<'static>) {
-        let (Some(show), Some(camera)) = (app.show(n), app.shown_camera(n)) else { return };
-        let Some((screen, boxes)) = app.slots[n].as_ref().and_then(|s| s.painter.screen.as_ref()) else { return };
+        let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
+        let Some((camera, (screen, boxes))) = slot.painter.shown().zip(slot.painter.screen.as_ref()) else { return };
         if !place.enter(pass, [self.configuration.width, self.configuration.height]) {
             return;
         }
         let [left, top, right, bottom] = place.whole;
         screen.draw(pass, [left, top], [right - left, bottom - top], &show);
-        if app.has_boxes {
-            boxes.draw(&self.gpu, pass, camera, &app.boxes);
+        if app.session.has_boxes {
+            boxes.draw(&self.gpu, pass, camera, &app.session.boxes);
         }
     }
 
@@ -170,15 +173,9 @@ impl GpuSurface {
     }
 }
 
-/// The places of both slots.
+/// The places of both slots' pictures.
 fn places(app: &App, picture: Rect) -> [Place; 2] {
-    let area = [picture.left(), picture.top(), picture.right(), picture.bottom()];
-    if app.slots[1].is_some() { app.comparison.places(area) } else { [Place::of(area); 2] }
-}
-
-/// As egui has it.
-pub(super) fn rectangle([left, top, right, bottom]: [f32; 4]) -> Rect {
-    Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom))
+    app.session.places([picture.left(), picture.top(), picture.right(), picture.bottom()])
 }
 
 fn paint_memory(

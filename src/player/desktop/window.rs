@@ -1,26 +1,29 @@
-//! The window itself: events in, paintings out.
+//! The window: its events, and painting it.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use egui::Rect;
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
-use winit::event::{ElementState, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, TouchPhase, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{ModifiersState, PhysicalKey};
 use winit::window::{Window, WindowId};
 
 use super::app::App;
 use super::arguments::{Arguments, Renderer};
+use super::opening::{self, OpeningError, is_url};
+use super::painter::Device;
 use super::panel;
-use super::scene_slot::Device;
 use super::surface::{Painting, Surface};
 use crate::player::Drag;
 use crate::render::gpu::Precision;
 
-/// Pixels of a touchpad's scrolling that are a line of a wheel.
+/// Pixels of touchpad scrolling per line of a wheel.
 const PIXELS_A_LINE: f64 = 40.0;
 
 /// Runs `strivec-player` with the process's arguments.
@@ -32,36 +35,57 @@ pub fn main() -> ExitCode {
             return ExitCode::from(u8::from(error.use_stderr()));
         }
     };
-    let fail = |text: String| {
-        eprintln!("strivec-player: {text}");
-        ExitCode::from(4)
-    };
+    if let Some(place) = arguments.place.as_ref().filter(|place| !is_url(place) && !Path::new(place).is_dir())
+        && let Err(error) = opening::check(place)
+    {
+        return fail(&error);
+    }
+    let no_window = |text| fail(&OpeningError { text, exit_code: 4 });
     let event_loop = match EventLoop::<Woken>::with_user_event().build() {
         Ok(event_loop) => event_loop,
-        Err(error) => return fail(format!("cannot open a window: {error}")),
+        Err(_) => return no_window(no_display()),
     };
     let proxy = event_loop.create_proxy();
     let mut player = Player { arguments, proxy, open: None, failure: None };
     match (event_loop.run_app(&mut player), player.failure) {
         (Ok(()), None) => ExitCode::SUCCESS,
-        (_, Some(text)) => fail(text),
-        (Err(error), None) => fail(error.to_string()),
+        (_, Some(error)) => fail(&error),
+        (Err(_), None) => no_window("the connection to the display was lost".into()),
     }
 }
 
-/// Something happened in the background.
+fn fail(error: &OpeningError) -> ExitCode {
+    eprintln!("strivec-player: {}", error.text);
+    ExitCode::from(error.exit_code)
+}
+
+/// Why there is no connection to a display.
+fn no_display() -> String {
+    let set = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    match (set("WAYLAND_DISPLAY"), set("DISPLAY")) {
+        _ if cfg!(any(windows, target_os = "macos")) => "cannot open a window: the system refuses one".to_owned(),
+        (None, None) => "cannot open a window: no display; set DISPLAY or WAYLAND_DISPLAY".to_owned(),
+        (Some(name), _) => format!("cannot open a window: cannot connect to the display WAYLAND_DISPLAY={name}"),
+        (None, Some(name)) => format!(
+            "cannot open a window: cannot connect to the display DISPLAY={name}, or the libraries libX11, libX11-xcb, \
+             libXcursor, libXi and libxkbcommon-x11 are missing"
+        ),
+    }
+}
+
+/// A background thread has an event.
 #[derive(Debug)]
 struct Woken;
 
-/// The player before and after its window is there.
+/// The player, and its window once that is open.
 struct Player {
     arguments: Arguments,
     proxy: EventLoopProxy<Woken>,
     open: Option<OpenWindow>,
-    failure: Option<String>,
+    failure: Option<OpeningError>,
 }
 
-/// A window and all that is in it.
+/// An open window and its player.
 struct OpenWindow {
     window: Arc<Window>,
     surface: Surface,
@@ -73,6 +97,7 @@ struct OpenWindow {
     dragging: Option<Drag>,
     /// The picture's place, in pixels.
     picture: Rect,
+    title: String,
 }
 
 impl ApplicationHandler<Woken> for Player {
@@ -83,9 +108,16 @@ impl ApplicationHandler<Woken> for Player {
         match OpenWindow::new(event_loop, &self.arguments, &self.proxy) {
             Ok(open) => self.open = Some(open),
             Err(text) => {
-                self.failure = Some(text);
+                self.failure = Some(OpeningError { text, exit_code: 4 });
                 event_loop.exit();
             }
+        }
+    }
+
+    /// Wakes up to repaint, after the delay that was asked for.
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open) {
+            open.window.request_redraw();
         }
     }
 
@@ -99,15 +131,17 @@ impl ApplicationHandler<Woken> for Player {
         let Some(open) = &mut self.open else { return };
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::RedrawRequested => match open.redraw() {
-                Ok(true) => event_loop.set_control_flow(ControlFlow::Poll),
-                Ok(false) => event_loop.set_control_flow(ControlFlow::Wait),
-                Err(text) => {
-                    self.failure = Some(text);
+            WindowEvent::RedrawRequested => {
+                match open.redraw() {
+                    Ok(flow) => event_loop.set_control_flow(flow),
+                    Err(text) => self.failure = Some(OpeningError { text, exit_code: 4 }),
+                }
+                self.failure = self.failure.take().or(open.app.failure.take());
+                if self.failure.is_some() {
                     event_loop.exit();
                 }
-            },
-            event => open.hear(event),
+            }
+            event => open.on_event(event),
         }
     }
 }
@@ -117,17 +151,16 @@ impl OpenWindow {
         let [width, height] = arguments.size.unwrap_or([1280, 800]);
         let attributes =
             Window::default_attributes().with_title("Strivec").with_inner_size(LogicalSize::new(width, height));
-        let window = Arc::new(event_loop.create_window(attributes).map_err(|e| e.to_string())?);
+        let window = event_loop.create_window(attributes).map_err(|_| "the display refuses a window".to_owned())?;
+        let window = Arc::new(window);
         let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
         let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(&window)) };
         let (surface, gpu, note) = match on_gpu {
             Some(Ok((surface, gpu, format))) => (surface, Some((gpu, format)), None),
-            Some(Err(error)) => {
-                (Surface::in_memory(&window)?, None, Some(format!("{error}; the processor draws instead")))
-            }
+            Some(Err(error)) => (Surface::in_memory(&window)?, None, Some(format!("{error}; the CPU draws instead"))),
             None => (Surface::in_memory(&window)?, None, None),
         };
-        // A device that is software itself is many times slower than the processor's own renderer.
+        // A software device is many times slower than the CPU renderer.
         let is_hardware = gpu.as_ref().is_some_and(|(gpu, _)| gpu.info().device_type != wgpu::DeviceType::Cpu);
         let draws = match arguments.renderer {
             Renderer::Auto => is_hardware,
@@ -147,16 +180,13 @@ impl OpenWindow {
         let proxy = proxy.clone();
         let wake = move || {
             let proxy = proxy.clone();
-            // A window that is gone needs no waking.
+            // A closed window needs no event.
             Box::new(move || drop(proxy.send_event(Woken))) as Box<dyn Fn() + Send>
         };
         let mut app = App::new(device, arguments, wake);
-        app.message = note;
-        if let Some(place) = &arguments.place {
-            app.open(place, 0);
-        }
-        if let Some(place) = &arguments.compare {
-            app.open(place, 1);
+        app.open_arguments(arguments);
+        if let Some(note) = note {
+            app.say(note);
         }
         window.request_redraw();
         Ok(Self {
@@ -168,11 +198,12 @@ impl OpenWindow {
             pointer: [0.0; 2],
             dragging: None,
             picture: Rect::NOTHING,
+            title: String::new(),
         })
     }
 
-    /// Takes an event in.
-    fn hear(&mut self, event: WindowEvent) {
+    /// Handles an event of the window.
+    fn on_event(&mut self, event: WindowEvent) {
         let response = self.egui.on_window_event(&self.window, &event);
         let in_text = self.egui.egui_ctx().text_edit_focused();
         match event {
@@ -180,23 +211,17 @@ impl OpenWindow {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
             WindowEvent::Focused(false) => {
                 self.dragging = None;
-                if let Some(controls) = &mut self.app.controls {
+                if let Some(controls) = &mut self.app.session.controls {
                     controls.release_keys();
                 }
             }
-            WindowEvent::KeyboardInput { event, .. } if !in_text && !event.repeat => {
-                if let PhysicalKey::Code(code) = event.physical_key {
-                    let is_modified = self.modifiers.control_key() || self.modifiers.super_key();
-                    let pointer = self.over_picture().then(|| self.in_picture());
-                    self.app.key(&format!("{code:?}"), event.state == ElementState::Pressed, is_modified, pointer);
-                }
-            }
+            WindowEvent::KeyboardInput { event, .. } if !in_text => self.on_key(&event),
             WindowEvent::CursorMoved { position, .. } => {
                 let height = f64::from(self.picture.height()).max(1.0);
                 let moved = [(position.x - self.pointer[0]) / height, (position.y - self.pointer[1]) / height];
                 self.pointer = [position.x, position.y];
                 if let Some(drag) = self.dragging {
-                    self.app.steer(|controls| {
+                    self.app.session.steer(|controls| {
                         controls.dragged(moved, drag);
                         true
                     });
@@ -217,7 +242,7 @@ impl OpenWindow {
                     MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
                     MouseScrollDelta::PixelDelta(pixels) => pixels.y / PIXELS_A_LINE,
                 };
-                self.app.steer(|controls| {
+                self.app.session.steer(|controls| {
                     controls.wheel(lines);
                     true
                 });
@@ -226,15 +251,28 @@ impl OpenWindow {
                 let height = f64::from(self.picture.height()).max(1.0);
                 let at = [touch.location.x / height, touch.location.y / height];
                 let is_gone = matches!(touch.phase, TouchPhase::Ended | TouchPhase::Cancelled);
-                self.app.steer(|controls| controls.touched(touch.id, (!is_gone).then_some(at)));
+                self.app.session.steer(|controls| controls.touched(touch.id, (!is_gone).then_some(at)));
             }
             WindowEvent::DroppedFile(path) => {
-                panel::dropped(&mut self.app, &path.display().to_string(), self.modifiers.control_key());
+                self.app.open_any(&path.display().to_string(), self.modifiers.control_key());
             }
             _ if !response.repaint => return,
             _ => {}
         }
         self.window.request_redraw();
+    }
+
+    fn on_key(&mut self, event: &KeyEvent) {
+        let PhysicalKey::Code(code) = event.physical_key else { return };
+        let code = format!("{code:?}");
+        // Only keys that step repeat.
+        if event.repeat && !code.starts_with("Arrow") {
+            return;
+        }
+        let saves = self.modifiers.shift_key() && code.starts_with("Digit");
+        let is_modified = self.modifiers.control_key() || self.modifiers.super_key() || saves;
+        let pointer = self.over_picture().then(|| self.in_picture());
+        self.app.key(&code, event.state == ElementState::Pressed, is_modified, pointer);
     }
 
     /// Whether the pointer is over the picture and over nothing else.
@@ -245,14 +283,14 @@ impl OpenWindow {
         self.picture.contains(at) && layer.is_none_or(|layer| layer.order == egui::Order::Background)
     }
 
-    /// Where the pointer is, in parts of the picture's width and height.
+    /// The pointer's place, in parts of the picture's width and height.
     fn in_picture(&self) -> [f64; 2] {
         let at = egui::Pos2::new(self.pointer[0] as f32, self.pointer[1] as f32) - self.picture.min;
         [f64::from(at.x / self.picture.width()), f64::from(at.y / self.picture.height())]
     }
 
-    /// Paints the window; whether it has to be painted again at once.
-    fn redraw(&mut self) -> Result<bool, String> {
+    /// Paints the window. Returns when to paint it again.
+    fn redraw(&mut self) -> Result<ControlFlow, String> {
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
         let mut picture = Rect::NOTHING;
@@ -274,10 +312,16 @@ impl OpenWindow {
         };
         self.window.pre_present_notify();
         self.surface.paint(&self.app, painting, &self.window)?;
-        let wants_more = output.viewport_output.values().any(|v| v.repaint_delay.is_zero());
-        if is_busy || wants_more {
-            self.window.request_redraw();
+        let title = self.app.title();
+        if self.title != title {
+            self.window.set_title(&title);
+            self.title = title;
         }
-        Ok(is_busy || wants_more)
+        let delay = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        if is_busy || delay.is_zero() {
+            self.window.request_redraw();
+            return Ok(ControlFlow::Poll);
+        }
+        Ok(Instant::now().checked_add(delay).map_or(ControlFlow::Wait, ControlFlow::WaitUntil))
     }
 }

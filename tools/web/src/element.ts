@@ -1,10 +1,10 @@
-// <strivec-viewer src="scene.strivec">: a scene that can be walked around in.
+// <strivec-viewer src="scene.strivec">: an interactive view of a scene.
 //
-//   src       the file; loaded in pieces, the coarse scale first, where the server answers ranges
-//   camera    where to begin: what the property `camera` has said, comma-separated
+//   src       the file; loaded in pieces, the coarse scale first, if the server supports ranges
+//   camera    the first camera: the numbers of the property `camera`, comma-separated
 //   controls  whether the panel is shown
 //   compare   a file to compare it with
-//   quality   a way to draw that the file names: fast, balanced or best
+//   quality   a quality setting stored in the file: fast, balanced or best
 //   data      the dataset's list of training cameras (transforms_train.json), for its photographs
 //
 // Fires `open` when the first picture of a file can be drawn, `load` when all of it is there, and `error` with a message.
@@ -12,8 +12,8 @@
 import { Divider } from "./divider";
 import { element } from "./dom";
 import css from "./element.css?inline";
-import initialize, { Download, Player } from "./generated/strivec";
-import { help } from "./help";
+import initialize, { Download, keys, Player } from "./generated/strivec";
+import { Help } from "./help";
 import { listen } from "./input";
 import { load } from "./loading";
 import { Panel } from "./panel";
@@ -21,20 +21,20 @@ import { Photographs } from "./photographs";
 import type { State } from "./state";
 
 const NO_WEBGPU =
-  "This browser has no WebGPU, which pictures are computed with.\n" +
+  "This browser has no WebGPU, which the viewer needs to draw.\n" +
   "Chrome and Edge from 113, Safari from 26 and Firefox from 141 have it on most systems, on https: pages and on localhost.";
 
-const WELCOME = "Drop a .strivec file here, or open one with the panel's button (I shows the panel).\nH shows what keys and pointer do.";
+const WELCOME = "Drop a .strivec file here, or open one from the panel (I shows the panel).\nH shows the keys.";
 
-/** How often the panel's numbers change while pictures are drawn, in milliseconds. */
+/** Interval between updates of the panel while pictures are drawn, in milliseconds. */
 const PANEL_EVERY = 250;
 
 const MEGABYTE = 1e6;
 
-/** One for all viewers of a page: the library. */
+/** The library, loaded once for all viewers of a page. */
 let library: Promise<unknown> | undefined;
 
-/** Where a file is shown: 0 is the scene, 1 what it is compared with. */
+/** 0 is the scene, 1 the one that it is compared with. */
 type Place = 0 | 1;
 
 const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
@@ -46,7 +46,7 @@ export class StrivecViewer extends HTMLElement {
   readonly #stage = element("div", { id: "stage" });
   readonly #message = element("p", { id: "message" });
   readonly #welcome = element("p", { id: "welcome", textContent: WELCOME });
-  readonly #help = help();
+  readonly #help = new Help();
   readonly #panel: Panel;
   #player: Player | undefined;
   #starting: Promise<Player> | undefined;
@@ -81,7 +81,7 @@ export class StrivecViewer extends HTMLElement {
     this.#panel.root.hidden = true;
     const body = element("div", { id: "body" }, this.#stage, this.#panel.root);
     const root = this.attachShadow({ mode: "open" });
-    root.append(element("style", { textContent: css }), body, this.#help);
+    root.append(element("style", { textContent: css }), body, this.#help.root);
     listen(this.#canvas, this, {
       player: () => this.#player,
       wake: () => this.#wake(),
@@ -233,7 +233,7 @@ export class StrivecViewer extends HTMLElement {
           await load(url, download, (done, all) => this.#sayLoading(name, done, all), signal);
           signal.throwIfAborted();
           isDone = player.take(download, place);
-          // A prefix that there is nothing to make up for is not shown.
+          // A prefix without a correction is not shown.
           if (!download.has_scene) continue;
           this.#opened(name, place, isFirst);
           isFirst = false;
@@ -287,7 +287,7 @@ export class StrivecViewer extends HTMLElement {
       await work();
       return !signal?.aborted;
     } catch (error) {
-      // Whoever opens something else does not care.
+      // Another file was opened meanwhile.
       if (!signal?.aborted) this.#fail(error);
       return false;
     }
@@ -334,19 +334,20 @@ export class StrivecViewer extends HTMLElement {
     this.#starting ??= (async () => {
       if (!("gpu" in navigator)) throw new Error(NO_WEBGPU);
       await (library ??= initialize());
+      this.#help.fill(JSON.parse(keys()) as [string, string][]);
       this.#player = await Player.on(this.#canvas);
       return this.#player;
     })();
     return this.#starting;
   }
 
-  /** Has the panel say at once what has changed. */
+  /** Updates the panel in the next frame. */
   #changed(): void {
     this.#panelAt = 0;
     this.#wake();
   }
 
-  /** Sees to it that frames are drawn until nothing changes. */
+  /** Draws frames until nothing changes. */
   #wake(): void {
     if (this.#frame || !this.#player || !this.isConnected) return;
     this.#frame = requestAnimationFrame((now) => {
@@ -377,7 +378,7 @@ export class StrivecViewer extends HTMLElement {
   }
 
   #act(action: string): void {
-    if (action === "help") this.#help.showModal();
+    if (action === "help") this.#help.root.showModal();
     if (action === "panel") this.toggleAttribute("controls");
     if (action === "screenshot") void this.#saveScreenshot();
     if (action === "record" && this.#player?.record()) this.#savePath();
@@ -385,7 +386,7 @@ export class StrivecViewer extends HTMLElement {
     this.#changed();
   }
 
-  /** Gets the photograph of the training camera that was gone to, where it is to be seen and not there yet. */
+  /** Loads the photograph of the chosen training camera if it is to be shown and missing. */
   async #fetchPhotograph(state: State | undefined): Promise<void> {
     const number = state?.camera;
     if (!this.#photographs || this.#isFetching || !state?.photograph || state.has_photograph) return;
@@ -417,7 +418,7 @@ export class StrivecViewer extends HTMLElement {
     if (this.path) this.#save(new Blob([this.path], { type: "application/json" }), "-path.json");
   }
 
-  /** Has the browser keep a file that is called as the scene is, with this ending. */
+  /** Downloads a file named as the scene, with this ending. */
   #save(file: Blob, ending: string): void {
     const href = URL.createObjectURL(file);
     element("a", { href, download: `${this.name.replace(/\.strivec$/, "") || "scene"}${ending}` }).click();
@@ -463,9 +464,9 @@ export class StrivecViewer extends HTMLElement {
 
   #fail(error: unknown): void {
     console.error(error);
-    // A panic in the library: what it was about is on the console.
+    // A panic in the library; its message is on the console.
     const died = error instanceof WebAssembly.RuntimeError;
-    const text = died ? "The viewer has crashed. This browser's console says why." : textOf(error);
+    const text = died ? "The viewer has crashed; see the browser's console." : textOf(error);
     this.#message.classList.add("failed");
     this.#message.textContent = text;
     if (this.state === undefined) this.#welcome.hidden = true;

@@ -1,26 +1,19 @@
-// Pointer, wheel, fingers and keys on a canvas, handed on to the player.
+// Passes pointer, wheel, fingers and keys on a canvas to the player.
 
 import type { Player } from "./generated/strivec";
 
-/** Pixels of scrolling that are a line of a wheel. */
+/** Pixels of scrolling per line of a wheel. */
 const PIXELS_A_LINE = 40;
 const LINES_A_PAGE = 20;
-/** What an arrow key turns by, in parts of the canvas's height. */
-const ARROW = 0.05;
-const ARROWS: Record<string, [number, number]> = {
-  ArrowLeft: [-ARROW, 0],
-  ArrowRight: [ARROW, 0],
-  ArrowUp: [0, -ARROW],
-  ArrowDown: [0, ARROW],
-};
-const NEARER: Record<string, number> = { Equal: 1, NumpadAdd: 1, Minus: -1, NumpadSubtract: -1 };
+/** Keys that orbit or zoom by a step, and repeat. */
+const STEPS = /^(Arrow\w+|Equal|Minus|Numpad(Add|Subtract))$/;
 
 export interface Listener {
   /** The player, once there is one. */
   player(): Player | undefined;
   /** Something may have changed. */
   wake(): void;
-  /** A key asked for what the page has to do: help, panel, screenshot, paths. */
+  /** Does an action of the page: help, panel, screenshot, paths. */
   act(action: string): void;
 }
 
@@ -33,7 +26,7 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
   };
   const on = <K extends keyof HTMLElementEventMap>(
     name: K,
-    hear: (player: Player, event: HTMLElementEventMap[K]) => void,
+    handle: (player: Player, event: HTMLElementEventMap[K]) => void,
     changesNothing = (_: HTMLElementEventMap[K]): boolean => false,
   ): void =>
     canvas.addEventListener(
@@ -41,7 +34,7 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
       (event) => {
         const player = listener.player();
         if (!player) return;
-        hear(player, event);
+        handle(player, event);
         if (!changesNothing(event)) listener.wake();
       },
       { passive: false },
@@ -80,18 +73,16 @@ export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: L
 
   const key = (event: KeyboardEvent, isPressed: boolean): void => {
     const player = listener.player();
-    // Controls have keys of their own: F types, Space presses, arrows choose.
+    // Controls use keys themselves: F types, Space presses, arrows choose.
     if (!player || event.altKey || (isPressed && event.composedPath()[0] !== canvas)) return;
-    // What a browser does with Control is its own business, but for digits.
+    // The browser keeps its shortcuts with Control, except for digits.
     const isModified = event.ctrlKey || event.metaKey || (event.shiftKey && event.code.startsWith("Digit"));
     if ((event.ctrlKey || event.metaKey) && !event.code.startsWith("Digit")) return;
-    const [arrow, nearer] = [ARROWS[event.code], NEARER[event.code]];
-    if (arrow && isPressed) player.turn(...arrow);
-    else if (nearer && isPressed) player.wheel(nearer);
-    else if (!event.repeat) {
+    const steps = STEPS.test(event.code);
+    if (steps || !event.repeat) {
       const action = player.key(event.code, isPressed, isModified);
       if (action) listener.act(action);
-      else if (!/^(Key[WASDQE]|Shift)/.test(event.code)) return;
+      else if (!steps && !/^(Key[WASDQE]|Shift)/.test(event.code)) return;
     }
     if (!event.code.startsWith("Shift")) event.preventDefault();
     listener.wake();

@@ -1,4 +1,4 @@
-// The panel: what can be set, and what is known.
+// The panel: settings, speed, and facts of the files.
 
 import { element } from "./dom";
 import type { Player } from "./generated/strivec";
@@ -7,7 +7,7 @@ import type { Opened, State } from "./state";
 /** Milliseconds that a picture may take while the camera moves, at first. */
 const FRAME_TIME = 33;
 
-/** What the panel asks of the viewer. */
+/** The viewer, as the panel uses it. */
 export interface Owner {
   player(): Player | undefined;
   /** Something was changed. */
@@ -37,7 +37,7 @@ function slider(label: string, min: number, max: number, step: number, text: (va
     output.textContent = text(input.valueAsNumber);
     input.setAttribute("aria-valuetext", output.textContent);
   };
-  // While it is being moved, it stays in the hand that moves it.
+  // While it is dragged, updates do not move it.
   let isMoving = false;
   input.addEventListener("input", () => {
     isMoving = true;
@@ -56,7 +56,7 @@ function hex(color: number[]): string {
   return "#" + color.map((v) => Math.round(255 * Math.min(Math.max(v, 0), 1)).toString(16).padStart(2, "0")).join("");
 }
 
-/** A button that lets people choose files. */
+/** A button that opens the browser's file chooser. */
 function chooser(text: string, properties: Partial<HTMLInputElement>, choose: (files: FileList) => void): HTMLElement {
   const input = element("input", { type: "file", ...properties });
   input.addEventListener("change", () => {
@@ -78,7 +78,7 @@ function showFacts(list: HTMLElement, { facts }: Opened): void {
 }
 
 const soFar = ({ scales, all_scales, is_whole }: Opened): string =>
-  is_whole ? "" : `${scales} of ${all_scales} scales so far`;
+  is_whole ? "" : `${scales} of ${all_scales} scales loaded`;
 
 function section(title: string, ...children: Node[]): HTMLElement {
   return element("section", {}, element("h2", { textContent: title }), ...children);
@@ -145,7 +145,7 @@ export class Panel {
     this.#photograph.input.addEventListener("input", () =>
       this.#do((player) => player.set_photograph_share(this.#photograph.input.valueAsNumber)),
     );
-    this.#folder = chooser("photographs' folder", { webkitdirectory: true }, (files) => owner.photographs(files));
+    this.#folder = chooser("folder of photographs", { webkitdirectory: true }, (files) => owner.photographs(files));
     const compare = chooser("compare with", { accept: ".strivec" }, ([file]) => file && owner.compare(file));
     this.#sideBySide.addEventListener("change", () =>
       this.#do((player) => player.set_divider(this.#sideBySide.checked ? undefined : 0.5)),
@@ -197,7 +197,7 @@ export class Panel {
     );
   }
 
-  /** Shows what there is to know. */
+  /** Updates the panel. */
   show(state: State | undefined, names: [string, string]): void {
     this.#state = state;
     this.#scene.hidden = !state;
@@ -242,13 +242,13 @@ export class Panel {
 
   #showSpeed(state: State): void {
     const milliseconds = (value: number | null): string => (value === null ? "…" : `${value.toFixed(1)} ms`);
-    const parts = [`picture ${milliseconds(state.milliseconds)}`];
+    const parts = [`full picture ${milliseconds(state.milliseconds)}`];
     if (state.milliseconds_before !== null) parts.push(`before ${milliseconds(state.milliseconds_before)}`);
     if (state.rays_per_second !== null) parts.push(`${Math.round(1e-3 * state.rays_per_second)} thousand rays/s`);
-    if (state.divisor !== null && state.divisor > state.quality.finest) parts.push(`shown at 1/${state.divisor}`);
+    if (state.divisor !== null && state.divisor > state.quality.finest) parts.push(`resolution 1/${state.divisor}`);
     if (state.memory_bytes) {
       const [scene, work] = state.memory_bytes.map((bytes) => (bytes / 1e6).toFixed(0));
-      parts.push(`device memory ${scene} + ${work} MB`);
+      parts.push(`device memory: scene ${scene} MB, workspace ${work} MB`);
     }
     if (state.device) parts.push(state.device);
     this.#speed.textContent = parts.join(" · ");
@@ -291,7 +291,7 @@ export class Panel {
     const neighbors = value(this.#neighbors);
     const scales = value(this.#scales);
     const threshold = 2 ** value(this.#threshold);
-    // Where the slider stands at the scene's own, as near as it can, nothing is to change.
+    // The slider's nearest position to the scene's own value means that value.
     const isOwn = Math.abs(Math.log2(threshold / Math.max(quality.own_threshold, 2 ** -20))) < 0.13;
     this.#do((player) =>
       player.set_quality(

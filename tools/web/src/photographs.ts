@@ -1,5 +1,5 @@
-// Photographs of a dataset, each fetched or read when it is wanted. A `transforms` file (as NeRF-synthetic's) says which
-// picture was taken from where.
+// Photographs of a dataset, each loaded when it is shown. A `transforms` file (NeRF-synthetic's layout) holds the camera of
+// each photograph.
 
 /** What a dataset's folder may call the file that lists its training cameras, the first that is there. */
 const LISTS = ["transforms_train.json", "transforms.json"];
@@ -69,16 +69,16 @@ export class Photographs {
       const list = await read(name);
       if (list) return new Photographs(read, framesOf(name, await list.text()));
     }
-    throw new Error(`photographs: expected ${lists.join(" or ")}, which cannot be read`);
+    throw new Error(`photographs: ${lists.join(" or ")} cannot be read`);
   }
 
   /** The photograph from `pose`, a row-major camera-to-world matrix, on `background`, sRGB from 0 to 1. */
   async at(pose: ArrayLike<number>, background: number[]): Promise<Photograph> {
     const frame = this.#frames.find((frame) => isNear(frame.pose, pose));
-    if (!frame) throw new Error("photographs: expected one from this camera, found none: is this the scene's dataset?");
+    if (!frame) throw new Error("photographs: none was taken by this camera; is this the scene's dataset?");
     const file = await this.#read(frame.path);
     if (!file) throw new Error(`photographs: ${frame.path} is missing`);
-    return decoded(file, background).catch(() => Promise.reject(new Error(`photographs: ${frame.path} is no picture`)));
+    return decoded(file, background).catch(() => Promise.reject(new Error(`photographs: ${frame.path} is not a picture`)));
   }
 }
 
@@ -88,13 +88,13 @@ function framesOf(name: string, text: string): Frame[] {
   try {
     list = JSON.parse(text) as typeof list;
   } catch {
-    throw wrong("expected JSON");
+    throw wrong("not JSON");
   }
-  if (!Array.isArray(list?.frames)) throw wrong("expected frames");
+  if (!Array.isArray(list?.frames)) throw wrong("has no frames");
   return list.frames.map((frame, n) => {
     const pose = Array.isArray(frame?.transform_matrix) ? frame.transform_matrix.flat().map(Number) : [];
     if (typeof frame?.file_path !== "string" || pose.length !== 16) {
-      throw wrong(`frame ${n}: expected file_path and a transform_matrix of 16 numbers`);
+      throw wrong(`frame ${n} needs file_path and a transform_matrix of 16 numbers`);
     }
     const path = frame.file_path.replaceAll("\\", "/").replace(/^(\.\/)+/, "");
     return { path: /\.(png|jpe?g)$/i.test(path) ? path : `${path}.png`, pose };

@@ -1,4 +1,4 @@
-// What the library says of the player (`Player.state`), as a panel shows it.
+// The state of the player (`Player.state`), as the panel shows it.
 
 export interface Quality {
   neighbors: number;
@@ -18,9 +18,9 @@ export interface Opened {
 }
 
 export interface State extends Opened {
-  /** What the scene is compared with. */
+  /** The scene that it is compared with. */
   second: Opened | null;
-  /** Left of this part of the width the first is seen, right of it the second; nothing where they are side by side. */
+  /** Divider of two scenes in parts of the width; null if they are side by side. */
   divider: number | null;
   is_at_rest: boolean;
   device: string;
@@ -36,12 +36,12 @@ export interface State extends Opened {
   has_own_background: boolean;
   has_boxes: boolean;
   boxes: boolean[];
-  /** What the file names: ways to draw for `Player.choose`. */
+  /** Quality settings stored in the file, for `Player.choose`. */
   choices: string[];
-  /** How many training cameras the file holds, and which one was gone to. */
+  /** Number of training cameras in the file, and the chosen one. */
   cameras: number;
   camera: number | null;
-  /** How much is to be seen of its photograph, and whether that is there. */
+  /** Share of its photograph in the picture, and whether it is loaded. */
   photograph: number;
   has_photograph: boolean;
   is_recording: boolean;
