@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec3};
 use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
 use serde_json::{Value, json};
-use strivec::dataset::{Error, ErrorKind, LoadOptions, Pixels, load_blender, load_blender_cameras};
+use strivec::dataset::{Error, ErrorKind, LoadOptions, Pixels, load, load_blender, load_blender_cameras};
 use tempfile::TempDir;
 
 const POSE: [[f64; 4]; 4] = [[1.0, 0.0, 0.0, 0.5], [0.0, 0.0, -1.0, -4.0], [0.0, 1.0, 0.0, 0.25], [0.0, 0.0, 0.0, 1.0]];
@@ -190,7 +190,7 @@ fn senseless_frames_are_malformed() {
     small.json["frames"][1]["transform_matrix"][3][3] = json!(2.0);
     assert_error(small.error(), ErrorKind::Malformed, &["frame 1", "last row"]);
     small.json["frames"] = json!([]);
-    assert_error(small.error(), ErrorKind::Malformed, &["frames", "at least one"]);
+    assert_error(small.error(), ErrorKind::Malformed, &["no frames", "at least one"]);
 }
 
 #[test]
@@ -212,6 +212,65 @@ fn senseless_intrinsics_are_malformed() {
         small.json[key] = value;
         assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", key, part]);
     }
+}
+
+#[test]
+fn unsupported_keys_are_refused_by_name() {
+    for (key, value, part) in [
+        ("k1", json!(0.3), "lens distortion (k1 = 3e-1)"),
+        ("k3", json!(0.1), "lens distortion (k3"),
+        ("k4", json!(-0.1), "lens distortion (k4"),
+        ("p2", json!(1e-3), "lens distortion (p2"),
+        ("camera_model", json!("OPENCV_FISHEYE"), "camera_model \"OPENCV_FISHEYE\""),
+        ("camera_model", json!("EQUIRECTANGULAR"), "camera_model \"EQUIRECTANGULAR\""),
+        ("is_fisheye", json!(true), "is_fisheye"),
+        ("mask_path", json!("mask.png"), "mask_path"),
+    ] {
+        let mut small = Small::new();
+        small.json[key] = value;
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", part, "is not supported"]);
+    }
+    for key in ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k4", "camera_angle_x", "camera_model", "mask_path"] {
+        let mut small = Small::new();
+        small.json["frames"][1][key] = json!(50);
+        let place = format!("frame 1: {key} is not supported");
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", &place]);
+    }
+}
+
+#[test]
+fn harmless_keys_are_ignored() {
+    let mut small = Small::new();
+    for (key, value) in [
+        ("aabb_scale", json!(4)),
+        ("scale", json!(0.5)),
+        ("offset", json!([0.5, 0.5, 0.5])),
+        ("k1", json!(0.0)),
+        ("k4", json!(0.0)),
+        ("camera_model", json!("OPENCV")),
+        ("is_fisheye", json!(false)),
+    ] {
+        small.json[key] = value;
+    }
+    small.json["frames"][0]["sharpness"] = json!(12.5);
+    assert_eq!(small.load(&LoadOptions::default()).unwrap().views.len(), 2);
+}
+
+#[test]
+fn what_is_no_dataset_is_told_from_what_it_resembles() {
+    let small = Small::new();
+    small.load(&LoadOptions::default()).unwrap();
+    let load = |path: &std::path::Path, split| described(load(path, split, &LoadOptions::default()).unwrap_err());
+    let parts = ["transforms_test.json does not exist", "the splits of this dataset are train"];
+    assert_error(load(small.folder.path(), "test"), ErrorKind::Io, &parts);
+    assert_error(load(&small.path("transforms_train.json"), "train"), ErrorKind::Argument, &["is a file", "folder"]);
+    fs::rename(small.path("transforms_train.json"), small.path("transforms.json")).unwrap();
+    let parts = ["expected transforms_*.json", "pose and color", "found transforms.json", "rename it"];
+    assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &parts);
+    fs::remove_file(small.path("transforms.json")).unwrap();
+    assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &["found neither"]);
+    fs::create_dir(small.path("sparse")).unwrap();
+    assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &["COLMAP"]);
 }
 
 #[test]

@@ -2,11 +2,18 @@
 //!
 //! Poses are row-major `world_from_camera` matrices in [`Camera`]'s axes. The focal length comes from `fl_x` and `fl_y`
 //! (pixels) or from `camera_angle_x` (radians across the picture); the principal point from `cx` and `cy`, or it is the
-//! picture's middle. Lens distortion is not part of this layout and is refused.
+//! picture's middle.
+//!
+//! Keys that change the meaning of pictures and are not supported are refused by name: lens distortion, other camera
+//! models, masks, and intrinsics within a frame. A distortion of 0 is accepted. All other unknown keys are ignored, such
+//! as `aabb_scale`, `scale`, `offset`, and `sharpness` or `rotation` within a frame.
 
+use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::photographs::{self, Taken};
 use super::picture::{self, MAX_EDGE};
@@ -31,9 +38,16 @@ struct Transforms {
     #[serde(default)]
     k2: f64,
     #[serde(default)]
+    k3: f64,
+    #[serde(default)]
+    k4: f64,
+    #[serde(default)]
     p1: f64,
     #[serde(default)]
     p2: f64,
+    camera_model: Option<String>,
+    is_fisheye: Option<bool>,
+    mask_path: Option<IgnoredAny>,
     frames: Vec<Frame>,
 }
 
@@ -42,7 +56,31 @@ struct Frame {
     file_path: String,
     /// Rows of `world_from_camera`.
     transform_matrix: [[f64; 4]; 4],
+    /// All other keys.
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
 }
+
+/// Keys of intrinsics, which only the top level may have.
+const INTRINSICS: [&str; 15] = [
+    "camera_angle_x",
+    "camera_angle_y",
+    "fl_x",
+    "fl_y",
+    "cx",
+    "cy",
+    "w",
+    "h",
+    "k1",
+    "k2",
+    "k3",
+    "k4",
+    "p1",
+    "p2",
+    "camera_model",
+];
+/// Camera models that are pinhole cameras if their distortion is 0.
+const CAMERA_MODELS: [&str; 4] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE"];
 
 /// The split `split` (as in `train`) of the dataset in `folder`: the views that `options` select, in the order of
 /// `frames`. Pictures of others are not looked at.
@@ -50,6 +88,7 @@ struct Frame {
 /// Fails on everything [`Error`] lists but writing; of several broken pictures the first in order is reported.
 pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
     let json = folder.join(format!("transforms_{split}.json"));
+    check_split(folder, &json)?;
     let transforms = Transforms::read(&json)?;
     let pictures = transforms.pictures(&json)?;
     let frames = photographs::chosen(&json, pictures.len(), options)?;
@@ -97,7 +136,38 @@ impl Transforms {
         if transforms.frames.is_empty() {
             return Err(Error::NoFrames { path: json.to_path_buf() });
         }
+        transforms.check_supported(json)?;
         Ok(transforms)
+    }
+
+    /// Refuses keys that change the meaning of pictures and are not supported.
+    fn check_supported(&self, json: &Path) -> Result<(), Error> {
+        let refuse = |place: String, reason| Err(Error::Unsupported { path: json.to_path_buf(), place, reason });
+        if let Some(model) = &self.camera_model
+            && !CAMERA_MODELS.iter().any(|known| known.eq_ignore_ascii_case(model))
+        {
+            return refuse(format!("camera_model {model:?}"), "only pinhole cameras are; undistort the pictures first");
+        }
+        if self.is_fisheye == Some(true) {
+            return refuse("is_fisheye".into(), "only pinhole cameras are; undistort the pictures first");
+        }
+        let distortion =
+            [("k1", self.k1), ("k2", self.k2), ("k3", self.k3), ("k4", self.k4), ("p1", self.p1), ("p2", self.p2)];
+        if let Some((key, value)) = distortion.into_iter().find(|(_, value)| *value != 0.0) {
+            return refuse(format!("lens distortion ({key} = {value:e})"), "undistort the pictures first");
+        }
+        if self.mask_path.is_some() {
+            return refuse("mask_path".into(), "masks are not read; use transparent pictures");
+        }
+        for (n, frame) in self.frames.iter().enumerate() {
+            if let Some(key) = INTRINSICS.into_iter().find(|key| frame.others.contains_key(*key)) {
+                return refuse(format!("frame {n}: {key}"), "all frames share the intrinsics at the top of the file");
+            }
+            if frame.others.contains_key("mask_path") {
+                return refuse(format!("frame {n}: mask_path"), "masks are not read; use transparent pictures");
+            }
+        }
+        Ok(())
     }
 
     /// Name and path of each frame's picture.
@@ -135,11 +205,6 @@ impl Transforms {
         if downscale == 0 || size.iter().any(|&extent| extent < downscale) {
             return Err(Error::Downscale { path: json.to_path_buf(), factor: downscale, size });
         }
-        for (key, value) in [("k1", self.k1), ("k2", self.k2), ("p1", self.p1), ("p2", self.p2)] {
-            if value != 0.0 {
-                return Err(intrinsics(json, key, "no lens distortion", value));
-            }
-        }
         let focal = self.focal(json, size[0])?;
         let principal = [self.cx.unwrap_or(0.5 * f64::from(size[0])), self.cy.unwrap_or(0.5 * f64::from(size[1]))];
         for (key, value) in [("cx", principal[0]), ("cy", principal[1])] {
@@ -172,10 +237,23 @@ impl Transforms {
         let x = match (self.fl_x, self.camera_angle_x) {
             (Some(focal), _) => focal,
             (None, Some(angle)) => Camera::focal_of_angle(width, angle),
-            (None, None) => return Err(intrinsics(json, "camera_angle_x", "it or fl_x", "neither")),
+            (None, None) => return Err(intrinsics(json, "camera_angle_x", "this key or fl_x", "neither")),
         };
         Ok([x, self.fl_y.unwrap_or(x)])
     }
+}
+
+/// An error that lists the splits of `folder`, if it has some and `json` is none of them.
+fn check_split(folder: &Path, json: &Path) -> Result<(), Error> {
+    if json.exists() {
+        return Ok(());
+    }
+    let entries = fs::read_dir(folder).map_err(Error::read(folder))?;
+    let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let split = |name: String| Some(name.strip_prefix("transforms_")?.strip_suffix(".json")?.to_owned());
+    let mut splits: Vec<String> = names.filter_map(split).collect();
+    splits.sort();
+    if splits.is_empty() { Ok(()) } else { Err(Error::MissingSplit { path: json.to_path_buf(), splits }) }
 }
 
 fn intrinsics(json: &Path, key: &'static str, expected: &'static str, found: impl ToString) -> Error {

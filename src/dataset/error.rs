@@ -19,9 +19,10 @@ pub enum ErrorKind {
 
 /// Why a dataset could not be read or made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read.
-    #[error("{}: expected to read it, found: {source}", path.display())]
+    #[error("cannot read {}: {source}", path.display())]
     Read {
         /// The file or folder.
         path: PathBuf,
@@ -29,7 +30,7 @@ pub enum Error {
         source: io::Error,
     },
     /// A file or folder could not be written.
-    #[error("{}: expected to write it, found: {source}", path.display())]
+    #[error("cannot write {}: {source}", path.display())]
     Write {
         /// The file or folder.
         path: PathBuf,
@@ -37,7 +38,7 @@ pub enum Error {
         source: io::Error,
     },
     /// A picture that a frame names is not there.
-    #[error("{}: frame {frame}: expected the picture {}, found no such file", path.display(), picture.display())]
+    #[error("{}: frame {frame}: there is no such file as the picture {}", path.display(), picture.display())]
     MissingPicture {
         /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
@@ -47,7 +48,7 @@ pub enum Error {
         picture: PathBuf,
     },
     /// A JSON file that is no JSON or not of this layout; the source names line and column.
-    #[error("{}: expected a dataset's JSON, found: {source}", path.display())]
+    #[error("{}: not the JSON of a dataset: {source}", path.display())]
     Json {
         /// The JSON file.
         path: PathBuf,
@@ -55,16 +56,46 @@ pub enum Error {
         source: serde_json::Error,
     },
     /// A dataset, or a split of one, without frames.
-    #[error("{}: frames: expected at least one, found none", path.display())]
+    #[error("{}: there are no frames: at least one is needed", path.display())]
     NoFrames {
         /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
     },
     /// A folder of no known layout.
-    #[error("{}: expected transforms_*.json (Blender's layout) or pose and color (ScanNet's), found neither", path.display())]
+    #[error(
+        "{}: not a known dataset: expected transforms_*.json (Blender's layout) or the folders pose and color (ScanNet's), \
+         found {found}",
+        path.display()
+    )]
     Layout {
         /// The folder.
         path: PathBuf,
+        /// What the folder resembles.
+        found: &'static str,
+    },
+    /// A file, not a folder.
+    #[error("{} is a file: give the folder of the dataset, which holds transforms_train.json", path.display())]
+    NotAFolder {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A split without its JSON file.
+    #[error("{} does not exist: the splits of this dataset are {}", path.display(), splits.join(", "))]
+    MissingSplit {
+        /// The JSON file of the split.
+        path: PathBuf,
+        /// The splits that exist.
+        splits: Vec<String>,
+    },
+    /// A key that changes what pictures mean in a way that is not supported.
+    #[error("{}: {place} is not supported: {reason}", path.display())]
+    Unsupported {
+        /// The JSON file.
+        path: PathBuf,
+        /// The frame, if any, the key and its value.
+        place: String,
+        /// What is supported.
+        reason: &'static str,
     },
     /// A split that the layout does not have.
     #[error("{}: split: expected train or test, found {found:?}", path.display())]
@@ -210,7 +241,9 @@ impl Error {
     /// Who has to act.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Read { .. } | Self::Write { .. } | Self::MissingPicture { .. } => ErrorKind::Io,
+            Self::Read { .. } | Self::Write { .. } | Self::MissingPicture { .. } | Self::MissingSplit { .. } => {
+                ErrorKind::Io
+            }
             Self::Json { .. }
             | Self::NoFrames { .. }
             | Self::FilePath { .. }
@@ -220,10 +253,12 @@ impl Error {
             | Self::Picture { .. }
             | Self::PictureSize { .. }
             | Self::Layout { .. }
+            | Self::Unsupported { .. }
             | Self::Text { .. } => ErrorKind::Malformed,
             Self::Downscale { .. }
             | Self::FolderNotEmpty { .. }
             | Self::SynthOption { .. }
+            | Self::NotAFolder { .. }
             | Self::Split { .. }
             | Self::Views { .. } => ErrorKind::Argument,
             Self::TooLarge { .. } => ErrorKind::Limit,

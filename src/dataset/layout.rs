@@ -47,6 +47,9 @@ pub fn load_cameras(
 
 impl Layout {
     fn of(folder: &Path) -> Result<Self, Error> {
+        if folder.is_file() {
+            return Err(Error::NotAFolder { path: folder.to_path_buf() });
+        }
         for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
             let name = entry.map_err(Error::read(folder))?.file_name();
             if name.to_str().is_some_and(|name| name.starts_with("transforms_") && name.ends_with(".json")) {
@@ -57,6 +60,15 @@ impl Layout {
         if folder.join("pose").is_dir() {
             return Ok(Self::ScanNet);
         }
-        Err(Error::Layout { path: folder.to_path_buf() })
+        let found = if folder.join("transforms.json").is_file() {
+            "transforms.json (rename it to transforms_train.json)"
+        } else if folder.join("sparse").is_dir() || folder.join("colmap_sparse").is_dir() {
+            "a COLMAP reconstruction (convert it to transforms_train.json)"
+        } else if folder.join("poses_bounds.npy").is_file() {
+            "LLFF's poses_bounds.npy (convert it to transforms_train.json)"
+        } else {
+            "neither"
+        };
+        Err(Error::Layout { path: folder.to_path_buf(), found })
     }
 }

@@ -105,7 +105,7 @@ impl Frames {
             "test" => true,
             _ => return Err(Error::Split { path: folder.to_path_buf(), found: split.into() }),
         };
-        let scan = Scan::open(folder)?.ok_or_else(|| Error::Layout { path: folder.to_path_buf() })?;
+        let scan = Scan::open(folder)?.ok_or_else(|| Error::Layout { path: folder.to_path_buf(), found: "neither" })?;
         let constants = Constants::of(folder, &scan.name)?;
         let poses = folder.join("pose");
         let mut numbers = numbers(&poses, &["txt"])?;

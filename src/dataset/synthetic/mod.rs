@@ -5,6 +5,7 @@
 
 mod mesh;
 mod occupancy;
+mod options;
 mod pictures;
 mod points;
 mod polytope;
@@ -17,7 +18,7 @@ mod texture;
 mod torn;
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::Path;
 
 use image::ImageFormat;
@@ -25,6 +26,8 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use self::mesh::Mesh;
+pub use self::options::SynthOptions;
+use self::options::{check, prepare, write};
 use self::pictures::CAMERA_ANGLE;
 use self::portable::hash;
 pub use self::scan::{SynthesisedScan, synthesise_scan};
@@ -35,33 +38,6 @@ use crate::geometry::Camera;
 
 /// Points in `points.ply`.
 const POINTS: usize = 100_000;
-/// The most views of a split.
-const MAX_VIEWS: u32 = 10_000;
-/// The longest edge of a picture that is made.
-const MAX_EDGE: u32 = 4096;
-
-/// What [`synthesise`] makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SynthOptions {
-    /// Training views, 1 to 10 000.
-    pub views: u32,
-    /// Test views, from other places than the training views, 1 to 10 000; a quarter as many are made for validation.
-    pub test_views: u32,
-    /// Columns and rows of the pictures, each 1 to 4096.
-    pub size: [u32; 2],
-    /// Decides where the cameras stand and how the textures vary; the geometry is always the same.
-    pub seed: u64,
-    /// Also writes into a folder that is not empty, replacing files of the same names and leaving all others.
-    pub force: bool,
-}
-
-impl Default for SynthOptions {
-    /// 100 training and 20 test views of 200×200 pixels.
-    fn default() -> Self {
-        Self { views: 100, test_views: 20, size: [200, 200], seed: 0, force: false }
-    }
-}
-
 /// What [`synthesise`] made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Synthesised {
@@ -108,32 +84,6 @@ pub fn synthesise(out: &Path, options: &SynthOptions) -> Result<Synthesised, Err
     Ok(Synthesised { pictures, triangles: mesh.triangles.len(), points: points.len(), occupied_cells })
 }
 
-/// Refuses options that make no sense.
-fn check(options: &SynthOptions) -> Result<(), Error> {
-    let SynthOptions { views, test_views, size: [width, height], .. } = *options;
-    for (what, limit, found) in [
-        ("views", MAX_VIEWS, views),
-        ("test views", MAX_VIEWS, test_views),
-        ("width", MAX_EDGE, width),
-        ("height", MAX_EDGE, height),
-    ] {
-        if !(1..=limit).contains(&found) {
-            return Err(Error::SynthOption { what, limit, found });
-        }
-    }
-    Ok(())
-}
-
-/// Makes the folder and refuses one with anything in it unless `force`d.
-fn prepare(out: &Path, force: bool) -> Result<(), Error> {
-    fs::create_dir_all(out).map_err(Error::write(out))?;
-    let occupied = fs::read_dir(out).map_err(Error::read(out))?.next().is_some();
-    if occupied && !force {
-        return Err(Error::FolderNotEmpty { path: out.to_path_buf() });
-    }
-    Ok(())
-}
-
 /// Writes the pictures of one split and its JSON file.
 fn photograph(scene: &Scene, out: &Path, split: &str, cameras: &[Camera]) -> Result<(), Error> {
     let folder = out.join(split);
@@ -155,13 +105,4 @@ fn photograph(scene: &Scene, out: &Path, split: &str, cameras: &[Camera]) -> Res
     write(&out.join(format!("transforms_{split}.json")), |file| {
         serde_json::to_writer_pretty(&mut *file, &json).map_err(io::Error::from)
     })
-}
-
-/// Creates `path` and fills it.
-fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
-    let written = File::create(path).map(BufWriter::new).and_then(|mut file| {
-        fill(&mut file)?;
-        file.flush()
-    });
-    written.map_err(Error::write(path))
 }

@@ -10,12 +10,12 @@ use image::{ExtendedColorType, RgbaImage};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
+use super::options::{SynthOptions, check, prepare, write};
 use super::pictures::{cameras, picture};
 use super::portable::{cos_sin, hash, srgb};
 use super::scene::{Scene, Thing};
 use super::shading::Lights;
 use super::solid::Face;
-use super::{SynthOptions, check, prepare, write};
 use crate::color::byte;
 use crate::dataset::{Error, photographs};
 use crate::geometry::Camera;
