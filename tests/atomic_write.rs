@@ -168,7 +168,7 @@ fn what_is_no_regular_file_is_left_alone() {
     for path in [folder.path(), &socket] {
         let error = write_atomically(path, b"new", true).unwrap_err();
         assert_eq!(error.exit_code(), 1);
-        assert!(error.to_string().contains("expected a regular file"), "{error}");
+        assert!(error.to_string().contains("not a regular file"), "{error}");
     }
 }
 

@@ -53,7 +53,6 @@ fn wrong_usage_is_1_and_says_so_on_standard_error() {
         &[][..],
         &["nonsense"],
         &["info"],
-        &["info", "a", "b"],
         &["--threads", "0", "info", "a"],
         &["render", "a", "--out", "b"],
         &["render", "a", "--out", "b", "--orbit", "0"],
@@ -199,8 +198,11 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     let train = ["train", "--config", "planned.toml", "--print-config"];
     assert_eq!(text(&run(folder.path(), &train).stdout), text(&output.stdout));
 
-    let message = failure(&plan(&["--max-size", "9", "--quiet"]), 1);
-    assert!(message.contains("`budget` must be at least ") && message.ends_with("not 9 bytes\n"), "{message}");
+    let message = failure(&plan(&["--max-size", "9B", "--quiet"]), 1);
+    assert!(
+        message.contains("--max-params or --max-size must be at least ") && message.ends_with("not 9 bytes\n"),
+        "{message}"
+    );
     let output = run(folder.path(), &["train", "toy", "-o", "b", "--auto", "--print-config"]);
     assert_eq!(code(&output), 1, "it needs the photographs");
 }
@@ -259,4 +261,151 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let grown: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
     let (before, now) = (grown["parameters"][0].as_u64().unwrap(), grown["parameters"][1].as_u64().unwrap());
     assert!(before == after && now > after && now <= 45_000, "{grown}");
+}
+
+/// A folder with a scene, `scene.strivec`.
+fn folder_with_scene() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/f32.strivec");
+    fs::copy(fixture, folder.path().join("scene.strivec")).unwrap();
+    folder
+}
+
+fn pack(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec-pack"));
+    command.current_dir(folder).args(arguments);
+    command
+}
+
+/// Standard output, standard error and exit code of `strivec-pack`.
+fn packed(folder: &Path, arguments: &[&str]) -> (String, String, i32) {
+    let output = pack(folder, arguments).output().unwrap();
+    (text(&output.stdout), text(&output.stderr), code(&output))
+}
+
+#[test]
+fn all_inputs_are_reported_and_the_worst_error_is_the_exit_code() {
+    let folder = folder_with_scene();
+    fs::write(folder.path().join("mesh.ply"), "ply\nformat ascii 1.0\n").unwrap();
+    let output = run(folder.path(), &["info", "absent.strivec", "mesh.ply", "scene.strivec", "scene.strivec"]);
+    assert_eq!(code(&output), 3);
+    assert_eq!(text(&output.stdout).matches("file        scene.strivec").count(), 2);
+    let messages = text(&output.stderr);
+    assert!(
+        messages.contains("absent.strivec: cannot read it") && messages.contains("begins like a PLY file"),
+        "{messages}"
+    );
+
+    let (result, message, code) = packed(folder.path(), &["verify", "mesh.ply", "scene.strivec"]);
+    assert!(code == 3 && result.contains("mesh.ply: failed") && result.contains("scene.strivec: valid"), "{result}");
+    assert_eq!((message.lines().count(), result.contains("PLY file")), (1, false), "the error is printed once");
+}
+
+#[test]
+fn info_reads_standard_input() {
+    let folder = folder_with_scene();
+    let input = fs::File::open(folder.path().join("scene.strivec")).unwrap();
+    let output = strivec(folder.path(), &["info", "-"]).stdin(input).output().unwrap();
+    assert!(code(&output) == 0 && text(&output.stdout).contains("parameters"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn output_names_of_other_formats_are_refused() {
+    let folder = folder_with_scene();
+    for name in ["a.ply", "a.SPZ", "a.obj", "a.glb", "a.npz", "a.png"] {
+        let message = failure(&run(folder.path(), &["train", "data", "-o", name]), 1);
+        assert!(message.contains("the output is a .strivec file"), "{message}");
+        let (_, message, code) = packed(folder.path(), &["convert", "scene.strivec", "-o", name]);
+        assert!(code == 1 && message.contains("the output is a .strivec file"), "{message}");
+    }
+}
+
+#[test]
+fn sixteen_bit_files_stay_so_when_edited_and_growth_is_reported() {
+    let folder = folder_with_scene();
+    let size = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
+    assert_eq!(packed(folder.path(), &["convert", "scene.strivec", "-o", "half.strivec", "--encoding", "f16"]).2, 0);
+    for edit in
+        [&["convert"][..], &["transform", "--scale", "2"], &["pack", "--lossless", "--no-views", "--no-prefixes"]]
+    {
+        let arguments = [edit, &["half.strivec", "-o", "edited.strivec", "--force"]].concat();
+        let (_, message, code) = packed(folder.path(), &arguments);
+        assert!(code == 0 && size("edited.strivec") <= size("half.strivec"), "{edit:?}: {message}");
+        assert!(!message.contains("grows"), "{message}");
+    }
+    let larger = ["convert", "half.strivec", "-o", "large.strivec", "--encoding", "f32"];
+    let (_, message, _) = packed(folder.path(), &larger);
+    assert!(message.contains("warning: half.strivec grows from 21 504 to "), "{message}");
+}
+
+#[test]
+fn a_size_that_no_encoding_reaches_is_answered_with_the_smallest() {
+    let folder = folder_with_scene();
+    let arguments = ["pack", "scene.strivec", "-o", "a.strivec", "--target-size", "100B", "--effort", "0.01"];
+    let (_, message, code) = packed(folder.path(), &arguments);
+    assert!(code == 4 && message.contains("the smallest file has about ") && message.contains(" dB"), "{message}");
+    let (_, message, code) =
+        packed(folder.path(), &["pack", "scene.strivec", "-o", "a.strivec", "--target-size", "100"]);
+    assert!(code == 1 && message.contains("kB, MB"), "{message}");
+}
+
+#[test]
+fn a_pattern_needs_a_folder_however_many_files_match() {
+    let folder = folder_with_scene();
+    for output in ["absent", "absent/"] {
+        let (_, message, code) = packed(folder.path(), &["convert", "scene*.strivec", "-o", output]);
+        assert!(code == 1 && message.contains("no such folder"), "{message}");
+    }
+    let (_, message, code) = packed(folder.path(), &["convert", "scene.strivec", "-o", "absent/"]);
+    assert!(code == 1 && message.contains("no such folder"), "{message}");
+}
+
+#[test]
+fn a_box_beside_the_scene_is_answered_with_its_bounds() {
+    let folder = folder_with_scene();
+    let (_, message, code) =
+        packed(folder.path(), &["crop", "scene.strivec", "-o", "a.strivec", "--box", "5,5,5,6,6,6"]);
+    assert!(code == 1 && message.contains("the box holds nothing of the scene (bounds (-0.59"), "{message}");
+}
+
+#[test]
+fn a_scene_on_a_closed_pipe_is_no_failure() {
+    let folder = folder_with_scene();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = pack(folder.path(), &["convert", "scene.strivec", "-o", "-"]).stdout(writer).output().unwrap();
+    assert_eq!((code(&output), text(&output.stderr)), (0, String::new()));
+}
+
+#[test]
+fn errors_in_settings_keep_their_lines() {
+    let folder = folder_with_scene();
+    fs::write(folder.path().join("bad.toml"), "stps = 3\n").unwrap();
+    let output = run(folder.path(), &["train", "--config", "bad.toml", "--print-config"]);
+    let message = text(&output.stderr);
+    assert!(code(&output) == 3 && message.lines().count() > 3 && message.contains("1 | stps = 3\n"), "{message}");
+}
+
+#[test]
+fn completions_and_man_pages_cover_every_command() {
+    let folder = TempDir::new().unwrap();
+    for program in ["strivec", "strivec-pack"] {
+        let output = run(folder.path(), &["completions", "bash", "--program", program]);
+        assert!(code(&output) == 0 && text(&output.stdout).contains(program), "{}", text(&output.stderr));
+    }
+    assert_eq!(code(&run(folder.path(), &["man", "pages"])), 0);
+    for page in ["strivec.1", "strivec-train.1", "strivec-bench-render.1", "strivec-pack.1", "strivec-pack-crop.1"] {
+        assert!(fs::read_to_string(folder.path().join("pages").join(page)).unwrap().contains(".TH"), "{page}");
+    }
+}
+
+#[test]
+fn view_without_a_player_says_how_to_install_it() {
+    let folder = folder_with_scene();
+    // A copy, beside which there is no player.
+    let program = folder.path().join("strivec");
+    fs::copy(env!("CARGO_BIN_EXE_strivec"), &program).unwrap();
+    let output = Command::new(&program).args(["view", "scene.strivec"]).env("PATH", "").output().unwrap();
+    let message = failure(&output, 2);
+    assert!(message.contains("--features player"), "{message}");
 }

@@ -55,7 +55,10 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     let train = ["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--log", "a.csv", "--eval-every", "60"];
     let trained = json(folder, &train);
     assert_eq!(trained["steps"], 120);
-    assert!(fs::read_to_string(folder.join("a.csv")).unwrap().lines().count() == 3, "a head and two rows");
+    let log = fs::read_to_string(folder.join("a.csv")).unwrap();
+    assert_eq!(log.lines().count(), 121, "a head and a row for each step of a short run");
+    let evaluated: Vec<_> = log.lines().skip(1).filter(|row| !row.ends_with(',')).collect();
+    assert!(evaluated.len() == 2 && evaluated[0].starts_with("60,") && evaluated[1].starts_with("120,"), "{log}");
     assert!(!folder.join("a.strivec.state").exists(), "a finished run leaves no state");
 
     // The file depends on no thread count, and is not overwritten unasked.
@@ -140,6 +143,9 @@ fn an_interrupted_training_goes_on_to_the_same_file() {
     child.wait().unwrap();
     assert!(killed && !folder.join("cut.strivec").exists(), "the run was cut short");
 
+    let again = strivec(folder, &["train", "data", "-o", "cut.strivec", "--config", "tiny.toml"]);
+    let message = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(again.status.code() == Some(1) && message.contains("--resume"), "{message}");
     let other = strivec(folder, &["train", "data", "-o", "cut.strivec", "--resume", "--seed", "9"]);
     assert_eq!(other.status.code(), Some(1), "a resumed run has its settings already");
     run(folder, &["train", "data", "-o", "cut.strivec", "--resume", "--quiet"]);

@@ -73,7 +73,12 @@ impl Approximations {
     /// # Errors
     ///
     /// If the file stores no such settings, or an approximation is out of range for the scene.
-    pub(super) fn settings(&self, scene_file: &SceneFile, path: &Path, size: [u32; 2]) -> Result<RenderSettings, Error> {
+    pub(super) fn settings(
+        &self,
+        scene_file: &SceneFile,
+        path: &Path,
+        size: [u32; 2],
+    ) -> Result<RenderSettings, Error> {
         let mut settings = match self.quality.selector() {
             Some(selector) => stored_settings(&selector, scene_file, path, size)?,
             None => RenderSettings::default(),

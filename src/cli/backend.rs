@@ -70,7 +70,9 @@ impl BackendOptions {
             Backend::CpuF64 => Drawing::CpuF64(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
             Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
             Backend::Reference => {
-                return Err(Error::Usage("--backend reference renders without approximations; leave them out, or use --backend cpu".into()));
+                return Err(Error::Usage(
+                    "--backend reference renders without approximations; leave them out, or use --backend cpu".into(),
+                ));
             }
             Backend::Gpu => self.on_gpu(scene, approximation, console)?,
         };

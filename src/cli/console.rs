@@ -67,9 +67,20 @@ impl Console {
         }
     }
 
-    /// The one line that a command fails with.
+    /// Prints the error of a command; messages of several lines, such as those about TOML, keep their lines.
     pub(super) fn fail(&self, error: &Error) {
-        let line = error.to_string().lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ");
-        let _ = writeln!(io::stderr().lock(), "{}: {line}", self.name);
+        let _ = writeln!(io::stderr().lock(), "{}: {}", self.name, error.to_string().trim_end());
+    }
+
+    /// The worst of `errors` as a command's result, after the others were printed.
+    ///
+    /// # Errors
+    ///
+    /// The error of the highest exit code, if there is any.
+    pub(super) fn fail_with(&self, mut errors: Vec<Error>) -> Result<(), Error> {
+        errors.sort_by_key(Error::exit_code);
+        let Some(worst) = errors.pop() else { return Ok(()) };
+        errors.iter().for_each(|error| self.fail(error));
+        Err(worst)
     }
 }

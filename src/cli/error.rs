@@ -52,7 +52,12 @@ impl Error {
 
     /// Why the scene file `path` was not read, or could not be written.
     pub(super) fn container(path: &Path, error: container::Error) -> Self {
-        let message = format!("{}: {error}", path.display());
+        let message = match &error {
+            container::Error::NotStrivec { found } => {
+                format!("{}: not a .strivec file: it begins like {}", path.display(), format_of(found))
+            }
+            _ => format!("{}: {error}", path.display()),
+        };
         match error {
             container::Error::Unsupported { .. }
             | container::Error::UnknownCritical { .. }
@@ -133,38 +138,77 @@ impl From<train::TrainError> for Error {
     }
 }
 
-/// Fields of the library's options and the flags that set them, if the flag is not the field's name with hyphens.
-const FLAGS: [(&str, &str); 12] = [
+/// The known format whose files begin with `bytes`, else the bytes.
+fn format_of(bytes: &[u8]) -> String {
+    const KNOWN: [(&[u8], &str); 10] = [
+        (b"ply", "a PLY file"),
+        (b"\x89PNG", "a PNG picture"),
+        (b"\xff\xd8\xff", "a JPEG picture"),
+        (b"{", "JSON"),
+        (b"[", "JSON"),
+        (b"PK\x03\x04", "a ZIP archive (NPZ, for example)"),
+        (b"\x93NUMPY", "a NumPy array"),
+        (b"glTF", "a GLB model"),
+        (b"\x1f\x8b", "gzip data (SPZ, for example)"),
+        (b"\x28\xb5\x2f\xfd", "zstd data"),
+    ];
+    let known = KNOWN.iter().find(|(magic, _)| bytes.starts_with(magic));
+    match known {
+        Some((_, name)) => (*name).to_owned(),
+        None if bytes.is_empty() => "an empty file".to_owned(),
+        None => format!("\"{}\"", bytes.escape_ascii()),
+    }
+}
+
+/// Fields of the library's options whose flag has another name.
+const RENAMED: [(&str, &str); 6] = [
     ("neighbors", "--top-k"),
     ("max_reprojection_error", "--max-error"),
-    ("parameters", "--max-params"),
-    ("file_bytes", "--max-size"),
+    ("budget", "--max-params or --max-size"),
     ("batch_rays", "--batch"),
-    ("test_views", "--test-views"),
     ("near_far", "--near and --far"),
-    ("frames per second", "--min-fps"),
-    ("PSNR", "--min-psnr"),
-    ("quality", "--quality"),
-    ("memory", "--memory"),
-    ("prior", "--prior"),
+    ("files", "--prior"),
+];
+/// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
+const SAME: [&str; 20] = [
+    "background",
+    "bounds",
+    "close",
+    "crop",
+    "dilate",
+    "downscale",
+    "every",
+    "min_alpha",
+    "min_confidence",
+    "min_points",
+    "min_track",
+    "outliers",
+    "scale",
+    "seed",
+    "steps",
+    "thickness",
+    "threshold",
+    "transform",
+    "up",
+    "voxel",
 ];
 
 /// The flag that sets `field` of the library's options.
 pub(super) fn flag_of(field: &str) -> String {
-    let known = FLAGS.iter().find(|(name, _)| *name == field);
+    let known = RENAMED.iter().find(|(name, _)| *name == field);
     known.map_or_else(|| format!("--{}", field.replace('_', "-")), |(_, flag)| (*flag).to_owned())
 }
 
-/// `message` of the library with its fields, written as `` `field` ``, replaced by flags. Words in backticks that are not
-/// plain identifiers stay as they are.
+/// `message` of the library with its fields, written as `` `field` ``, replaced by flags. Fields without a flag and other
+/// text in backticks stay as they are.
 pub(super) fn with_flags(message: &str) -> String {
-    let is_field = |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let has_flag = |word: &str| SAME.contains(&word) || RENAMED.iter().any(|(name, _)| *name == word);
     let mut parts: Vec<String> = message.split('`').map(str::to_owned).collect();
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return message.to_owned();
     }
     for part in parts.iter_mut().skip(1).step_by(2) {
-        *part = if is_field(part) { flag_of(part) } else { format!("`{part}`") };
+        *part = if has_flag(part) { flag_of(part) } else { format!("`{part}`") };
     }
     parts.concat()
 }
@@ -174,9 +218,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn files_of_other_formats_are_named() {
+        for (bytes, name) in
+            [(&b"ply\nform"[..], "PLY"), (b"\x89PNG\r\n", "PNG"), (b"{\"a\"", "JSON"), (b"PK\x03\x04", "ZIP")]
+        {
+            assert!(format_of(bytes).contains(name), "{}", format_of(bytes));
+        }
+        assert_eq!(format_of(b"This \xff"), "\"This \\xff\"");
+    }
+
+    #[test]
     fn fields_become_flags() {
         assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
-        assert_eq!(with_flags("`step_scale`: 0.25 to 64"), "--step-scale: 0.25 to 64");
+        assert_eq!(with_flags("`factor_learning_rate` is 0"), "`factor_learning_rate` is 0");
+        assert_eq!((flag_of("step_scale"), flag_of("neighbors")), ("--step-scale".into(), "--top-k".into()));
         assert_eq!(with_flags("`neighbors` of 5"), "--top-k of 5");
         assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
         assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");

@@ -13,14 +13,15 @@ use crate::model::{Coverage, Scene};
 const EXAMPLES: &str = "\
 Examples:
   strivec info lego.strivec
-  strivec info lego.strivec --json";
+  strivec info a.strivec b.strivec --json";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene
-    file: PathBuf,
+    /// Scene files, or - for standard input
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
 }
 
 /// The result, as `--json` prints it.
@@ -29,7 +30,7 @@ pub(super) struct Info {
     file: PathBuf,
     bytes: u64,
     parameters: u64,
-    /// Those that the file holds: components of tensors that are zeros throughout are left out.
+    /// Parameters stored in the file: components that are all zero are not stored.
     nonzero_parameters: u64,
     scales: Vec<ScaleRow>,
     /// Weights and biases.
@@ -56,12 +57,23 @@ pub(super) struct Info {
     sections: Vec<(String, u64)>,
 }
 
-/// Prints what the file holds.
+/// Prints the contents of the files, then the errors.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (scene, bytes) = scene_file::read(&args.file)?;
-    let contents = container::sections(&bytes).map_err(Error::malformed(&args.file))?;
-    let info = Info::new(args.file.clone(), bytes.len() as u64, &scene, &contents);
-    session.console.result(&info, Info::text)
+    let one = |path: &PathBuf| {
+        let (scene, bytes) = scene_file::read(path)?;
+        let contents = container::sections(&bytes).map_err(|e| Error::container(path, e))?;
+        Ok(Info::new(path.clone(), bytes.len() as u64, &scene, &contents))
+    };
+    let (infos, errors): (Vec<_>, Vec<_>) = args.files.iter().map(one).partition(Result::is_ok);
+    let infos: Vec<Info> = infos.into_iter().flatten().collect();
+    let errors = errors.into_iter().filter_map(Result::err).collect();
+    match infos.as_slice() {
+        [] => {}
+        // A single file is an object in JSON, several are an array.
+        [info] if args.files.len() == 1 => session.console.result(info, Info::text)?,
+        all => session.console.result(&all, |all| all.iter().map(Info::text).collect::<Vec<_>>().join("\n"))?,
+    }
+    session.console.fail_with(errors)
 }
 
 impl Info {
@@ -76,8 +88,8 @@ impl Info {
             decoder_parameters: scene.decoder.parameter_count(),
             decoder_mode: scene.decoder.mode.name(),
             coverage: match scene.rules.coverage {
-                Coverage::All => "space covered by all scales",
-                Coverage::Any => "space covered by any scale",
+                Coverage::All => "all scales",
+                Coverage::Any => "any scale",
             },
             bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
             scale: scene.frame.model_from_dataset.scale,
@@ -107,14 +119,20 @@ impl Info {
             ("dataset", self.dataset.clone()),
             ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
             ("scale", format!("{} model units per dataset unit", short(self.scale))),
-            ("march", format!("{} to {}, step {}, in {}", short(near), short(far), short(self.step), self.coverage)),
+            (
+                "march",
+                format!(
+                    "{} to {}, step {}, in space covered by {}",
+                    short(near),
+                    short(far),
+                    short(self.step),
+                    self.coverage
+                ),
+            ),
             ("background", self.background.map(|c| short(c.into())).join(", ")),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
-            (
-                "parameters",
-                format!("{}, {} of them nonzero", grouped(self.parameters), grouped(self.nonzero_parameters)),
-            ),
+            ("parameters", format!("{}, {} of them stored", grouped(self.parameters), grouped(self.nonzero_parameters))),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let mut sections = Table::new(["section", "bytes"]);

@@ -1,7 +1,7 @@
-//! The one way in which files are written: whole or not at all.
+//! Atomic writing of files.
 //!
-//! The bytes go to a hidden file beside the destination (`.NAME.….partial`), reach the disk, and only then take the
-//! destination's name. Whoever is killed on the way, the destination is the old file or the new one.
+//! The bytes are written to a hidden file beside the destination (`.NAME.….partial`), synced, and renamed. If the process
+//! dies, the destination holds either the old or the new file.
 
 use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
@@ -51,7 +51,7 @@ pub(super) fn check_outputs<'a>(paths: impl IntoIterator<Item = &'a PathBuf>, fo
     let mut seen = HashSet::new();
     for path in paths {
         if !seen.insert(path) {
-            let message = format!("{}: expected one picture of this name, found two", path.display());
+            let message = format!("{}: two pictures would have this name", path.display());
             return Err(Error::Malformed(message));
         }
         check_output(path, force)?;
@@ -59,13 +59,29 @@ pub(super) fn check_outputs<'a>(paths: impl IntoIterator<Item = &'a PathBuf>, fo
     Ok(())
 }
 
-/// Makes the folder `path`, with its parents, where it is absent.
+/// Errors if `path` has the extension of a known format other than `.strivec`.
+pub(super) fn check_scene_name(path: &Path) -> Result<(), Error> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let instead = match extension.as_str() {
+        "npy" | "npz" => "`strivec-pack extract` writes NumPy arrays",
+        "png" | "jpg" | "jpeg" | "webp" | "mp4" => "`strivec render` writes pictures and videos",
+        "json" => "`strivec info --json` prints a description",
+        "ply" | "spz" | "splat" | "ksplat" | "sog" | "obj" | "glb" | "gltf" | "stl" | "usdz" => {
+            "Strivec writes no meshes, points or splats; `strivec-pack extract` writes NumPy arrays"
+        }
+        _ => return Ok(()),
+    };
+    let path = path.display();
+    Err(Error::Usage(format!("{path}: the output is a .strivec file, not a .{extension} file; {instead}")))
+}
+
+/// Creates the folder `path` and its parents if absent.
 pub(super) fn make_folder(path: &Path) -> Result<(), Error> {
     fs::create_dir_all(path).map_err(Error::io("make", path))
 }
 
 fn would_overwrite(path: &Path) -> Error {
-    Error::Usage(format!("{}: expected no file of this name, found one: --force overwrites it", path.display()))
+    Error::Usage(format!("{}: the file exists; --force overwrites it", path.display()))
 }
 
 /// Where `path` leads, links followed, if it may be written.
@@ -79,8 +95,11 @@ fn destination(path: &Path, force: bool) -> Result<PathBuf, Error> {
         return destination(&fs::canonicalize(path).map_err(Error::io("follow", path))?, force);
     }
     if !metadata.is_file() {
-        let found = if metadata.is_dir() { "a folder" } else { "a device, a pipe or the like" };
-        return Err(Error::Usage(format!("{}: expected a regular file or none, found {found}", path.display())));
+        let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+        return Err(Error::Usage(format!(
+            "{}: cannot be overwritten: it is {found}, not a regular file",
+            path.display()
+        )));
     }
     if force { Ok(path.to_path_buf()) } else { Err(would_overwrite(path)) }
 }
@@ -94,7 +113,7 @@ fn folder_of(path: &Path) -> &Path {
 
 fn partial_file(path: &Path, destination: &Path) -> Result<NamedTempFile, Error> {
     let Some(name) = destination.file_name() else {
-        return Err(Error::Usage(format!("{}: expected the name of a file, found none", path.display())));
+        return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
     };
     let folder = folder_of(destination);
     let mut builder = tempfile::Builder::new();

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
-use super::table::grouped;
+use super::table::{grouped, plural};
 use super::train::{interrupts, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 impl Report {
     fn text(&self) -> String {
-        let threads = self.machine.threads;
+        let threads = plural(self.machine.threads, "thread");
         let duration = match self.minutes {
             minutes if minutes < 120.0 => format!("{minutes:.1} min"),
             minutes => format!("{:.1} hours", minutes / 60.0),
@@ -130,7 +130,7 @@ impl Report {
             ("parameters", grouped(self.parameters)),
             ("file", format!("about {:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6)),
             ("memory", format!("about {:.1} GB at the peak", self.memory_bytes as f64 / 1e9)),
-            ("training", format!("about {duration} with {threads} threads of this machine")),
+            ("training", format!("about {duration} with {threads} of this machine")),
         ];
         let figures: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let reasons: String = self.reasons.iter().map(|reason| format!("- {reason}\n")).collect();

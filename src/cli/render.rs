@@ -10,6 +10,7 @@ use super::backend::{BackendOptions, Drawn};
 use super::camera_path::OTHERS;
 use super::output::{check_outputs, make_folder};
 use super::progress::Progress;
+use super::table::plural;
 use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
@@ -135,7 +136,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             .set(done as u64 + 1, || format!("{:.2} s a picture", start.elapsed().as_secs_f64() / (done + 1) as f64));
     }
     let seconds = start.elapsed().as_secs_f64();
-    progress.finish(&format!("{} pictures in {seconds:.1} s", cameras.len()));
+    progress.finish(&format!("{} in {seconds:.1} s", plural(cameras.len(), "picture")));
     if let Some(video) = &video {
         session.console.say(&format!("making the video with {}", video.program()));
         let frames: Vec<_> = cameras.iter().map(|named| file(&named.name, "")).collect();

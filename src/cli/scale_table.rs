@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::table::{Table, grouped};
+use super::table::{Table, grouped, short};
 use crate::model::{Placement, Scale, Scene};
 use crate::train::{Plan, ScalePlan};
 
@@ -70,7 +70,7 @@ pub(super) fn text(rows: &[ScaleRow]) -> String {
             n.to_string(),
             grouped(row.tensors),
             row.placement.to_owned(),
-            per_axis(row.edges),
+            per_axis(row.edges.map(short)),
             per_axis(row.resolution),
             format!("{}+{}", row.density_rank, row.appearance_rank),
             grouped(row.parameters),

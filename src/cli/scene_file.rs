@@ -1,7 +1,8 @@
 //! Reading `.strivec` files.
 
-use std::fs;
+use std::io::Read;
 use std::path::Path;
+use std::{fs, io};
 
 use super::Error;
 use crate::container::{self, Limits, Metadata, SceneFile};
@@ -10,16 +11,26 @@ use crate::render::Approximation;
 
 /// The scene in the file `path`, and the file's bytes.
 pub(super) fn read(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
-    let bytes = fs::read(path).map_err(Error::io("read", path))?;
-    let scene = container::decode(&bytes).map_err(Error::malformed(path))?;
+    let bytes = read_bytes(path)?;
+    let scene = container::decode(&bytes).map_err(|e| Error::container(path, e))?;
     Ok((scene, bytes))
+}
+
+/// The bytes of the file `path`, or of standard input for `-`.
+pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
+    if path != Path::new("-") {
+        return fs::read(path).map_err(Error::io("read", path));
+    }
+    let mut bytes = Vec::new();
+    let read = io::stdin().lock().read_to_end(&mut bytes);
+    read.map(|_| bytes).map_err(|e| Error::Io(format!("cannot read standard input: {e}")))
 }
 
 /// All that is in the file `path`, and its bytes.
 pub(super) fn read_scene_file(path: &Path) -> Result<(SceneFile, Vec<u8>), Error> {
-    let bytes = fs::read(path).map_err(Error::io("read", path))?;
-    let document = container::decode_scene_file(&bytes, Limits::default()).map_err(|e| Error::container(path, e))?;
-    Ok((document, bytes))
+    let bytes = read_bytes(path)?;
+    let scene_file = container::decode_scene_file(&bytes, Limits::default()).map_err(|e| Error::container(path, e))?;
+    Ok((scene_file, bytes))
 }
 
 /// The mean squared error of the scene's pictures to photographs: as the file says, else a usual scene's. Those of encodings and

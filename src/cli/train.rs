@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::console::Console;
+use super::output::check_scene_name;
 use super::prior::Inputs;
 use super::progress::Progress;
 use super::scale_table::{self, ScaleRow};
@@ -107,7 +108,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         return session.console.print(&config.to_toml());
     }
     let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
-        return Err(Error::Usage("expected a dataset and --output".into()));
+        return Err(Error::Usage("give a dataset and --output".into()));
     };
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
@@ -182,10 +183,10 @@ struct Trained<'a> {
 fn unused_text(unused: &DeadComponents, parameters: u64) -> String {
     let DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
     if components_dropped == 0 {
-        return "unused: nothing\n".into();
+        return "cleared: nothing\n".into();
     }
     format!(
-        "unused: {} tensors and {} components cleared, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
+        "cleared: {} tensors and {} components without use, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
         table::grouped(tensors_dropped),
         table::grouped(components_dropped),
         table::grouped(parameters_saved),
@@ -217,7 +218,7 @@ pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
             std::process::exit(4);
         }
     })
-    .map_err(|e| Error::Runtime(format!("cannot listen for Ctrl-C: {e}")))?;
+    .map_err(|e| Error::Runtime(format!("cannot handle Ctrl-C: {e}")))?;
     Ok(interrupted)
 }
 
@@ -268,9 +269,12 @@ fn place<'a>(
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
     let scene = train::place_scene(&config, dataset, occupied)?;
-    session.console.say(&scale_table::text(&scale_table::rows(&scene)));
     let trainer = Trainer::new(config, scene, &dataset.views)?;
-    session.console.say(&format!("{} rays meet the model", table::grouped(trainer.ray_count() as u64)));
+    session.console.say(&format!(
+        "{} parameters, {} rays meet the model",
+        table::grouped(trainer.scene().parameter_count()),
+        table::grouped(trainer.ray_count() as u64)
+    ));
     Ok(trainer)
 }
 
@@ -340,7 +344,7 @@ impl<'a> Meter<'a> {
         });
     }
 
-    /// `time` went by with something else than steps.
+    /// Excludes `time` from the rate.
     fn skip(&mut self, time: Duration) {
         self.begun += time;
         self.progress.reset_rate();
@@ -360,15 +364,16 @@ struct Run<'a> {
     curve: Vec<CurvePoint>,
 }
 
-/// Rows of the log where no evaluation sets them.
-const ROWS: u64 = 50;
+/// Rows of the log, besides those of evaluations.
+const ROWS: u64 = 500;
 /// Held-out views that stand for all while a run goes on.
 const HELD_OUT: usize = 20;
 
 impl Run<'_> {
     fn train(&mut self, trainer: &mut Trainer<'_>, interrupted: &AtomicBool) -> Result<(), Error> {
         let steps = trainer.config().steps;
-        let row_every = self.args.eval_every.unwrap_or((steps / ROWS).max(1));
+        let row_every = (steps / ROWS).max(1);
+        self.write_log()?;
         let mut meter = Meter::start(&self.session.console, trainer);
         let (mut error_sum, mut error_count) = (0.0, 0.0);
         let mut since = Instant::now();
@@ -380,11 +385,13 @@ impl Run<'_> {
             let step = report.step;
             let stop = interrupted.load(Ordering::SeqCst) && step < steps;
             let due = |every: Option<u64>| every.is_some_and(|n| step.is_multiple_of(n));
-            if stop || due(self.args.checkpoint_every) || due(Some(row_every)) || step == steps {
+            let evaluates = self.args.eval_every.is_some() && (due(self.args.eval_every) || step == steps);
+            let has_row = evaluates || due(Some(row_every)) || step == steps;
+            if stop || due(self.args.checkpoint_every) || has_row {
                 trainer.add_seconds(since.elapsed().as_secs_f64());
                 since = Instant::now();
-                if due(Some(row_every)) || step == steps {
-                    let test_psnr = self.args.eval_every.map(|_| self.evaluate(&trainer.scene()));
+                if has_row {
+                    let test_psnr = evaluates.then(|| self.evaluate(&trainer.scene()));
                     let train_psnr = measure::psnr_of_mse(error_sum / error_count);
                     let seconds = trainer.checkpoint().seconds;
                     self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
@@ -399,7 +406,7 @@ impl Run<'_> {
             }
             if stop {
                 let state = self.files.state.display();
-                return Err(Error::Runtime(format!("interrupted after step {step}; go on from {state} with --resume")));
+                return Err(Error::Runtime(format!("interrupted after step {step}; --resume continues from {state}")));
             }
         }
         meter.finish();
@@ -426,7 +433,7 @@ impl Run<'_> {
             let test = row.test_psnr.map_or_else(String::new, |p| format!("{p:.3}"));
             text += &format!("{},{:.1},{:.3},{test}\n", row.step, row.seconds, row.train_psnr);
         }
-        // The row before made it, or the start checked that it may be made.
+        // The start of the run checked that the file may be written.
         write_atomically(path, text.as_bytes(), true)
     }
 }
@@ -447,6 +454,7 @@ struct Files {
 impl Files {
     /// Checks early that everything may be written.
     fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
+        check_scene_name(output)?;
         check_output(output, session.force)?;
         let state = args.checkpoint.clone().unwrap_or_else(|| {
             let mut name = output.as_os_str().to_owned();
@@ -454,6 +462,10 @@ impl Files {
             name.into()
         });
         if !args.resume {
+            if state.exists() && !session.force {
+                let message = "the checkpoint of an interrupted run exists; --resume continues it, --force starts anew";
+                return Err(Error::Usage(format!("{}: {message}", state.display())));
+            }
             check_output(&state, session.force)?;
             if let Some(log) = &args.log {
                 check_output(log, session.force)?;
@@ -470,7 +482,7 @@ impl Files {
         write_atomically(&self.state, &trainer.checkpoint().to_bytes(&scene), true)
     }
 
-    /// A finished run needs its state no more.
+    /// Removes the checkpoint of a finished run.
     fn remove_state(&self) -> Result<(), Error> {
         match std::fs::remove_file(&self.state) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),

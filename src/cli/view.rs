@@ -28,13 +28,14 @@ pub(super) struct Args {
 /// Runs the player until its window is closed.
 pub(super) fn run(args: &Args) -> Result<(), Error> {
     let program = beside_this_program().unwrap_or_else(|| PathBuf::from(PLAYER));
-    let status = process::Command::new(&program).args(&args.arguments).status().map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => {
-            let install = "install it with `cargo install --path . --features player`";
-            Error::Io(format!("{PLAYER} is neither beside this program nor in PATH; {install}"))
-        }
-        _ => Error::io("start", &program)(error),
-    })?;
+    let status =
+        process::Command::new(&program).args(&args.arguments).status().map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => {
+                let install = "install it with `cargo install --path . --features player`";
+                Error::Io(format!("{PLAYER} is neither beside this program nor in PATH; {install}"))
+            }
+            _ => Error::io("start", &program)(error),
+        })?;
     if status.success() {
         return Ok(());
     }

@@ -91,9 +91,7 @@ impl Viewpoints {
                 }
                 self.path.through_keyframes(file, size)
             }
-            (None, None) => {
-                Err(Error::Usage("give one of --cameras, --orbit, --pose and --path".into()))
-            }
+            (None, None) => Err(Error::Usage("give one of --cameras, --orbit, --pose and --path".into())),
         }
     }
 

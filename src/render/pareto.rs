@@ -1,5 +1,5 @@
-//! What a scene's pictures cost and what they are worth, by how they are rendered: what `strivec trade` measured and a
-//! file may carry in its notes.
+//! Render settings on the Pareto front of time and PSNR, as `strivec trade` measures them and stores them in a file's
+//! notes.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ use super::Approximation;
 pub const TRADE_NOTE: &str = "trade";
 /// How the note is written.
 const VERSION: u32 = 1;
-/// Decibels: what is worse than the best by more is not called fast but bad.
+/// Largest PSNR loss, in dB, of the settings named `fast`.
 const FAST_LOSS: f64 = 2.0;
-/// More points than anybody measures.
+/// Largest number of points of a stored front.
 const MAX_POINTS: usize = 256;
 
-/// A way to render.
+/// Settings of a renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderSettings {
-    /// What is left out.
+    /// Approximations of the field and the march.
     pub approximation: Approximation,
-    /// Pictures are rendered this many times smaller, and upsample_bilinear.
+    /// Pictures are rendered this many times smaller and upsampled bilinearly.
     pub divisor: u32,
 }
 
@@ -32,14 +32,14 @@ impl Default for RenderSettings {
     }
 }
 
-/// A way to render, and what it gave.
+/// Render settings with their time and PSNR.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParetoPoint {
     /// Of `fast`, `balanced` and `best`, each of which is one point.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
-    /// What was rendered with.
+    /// The settings.
     pub settings: RenderSettings,
     /// The median of a picture's milliseconds.
     pub milliseconds: f64,
@@ -47,7 +47,7 @@ pub struct ParetoPoint {
     pub psnr: f64,
 }
 
-/// The points that no other beats in both time and PSNR, the fastest first.
+/// The settings that no other dominates in time and PSNR, fastest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParetoFront {
@@ -68,11 +68,11 @@ pub struct ParetoFront {
 /// Which point of a [`ParetoFront`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum QualitySelector {
-    /// The one of this name.
+    /// The settings of this name.
     Name(String),
-    /// The best that renders so many pictures a second.
+    /// The settings of the highest PSNR that reach this many pictures a second.
     FramesPerSecond(f64),
-    /// The fastest of at least so many dB.
+    /// The fastest settings of at least this PSNR, in dB.
     Psnr(f64),
 }
 
@@ -153,12 +153,12 @@ impl ParetoFront {
         Self { version: VERSION, machine, backend, size, against, points }
     }
 
-    /// The point that is wished for, for pictures of `size` pixels.
+    /// The point that `selector` selects for pictures of `size` pixels.
     ///
     /// # Errors
     ///
-    /// Where no point is as wished.
-    pub fn pick(&self, wish: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, ParetoError> {
+    /// If no point matches.
+    pub fn pick(&self, selector: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, ParetoError> {
         let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
         // Time is in proportion to pixels.
         let scale = pixels(size) / pixels(self.size).max(1.0);
@@ -169,7 +169,7 @@ impl ParetoFront {
                 .collect::<Vec<_>>()
                 .join(", ")
         };
-        match wish {
+        match selector {
             QualitySelector::Name(name) => {
                 let names = || self.points.iter().flat_map(|p| p.names.clone()).collect::<Vec<_>>().join(", ");
                 let found = self.points.iter().find(|p| p.names.contains(name));
@@ -178,12 +178,12 @@ impl ParetoFront {
             QualitySelector::FramesPerSecond(fps) => {
                 let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
                 let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
-                best.ok_or_else(|| ParetoError::new("frames per second", format!("what a point gives: {}", all()), fps))
+                best.ok_or_else(|| ParetoError::new("frames per second", format!("a rate that a stored point reaches ({})", all()), fps))
             }
             QualitySelector::Psnr(least) => {
                 let good = self.points.iter().filter(|p| p.psnr >= *least);
                 let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-                fastest.ok_or_else(|| ParetoError::new("PSNR", format!("what a point gives: {}", all()), least))
+                fastest.ok_or_else(|| ParetoError::new("PSNR", format!("a PSNR that a stored point reaches ({})", all()), least))
             }
         }
     }
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn wishes_are_granted_or_refused_with_what_there_is() {
+    fn points_are_selected_or_refused_with_a_list_of_all() {
         let trade = trade();
         let pick = |wish: QualitySelector, size| trade.pick(&wish, size).map(|p| p.milliseconds);
         assert_eq!(pick(QualitySelector::Name("fast".into()), [80, 60]), Ok(20.0));

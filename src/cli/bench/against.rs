@@ -18,25 +18,25 @@ Examples:
   strivec bench against old/strivec --fail-above 1.05 -- eval lego.strivec lego --every 20
   strivec bench against old/strivec --value /seconds_per_view -- eval lego.strivec lego --every 20 --json
 
-Without a command the two builds compare their `bench train` and `bench render`; an older build that has no bench needs \
-a command. A command that writes files runs many times: give it --force. Whatever fails the check has exit code 4.";
+Without a command, `bench train` and `bench render` of the two builds are compared. A command runs several times; give --force \
+to one that writes files.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The other build's executable
+    /// Executable of the other build
     other: PathBuf,
-    /// Times that each build runs, by turns
+    /// Runs of each build, alternating
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
     rounds: u16,
-    /// Fail where this build's median is more than R times the other's
+    /// Fail with exit code 4 if this build's median is more than R times the other's [default: never]
     #[arg(long, value_name = "R", value_parser = ratio)]
     fail_above: Option<f64>,
-    /// Compare this number of the command's JSON instead of its wall time, as in /points/0/seconds/median
+    /// Compare this number of the command's JSON, such as /points/0/seconds/median [default: the wall time]
     #[arg(long, value_name = "POINTER", requires = "command")]
     value: Option<String>,
-    /// What both builds run, after --
+    /// Command that both builds run, after --
     #[arg(last = true, value_name = "COMMAND")]
     command: Vec<String>,
 }

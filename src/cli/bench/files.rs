@@ -27,7 +27,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene [default: a ball that is made in memory]
+    /// Scene file [default: a ball made in memory]
     file: Option<PathBuf>,
     #[command(flatten)]
     repeats: Repeats,

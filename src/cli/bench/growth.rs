@@ -83,13 +83,13 @@ impl Parameter {
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The ball's model
+    /// Preset of the ball
     #[arg(long, value_enum, default_value = "12")]
     preset: Preset,
-    /// Vary nothing else
+    /// Vary this parameter only [default: each in turn]
     #[arg(long, value_enum)]
     only: Option<Parameter>,
-    /// Measure that parameter times this alone
+    /// Measure this multiple of the parameter only, 0.25 to 8
     #[arg(long, value_name = "F", requires = "only", conflicts_with = "threads_list", value_parser = factor)]
     factor: Option<f64>,
     #[command(flatten)]

@@ -39,32 +39,32 @@ pub(super) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// What this machine can do: arithmetic and memory
+    /// Measure the machine's peak arithmetic and memory rates
     Peak(peak::Args),
-    /// Steps of training, stage by stage
+    /// Measure training steps by stage
     Train(train::Args),
-    /// Frames, stage by stage
+    /// Measure frames by stage
     Render(render::Args),
-    /// Reading and writing scenes, and making their factors finer
+    /// Measure reading, writing and upsampling of scenes
     Files(files::Args),
-    /// How time and memory grow with pictures, tensors, ranks, batch and step
+    /// Measure how time and memory grow with pixels, tensors, ranks, batch and march step
     Growth(growth::Args),
-    /// Putting many tensors where a prior is, and finding them again
+    /// Measure placement of many tensors on a prior, and their lookup
     Placement(placement::Args),
-    /// This build against another, by turns
+    /// Compare this build with another
     Against(against::Args),
 }
 
 /// How often something is measured, and on how many threads.
 #[derive(Clone, Debug, clap::Args)]
 struct Repeats {
-    /// Runs that count; their median is the result
+    /// Measured runs; the result is their median
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
     runs: u16,
-    /// Runs before those, which do not count
+    /// Runs before the measured ones; 0 for none
     #[arg(long, value_name = "N", default_value_t = 2)]
     warm_up: u16,
-    /// Measure on each of these numbers of threads [default: those of the whole command]
+    /// Numbers of threads to measure [default: --threads]
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4096))]
     threads_list: Vec<u16>,
 }

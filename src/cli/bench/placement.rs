@@ -29,7 +29,7 @@ const LOOKUPS: u64 = 1_000_000;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// About so many tensors
+    /// Approximate numbers of tensors, 1000 to 10M
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_value = "10k,100k,1M", value_parser = tensors)]
     tensors: Vec<u64>,
 }

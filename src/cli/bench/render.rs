@@ -22,9 +22,9 @@ const BALL_PRESET: &str = "24";
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene [default: a ball that is made in memory]
+    /// Scene file [default: a ball made in memory]
     file: Option<PathBuf>,
-    /// Size of the frame, the first of an orbit
+    /// Size of the frame, the first of an orbit, in pixels
     #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = picture_size::parse)]
     size: [u32; 2],
     #[command(flatten)]

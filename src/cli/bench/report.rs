@@ -39,9 +39,15 @@ pub(super) fn stages(measured: &Measured) -> String {
             row.bound.name().to_owned(),
         ]);
     }
+    let is_cached = measured.stages.rows.iter().any(|row| row.flop_share.max(row.bandwidth_share) > 1.0);
+    let note = if is_cached {
+        "Shares above 100 %: the stage reads from caches, which are faster than the copy.\n"
+    } else {
+        ""
+    };
     format!(
         "{}total: {:.1} ms on {} threads, {} of it idle or not booked; {:.2} GFLOP would take {:.1} ms at the peak: {}; stages at the \
-         nearer of their limits: {}\n",
+         nearer of their limits: {}\n{note}",
         table.text(),
         total.wall_ms,
         total.threads,

@@ -31,22 +31,22 @@ const BALL_SIZE: u32 = 200;
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// Folder of the dataset [default: a ball that is made in memory]
+    /// Dataset folder [default: a ball made in memory]
     #[arg(requires = "start")]
     dataset: Option<PathBuf>,
     #[command(flatten)]
     start: Start,
-    /// Tensors as fine as after N upsamplings, on the ball [default: 0 and all]
+    /// Resolution of the ball's tensors: after N upsamplings [default: 0 and all]
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', conflicts_with = "dataset")]
     upsampled: Vec<usize>,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
         requires = "dataset")]
     downscale: u32,
-    /// The model of the ball and of --at, and how --scene is trained [default: 24; the scene's own]
+    /// Preset of the ball, of --at and of --scene [default: the scene's, else 24]
     #[arg(long, value_enum, conflicts_with = "resume")]
     preset: Option<Preset>,
-    /// Rays a step [default: the preset's or the state's]
+    /// Rays per step [default: the preset's or the state's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     batch: Option<u32>,
     #[command(flatten)]
@@ -60,7 +60,7 @@ struct Start {
     /// Train this scene
     #[arg(long, value_name = "FILE", requires = "dataset")]
     scene: Option<PathBuf>,
-    /// Go on from the state that `strivec train --checkpoint` left
+    /// Resume from a checkpoint of `strivec train`
     #[arg(long, value_name = "STATE", requires = "dataset")]
     resume: Option<PathBuf>,
     /// Reconstruct the prior, train, and measure after these steps

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::encoding::{LayoutArgs, Plain, lossless};
+use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, Inputs, Outputs};
 use crate::cli::approximations::stored_settings;
 use crate::cli::table::grouped;
 use crate::cli::{Error, Session};
-use crate::container::{self, EncodeOptions, Metadata, SceneFile, VERSION};
+use crate::container::{self, Metadata, SceneFile, VERSION};
 use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
 
 /// Arguments of `strivec-pack convert`.
@@ -18,22 +18,21 @@ use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
 pub(super) struct Args {
     #[command(flatten)]
     inputs: Inputs,
-    /// The file to write, a folder for several inputs, or - for standard output
+    /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// How factors are written; matrices and decoder are not changed
-    #[arg(long, value_enum, default_value = "f32")]
-    encoding: Plain,
+    /// Encoding of the factors; matrices and decoder stay lossless [default: f16 if it is lossless, else f32]
+    #[arg(long, value_enum)]
+    encoding: Option<Plain>,
     #[command(flatten)]
     layout: LayoutArgs,
-    /// Leave out what the file's point of this name leaves out, as `strivec trade --store` has written it: fast, balanced
-    /// or best
+    /// Apply the stored render settings of this name to the scene: fast, balanced or best
     #[arg(long, value_name = "NAME")]
     quality: Option<String>,
-    /// The version of the format to write
+    /// Format version to write
     #[arg(long, value_name = "MAJOR.MINOR", default_value_t = VERSION.to_string())]
     target_version: String,
-    /// Only say what would be written
+    /// Dry run: print what would be written
     #[arg(long)]
     dry_run: bool,
 }
@@ -58,27 +57,24 @@ impl Written {
     }
 }
 
-/// Writes files anew.
+/// Writes files in another encoding.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     if args.target_version != VERSION.to_string() {
-        let message = format!("--target-version: expected {VERSION}, found {}", args.target_version);
+        let message = format!("--target-version {}: only {VERSION} can be written", args.target_version);
         return Err(Error::Unsupported(message));
     }
-    let options = match args.encoding {
-        Plain::F32 => lossless(&args.layout),
-        other => EncodeOptions::uniform(other.encoding()),
-    };
-    let options = args.layout.apply(options)?;
+    args.layout.check()?;
     rewrite(&args.inputs, &args.output, args.dry_run, session, |mut document, path| {
         if let Some(name) = &args.quality {
             bake(&mut document, path, name, session)?;
         }
+        let options = args.layout.apply(options_for(args.encoding, &document.scene, &args.layout))?;
         let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options);
         bytes.map_err(|e| Error::container(path, e))
     })
 }
 
-/// Makes the scene what the file's point `name` renders, as far as scenes can be.
+/// Applies the stored render settings `name` to the scene.
 fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
     let size =
         ParetoFront::from_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
@@ -89,18 +85,27 @@ fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) ->
     document.scene = approximation.applied(scene);
     forget_measurements(&mut document.metadata);
     if approximation.density_cache.is_some() || divisor != 1 {
-        let message = "a density cache and smaller pictures are the renderer's: the file cannot have them";
+        let message = "a density cache and smaller pictures cannot be stored in a file; pass them when rendering";
         session.console.say(&format!("{}: {message}", path.display()));
     }
     Ok(())
 }
 
-/// Forgets what was of the scene as it was.
+/// Drops metadata that described the scene before a change.
 pub(super) fn forget_measurements(metadata: &mut Metadata) {
     metadata.probes = None;
     metadata.prefixes.clear();
     metadata.quality = None;
     metadata.notes.remove(TRADE_NOTE);
+}
+
+/// Warns if a file became larger.
+pub(super) fn warn_of_growth(path: &Path, before: usize, after: usize, session: &Session) {
+    if after > before {
+        let (before, after) = (grouped(before as u64), grouped(after as u64));
+        let advice = "`strivec-pack pack` compresses it, --encoding sets another encoding";
+        session.console.say(&format!("warning: {} grows from {before} to {after} bytes; {advice}", path.display()));
+    }
 }
 
 /// Writes what `change` makes of each input.
@@ -112,12 +117,13 @@ pub(super) fn rewrite(
     change: impl Fn(container::SceneFile, &Path) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
     let paths = inputs.paths()?;
-    let outputs = Outputs::new(&paths, output, dry_run, session)?;
+    let outputs = Outputs::new(&paths, inputs.are_several(), output, dry_run, session)?;
     let mut rows = Vec::new();
     for path in &paths {
         let (document, before) = input::read(path, inputs.limits.limits())?;
         let bytes = change(document, path)?;
         let written = outputs.write(path, &bytes)?;
+        warn_of_growth(path, before.len(), bytes.len(), session);
         let (bytes_before, bytes) = (before.len() as u64, bytes.len() as u64);
         rows.push(Written { input: path.clone(), output: written, bytes_before, bytes });
     }

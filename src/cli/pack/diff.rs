@@ -16,11 +16,11 @@ use crate::pack::{Distortion, probe_views};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  strivec-pack diff before.strivec after.strivec")]
 pub(super) struct Args {
-    /// A scene file
+    /// First scene file
     before: PathBuf,
-    /// Another
+    /// Second scene file
     after: PathBuf,
-    /// Compare no pictures
+    /// Compare the files' numbers only, without pictures
     #[arg(long)]
     no_pictures: bool,
     #[command(flatten)]

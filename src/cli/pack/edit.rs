@@ -1,30 +1,34 @@
 //! `strivec-pack prune`, `crop` and `transform`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DQuat;
 
 use super::convert::{forget_measurements, rewrite};
-use super::encoding::{LayoutArgs, lossless};
+use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::Inputs;
 use super::package::{JUDGED, PROBED};
 use crate::cli::numbers::{boxed, numbers};
+use crate::cli::table::short;
 use crate::cli::{Error, Session};
-use crate::container::{self, EncodeOptions, SceneFile};
+use crate::container::{self, SceneFile};
 use crate::geometry::{Aabb, Similarity};
 use crate::pack::{self, probe_views};
 
-/// Where a changed scene goes. Its numbers are written as 32-bit floating point; `pack` makes them small.
+/// Output of an edited scene.
 #[derive(Debug, clap::Args)]
 struct Target {
     #[command(flatten)]
     inputs: Inputs,
-    /// The file to write, a folder for several inputs, or - for standard output
+    /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
+    /// Encoding of the factors [default: f16 if it is lossless, else f32]
+    #[arg(long, value_enum)]
+    encoding: Option<Plain>,
     #[command(flatten)]
     layout: LayoutArgs,
-    /// Only say what would be written
+    /// Dry run: print what would be written
     #[arg(long)]
     dry_run: bool,
 }
@@ -33,16 +37,15 @@ impl Target {
     fn rewrite(
         &self,
         session: &Session,
-        change: impl Fn(SceneFile) -> Result<SceneFile, container::Error>,
+        change: impl Fn(SceneFile, &Path) -> Result<SceneFile, Error>,
     ) -> Result<(), Error> {
-        let options: EncodeOptions = self.layout.apply(lossless(&self.layout))?;
+        self.layout.check()?;
         rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
-            let changed = || {
-                let mut document = change(document)?;
-                forget_measurements(&mut document.metadata);
-                container::encode_scene_file(&document.scene, &document.metadata, &options)
-            };
-            changed().map_err(|e| Error::container(path, e))
+            let mut changed = change(document, path)?;
+            forget_measurements(&mut changed.metadata);
+            let options = self.layout.apply(options_for(self.encoding, &changed.scene, &self.layout))?;
+            container::encode_scene_file(&changed.scene, &changed.metadata, &options)
+                .map_err(|e| Error::container(path, e))
         })
     }
 }
@@ -53,17 +56,17 @@ impl Target {
 pub(super) struct PruneArgs {
     #[command(flatten)]
     target: Target,
-    /// What the absence of a component may add to the mean squared error of pictures
+    /// Drop components whose absence adds at most this to the mean squared error of pictures
     #[arg(long, value_name = "ERROR", default_value_t = 1e-13)]
     error: f64,
-    /// Of every random choice
+    /// Random seed
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
 
 /// Drops components that pictures do not show.
 pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
-    args.target.rewrite(session, |mut document| {
+    args.target.rewrite(session, |mut document, _| {
         let views = probe_views(&document.scene, &document.metadata.cameras, PROBED.0, JUDGED.1);
         let importance = views.importance(&document.scene, PROBED.1, args.seed);
         let share = pack::prune(&mut document.scene, &importance, args.error);
@@ -80,18 +83,18 @@ pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
 pub(super) struct CropArgs {
     #[command(flatten)]
     target: Target,
-    /// Keep what is in this box: its smallest and its largest corner, in the dataset's space
+    /// Keep the tensors in this box: smallest and largest corner, in dataset units
     #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true,
         required_unless_present = "scales")]
     corners: Option<Aabb>,
-    /// Keep the N coarsest scales, with what the file says makes up for the others
+    /// Keep the N coarsest scales, with the file's correction for the missing ones
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     scales: Option<u16>,
 }
 
 /// Keeps what is in a box, or coarse enough.
 pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
-    args.target.rewrite(session, |mut document| {
+    args.target.rewrite(session, |mut document, path| {
         if let Some(scales) = args.scales.map(usize::from).filter(|n| *n < document.scene.scales.len()) {
             let prefixes = &document.metadata.prefixes;
             if !matches!(prefixes.get(scales - 1), Some(Some(_))) {
@@ -103,7 +106,16 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
             let map = document.scene.frame.model_from_dataset;
             // The box around the box, where the map turns it.
             let within = Aabb::from_points(corners.corners().map(|corner| map.point(corner)));
-            document.scene = pack::crop(&document.scene, &within)?;
+            let bounds = document.scene.bounds;
+            if within.min.cmpge(bounds.max).any() || within.max.cmple(bounds.min).any() {
+                let dataset_from_model = map.inverse();
+                let bounds = Aabb::from_points(bounds.corners().map(|corner| dataset_from_model.point(corner)));
+                let corner = |at: glam::DVec3| at.to_array().map(short).join(", ");
+                let bounds = format!("({}) to ({})", corner(bounds.min), corner(bounds.max));
+                let message = format!("{}: the box holds nothing of the scene (bounds {bounds})", path.display());
+                return Err(Error::Usage(message));
+            }
+            document.scene = pack::crop(&document.scene, &within).map_err(|e| Error::container(path, e.into()))?;
         }
         Ok(document)
     })
@@ -117,14 +129,14 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
 pub(super) struct TransformArgs {
     #[command(flatten)]
     target: Target,
-    /// Move by this, in the dataset's units, after turning and scaling
+    /// Move by this vector, in dataset units, after turning and scaling
     #[arg(long = "move", value_name = "X,Y,Z", value_parser = numbers::<3>, default_value = "0,0,0",
         allow_hyphen_values = true)]
     by: [f64; 3],
-    /// Turn by a quarter around this axis, counterclockwise seen from its end; -x the other way
+    /// Turn by 90 degrees around this axis, counterclockwise seen from its end; -x turns clockwise; can be repeated
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     turn: Vec<String>,
-    /// Scale by this, around the origin
+    /// Scale by this factor around the origin
     #[arg(long, default_value_t = 1.0)]
     scale: f64,
 }
@@ -132,7 +144,7 @@ pub(super) struct TransformArgs {
 /// Changes where a scene is in its dataset's space: its model stays as it is.
 pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), Error> {
     if !(args.scale > 0.0 && args.scale.is_finite()) {
-        return Err(Error::Usage(format!("--scale: expected a positive number, found {}", args.scale)));
+        return Err(Error::Usage(format!("--scale {}: must be positive", args.scale)));
     }
     let quarter = |axis: &String| {
         let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -146,7 +158,7 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
     };
     let rotation = args.turn.iter().fold(DQuat::IDENTITY, |all, axis| quarter(axis) * all);
     let moved = Similarity { scale: args.scale, rotation: rotation.normalize(), translation: args.by.into() };
-    args.target.rewrite(session, |mut document| {
+    args.target.rewrite(session, |mut document, _| {
         let frame = &mut document.scene.frame;
         let before = moved.inverse();
         let map = frame.model_from_dataset;

@@ -1,26 +1,28 @@
-//! The arguments that choose an encoding.
+//! Options of encodings.
 
 use clap::ValueEnum;
+use half::f16;
 
 use crate::cli::Error;
 use crate::container::{ArrayOptions, EncodeOptions, Encoding, Filter};
+use crate::model::Scene;
 
-/// Encodings that need nothing but the numbers.
+/// Encodings that depend on the numbers alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Plain {
-    /// 32-bit floating point: loses nothing
+    /// 32-bit floating point, lossless
     F32,
     /// 16-bit floating point
     F16,
-    /// Integers of 8 bits, a step a vector
+    /// 8-bit integers with a step per vector
     Grid8,
-    /// Integers of 6 bits
+    /// 6-bit integers
     Grid6,
-    /// Integers of 5 bits
+    /// 5-bit integers
     Grid5,
-    /// Integers of 4 bits
+    /// 4-bit integers
     Grid4,
-    /// Integers of 3 bits
+    /// 3-bit integers
     Grid3,
 }
 
@@ -41,30 +43,54 @@ impl Plain {
 /// How bodies are compressed, and scenes cut.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct LayoutArgs {
-    /// zstd's level, 1 to 22; 0 compresses nothing, so that a reader can map numbers from the file
+    /// zstd compression level, 1 to 22; 0 turns compression off, so that readers can map the file
     #[arg(long, value_name = "N", default_value_t = 19)]
     level: u8,
-    /// Tensors of a chunk, at most: small chunks make good crops and range requests, large ones small files
+    /// Largest number of tensors per chunk: small chunks suit crops and range requests, large chunks give smaller files
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
     chunk_tensors: u32,
 }
 
 impl LayoutArgs {
-    /// `options` with these.
-    pub(super) fn apply(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
+    /// Errors if the level is out of range.
+    pub(super) fn check(&self) -> Result<(), Error> {
         if self.level > 22 {
-            return Err(Error::Usage(format!("--level: expected 0 to 22, found {}", self.level)));
+            return Err(Error::Usage(format!("--level {}: must be from 0 to 22", self.level)));
         }
+        Ok(())
+    }
+
+    /// `options` with this level and chunk size.
+    pub(super) fn apply(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
+        self.check()?;
         let zstd_level = (self.level > 0).then_some(i32::from(self.level));
         Ok(EncodeOptions { zstd_level, chunk_tensors: self.chunk_tensors as usize, ..options })
     }
 }
 
-/// Everything as it is, in the arrangement that compresses best; or, uncompressed, that can be mapped.
-pub(super) fn lossless(layout: &LayoutArgs) -> EncodeOptions {
+/// `encoding`, or the smallest floating-point encoding that loses nothing of `scene`.
+pub(super) fn options_for(encoding: Option<Plain>, scene: &Scene, layout: &LayoutArgs) -> EncodeOptions {
+    match encoding {
+        None => lossless(scene, layout),
+        Some(Plain::F32) => floats(Encoding::F32, layout),
+        Some(other) => EncodeOptions::uniform(other.encoding()),
+    }
+}
+
+/// The smallest floating-point encoding that loses nothing: 16 bits for scenes read from 16-bit files, else 32 bits.
+pub(super) fn lossless(scene: &Scene, layout: &LayoutArgs) -> EncodeOptions {
+    let is_half = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
+    let factors = scene.scales.iter().flat_map(|scale| [&scale.factors.density, &scale.factors.appearance]);
+    let encoding = if factors.flatten().all(is_half) { Encoding::F16 } else { Encoding::F32 };
+    floats(encoding, layout)
+}
+
+/// Floats in the arrangement that compresses best or, without compression, that can be mapped.
+fn floats(encoding: Encoding, layout: &LayoutArgs) -> EncodeOptions {
     let filter = if layout.level > 0 { Filter::Planes } else { Filter::None };
-    let array = ArrayOptions { encoding: Encoding::F32, filter };
-    let mut options = EncodeOptions { networks: array, ..EncodeOptions::uniform(Encoding::F32) };
-    options.density.iter_mut().chain(&mut options.appearance).for_each(|factors| factors.array = array);
+    let networks = ArrayOptions { encoding: Encoding::F32, filter };
+    let mut options = EncodeOptions { networks, ..EncodeOptions::uniform(encoding) };
+    let factors = options.density.iter_mut().chain(&mut options.appearance);
+    factors.for_each(|factors| factors.array = ArrayOptions { encoding, filter });
     options
 }

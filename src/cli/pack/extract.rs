@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 use serde::{Deserialize, Serialize};
 
 use super::convert::Written;
-use super::encoding::{LayoutArgs, lossless};
+use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::{Error, Session};
 use crate::container::{self, Metadata, SceneFile, TrainingCamera, Views};
@@ -31,14 +31,14 @@ const LAYOUT: u32 = 1;
 Example:
   strivec-pack extract lego.strivec -o lego
 
-The folder holds scene.json and arrays for numpy.load: scaleS_density and scaleS_appearance f32[tensor][vertex of x, then
+The folder holds scene.json and arrays for numpy.load: scaleS_density and scaleS_appearance f32[tensor][vertex of x, then \
 y, then z][component], scaleS_matrix f32[feature][component], scaleS_cells u32[tensor][3] or scaleS_centers \
-f64[tensor][3], decoderL_weights f32[output][input], decoderL_bias, occupancy bool[z][y][x]. Probes, corrections of \
-prefixes, what was measured, the thumbnail and unknown sections are left out: they are of the file as it was.")]
+f64[tensor][3], decoderL_weights f32[output][input], decoderL_bias, occupancy bool[z][y][x]. Probes, prefix \
+corrections, quality figures, the thumbnail and unknown sections are dropped.")]
 pub(super) struct ExtractArgs {
-    /// A scene file, or - for standard input
+    /// Scene file, or - for standard input
     input: PathBuf,
-    /// The folder to make
+    /// Folder to create
     #[arg(long, short)]
     output: PathBuf,
     #[command(flatten)]
@@ -49,11 +49,14 @@ pub(super) struct ExtractArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  strivec-pack assemble lego -o lego.strivec")]
 pub(super) struct AssembleArgs {
-    /// The folder that `extract` made
+    /// Folder made by `extract`
     input: PathBuf,
-    /// The file to write, or - for standard output
+    /// File to write, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
+    /// Encoding of the factors [default: f16 if it is lossless, else f32]
+    #[arg(long, value_enum)]
+    encoding: Option<Plain>,
     #[command(flatten)]
     layout: LayoutArgs,
 }
@@ -102,7 +105,7 @@ struct DecoderDescription {
 /// Makes a folder of a file.
 pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error> {
     if args.output.exists() {
-        let message = format!("{}: expected nothing of this name, found something", args.output.display());
+        let message = format!("{}: exists; name a new folder", args.output.display());
         return Err(Error::Usage(message));
     }
     let (document, _) = input::read(&args.input, args.limits.limits())?;
@@ -126,9 +129,9 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
 
 /// Makes a file of a folder.
 pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
-    let outputs = Outputs::new(std::slice::from_ref(&args.input), &args.output, false, session)?;
+    let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let document = Folder(&args.input).document()?;
-    let options = args.layout.apply(lossless(&args.layout))?;
+    let options = args.layout.apply(options_for(args.encoding, &document.scene, &args.layout))?;
     let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;
     let output = outputs.write(&args.input, &bytes)?;

@@ -9,7 +9,7 @@ use super::input::{self, Inputs};
 use crate::cli::info::Info;
 use crate::cli::table::{Table, grouped};
 use crate::cli::{Error, Session};
-use crate::container::{self, Metadata};
+use crate::container::{self, Limits, Metadata};
 
 /// Arguments of `strivec-pack info`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub(super) struct Args {
     inputs: Inputs,
 }
 
-/// What a file holds, and what takes its bytes.
+/// The contents of a file and the bytes of its parts.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 #[schemars(rename = "FileInfo")]
 pub(super) struct Row {
@@ -28,7 +28,7 @@ pub(super) struct Row {
     version: String,
     /// Bytes of header, table and padding.
     framing_bytes: u64,
-    /// \[kind and scale\] bytes in the file, and bits of the file a parameter of the scene.
+    /// \[kind and scale\] bytes in the file, and their share of the file.
     budget: BTreeMap<String, (u64, f64)>,
     license: Option<String>,
     notes: BTreeMap<String, String>,
@@ -43,26 +43,35 @@ pub(super) struct Row {
     unknown_sections: Vec<String>,
 }
 
-/// Prints what files hold.
+/// Prints the contents of files, then the errors.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let mut rows = Vec::new();
+    let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
-        let (document, bytes) = input::read(&path, args.inputs.limits.limits())?;
-        let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
-        rows.push(Row::new(path, bytes.len() as u64, document, &contents));
+        match Row::read(path, args.inputs.limits.limits()) {
+            Ok(row) => rows.push(row),
+            Err(error) => errors.push(error),
+        }
     }
-    session.console.result(&rows, |rows| rows.iter().map(Row::text).collect::<Vec<_>>().join("\n"))
+    if !rows.is_empty() {
+        session.console.result(&rows, |rows| rows.iter().map(Row::text).collect::<Vec<_>>().join("\n"))?;
+    }
+    session.console.fail_with(errors)
 }
 
 impl Row {
+    fn read(path: PathBuf, limits: Limits) -> Result<Self, Error> {
+        let (document, bytes) = input::read(&path, limits)?;
+        let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
+        Ok(Self::new(path, bytes.len() as u64, document, &contents))
+    }
+
     fn new(path: PathBuf, bytes: u64, document: container::SceneFile, contents: &container::Contents) -> Self {
-        let parameters = document.scene.parameter_count().max(1) as f64;
         let mut budget: BTreeMap<String, (u64, f64)> = BTreeMap::new();
         for section in &contents.sections {
             let scale = section.scale.map_or_else(String::new, |scale| format!(" of scale {scale}"));
             let entry = budget.entry(format!("{}{scale}", section.kind)).or_default();
             entry.0 += section.length;
-            entry.1 += 8.0 * section.length as f64 / parameters;
+            entry.1 += section.length as f64 / bytes as f64;
         }
         let info = Info::new(path, bytes, &document.scene, contents);
         let Metadata { license, quality, probes, cameras, notes, unknown, .. } = document.metadata;
@@ -84,9 +93,9 @@ impl Row {
     }
 
     fn text(&self) -> String {
-        let mut budget = Table::new(["kind", "bytes", "bits a parameter"]);
-        for (kind, (bytes, bits)) in &self.budget {
-            budget.row([kind.clone(), grouped(*bytes), format!("{bits:.3}")]);
+        let mut budget = Table::new(["kind", "bytes", "of the file"]);
+        for (kind, (bytes, share)) in &self.budget {
+            budget.row([kind.clone(), grouped(*bytes), format!("{:.2} %", 100.0 * share)]);
         }
         let mut lines = vec![format!("version     {}", self.version)];
         lines.extend(self.license.iter().map(|l| format!("license     {l}")));

@@ -1,10 +1,10 @@
-//! What commands read and write: files by name or pattern, standard input and output.
+//! Inputs and outputs of commands: files by name or pattern, standard input and output.
 
-use std::io::{Read, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
-use crate::cli::{Error, Session, check_output, write_atomically};
+use crate::cli::output::check_scene_name;
+use crate::cli::{Error, Session, check_output, scene_file, write_atomically};
 use crate::container::{self, Limits, SceneFile};
 
 /// The name of standard input and output.
@@ -13,17 +13,17 @@ pub(super) const STANDARD: &str = "-";
 /// Files to read.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Inputs {
-    /// Scene files, patterns of them, or - for standard input
+    /// Scene files, patterns, or - for standard input
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
     #[command(flatten)]
     pub(super) limits: LimitArgs,
 }
 
-/// What a stranger's file may cost.
+/// Resource limits for untrusted files.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct LimitArgs {
-    /// Memory that decoding a file may take, in MiB
+    /// Memory limit for decoding a file, in MiB
     #[arg(long, value_name = "MIB", default_value_t = Limits::default().memory >> 20)]
     memory: u64,
 }
@@ -35,12 +35,16 @@ impl LimitArgs {
 }
 
 impl Inputs {
-    /// The files' names, patterns resolved; a pattern that fits nothing is an error.
+    /// Whether results need a folder: for several inputs or a pattern, however many files match it.
+    pub(super) fn are_several(&self) -> bool {
+        self.inputs.len() > 1 || self.inputs.iter().any(|input| is_pattern(input))
+    }
+
+    /// The files' names, patterns resolved; a pattern without a match is an error.
     pub(super) fn paths(&self) -> Result<Vec<PathBuf>, Error> {
         let mut paths = Vec::new();
         for input in &self.inputs {
-            // A file of that very name comes before what a pattern means.
-            if input == STANDARD || Path::new(input).exists() || !input.contains(['*', '?', '[']) {
+            if !is_pattern(input) {
                 paths.push(input.into());
                 continue;
             }
@@ -50,31 +54,26 @@ impl Inputs {
                 paths.push(path.map_err(|e| Error::Io(e.to_string()))?);
             }
             if paths.len() == before {
-                return Err(Error::Io(format!("{input}: no file fits this pattern")));
+                return Err(Error::Io(format!("{input}: no file matches this pattern")));
             }
         }
         Ok(paths)
     }
 }
 
-/// The bytes of a file, or of standard input.
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
-    if path == Path::new(STANDARD) {
-        let mut bytes = Vec::new();
-        let read = io::stdin().lock().read_to_end(&mut bytes);
-        return read.map(|_| bytes).map_err(|e| Error::Io(format!("standard input: cannot read it: {e}")));
-    }
-    fs::read(path).map_err(Error::io("read", path))
+/// Whether `input` is a pattern; a file of that very name takes precedence.
+fn is_pattern(input: &str) -> bool {
+    input != STANDARD && !Path::new(input).exists() && input.contains(['*', '?', '['])
 }
 
-/// What a file holds, and its bytes.
+/// The content of a file, and its bytes.
 pub(super) fn read(path: &Path, limits: Limits) -> Result<(SceneFile, Vec<u8>), Error> {
-    let bytes = read_bytes(path)?;
+    let bytes = scene_file::read_bytes(path)?;
     let document = container::decode_scene_file(&bytes, limits).map_err(|e| Error::container(path, e))?;
     Ok((document, bytes))
 }
 
-/// Where results go: a file for one input, a folder for several.
+/// Where results go: a file for one input, a folder for several or a pattern.
 pub(super) struct Outputs {
     output: PathBuf,
     is_folder: bool,
@@ -83,15 +82,31 @@ pub(super) struct Outputs {
 }
 
 impl Outputs {
-    /// For `inputs` that are written to `output`; checks early that they may be.
-    pub(super) fn new(inputs: &[PathBuf], output: &Path, dry_run: bool, session: &Session) -> Result<Self, Error> {
-        let is_folder = output.is_dir() || inputs.len() > 1;
-        if is_folder && output == Path::new(STANDARD) {
-            return Err(Error::Usage("-: expected one input for standard output, found several".into()));
+    /// For `inputs` that are written to `output`, a folder if there are `several`. Checks early that they may be written.
+    pub(super) fn new(
+        inputs: &[PathBuf],
+        several: bool,
+        output: &Path,
+        dry_run: bool,
+        session: &Session,
+    ) -> Result<Self, Error> {
+        let has_slash = output.to_string_lossy().ends_with(std::path::is_separator);
+        let is_folder = several || has_slash || output.is_dir();
+        let is_standard = output == Path::new(STANDARD);
+        if is_folder && is_standard {
+            return Err(Error::Usage("-: standard output takes the result of one input only, not of several".into()));
+        }
+        if is_standard && !dry_run && io::stdout().is_terminal() {
+            return Err(Error::Usage(
+                "-: a .strivec file is not written to a terminal; redirect standard output".into(),
+            ));
         }
         if is_folder && !output.is_dir() {
-            let message = format!("{}: expected a folder for several inputs, found none", output.display());
-            return Err(Error::Usage(message));
+            let message = "no such folder; several inputs or a pattern need an existing folder";
+            return Err(Error::Usage(format!("{}: {message}", output.display())));
+        }
+        if !is_folder && !is_standard {
+            check_scene_name(output)?;
         }
         let outputs = Self { output: output.into(), is_folder, force: session.force, dry_run };
         if !dry_run {
@@ -99,10 +114,7 @@ impl Outputs {
             for input in inputs {
                 let path = outputs.path_of(input);
                 if !seen.insert(path.clone()) {
-                    return Err(Error::Usage(format!(
-                        "{}: expected one input of this name, found two",
-                        path.display()
-                    )));
+                    return Err(Error::Usage(format!("{}: two inputs would be written here", path.display())));
                 }
                 if path != Path::new(STANDARD) {
                     check_output(&path, outputs.force)?;
@@ -123,7 +135,7 @@ impl Outputs {
         self.output.join(name)
     }
 
-    /// Writes the result for `input`, unless it is only to be said what would be.
+    /// Writes the result for `input`, unless this is a dry run.
     pub(super) fn write(&self, input: &Path, bytes: &[u8]) -> Result<PathBuf, Error> {
         let path = self.path_of(input);
         if self.dry_run {
@@ -132,7 +144,11 @@ impl Outputs {
         if path == Path::new(STANDARD) {
             let mut stdout = io::stdout().lock();
             let written = stdout.write_all(bytes).and_then(|()| stdout.flush());
-            written.map_err(|e| Error::Io(format!("standard output: cannot write to it: {e}")))?;
+            match written {
+                // The reader needs no more.
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
+                other => other.map_err(|e| Error::Io(format!("cannot write to standard output: {e}")))?,
+            }
         } else {
             write_atomically(&path, bytes, self.force)?;
         }

@@ -11,15 +11,15 @@ use crate::container;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  strivec-pack notes lego.strivec --set author=me -o noted.strivec")]
 pub(super) struct Args {
-    /// A scene file, or - for standard input
+    /// Scene file, or - for standard input
     input: PathBuf,
-    /// Write this note
+    /// Set this note; can be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = note, requires = "output")]
     set: Vec<(String, String)>,
-    /// Drop the note of this key
+    /// Remove the note of this key; can be repeated
     #[arg(long, value_name = "KEY", requires = "output")]
     remove: Vec<String>,
-    /// The file to write, or - for standard output
+    /// File to write, or - for standard output
     #[arg(long, short)]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let text = |notes: &BTreeMap<String, String>| notes.iter().map(|(k, v)| format!("{k}: {v}\n")).collect();
         return session.console.result(&notes, text);
     };
-    let outputs = Outputs::new(std::slice::from_ref(&args.input), output, false, session)?;
+    let outputs = Outputs::new(std::slice::from_ref(&args.input), false, output, false, session)?;
     notes.extend(args.set.iter().cloned());
     args.remove.iter().for_each(|key| drop(notes.remove(key)));
     let changed = container::with_notes(&bytes, &notes).map_err(|e| Error::container(&args.input, e))?;

@@ -1,9 +1,11 @@
 //! `strivec-pack pack`.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::convert::warn_of_growth;
 use super::encoding::{LayoutArgs, lossless};
 use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
@@ -37,7 +39,7 @@ Examples:
 pub(super) struct Args {
     #[command(flatten)]
     inputs: Inputs,
-    /// The file to write, a folder for several inputs, or - for standard output
+    /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
     #[command(flatten)]
@@ -46,28 +48,28 @@ pub(super) struct Args {
     data: DataArgs,
     #[command(flatten)]
     layout: LayoutArgs,
-    /// Rays with what they see that are written for checking readers
+    /// Number of probe rays stored for `verify --render`; 0 stores none
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(0..=65_536))]
     probes: u32,
-    /// Do not fit what makes up for missing scales when only the coarser ones are loaded
+    /// Fit no corrections for scenes of which only the coarser scales are loaded
     #[arg(long)]
     no_prefixes: bool,
-    /// Write no thumbnail, and no camera and turntable to begin with
+    /// Write no thumbnail, first camera or turntable
     #[arg(long)]
     no_views: bool,
-    /// Write the cameras that took the dataset's training photographs, too; they tell where someone stood
+    /// Also write the cameras of the training photographs; they reveal where the photographer stood
     #[arg(long, requires = "data")]
     with_cameras: bool,
-    /// The terms of the scene's use
+    /// License text of the scene
     #[arg(long, value_name = "TEXT")]
     license: Option<String>,
-    /// How many rays to judge and to fit by, in multiples of the usual number: 0.1 is quick, 4 is careful
+    /// Multiple of the usual number of rays for measuring and fitting, 0.001 to 100: 0.1 is quick, 4 is thorough
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = effort)]
     effort: f64,
-    /// Of every random choice
+    /// Random seed
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Only say what would be written
+    /// Dry run: print what would be written
     #[arg(long)]
     dry_run: bool,
 }
@@ -75,16 +77,16 @@ pub(super) struct Args {
 /// Photographs to judge by.
 #[derive(Debug, clap::Args)]
 struct DataArgs {
-    /// Folder of the dataset: --max-loss is then of PSNR against its photographs, and the file says what that is
+    /// Dataset folder: measure --max-loss against its photographs and store their PSNR in the file
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
     #[arg(long, value_name = "S", default_value = "test", requires = "data")]
     split: String,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
     downscale: u32,
-    /// Only every Nth photograph, the first included
+    /// Use every Nth photograph only, beginning with the first
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
     every: u32,
 }
@@ -114,27 +116,27 @@ impl DataArgs {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct GoalArgs {
-    /// Lose nothing
+    /// Lossless: f16 if the factors are exact in it, else f32
     #[arg(long)]
     lossless: bool,
-    /// Lose next to nothing, what is hardly measured, or what is hardly seen
+    /// Target PSNR to the scene's own pictures [default: balanced]
     #[arg(long, value_enum)]
     quality: Option<QualityLevel>,
-    /// Lose at most this many dB of PSNR, as in 0.05dB
+    /// Largest loss of PSNR, in dB, as in 0.05dB
     #[arg(long, value_name = "DB", value_parser = decibels)]
     max_loss: Option<f64>,
-    /// Be at most this large, as in 2MB, 700kB or 1500000
+    /// Largest file size, as in 2MB or 700kB
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     target_size: Option<u64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum QualityLevel {
-    /// Pictures within 60 dB of the scene's own
+    /// 60 dB to the scene's own pictures
     High,
-    /// Within 52 dB
+    /// 52 dB
     Balanced,
-    /// Within 45 dB
+    /// 45 dB, hardly visible
     Small,
 }
 
@@ -154,14 +156,14 @@ fn decibels(text: &str) -> Result<f64, String> {
     let number = text.strip_suffix("dB").unwrap_or(text).trim();
     match number.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err("expected a positive number of dB, as in 0.05dB".into()),
+        _ => Err("not a positive number of dB, as in 0.05dB".into()),
     }
 }
 
 fn effort(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
-        _ => Err("expected a number from 0.001 to 100".into()),
+        _ => Err("not a number from 0.001 to 100".into()),
     }
 }
 
@@ -199,7 +201,7 @@ impl Row {
     fn text(rows: &[Self]) -> String {
         let line = |row: &Self| {
             let loss = match row.psnr_to_before {
-                Some(psnr) => format!("pictures within {psnr:.1} dB of the scene's own"),
+                Some(psnr) => format!("{psnr:.1} dB to the scene's own pictures"),
                 None => "nothing lost".to_owned(),
             };
             let sizes = format!("{} -> {} bytes", grouped(row.bytes_before), grouped(row.bytes));
@@ -215,7 +217,7 @@ impl Row {
 /// Packs files.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let paths = args.inputs.paths()?;
-    let outputs = Outputs::new(&paths, &args.output, args.dry_run, session)?;
+    let outputs = Outputs::new(&paths, args.inputs.are_several(), &args.output, args.dry_run, session)?;
     let photographs = args.data.load()?;
     let mut rows = Vec::new();
     for path in &paths {
@@ -223,6 +225,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let raw = 4 * document.scene.parameter_count();
         let (bytes, quality) = pack(document, args, photographs.as_ref(), session, path)?;
         let output = outputs.write(path, &bytes)?;
+        warn_of_growth(path, bytes_before as usize, bytes.len(), session);
         rows.push(Row {
             input: path.clone(),
             output,
@@ -275,20 +278,20 @@ fn pack(
         metadata,
         args,
         session,
+        smallest: Cell::new(None),
     };
     if args.goal.lossless {
-        let options = args.layout.apply(lossless(&args.layout))?;
+        let options = args.layout.apply(lossless(&packing.scene, &args.layout))?;
         let scene = packing.scene.clone();
         let whole = Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options };
         return packing.finish(&whole, path);
     }
-    session.console.say("what each number is worth");
+    session.console.say("estimating importance");
     let importance = packing.views.importance(&packing.scene, args.as_many(PROBED.1), args.seed);
     let mut reserved = args.goal.target_size.map_or(0, |target| EXTRAS_BYTES.min(target / 4));
     loop {
         let candidate = packing.find(&importance, reserved)?;
-        let candidate = candidate
-            .ok_or_else(|| Error::Runtime(format!("{}: no encoding of this scene is that small", path.display())))?;
+        let candidate = candidate.ok_or_else(|| packing.too_small(path))?;
         let (bytes, quality) = packing.finish(&candidate, path)?;
         match args.goal.target_size.map(|target| bytes.len() as u64 - target.min(bytes.len() as u64)) {
             // What is beside the scene is known now.
@@ -309,9 +312,20 @@ struct Packing<'a> {
     real: Option<(Distortion, f64, &'a str)>,
     args: &'a Args,
     session: &'a Session,
+    /// The smallest file among the encodings tried, in bytes, and its mean squared error.
+    smallest: Cell<Option<(u64, f64)>>,
 }
 
 impl Packing<'_> {
+    /// The error of a target size that no encoding reaches.
+    fn too_small(&self, path: &Path) -> Error {
+        let target = grouped(self.args.goal.target_size.unwrap_or_default());
+        let smallest = self.smallest.get().map_or_else(String::new, |(bytes, error)| {
+            format!("; the smallest file has about {} bytes at {:.1} dB", grouped(bytes), psnr_of_mse(error))
+        });
+        Error::Runtime(format!("{}: --target-size of {target} bytes cannot be reached{smallest}", path.display()))
+    }
+
     /// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
     fn find(&self, importance: &FactorImportance, reserved: u64) -> Result<Option<Candidate>, Error> {
         let args = &self.args.goal;
@@ -326,6 +340,10 @@ impl Packing<'_> {
         let mut count = 0;
         let mut tried = |candidate: &Candidate| {
             count += 1;
+            let size = candidate.bytes + reserved;
+            if self.smallest.get().is_none_or(|(bytes, _)| size < bytes) {
+                self.smallest.set(Some((size, candidate.error)));
+            }
             let detail = format!("{} bytes, {:.1} dB", grouped(candidate.bytes), psnr_of_mse(candidate.error));
             progress.set(count, || detail.clone());
         };

@@ -16,20 +16,20 @@ use crate::render::{CpuRenderer, ReferenceRenderer, Renderer};
 pub(super) struct Args {
     #[command(flatten)]
     inputs: Inputs,
-    /// Recompute the file's probes with every renderer there is
+    /// Render the file's probes with every renderer and compare
     #[arg(long)]
     render: bool,
-    /// Take warnings for errors
+    /// Treat warnings as errors
     #[arg(long)]
     strict: bool,
 }
 
-/// What became of a file.
+/// The result for a file.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 #[schemars(rename = "VerifiedFile")]
 pub(super) struct Row {
     file: PathBuf,
-    /// The first error; absent where there is none.
+    /// The first error, if any.
     error: Option<String>,
     warnings: Vec<String>,
     renderers: Vec<RendererRow>,
@@ -47,16 +47,16 @@ struct RendererRow {
     largest_depth_difference: f64,
 }
 
-/// Checks files; all of them, before the first error ends the command.
+/// Checks all files, prints the results, then the errors.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (mut rows, mut first) = (Vec::new(), None);
+    let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
         let (row, error) = verify(&path, args, args.inputs.limits.limits());
-        first = first.or(error);
+        errors.extend(error);
         rows.push(row);
     }
     session.console.result(&rows, |rows| rows.iter().map(Row::text).collect())?;
-    first.map_or(Ok(()), Err)
+    session.console.fail_with(errors)
 }
 
 fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
@@ -113,7 +113,7 @@ fn warnings(document: &SceneFile) -> Vec<String> {
     match &metadata.probes {
         None => warnings.push("no probes: pictures cannot be checked".into()),
         Some(probes) if probes.probes.len() < 64 => {
-            warnings.push(format!("{} probes, where 64 are usual", probes.probes.len()));
+            warnings.push(format!("{} probes; 64 are usual", probes.probes.len()));
         }
         Some(_) => {}
     }
@@ -130,8 +130,8 @@ fn warnings(document: &SceneFile) -> Vec<String> {
 impl Row {
     fn text(&self) -> String {
         let mut text = match &self.error {
-            None => format!("{}: fine\n", self.file.display()),
-            Some(error) => format!("{error}\n"),
+            None => format!("{}: valid\n", self.file.display()),
+            Some(_) => format!("{}: failed\n", self.file.display()),
         };
         for row in &self.renderers {
             let RendererRow { renderer, probes, compared, .. } = row;

@@ -12,6 +12,7 @@ pub(super) use inputs::Inputs;
 use inputs::NEVER;
 use shaping::Shaping;
 
+use super::table::short;
 use super::{Error, Session, check_output, table, write_atomically};
 use crate::dataset;
 use crate::prior::{self, Counts};
@@ -109,13 +110,13 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         advice: sight.and_then(|sight| sight.advice).map(|advice| advice.to_string()),
     };
     session.console.result(&report, |r| {
-        let [x, y, z] = r.pitch;
+        let [x, y, z] = r.pitch.map(short);
         let cells = table::grouped(r.cells as u64);
         format!(
-            "{}: {cells} cells of {x:.6} x {y:.6} x {z:.6}, from {:?} to {:?}",
+            "{}: {cells} cells of {x} x {y} x {z}, from {} to {}",
             r.file.display(),
-            r.bounds[0],
-            r.bounds[1]
+            r.bounds[0].map(short).join(", "),
+            r.bounds[1].map(short).join(", ")
         )
     })
 }

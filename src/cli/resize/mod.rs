@@ -12,6 +12,7 @@ use cells::Cells;
 use report::{Report, ScaleUse};
 
 use super::console::Console;
+use super::output::check_scene_name;
 use super::progress::Progress;
 use super::settings::Basics;
 use super::train::{Precision, Preset, RecentError, interrupts};
@@ -139,7 +140,7 @@ pub(super) fn run_shrink(args: &ShrinkArgs, session: &Session) -> Result<(), Err
     let goal = match (args.goal.max_params, args.goal.max_loss) {
         (Some(most), _) => ShrinkGoal::Parameters(most),
         (None, Some(most)) => ShrinkGoal::Loss(most),
-        (None, None) => unreachable!("clap asks for one"),
+        (None, None) => unreachable!("clap requires one"),
     };
     run(&Change::Shrink(goal), &args.common, session)
 }
@@ -150,6 +151,7 @@ pub(super) fn run_grow(args: &GrowArgs, session: &Session) -> Result<(), Error> 
 }
 
 fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
+    check_scene_name(&args.output)?;
     check_output(&args.output, session.force)?;
     if let Some(path) = &args.picture {
         check_output(path, session.force)?;

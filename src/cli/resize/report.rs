@@ -111,8 +111,13 @@ impl Report<'_> {
             ]);
         }
         let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
+        let unchanged = if self.rounds.iter().any(|round| round.is_taken) {
+            ""
+        } else {
+            "no round was within the goal: the scene is written unchanged\n"
+        };
         format!(
-            "{}{}{}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
+            "{}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             rounds.text(),
             scales.text(),
             cells.text(),

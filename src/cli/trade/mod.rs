@@ -1,4 +1,4 @@
-//! `strivec trade`: what speed costs, in one's own scene and on one's own machine.
+//! `strivec trade`: speed against quality of a scene on this machine.
 
 mod candidate;
 mod encodings;
@@ -38,65 +38,63 @@ Examples:
   strivec trade lego.strivec --size 400 --backend cpu,gpu --out trade-lego
   strivec render lego.strivec --quality fast --path turntable --out frames
 
-Every point draws the same views by turns, so that a machine that is slow for a while decides nothing. A sweep that is \
-stopped goes on where it was when it is started again. --store writes the points that no other beats into the file; then \
-render, eval, the players and strivec-pack convert take --quality fast, balanced or best, and render takes --min-fps 30 \
-or --min-psnr 35.";
+All points render the same views in turn, so that a temporary slowdown of the machine affects all of them. A stopped sweep \
+resumes if started again. --store writes the Pareto front into the file; render, eval, the players and strivec-pack convert \
+then accept --quality fast, balanced or best, and render and eval accept --min-fps 30 or --min-psnr 35.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
-    /// The scene
+    /// Scene file
     #[arg(required_unless_present = "train")]
     file: Option<PathBuf>,
-    /// Folder of a dataset: pictures are compared with its photographs, else with the scene's own exact pictures
+    /// Dataset folder: compare with its photographs [default: compare with the scene's exact pictures]
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Which photographs: the S of transforms_S.json; of a ScanNet scan, train or test
+    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
     #[arg(long, value_name = "S", default_value = "test", requires = "data")]
     split: String,
-    /// Photographs made N times smaller
+    /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
     downscale: u32,
-    /// Width of the pictures, where there is no dataset
+    /// Width of the pictures in pixels without --data, 16 to 4096
     #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096), conflicts_with = "data")]
     size: u32,
-    /// Views that are drawn, at equal distances of all there are
+    /// Number of views, evenly spaced over all views
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
     views: u16,
-    /// Pictures of each point: each round draws one view by every point
+    /// Rounds; each renders one view with every setting
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
     rounds: u16,
-    /// Other files of the same scene, as of one that was trained for another decoder mode
+    /// Other files of the same scene, such as one trained for another decoder mode
     #[arg(long, value_name = "FILE", num_args = 1..)]
     also: Vec<PathBuf>,
-    /// Also the scene in other encodings: what bytes cost
+    /// Also measure other encodings of the scene
     #[arg(long)]
     encodings: bool,
-    /// What computes; the first is what is stored
+    /// Renderers; the results of the first are stored
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Backend::Cpu])]
     backend: Vec<Backend>,
-    /// Numbers of threads [default: all, half of them, …, 1]
+    /// Numbers of threads to measure [default: all, half of them, …, 1]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4096))]
     threads_list: Vec<u16>,
-    /// Combinations that are looked at; a few of them are measured as the single points are
+    /// Number of combined settings to try; a quarter is measured fully; 0 tries none
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u16).range(0..=256))]
     combinations: u16,
-    /// Folder for trade.json, trade.csv, plots and pictures, and the log of a sweep that is not finished
+    /// Folder for trade.json, trade.csv, plots, pictures and the log of an unfinished sweep
     #[arg(long, value_name = "DIR", default_value = "trade")]
     out: PathBuf,
-    /// Write the points that no other beats into FILE
+    /// Write the Pareto front into FILE
     #[arg(long)]
     store: bool,
-    /// Instead: train with other scales, numbers of components and of neighbors, and with the dataset turned, as the paper's
-    /// tables do
+    /// Instead of a sweep, train with other scales, components, neighbors and rotations of the dataset, as in the paper's tables
     #[arg(long, requires = "data", conflicts_with_all = ["file", "also", "encodings", "store"])]
     train: bool,
-    /// Settings that every training changes one thing of [default: the preset 48]
+    /// Base settings as TOML; every training changes one of them [default: preset best]
     #[arg(long, value_name = "TOML", requires = "train")]
     config: Option<PathBuf>,
-    /// Steps of each training; the whole schedule scales along
+    /// Optimizer steps of each training; the whole schedule scales with them
     #[arg(long, value_name = "N", default_value_t = 1500, requires = "train", value_parser = clap::value_parser!(u64).range(1..))]
     steps: u64,
     /// Of every random settings of the trainings
@@ -109,7 +107,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     match (&args.file, &args.data) {
         (Some(file), _) => sweep_file(file, args, session),
         (None, Some(folder)) => train(folder, args, session),
-        (None, None) => Err(Error::Usage("expected a file, or --train and --data".into())),
+        (None, None) => Err(Error::Usage("give a file, or --train and --data".into())),
     }
 }
 
