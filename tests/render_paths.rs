@@ -109,7 +109,10 @@ fn what_is_no_camera_path_is_3_and_names_file_and_place() {
         assert!(message.contains(expected), "{message}");
     }
     let message = refused(&keyframes(&[(0.0, [3.0, 0.0, 1.0]), (1e6, [0.0, 3.0, 1.0])]), 1);
-    assert!(message.contains("1000000 seconds at 30 frames per second are 30000001 frames; at most 100000 are supported"), "{message}");
+    assert!(
+        message.contains("1000000 seconds at 30 frames per second are 30000001 frames; at most 100000 are supported"),
+        "{message}"
+    );
     let message = failure(&render(folder.path(), Path::new(""), &["--path", "absent.json"]), 2);
     assert!(message.contains("absent.json: cannot read it: "), "{message}");
     let message = failure(&render(folder.path(), Path::new(""), &["--path", "flight.json", "--fov", "50"]), 1);
@@ -208,7 +211,10 @@ fn sixteen_bits_are_the_graphics_renderers() {
 fn a_build_without_the_graphics_renderer_names_the_feature() {
     let folder = folder();
     let message = failure(&render(folder.path(), Path::new(""), &["--orbit", "1", "--backend", "gpu"]), 1);
-    assert!(message.contains("needs a build with the feature gpu (cargo install --path . --features gpu)"), "{message}");
+    assert!(
+        message.contains("needs a build with the feature gpu (cargo install --path . --features gpu)"),
+        "{message}"
+    );
     assert!(!folder.path().join("frames").exists(), "nothing was made on the way");
 }
 

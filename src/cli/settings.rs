@@ -62,7 +62,9 @@ pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result
             let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
             TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))
         }
-        None => TrainConfig::preset(preset.unwrap_or(TrainConfig::DEFAULT_PRESET)).map_err(|e| Error::Usage(e.to_string())),
+        None => {
+            TrainConfig::preset(preset.unwrap_or(TrainConfig::DEFAULT_PRESET)).map_err(|e| Error::Usage(e.to_string()))
+        }
     }
 }
 

@@ -97,7 +97,7 @@ impl<P: Painter> Session<P> {
             |session: &Self| RenderSettings { approximation: session.approximation, divisor: session.finest };
         let before = if is_new { RenderSettings::default() } else { settings(self) };
         // The last section of a file holds its stored settings.
-        let stored = (n == 0 && step.is_whole).then(|| named_choices(&metadata.notes)).unwrap_or_default();
+        let stored = if n == 0 && step.is_whole { named_choices(&metadata.notes) } else { Vec::new() };
         let chosen = stored.into_iter().find(|(name, _)| self.quality.as_ref() == Some(name));
         let RenderSettings { approximation, divisor } = chosen.map_or(before, |(_, choice)| choice);
         let scales = step.document.scene.scales.len();

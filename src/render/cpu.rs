@@ -128,7 +128,7 @@ impl<T: Real> CpuRenderer<T> {
                     #[inline(always)]
                     || {
                         self.trace_chunk(chunk, scratch, |pixel| {
-                            infos.push(TraceInfo { pixel, ..TraceInfo::default() })
+                            infos.push(TraceInfo { pixel, ..TraceInfo::default() });
                         });
                         for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
                             info.samples = scratch.samples.ray_range(index).len() as u32;

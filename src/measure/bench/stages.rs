@@ -162,8 +162,12 @@ mod tests {
     }
 
     fn work(stages: &[(Stage, f64)]) -> Work {
-        let mut work =
-            Work { decoded: 100_000, contributions: vec![1_000_000], shaded_contributions: vec![1_000_000], ..Work::default() };
+        let mut work = Work {
+            decoded: 100_000,
+            contributions: vec![1_000_000],
+            shaded_contributions: vec![1_000_000],
+            ..Work::default()
+        };
         stages.iter().for_each(|&(stage, seconds)| work.seconds[stage as usize] = seconds);
         work
     }
