@@ -244,7 +244,12 @@ fn converting_there_and_back_changes_no_byte() {
     let bytes = |name| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read(folder.path(), "a.strivec"), read(folder.path(), "b.strivec"));
     assert_eq!(bytes("b.strivec"), bytes("c.strivec"));
-    fail(folder.path(), &["convert", "a.strivec", "-o", "d.strivec", "--target-version", "0.9"], 5, "only 1.0 can be written");
+    fail(
+        folder.path(),
+        &["convert", "a.strivec", "-o", "d.strivec", "--target-version", "0.9"],
+        5,
+        "only 1.0 can be written",
+    );
 }
 
 #[test]

@@ -132,7 +132,10 @@ impl Info {
             ("background", self.background.map(|c| short(c.into())).join(", ")),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
-            ("parameters", format!("{}, {} of them stored", grouped(self.parameters), grouped(self.nonzero_parameters))),
+            (
+                "parameters",
+                format!("{}, {} of them stored", grouped(self.parameters), grouped(self.nonzero_parameters)),
+            ),
         ];
         let head: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let mut sections = Table::new(["section", "bytes"]);

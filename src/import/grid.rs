@@ -112,10 +112,7 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 /// Where nobody says it.
 pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
     options.bounds.ok_or_else(|| {
-        Fault::unsupported(
-            "a grid that does not say what it spans",
-            "give its smallest and largest corner with `--bounds`",
-        )
+        Fault::unsupported("a grid that does not say what it spans", "give its smallest and largest corner as `bounds`")
     })
 }
 

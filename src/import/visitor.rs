@@ -71,7 +71,7 @@ pub struct ReadOptions {
     /// COLMAP: points of a larger mean reprojection error, in pixels, are left out.
     pub max_reprojection_error: f64,
     /// Density grids: cells are occupied from this opacity over one voxel edge on (DVGO's first stage: 1e-3 for its bounds,
-    /// 1e-4 here, as DESIGN says).
+    /// 1e-4 here).
     pub min_alpha: f64,
     /// Other grids of numbers, and octrees of probabilities: cells are occupied above this.
     pub threshold: f64,

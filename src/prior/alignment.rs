@@ -174,7 +174,7 @@ impl fmt::Display for AlignmentHint {
         if self.up != UpAxis::Z {
             let up = self.up.name();
             causes.push(format!("the prior's {up} axis seems to be up where the dataset's is z"));
-            cures.push(format!("--up {up}"));
+            cures.push(format!("`up` {up}"));
         }
         if self.quarter_turns > 0 {
             causes.push(format!("it seems to need a turn of {} degrees about z", 90 * self.quarter_turns));
@@ -185,7 +185,7 @@ impl fmt::Display for AlignmentHint {
         }
         if let Some((scale, unit)) = UNITS.iter().find(|(scale, _)| *scale == self.scale) {
             causes.push(format!("its unit seems to be {unit}"));
-            cures.push(format!("--scale {scale}"));
+            cures.push(format!("`scale` {scale}"));
         }
         if self.shift != DVec3::ZERO {
             let DVec3 { x, y, z } = self.shift;
@@ -260,7 +260,7 @@ mod tests {
         let found = advice(&y_up);
         assert_eq!((found.up, found.quarter_turns, found.scale), (UpAxis::Y, 0, 1.0), "{found}");
         assert!(
-            found.to_string().starts_with("the prior's y axis seems to be up where the dataset's is z: try --up y (")
+            found.to_string().starts_with("the prior's y axis seems to be up where the dataset's is z: try `up` y (")
         );
         assert!(found.point(DVec3::new(1.0, 3.0, -2.0)).abs_diff_eq(DVec3::new(1.0, 2.0, 3.0), 1e-12));
         let down = changed(&scene(), |p| DVec3::new(p.x, -p.z, p.y));
@@ -295,7 +295,7 @@ mod tests {
         let found = check_alignment(&both, &cameras()).advice.unwrap();
         assert_eq!((found.up, found.scale), (UpAxis::Y, 0.001));
         let text = found.to_string();
-        assert!(text.contains("as millimeters are of meters: try --up y --scale 0.001"), "{text}");
+        assert!(text.contains("as millimeters are of meters: try `up` y `scale` 0.001"), "{text}");
     }
 
     #[test]

@@ -13,9 +13,9 @@ use super::morphology::Runs;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::voxels::{MAX_CELLS, Voxels, boxes_of};
-use super::{VoxelBoxes, coarse};
+use super::{BuildError, VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
-use crate::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
+use crate::import::{self, Fault, Point, ReadOptions, Visitor};
 
 /// The most points among which outliers are looked for; each takes some 50 bytes.
 const MAX_SEARCHED: usize = 1 << 27;
@@ -88,49 +88,6 @@ pub struct Counts {
     pub cells: u64,
 }
 
-/// Why there are no cells.
-#[derive(Debug, thiserror::Error)]
-pub enum BuildError {
-    /// A file (its author, or the system).
-    #[error(transparent)]
-    Import(#[from] ImportError),
-    /// An option that cannot be meant (the caller).
-    #[error("{name}: expected {expected}, found {found}")]
-    Option {
-        /// Which one.
-        name: &'static str,
-        /// What it should be.
-        expected: &'static str,
-        /// What it is.
-        found: String,
-    },
-    /// Files without geometry, or none that the options leave.
-    #[error("expected something occupied, found nothing{why}")]
-    Nothing {
-        /// What was there, if anything.
-        why: String,
-    },
-    /// More than memory should hold, or than can be done.
-    #[error(
-        "cells of {pitch:?} are too many over this geometry (at most {limit} are held): choose a larger --voxel, or --crop"
-    )]
-    TooManyCells {
-        /// Edge lengths of a cell.
-        pitch: [f64; 3],
-        /// The most that are held.
-        limit: u64,
-    },
-    /// More points than outliers are looked for among.
-    #[error("outliers are looked for among at most {limit} points: --crop, or leave --outliers out")]
-    TooManyPoints {
-        /// The most.
-        limit: usize,
-    },
-    /// The caller asked to stop.
-    #[error("interrupted")]
-    Stopped,
-}
-
 /// How far the reading is: which file, and bytes of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildProgress {
@@ -177,25 +134,25 @@ pub fn build(
 
 impl BuildOptions {
     fn check(&self) -> Result<(), BuildError> {
-        let error = |name, expected, found: &dyn std::fmt::Debug| {
-            Err(BuildError::Option { name, expected, found: format!("{found:?}") })
+        let error = |field, expected, found: &dyn std::fmt::Debug| {
+            Err(BuildError::Option { field, expected, found: format!("{found:?}") })
         };
         let determinant = self.transform.matrix3.determinant();
         if !self.transform.is_finite() || !determinant.is_normal() {
-            return error("--transform", "a map that can be undone", &self.transform);
+            return error("transform", "a map that can be undone", &self.transform);
         }
         if let Some(edge) = self.voxel.filter(|v| !(v.is_normal() && *v > 0.0)) {
-            return error("--voxel", "a positive length", &edge);
+            return error("voxel", "a positive length", &edge);
         }
-        for (name, length) in [("--thickness", self.thickness), ("--close", self.close), ("--dilate", self.dilate)] {
+        for (field, length) in [("thickness", self.thickness), ("close", self.close), ("dilate", self.dilate)] {
             if !(length >= 0.0 && length.is_finite()) {
-                return error(name, "a length of at least 0", &length);
+                return error(field, "a length of at least 0", &length);
             }
         }
         match (&self.crop, &self.outliers) {
-            (Some(crop), _) if !crop.is_solid() => error("--crop", "the smallest corner, then a larger one", crop),
+            (Some(crop), _) if !crop.is_solid() => error("crop", "the smallest corner, then a larger one", crop),
             (_, Some(rule)) if rule.neighbors == 0 || rule.deviations.is_nan() || rule.deviations < 0.0 => {
-                error("--outliers", "at least one neighbor, and deviations of at least 0", rule)
+                error("outliers", "at least one neighbor, and deviations of at least 0", rule)
             }
             _ => Ok(()),
         }
@@ -332,9 +289,9 @@ impl Survey {
         let longest = size.max_element();
         if longest <= 0.0 || !longest.is_finite() {
             return Err(BuildError::Option {
-                name: "--voxel",
-                expected: "it, as a single point has no extent to divide",
-                found: "nothing".into(),
+                field: "voxel",
+                expected: "the edge of a cell, because a single point has no extent to derive it from",
+                found: "none".into(),
             });
         }
         let voxels = f64::from(coarse::CoarseOptions::default().voxels);
@@ -451,9 +408,9 @@ impl Shapes for Filling<'_> {
 
 /// Holes filled, then cells grown.
 fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
-    let too_large = |name, length: f64| BuildError::Option {
-        name,
-        expected: "a radius of fewer cells, or --crop, or larger cells by --voxel",
+    let too_large = |field, length: f64| BuildError::Option {
+        field,
+        expected: "a radius of fewer cells; choose a smaller one, a larger `voxel`, or a `crop`",
         found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
     };
     let shortest = pitch.min_element();
@@ -461,14 +418,14 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
     if options.close >= shortest {
         let cells: Vec<_> = runs.cells().collect();
         let filled = filled(&cells, options.close / shortest, pitch / shortest);
-        runs = Runs::of_cells(filled.ok_or_else(|| too_large("--close", options.close))?.into_iter());
+        runs = Runs::of_cells(filled.ok_or_else(|| too_large("close", options.close))?.into_iter());
     }
     let radius = options.dilate / pitch;
     if radius.max_element() >= 1.0 {
         // Runs are joined only after all have been collected.
         let ball = 4.19 * (radius + 1.0).element_product();
         if ball * runs.len() as f64 > 16.0 * MAX_CELLS as f64 {
-            return Err(too_large("--dilate", options.dilate));
+            return Err(too_large("dilate", options.dilate));
         }
         runs = runs.grown(radius);
     }

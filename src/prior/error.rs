@@ -1,9 +1,11 @@
 //! What can go wrong before there is a model.
 
 use crate::dataset::Dataset;
+use crate::import::ImportError;
 
 /// Why there is no prior or no placement. Expected and found values are inside.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// An option that cannot be meant (the caller).
     #[error("{name}: expected {expected}, found {found}")]
@@ -93,4 +95,48 @@ impl Error {
     pub(crate) fn option(name: &'static str, expected: &'static str, found: impl std::fmt::Debug) -> Self {
         Self::Option { name, expected, found: format!("{found:?}") }
     }
+}
+
+/// Why there are no cells.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// A file (its author, or the system).
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// An option that cannot be meant (the caller).
+    #[error("`{field}`: expected {expected}, found {found}")]
+    Option {
+        /// The field of [`super::BuildOptions`].
+        field: &'static str,
+        /// What it should be.
+        expected: &'static str,
+        /// What it is.
+        found: String,
+    },
+    /// Files without geometry, or none that the options leave.
+    #[error("expected something occupied, found nothing{why}")]
+    Nothing {
+        /// What was there, if anything.
+        why: String,
+    },
+    /// More than memory should hold, or than can be done.
+    #[error(
+        "cells of {pitch:?} are too many over this geometry (at most {limit} are held): choose a larger `voxel`, or a `crop`"
+    )]
+    TooManyCells {
+        /// Edge lengths of a cell.
+        pitch: [f64; 3],
+        /// The most that are held.
+        limit: u64,
+    },
+    /// More points than outliers are looked for among.
+    #[error("`outliers` can be removed among at most {limit} points: choose a `crop`, or keep the outliers")]
+    TooManyPoints {
+        /// The most.
+        limit: usize,
+    },
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Stopped,
 }

@@ -24,11 +24,11 @@ mod voxels;
 
 pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
 pub use bounds::{CameraBounds, frusta_box};
-pub use build::{BuildError, BuildOptions, BuildProgress, Built, Counts, build};
+pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
 pub(crate) use coarse::{RunningMse, check_views, near_and_far};
-pub use error::Error;
+pub use error::{BuildError, Error};
 pub use file::to_npz;
 pub use outliers::Outliers;
 pub use overlay::overlay;

@@ -178,12 +178,20 @@ impl ParetoFront {
             QualitySelector::FramesPerSecond(fps) => {
                 let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
                 let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
-                best.ok_or_else(|| ParetoError::new("frames per second", format!("a rate that a stored point reaches ({})", all()), fps))
+                best.ok_or_else(|| {
+                    ParetoError::new(
+                        "frames per second",
+                        format!("a rate that a stored point reaches ({})", all()),
+                        fps,
+                    )
+                })
             }
             QualitySelector::Psnr(least) => {
                 let good = self.points.iter().filter(|p| p.psnr >= *least);
                 let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-                fastest.ok_or_else(|| ParetoError::new("PSNR", format!("a PSNR that a stored point reaches ({})", all()), least))
+                fastest.ok_or_else(|| {
+                    ParetoError::new("PSNR", format!("a PSNR that a stored point reaches ({})", all()), least)
+                })
             }
         }
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::shaping::Shaping;
+use crate::cli::error::with_flags;
 use crate::cli::progress::Progress;
 use crate::cli::{Error, Session, table};
 use crate::geometry::Camera;
@@ -85,7 +86,7 @@ pub(super) fn check_sight(
     let sight = prior::check_alignment(boxes, &cameras.collect::<Vec<_>>());
     session.console.say(&format!("{:.1} % of the cameras' rays meet the prior", 100.0 * sight.share));
     if let Some(advice) = &sight.advice {
-        session.console.say(&format!("warning: {advice}"));
+        session.console.say(&format!("warning: {}", with_flags(&advice.to_string())));
     }
     sight
 }

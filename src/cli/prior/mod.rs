@@ -12,6 +12,7 @@ pub(super) use inputs::Inputs;
 use inputs::NEVER;
 use shaping::Shaping;
 
+use super::error::with_flags;
 use super::table::short;
 use super::{Error, Session, check_output, table, write_atomically};
 use crate::dataset;
@@ -107,7 +108,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         degenerate_triangles: degenerate,
         grid_cells: cells,
         share_of_rays: sight.as_ref().map(|sight| sight.share),
-        advice: sight.and_then(|sight| sight.advice).map(|advice| advice.to_string()),
+        advice: sight.and_then(|sight| sight.advice).map(|advice| with_flags(&advice.to_string())),
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch.map(short);

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::inputs::{NEVER, build};
 use super::shaping::Shaping;
+use crate::cli::error::with_flags;
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
 use crate::dataset::{self, Dataset};
@@ -91,7 +92,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         views: views.len(),
         cells: boxes.cells.len(),
         share_of_rays: share,
-        advice: advice.map(|advice| advice.to_string()),
+        advice: advice.map(|advice| with_flags(&advice.to_string())),
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));

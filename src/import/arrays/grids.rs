@@ -1,6 +1,6 @@
 //! Grids of booleans, numbers and densities.
 
-use super::{Array, visit_all};
+use super::array::{Array, visit_all};
 use crate::geometry::Aabb;
 use crate::import::grid::{At, Grid, Order, bounds_given, three_axes};
 use crate::import::{Fault, ReadOptions, Visitor};

@@ -15,7 +15,9 @@
 
 use glam::DVec3;
 
-use super::{Array, first, grids, of_any_shape, points};
+use super::array::{Array, REPORT_EVERY, first};
+use super::unnamed::of_any_shape;
+use super::{grids, points};
 use crate::geometry::Aabb;
 use crate::import::archive::{Archive, check_end_of};
 use crate::import::grid::{At, Density, Order};
@@ -190,7 +192,7 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
             return Err(Fault::malformed("the array", format!("{} rows, as colors has", colors.len()), count));
         }
         points::rows(array, 3, &mut |n, row| {
-            if n % super::REPORT_EVERY == super::REPORT_EVERY - 1 {
+            if n % REPORT_EVERY == REPORT_EVERY - 1 {
                 visitor.progress(n, count)?;
             }
             let cell = DVec3::from_slice(row);

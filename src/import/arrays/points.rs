@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Array, REPORT_EVERY};
+use super::array::{Array, REPORT_EVERY};
 use crate::import::{Fault, Point, Visitor};
 use crate::npy::Number;
 

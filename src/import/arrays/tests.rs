@@ -91,7 +91,7 @@ fn bare_grids_are_slowest_in_z_and_span_what_is_given() {
     let error = seen_with(&floats, &ReadOptions::default(), read).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "a grid that does not say what it spans is not supported: give its smallest and largest corner with `--bounds`"
+        "a grid that does not say what it spans is not supported: give its smallest and largest corner as `bounds`"
     );
 }
 

@@ -13,8 +13,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use laz::LazVlr;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 
-use super::BATCH;
-use super::header::Header;
+use super::header::{BATCH, Header};
 use crate::import::{Fault, Input};
 
 /// Bytes before the data of a variable length record.

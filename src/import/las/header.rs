@@ -2,8 +2,13 @@
 
 use glam::DVec3;
 
-use super::NOISE;
 use crate::import::{Fault, Input};
+
+/// Points that are read at once.
+pub(super) const BATCH: u64 = 4096;
+
+/// Classes of noise: low and high.
+const NOISE: [u8; 2] = [7, 18];
 
 /// The header of LAS 1.0 to 1.2; later ones add to it.
 const HEADER_BYTES: usize = 227;

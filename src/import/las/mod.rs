@@ -11,17 +11,11 @@ mod tests;
 
 use glam::DVec3;
 
-use self::header::Header;
+use self::header::{BATCH, Header};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
-
-/// Points that are read at once.
-const BATCH: u64 = 4096;
 
 /// Points that are held back until it is known what their colors are.
 const JUDGED: usize = 10_000;
-
-/// Classes of noise: low and high.
-const NOISE: [u8; 2] = [7, 18];
 
 /// Reads `input`.
 ///

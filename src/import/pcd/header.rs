@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use super::MAX_LINE;
 use crate::import::{Fault, Input};
 
 /// The longest record that is read, in bytes.
 const MAX_RECORD: u64 = 1 << 16;
 
+/// The longest line that is read, in bytes.
+pub(super) const MAX_LINE: usize = 1 << 16;
 /// The most header lines, so that comments end.
 const MAX_LINES: u64 = 1000;
 

@@ -12,11 +12,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use self::header::{Data, Field, Header};
+use self::header::{Data, Field, Header, MAX_LINE};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
-
-/// The longest line that is read, in bytes.
-const MAX_LINE: usize = 1 << 16;
 
 /// Bytes of records that are read at once.
 const BATCH_BYTES: u64 = 1 << 18;

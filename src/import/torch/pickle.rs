@@ -6,82 +6,12 @@
 
 mod globals;
 mod machine;
-
-use std::ops::Range;
+mod value;
 
 use crate::import::Fault;
-use crate::npy::Number;
 
-pub(super) use globals::Global;
-
-/// A value's number.
-pub(super) type Id = u32;
-
-/// What a pickle holds.
-#[derive(Clone, Debug)]
-pub(super) enum Value {
-    /// Something of which nothing is needed.
-    Opaque,
-    Bool(bool),
-    Int(i64),
-    Float(f64),
-    /// UTF-8, in the pickle.
-    Text(Range<usize>),
-    /// In the pickle.
-    Bytes(Range<usize>),
-    /// Bytes, one each of the characters of this text.
-    Latin1(Range<usize>),
-    /// A tuple or a list.
-    Items(Vec<Id>),
-    /// A dictionary, in its order.
-    Dict(Vec<(Id, Id)>),
-    Global(Global),
-    Storage(Storage),
-    Tensor(Tensor),
-    /// NumPy's `dtype`: its name, and its order of bytes where it has one.
-    Dtype {
-        name: Id,
-        order: Option<Id>,
-    },
-    Array(Array),
-}
-
-/// What a tensor's numbers are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Element {
-    Number(Number),
-    /// The upper half of an f32.
-    Bfloat16,
-}
-
-/// Numbers in a file of the archive.
-#[derive(Clone, Debug)]
-pub(super) struct Storage {
-    pub(super) element: Element,
-    /// Text: the file's name.
-    pub(super) key: Id,
-    /// Numbers.
-    pub(super) count: u64,
-}
-
-/// A tensor: all of its numbers lie inside its storage.
-#[derive(Clone, Debug)]
-pub(super) struct Tensor {
-    pub(super) storage: Id,
-    pub(super) offset: u64,
-    pub(super) shape: Vec<u64>,
-    pub(super) strides: Vec<u64>,
-}
-
-/// A NumPy array, or one number of its kind.
-#[derive(Clone, Debug)]
-pub(super) struct Array {
-    pub(super) shape: Vec<u64>,
-    pub(super) dtype: Id,
-    pub(super) fortran_order: bool,
-    /// Bytes.
-    pub(super) data: Id,
-}
+pub(super) use globals::Element;
+pub(super) use value::{Array, Id, Storage, Tensor, Value};
 
 /// A pickle, parsed.
 pub(super) struct Pickle {

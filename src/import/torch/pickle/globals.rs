@@ -1,7 +1,14 @@
 //! What pickles may name.
 
-use super::Element;
 use crate::npy::Number;
+
+/// What a tensor's numbers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::import::torch) enum Element {
+    Number(Number),
+    /// The upper half of an f32.
+    Bfloat16,
+}
 
 /// A function or class that is known as what it makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ mod made;
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::{Id, Value};
+use super::value::{Id, Value};
 use crate::import::Fault;
 
 /// The most instructions that are followed.

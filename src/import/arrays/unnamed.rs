@@ -1,0 +1,22 @@
+//! An array without a name: its shape tells what it is.
+
+use super::array::Array;
+use super::{grids, points};
+use crate::import::grid::Order;
+use crate::import::{Fault, ReadOptions, Visitor};
+
+/// Points or a grid, by the number of axes.
+pub(super) fn of_any_shape(
+    array: &mut dyn Array,
+    options: &ReadOptions,
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
+    match array.header().shape.len() {
+        2 => points::read(array, None, visitor),
+        0 | 1 => {
+            let found = format!("{:?}", array.header().shape);
+            Err(Fault::malformed("the array's shape", "(points, 3 or more) or three axes", found))
+        }
+        _ => grids::occupancy(array, Order::Zyx, None, options, visitor),
+    }
+}
