@@ -60,7 +60,7 @@ pub struct AlignmentHint {
 /// Where that is little, the 24 ways to turn the prior by quarter turns are tried, exchanges of two axes, usual units, both
 /// together, and a shift of its middle to the point that the cameras look at; the change that raises the share most is
 /// named, where it is at least 0.05 and threefold. Simpler changes go before others that do little better. Units count only
-/// where they bring the prior's size nearer to that of the cameras' empty_span: a small thing that is made a thousand
+/// where they bring the prior's size nearer to that of the cameras' surroundings: a small thing that is made a thousand
 /// times larger would always be seen.
 pub fn check_alignment(boxes: &VoxelBoxes, cameras: &[Camera]) -> PriorVisibility {
     let tree = SparseVoxelTree::new(boxes);
@@ -93,7 +93,7 @@ fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<A
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distance = cameras.iter().map(|c| c.position.distance(focus)).sum::<f64>() / cameras.len() as f64;
     let apart = Aabb::from_points(cameras.iter().map(|c| c.position)).size().length();
-    // The prior's size as a multiple of the cameras' empty_span, ideally about 1.
+    // The prior's size as a multiple of the cameras' surroundings, ideally about 1.
     let ratio = bounds.size().length() / distance.max(apart);
     let better = |scale: f64| (ratio * scale).ln().abs() + 2_f64.ln() < ratio.ln().abs();
     let fits = |scale: f64| (0.05..20.0).contains(&(ratio * scale));
@@ -161,7 +161,7 @@ impl AlignmentHint {
         let back = self.turn().transpose();
         let meets = |ray: &Ray| {
             let origin = back * ((ray.origin - self.shift) / self.scale);
-            tree.sparse_voxel_tree(&Ray { origin, direction: back * ray.direction }).is_some_and(|hit| hit.t > 0.0)
+            tree.cast_ray(&Ray { origin, direction: back * ray.direction }).is_some_and(|hit| hit.t > 0.0)
         };
         rays.par_iter().filter(|ray| meets(ray)).count() as f64 / rays.len().max(1) as f64
     }

@@ -87,7 +87,7 @@ impl SparseVoxelTree {
 
     /// The first cell that `ray` meets at its origin or after it. Its direction may have any length; distances are multiples
     /// of it.
-    pub fn sparse_voxel_tree(&self, ray: &Ray) -> Option<FirstHit> {
+    pub fn cast_ray(&self, ray: &Ray) -> Option<FirstHit> {
         self.nodes.first()?;
         // In cells from the smallest corner.
         let origin = (ray.origin - self.lattice.origin) / self.lattice.pitch;
@@ -222,7 +222,7 @@ mod tests {
                     _ => point([uniform(), uniform(), uniform()]),
                 };
                 let ray = Ray { origin, direction: (target - origin).normalize() };
-                let (found, expected) = (tree.sparse_voxel_tree(&ray), nearest(&boxes, &ray));
+                let (found, expected) = (tree.cast_ray(&ray), nearest(&boxes, &ray));
                 met += u32::from(expected.is_some());
                 match (found, expected) {
                     (Some(found), Some(expected)) => {
@@ -248,16 +248,16 @@ mod tests {
         let tree = SparseVoxelTree::new(&boxes);
         let middle = boxes.cell_box(0).center();
         let ray = |origin, direction| Ray { origin, direction };
-        let hit = tree.sparse_voxel_tree(&ray(middle - 3.0 * DVec3::Y, DVec3::Y)).unwrap();
+        let hit = tree.cast_ray(&ray(middle - 3.0 * DVec3::Y, DVec3::Y)).unwrap();
         assert_eq!((hit.cell, hit.axis), (0, 1));
         assert!((hit.t - 2.9).abs() < 1e-12);
-        let inside = tree.sparse_voxel_tree(&ray(middle, DVec3::NEG_Z)).unwrap();
+        let inside = tree.cast_ray(&ray(middle, DVec3::NEG_Z)).unwrap();
         assert_eq!(inside, FirstHit { t: 0.0, cell: 0, axis: 2 });
-        assert_eq!(tree.sparse_voxel_tree(&ray(middle + DVec3::X, DVec3::NEG_X)).unwrap().cell, 1);
-        assert_eq!(tree.sparse_voxel_tree(&ray(middle + DVec3::Y, DVec3::Y)), None, "behind");
-        assert_eq!(tree.sparse_voxel_tree(&ray(middle + 0.15 * DVec3::X, DVec3::Z)), None, "between");
-        assert_eq!(tree.sparse_voxel_tree(&ray(DVec3::NAN, DVec3::Z)), None);
+        assert_eq!(tree.cast_ray(&ray(middle + DVec3::X, DVec3::NEG_X)).unwrap().cell, 1);
+        assert_eq!(tree.cast_ray(&ray(middle + DVec3::Y, DVec3::Y)), None, "behind");
+        assert_eq!(tree.cast_ray(&ray(middle + 0.15 * DVec3::X, DVec3::Z)), None, "between");
+        assert_eq!(tree.cast_ray(&ray(DVec3::NAN, DVec3::Z)), None);
         let none = VoxelBoxes { cells: Vec::new(), ..boxes };
-        assert_eq!(SparseVoxelTree::new(&none).sparse_voxel_tree(&ray(middle, DVec3::Z)), None);
+        assert_eq!(SparseVoxelTree::new(&none).cast_ray(&ray(middle, DVec3::Z)), None);
     }
 }

@@ -79,14 +79,14 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
         let reflected = Ray { origin, direction: (ray.direction + 2.0 * cosine * normal).normalize() };
         let seen = if mirrors { scene.hit(&reflected, NEAREST) } else { None };
         let mirrored =
-            seen.map_or_else(|| empty_span(reflected.direction), |hit| shade(scene, lights, &reflected, &hit, false));
+            seen.map_or_else(|| surroundings(reflected.direction), |hit| shade(scene, lights, &reflected, &hit, false));
         leaving = leaving.lerp(mirrored, share);
     }
     leaving
 }
 
 /// What a mirror shows where it shows nothing of the scene: a sky that pales towards the horizon, dark ground below.
-fn empty_span(direction: DVec3) -> DVec3 {
+fn surroundings(direction: DVec3) -> DVec3 {
     let horizon = DVec3::new(0.85, 0.88, 0.90);
     if direction.z >= 0.0 {
         horizon.lerp(DVec3::new(0.16, 0.34, 0.72), (1.6 * direction.z).min(1.0))

@@ -364,7 +364,7 @@ impl App {
     fn save_path(&mut self) {
         let Some(text) = self.session.recorder.file() else { return };
         match save_new(&format!("{}-path", self.names[0].trim_end_matches(".strivec")), "json", text.as_bytes()) {
-            Ok(Saved { path }) => self.say(format!("wrote {}; render it by `strivec render --path`", path.display())),
+            Ok(Saved { path }) => self.say(format!("wrote {}; `strivec render` plays it", path.display())),
             Err(text) => self.say_error(format!("camera path: {text}")),
         }
     }
