@@ -40,8 +40,7 @@ pub fn overlay(
         return Err(Error::option("colors", "as many as cells", colors.len()));
     }
     let ray = |pixel: usize| camera.ray((pixel % camera.width as usize) as u32, (pixel / camera.width as usize) as u32);
-    let hits: Vec<Option<FirstHit>> =
-        (0..pixels).into_par_iter().map(|pixel| tree.cast_ray(&ray(pixel))).collect();
+    let hits: Vec<Option<FirstHit>> = (0..pixels).into_par_iter().map(|pixel| tree.cast_ray(&ray(pixel))).collect();
     let distances = || hits.iter().flatten().map(|hit| hit.t);
     let (nearest, farthest) = (distances().fold(f64::INFINITY, f64::min), distances().fold(0.0, f64::max));
     let shaded = |pixel: usize, hit: &FirstHit| {
