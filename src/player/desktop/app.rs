@@ -257,7 +257,7 @@ impl App {
         }
         let names: Vec<_> = slot.choices.iter().map(|(name, _)| name.as_str()).collect();
         let text = if names.is_empty() {
-            format!("{}: has no quality settings; add them by `strivec trade --store`", opening.place)
+            format!("{}: has no quality settings; `strivec trade` measures and stores them", opening.place)
         } else {
             format!("{}: has no quality setting `{name}`, but {}", opening.place, names.join(", "))
         };
