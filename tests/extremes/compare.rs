@@ -1,5 +1,8 @@
 //! Every renderer against the reference, separately for rays above and below the decision margin.
 
+#[cfg(feature = "gpu")]
+use std::sync::LazyLock;
+
 use glam::DVec3;
 use strivec::field::Field;
 use strivec::geometry::Ray;
@@ -68,10 +71,10 @@ impl Way {
 
 #[cfg(feature = "gpu")]
 fn on_device(scene: &Scene, rays: &[Ray], precision: Precision) -> Vec<Pixel> {
-    thread_local! {
-        static GPU: Gpu = Gpu::open().unwrap_or_else(|e| panic!("{e}; apt-get install mesa-vulkan-drivers"));
-    }
-    let renderer = GPU.with(|gpu| GpuRenderer::new(gpu, scene.clone(), &Approximation::default(), precision));
+    // Never dropped: a device that is dropped with its thread may find its driver gone.
+    static GPU: LazyLock<Gpu> =
+        LazyLock::new(|| Gpu::open().unwrap_or_else(|e| panic!("{e}; apt-get install mesa-vulkan-drivers")));
+    let renderer = GpuRenderer::new(&GPU, scene.clone(), &Approximation::default(), precision);
     renderer.unwrap().trace(rays).unwrap()
 }
 

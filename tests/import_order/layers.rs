@@ -24,7 +24,8 @@ const LAYERS: [(&str, u32); 17] = [
 ];
 
 /// Imports within a layer that are allowed: (importer, imported).
-const WITHIN_A_LAYER: [(&str, &str); 3] = [("prior", "dataset"), ("prior", "import"), ("web", "player")];
+const WITHIN_A_LAYER: [(&str, &str); 4] =
+    [("prior", "dataset"), ("prior", "import"), ("import", "dataset"), ("web", "player")];
 
 fn layer(module: &str) -> Option<u32> {
     LAYERS.iter().find(|(name, _)| *name == module).map(|(_, layer)| *layer)

@@ -178,7 +178,7 @@ mod tests {
         let stages = [(Stage::DensityGather, 0.5), (Stage::Decoder, 4.0), (Stage::ContributionOrder, 0.0048)];
         let table = StageTable::new(&work(&stages), 2, &shape(), &peak(), 1.25);
         let [gather, decoder, order] = &table.rows[..] else { panic!("three stages ran: {table:?}") };
-        assert_eq!((gather.stage, decoder.stage, order.stage), ("density gather", "decoder", "pair order"));
+        assert_eq!((gather.stage, decoder.stage, order.stage), ("density gather", "decoder", "contribution order"));
         assert!((decoder.core_ms - 2000.0).abs() < 1e-9 && (decoder.gflop - 100.1).abs() < 0.01, "{decoder:?}");
         assert!((decoder.gflops_per_core - 50.05).abs() < 0.01 && (decoder.flop_share - 0.5005).abs() < 1e-4);
         assert!((order.bandwidth_share - 0.5).abs() < 1e-9, "{order:?}");

@@ -159,7 +159,7 @@ fn sacrifices_come_in_their_order_and_the_least_is_named() {
     };
     let error = refuse(10);
     let least: u64 = error.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
-    assert!(error.starts_with("budget: expected at least ") && error.ends_with(", found 10 parameters"), "{error}");
+    assert!(error.starts_with("`budget` must be at least ") && error.ends_with(", not 10 parameters"), "{error}");
     assert_eq!(given_up(least)[0], "given up: 2 of 3 scales, the finest");
     refuse(least - 1);
 }
