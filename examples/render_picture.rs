@@ -1,6 +1,6 @@
 //! Renders one picture of a `.strivec` file on the CPU and writes it as PNG.
 //!
-//!     cargo run --release --example render_picture -- fixtures/v1/everything.strivec picture.png
+//!     cargo run --release --example render_picture -- fixtures/v1/f32.strivec picture.png
 
 use std::error::Error;
 

@@ -45,9 +45,10 @@ fn query_scene_prints_density_and_color() {
 fn render_picture_writes_a_png() {
     let folder = tempfile::tempdir().unwrap();
     let png = folder.path().join("picture.png");
-    run("render_picture", &[&fixture("everything.strivec"), &png]);
+    run("render_picture", &[&fixture("f32.strivec"), &png]);
     let picture = image::open(png).unwrap().into_rgb8();
     assert_eq!(picture.dimensions(), (320, 240));
+    assert!(picture.pixels().any(|pixel| pixel != picture.get_pixel(0, 0)), "one color everywhere");
 }
 
 #[test]

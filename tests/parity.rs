@@ -61,9 +61,16 @@ fn opacity_and_depth_follow_the_reference_and_a_planted_difference_shows() {
     let rays: Vec<Ray> = (0..1024).map(|n| camera.ray(n % 32, n / 32)).collect();
     let reference = ReferenceRenderer::new(&scene);
     let expected: Vec<Trace> = rays.iter().map(|ray| reference.trace_one(ray)).collect();
-    assert!(expected.iter().filter(|e| e.margin > F32_POSITION_ERROR).count() > 300);
+    let clear = expected.iter().filter(|e| e.margin > F32_POSITION_ERROR).count();
+    assert!(clear > 400, "{clear} of {} rays are clear", rays.len());
     assert!(expected.iter().any(|e| e.opacity > 0.3 && e.depth > 2.0 && e.depth < 4.0));
-    let found = opacity_and_depth_differences(&expected, &CpuRenderer::new(&scene).trace(&rays));
+    let traced = CpuRenderer::new(&scene).trace(&rays);
+    // Of all rays, those near a decision included, few decide otherwise.
+    let differs = |(e, f): &(&Trace, &Pixel)| {
+        (f64::from(f.opacity) - e.opacity).abs() > 1e-3 || (f64::from(f.depth) - e.depth).abs() > 1e-2
+    };
+    assert!(expected.iter().zip(&traced).filter(differs).count() < 20);
+    let found = opacity_and_depth_differences(&expected, &traced);
     println!("opacity {:.1e}, depth times opacity {:.1e}", found[0], found[1]);
     assert!(found[0] < BOUNDS[0] && found[1] < BOUNDS[1], "{found:?}");
 
