@@ -5,9 +5,8 @@
 //! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalized, and the formula of `src/measure/ssim.rs`.
 #![cfg(feature = "toolkit")]
 
-use strivec::measure::{
-    Error, Report, ViewReport, color_png, depth_png, error_map, mse, opacity_png, psnr, psnr_of_mse, ssim,
-};
+use strivec::measure::{Error, Report, ViewReport, color_png, depth_png, error_map, mse, opacity_png, psnr, ssim};
+use strivec::psnr::psnr_of_mse;
 
 const SIZE: [u32; 2] = [23, 17];
 const MSE: f64 = 0.034228911078697785;

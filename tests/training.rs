@@ -7,8 +7,8 @@ use glam::UVec3;
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
-use strivec::measure::psnr_of_mse;
 use strivec::model::{Occupancy, Scene};
+use strivec::psnr::psnr_of_mse;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{Checkpoint, RaySampler, TrainConfig, Trainer};
 

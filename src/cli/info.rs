@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::scale_table::ScaleRow;
-use super::table::{Table, grouped, short};
+use super::table::{Table, short};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
+use crate::digits::grouped;
 use crate::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\

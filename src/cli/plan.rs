@@ -8,10 +8,11 @@ use serde::Serialize;
 use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
-use super::table::{grouped, plural};
+use super::table::plural;
 use super::train::{interrupts, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
+use crate::digits::grouped;
 use crate::measure::bench;
 use crate::train::{self, PhotographMemory, Plan};
 

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::table::{Table, grouped, short};
+use super::table::{Table, short};
+use crate::digits::grouped;
 use crate::model::{Placement, Scale, Scene};
 use crate::train::{Plan, ScalePlan};
 

@@ -1,5 +1,7 @@
 //! Tables on the terminal.
 
+use crate::digits::grouped;
+
 /// Text in columns: the first aligned to the left, the others to the right.
 pub(super) struct Table {
     rows: Vec<Vec<String>>,
@@ -47,15 +49,6 @@ pub(super) fn short(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// A whole number with its thousands apart, as in 1 234 567.
-pub(super) fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let start = digits.len() % 3;
-    let mut groups: Vec<&str> = if start > 0 { vec![&digits[..start]] } else { Vec::new() };
-    groups.extend((start..digits.len()).step_by(3).map(|i| &digits[i..i + 3]));
-    groups.join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,10 +71,5 @@ mod tests {
         let found =
             [2.015564437074636, 0.47825338259999994, -0.949999988079071, 12345.678, 0.0, 1.5e-7, 2.0].map(short);
         assert_eq!(found, ["2.016", "0.4783", "-0.95", "12346", "0", "0.00000015", "2"]);
-    }
-
-    #[test]
-    fn thousands_are_apart() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1 000", "1 234 567"]);
     }
 }

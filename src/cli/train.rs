@@ -16,13 +16,15 @@ use super::progress::Progress;
 use super::scale_table::{self, ScaleRow};
 pub(super) use super::settings::Preset;
 use super::settings::{Fitting, Settings};
-use super::{Error, Session, check_output, table, write_atomically};
+use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::measure;
 use crate::model::Scene;
 use crate::prior::{CoarseProgress, VoxelBoxes};
+use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{self, DeadComponents, StepReport, TrainConfig, Trainer};
 
@@ -187,10 +189,10 @@ fn unused_text(unused: &DeadComponents, parameters: u64) -> String {
     }
     format!(
         "cleared: {} tensors and {} components without use, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
-        table::grouped(tensors_dropped),
-        table::grouped(components_dropped),
-        table::grouped(parameters_saved),
-        table::grouped(parameters),
+        grouped(tensors_dropped),
+        grouped(components_dropped),
+        grouped(parameters_saved),
+        grouped(parameters),
     )
 }
 
@@ -255,7 +257,7 @@ pub(super) fn reconstruct(
     };
     progress.finish(&format!(
         "prior: {} occupied voxels in {:.1} s",
-        table::grouped(occupied.cells.len() as u64),
+        grouped(occupied.cells.len() as u64),
         start.elapsed().as_secs_f64()
     ));
     Ok(occupied)
@@ -272,8 +274,8 @@ fn place<'a>(
     let trainer = Trainer::new(config, scene, &dataset.views)?;
     session.console.say(&format!(
         "{} parameters, {} rays meet the model",
-        table::grouped(trainer.scene().parameter_count()),
-        table::grouped(trainer.ray_count() as u64)
+        grouped(trainer.scene().parameter_count()),
+        grouped(trainer.ray_count() as u64)
     ));
     Ok(trainer)
 }
@@ -325,7 +327,7 @@ impl RecentError {
     }
 
     pub(super) fn psnr(&self) -> f64 {
-        measure::psnr_of_mse(self.0.unwrap_or(f64::NAN))
+        psnr_of_mse(self.0.unwrap_or(f64::NAN))
     }
 }
 
@@ -392,7 +394,7 @@ impl Run<'_> {
                 since = Instant::now();
                 if has_row {
                     let test_psnr = evaluates.then(|| self.evaluate(&trainer.scene()));
-                    let train_psnr = measure::psnr_of_mse(error_sum / error_count);
+                    let train_psnr = psnr_of_mse(error_sum / error_count);
                     let seconds = trainer.checkpoint().seconds;
                     self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
                     (error_sum, error_count) = (0.0, 0.0);

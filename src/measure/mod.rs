@@ -24,7 +24,7 @@ pub use error_map::{error_map, ramp};
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
 pub use png::{color_png, depth_png, opacity_png};
 pub use probes::{PROBE_MARGIN, ProbeReport, check_probes, make_probes, probe_density_error};
-pub use psnr::{mse, psnr, psnr_of_mse};
+pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
 pub use report::{Report, ViewReport};
 pub use sheet::{Canvas, side_by_side, stacked};

@@ -1,6 +1,7 @@
 //! Peak signal-to-noise ratio.
 
 use super::Error;
+use crate::psnr::psnr_of_mse;
 
 /// The mean squared difference over all pixels and channels, in f64.
 ///
@@ -17,12 +18,6 @@ pub fn mse(a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
     let squared = |(p, q): (&f32, &f32)| (f64::from(*p) - f64::from(*q)).powi(2);
     let sum: f64 = a.as_flattened().iter().zip(b.as_flattened()).map(squared).sum();
     Ok(sum / (3 * a.len()) as f64)
-}
-
-/// −10·log₁₀(`mse`): the PSNR in decibels of pictures whose values span \[0, 1\]; infinite for an error of 0.
-pub fn psnr_of_mse(mse: f64) -> f64 {
-    // 0 − … so that an error of 1 gives 0 rather than −0.
-    0.0 - 10.0 * mse.log10()
 }
 
 /// The PSNR in decibels between two pictures, from the mean squared error over all pixels and channels; infinite for

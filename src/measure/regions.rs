@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{Error, psnr_of_mse};
+use super::Error;
+use crate::psnr::psnr_of_mse;
 
 /// What a photograph's pixel shows, judged by the photograph alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{Error, psnr_of_mse, ssim};
+use super::{Error, ssim};
+use crate::psnr::psnr_of_mse;
 
 /// How close one rendered view is to its photograph. In JSON an infinite PSNR (identical pictures) is `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,6 +1,7 @@
 //! What a file holds, in words.
 
 use crate::container::{Contents, SceneFile};
+use crate::digits::grouped;
 use crate::model::Coverage;
 
 /// A line of the panel.
@@ -73,11 +74,4 @@ fn fact(name: &str, value: String) -> Fact {
 
 fn millions(count: u64) -> String {
     format!("{:.2} million", count as f64 / 1e6)
-}
-
-/// Thousands apart.
-fn grouped(count: u64) -> String {
-    let digits = count.to_string();
-    let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
-    groups.collect::<Vec<_>>().join(" ")
 }

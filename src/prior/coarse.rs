@@ -30,6 +30,7 @@ use self::trainer::{Level, RaySampler};
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice, cell_at};
+use crate::psnr::psnr_of_mse;
 
 /// How far the reconstruction is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,6 +148,6 @@ impl RunningMse {
     }
 
     pub(crate) fn psnr(&self) -> f64 {
-        -10.0 * (self.squared / self.weight).max(1e-12).log10()
+        psnr_of_mse((self.squared / self.weight).max(1e-12))
     }
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::Approximation;
+use crate::psnr::psnr_of_mse;
 
 /// The key of the note.
 pub const TRADE_NOTE: &str = "trade";
@@ -199,7 +200,7 @@ impl ParetoFront {
 
 /// The points of a front that are called fast, balanced and best; `None` where there are no points.
 fn named(points: &[ParetoPoint], scene_error: f64) -> Option<[usize; 3]> {
-    let psnrs: Vec<f64> = points.iter().map(|p| -10.0 * (10f64.powf(-p.psnr / 10.0) + scene_error).log10()).collect();
+    let psnrs: Vec<f64> = points.iter().map(|p| psnr_of_mse(10f64.powf(-p.psnr / 10.0) + scene_error)).collect();
     let best = (0..points.len()).max_by(|&a, &b| psnrs[a].total_cmp(&psnrs[b]))?;
     let fast = psnrs.iter().position(|p| *p >= psnrs[best] - FAST_LOSS)?;
     let logarithms: Vec<f64> = points.iter().map(|p| p.milliseconds.ln()).collect();

@@ -7,6 +7,7 @@ use super::chunk::RAYS_PER_CHUNK;
 use super::{RaySampler, Target};
 use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::{Ray, morton};
+use crate::psnr::psnr_of_mse;
 use crate::random::Random;
 
 /// Bits per axis of the order of rays in space.
@@ -48,7 +49,7 @@ impl RayBatch {
             (0..3).map(|c| f64::from(color[c] - target.color[c]).powi(2)).sum::<f64>()
         };
         let error: f64 = self.colors(field).iter().zip(&self.targets).map(squared).sum();
-        0.0 - 10.0 * (error / (3 * self.rays.len().max(1)) as f64).log10()
+        psnr_of_mse(error / (3 * self.rays.len().max(1)) as f64)
     }
 }
 

@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 use strivec::dataset::{Dataset, Pixels, View};
 use strivec::field::Field;
-use strivec::measure::psnr_of_mse;
 use strivec::model::{DecoderMode, Scene};
 use strivec::prior::VoxelBoxes;
+use strivec::psnr::psnr_of_mse;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{
     Backward, BatchRoulette, Target, TrainConfig, TrainError, Trainer, place_scene, reconstruct_prior,

@@ -3,8 +3,10 @@
 use crate::tree::{File, Name, Tree};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 17] = [
+const LAYERS: [(&str, u32); 19] = [
     ("color", 0),
+    ("digits", 0),
+    ("psnr", 0),
     ("geometry", 0),
     ("random", 0),
     ("npy", 0),

@@ -7,10 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::process::{json_of, this_build};
 use super::{Repeats, report};
-use crate::cli::table::{Table, grouped};
+use crate::cli::table::Table;
 use crate::cli::train::Preset;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session};
+use crate::digits::grouped;
 use crate::measure::bench::{Growth, MemoryMark, Runs, at_rest, ball, ball_views};
 use crate::model::Scene;
 use crate::render::{CpuRenderer, Renderer};

@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::cli::table::{Table, grouped};
+use crate::cli::table::Table;
 use crate::cli::{Error, quantity};
+use crate::digits::grouped;
 use crate::field::{Field, Samples};
 use crate::measure::bench::{MemoryMark, ball_on, shell, voxel_for};
 use crate::model::Scene;

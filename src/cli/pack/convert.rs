@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, Inputs, Outputs};
 use crate::cli::approximations::stored_settings;
-use crate::cli::table::grouped;
 use crate::cli::{Error, Session};
 use crate::container::{self, Metadata, SceneFile, VERSION};
+use crate::digits::grouped;
 use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
 
 /// Arguments of `strivec-pack convert`.

@@ -8,9 +8,9 @@ use super::input::{self, LimitArgs};
 use super::package::JUDGED;
 use crate::cli::{Error, Session};
 use crate::container;
-use crate::measure::psnr_of_mse;
 use crate::model::Scene;
 use crate::pack::{Distortion, probe_views};
+use crate::psnr::psnr_of_mse;
 
 /// Arguments of `strivec-pack diff`.
 #[derive(Debug, clap::Args)]

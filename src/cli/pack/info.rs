@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use super::input::{self, Inputs};
 use crate::cli::info::Info;
-use crate::cli::table::{Table, grouped};
+use crate::cli::table::Table;
 use crate::cli::{Error, Session};
 use crate::container::{self, Limits, Metadata};
+use crate::digits::grouped;
 
 /// Arguments of `strivec-pack info`.
 #[derive(Debug, clap::Args)]

@@ -11,13 +11,14 @@ use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
-use crate::cli::table::grouped;
 use crate::cli::{Error, Session, quantity, train};
 use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
-use crate::measure::{make_probes, psnr_of_mse};
+use crate::digits::grouped;
+use crate::measure::make_probes;
 use crate::model::Scene;
 use crate::pack::{Candidate, Distortion, Goal, MAX_TRIED, Views, fit_prefix, probe_views, search};
+use crate::psnr::psnr_of_mse;
 use crate::train::FactorImportance;
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.

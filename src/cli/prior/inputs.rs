@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::shaping::Shaping;
 use crate::cli::error::with_flags;
 use crate::cli::progress::Progress;
-use crate::cli::{Error, Session, table};
+use crate::cli::{Error, Session};
+use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::prior::{self, Built, PriorVisibility, VoxelBoxes};
 
@@ -71,8 +72,8 @@ pub(super) fn build(
         (counts.cells, "cells of grids"),
     ];
     let read: Vec<_> =
-        parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", table::grouped(*n))).collect();
-    let cells = table::grouped(built.boxes.cells.len() as u64);
+        parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", grouped(*n))).collect();
+    let cells = grouped(built.boxes.cells.len() as u64);
     progress.finish(&format!("prior: {cells} occupied voxels of {}", read.join(", ")));
     Ok(built)
 }

@@ -14,8 +14,9 @@ use shaping::Shaping;
 
 use super::error::with_flags;
 use super::table::short;
-use super::{Error, Session, check_output, table, write_atomically};
+use super::{Error, Session, check_output, write_atomically};
 use crate::dataset;
+use crate::digits::grouped;
 use crate::prior::{self, Counts};
 
 const EXAMPLES: &str = "\
@@ -112,7 +113,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch.map(short);
-        let cells = table::grouped(r.cells as u64);
+        let cells = grouped(r.cells as u64);
         format!(
             "{}: {cells} cells of {x} x {y} x {z}, from {} to {}",
             r.file.display(),

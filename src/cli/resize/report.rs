@@ -5,7 +5,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::cells::CellKind;
-use crate::cli::table::{Table, grouped};
+use crate::cli::table::Table;
+use crate::digits::grouped;
 use crate::model::{Factors, Scale};
 use crate::train::ResizeRound;
 

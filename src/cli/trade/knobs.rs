@@ -205,7 +205,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
 mod tests {
     use super::*;
     use crate::measure::bench::Spread;
-    use crate::measure::psnr_of_mse;
+    use crate::psnr::psnr_of_mse;
 
     #[test]
     fn what_is_lost_is_judged_beside_what_the_scene_is_off() {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::candidate::Candidate;
 use crate::cli::Error;
 use crate::measure::bench::Spread;
-use crate::measure::psnr_of_mse;
+use crate::psnr::psnr_of_mse;
 
 /// PSNR in dB of pictures that are the same, which is infinite, in tables.
 pub(super) const SAME: f64 = 99.0;
