@@ -1,4 +1,4 @@
-//! Passes the commit of a release build to `cli::version` as `STRIVEC_BUILD`: empty in a package without its repository.
+//! Passes the commit of a release build to `version` as `STRIVEC_BUILD`: empty in a package without its repository.
 //!
 //! Debug builds do not name their commit, so that committing does not rebuild them.
 

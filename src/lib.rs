@@ -3,7 +3,8 @@
 //! Layers, each importing only from those above it in this list (`tests/import_order` checks it):
 //!
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
-//!    [`color`]: colors as bytes. [`digits`]: numbers as text. [`psnr`]: decibels of an error. [`random`]: counter-based random numbers. `npy`: NumPy's arrays from anyone.
+//!    [`color`]: colors as bytes. [`digits`]: numbers as text. [`psnr`]: decibels of an error. [`random`]: counter-based
+//!    random numbers. [`version`](mod@version): the text of `--version`. `npy`: NumPy arrays from untrusted files.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `import`: readers of other
 //!    programs' geometry files. `prior`: where the scene is, and placing tensors there. `field`: the fast field that
@@ -40,6 +41,7 @@ pub mod geometry;
 pub mod model;
 pub mod psnr;
 pub mod random;
+pub mod version;
 
 #[cfg(feature = "toolkit")]
 pub mod dataset;

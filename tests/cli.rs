@@ -43,7 +43,7 @@ fn help_and_version_are_results() {
         assert_eq!(code(&output), 0, "{arguments:?}");
         assert!(!output.stdout.is_empty() && output.stderr.is_empty(), "{arguments:?}");
     }
-    assert_eq!(text(&run(folder.path(), &["--version"]).stdout), format!("strivec {}\n", strivec::cli::version()));
+    assert_eq!(text(&run(folder.path(), &["--version"]).stdout), format!("strivec {}\n", strivec::version::version()));
 }
 
 #[test]

@@ -163,10 +163,10 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
         json(folder, &[&["train", "data", "-o", output, "--config", "tiny.toml", "--bootstrap"], more].concat())
     };
     let kept = train("kept.strivec", &["--prune", "--keep-dead"]);
-    assert!(kept["unused"].is_null(), "{kept}");
+    assert!(kept["dead_components"].is_null(), "{kept}");
     let cleared = train("cleared.strivec", &["--prune"]);
-    println!("{}", cleared["unused"]);
-    let number = |key: &str| cleared["unused"][key].as_f64().unwrap();
+    println!("{}", cleared["dead_components"]);
+    let number = |key: &str| cleared["dead_components"][key].as_f64().unwrap();
     assert!(number("psnr_after") >= number("psnr_before") - 0.01);
     assert_eq!(kept["parameters"], cleared["parameters"], "cleared numbers are still there, as zeros");
     let bytes = |result: &serde_json::Value| result["bytes"].as_u64().unwrap();
@@ -177,7 +177,7 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
     });
     let psnr = |file: &str| json(folder, &["eval", file, "data", "--split", "test"])["psnr"].as_f64().unwrap();
     let (all, without) = (psnr("kept.strivec"), psnr("cleared.strivec"));
-    println!("{all:.3} dB, without what is unused {without:.3} dB");
+    println!("{all:.3} dB, without dead components {without:.3} dB");
     assert!(without > 15.0 && (all - without).abs() < 0.1, "{all} and {without} dB");
 
     let message = |arguments: &[&str]| {

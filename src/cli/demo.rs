@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
-use super::train::{encode, interrupts, train_through};
+use super::training::{encode, interrupts, train_through};
 use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};

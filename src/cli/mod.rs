@@ -25,13 +25,14 @@ mod render;
 mod resize;
 mod scale_table;
 mod scene_file;
+mod session;
 mod settings;
 mod shell;
 mod synth;
 mod table;
 mod trade;
 mod train;
-mod version;
+mod training;
 mod video;
 mod view;
 mod view_selection;
@@ -41,10 +42,10 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use console::Console;
+use crate::version::version;
 pub use error::Error;
 pub use output::{check_output, write_atomically};
-pub use version::version;
+use session::{Globals, Session, run_command};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file.
@@ -59,24 +60,6 @@ struct Cli {
     globals: Globals,
     #[command(subcommand)]
     command: Command,
-}
-
-/// Options of every command.
-#[derive(Clone, Debug, clap::Args)]
-#[command(next_help_heading = "Options of every command")]
-struct Globals {
-    /// Number of threads; results do not depend on it [default: one per core]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
-    threads: Option<u16>,
-    /// Print no progress and no messages except errors
-    #[arg(long, short, global = true)]
-    quiet: bool,
-    /// Print results as JSON
-    #[arg(long, global = true)]
-    json: bool,
-    /// Overwrite files that exist
-    #[arg(long, global = true)]
-    force: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -113,13 +96,6 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// Console and global options.
-struct Session {
-    console: Console,
-    /// Whether existing files are overwritten.
-    force: bool,
-}
-
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
@@ -139,36 +115,6 @@ pub fn main() -> ExitCode {
         Command::Completions(args) => shell::completions(args, Cli::command(), session),
         Command::Man(args) => shell::man(args, [Cli::command(), pack::command()], session),
     })
-}
-
-/// Runs the `parsed` command of the program `name`.
-fn run_command<C>(
-    name: &'static str,
-    parsed: Result<(Globals, C), clap::Error>,
-    run: impl FnOnce(&C, &Session) -> Result<(), Error>,
-) -> ExitCode {
-    let (globals, command) = match parsed {
-        Ok(parsed) => parsed,
-        Err(error) => {
-            // Help and version are results; a closed pipe is no error.
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { error::USAGE } else { 0 });
-        }
-    };
-    let session = Session { console: Console::new(name, globals.quiet, globals.json), force: globals.force };
-    match start_threads(&globals).and_then(|()| run(&command, &session)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            session.console.fail(&error);
-            ExitCode::from(error.exit_code())
-        }
-    }
-}
-
-fn start_threads(globals: &Globals) -> Result<(), Error> {
-    let Some(threads) = globals.threads else { return Ok(()) };
-    let built = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
-    built.map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::train::{interrupts, reconstruct};
+use super::training::{interrupts, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
 use crate::digits::grouped;

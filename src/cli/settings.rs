@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::{Error, Session, quantity};
+use crate::container::Encoding;
 use crate::dataset::LoadOptions;
 use crate::geometry::Camera;
 use crate::prior::VoxelBoxes;
@@ -193,6 +194,26 @@ impl Preset {
             Self::PerRay => "per-ray",
             Self::Best => "best",
             Self::Scannet => "scannet",
+        }
+    }
+}
+
+/// Encoding of the factors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Precision {
+    /// 32-bit floating point: exactly as trained
+    F32,
+    /// 16-bit floating point: half the size
+    #[default]
+    F16,
+}
+
+impl Precision {
+    /// As the container names it.
+    pub(super) fn factors(self) -> Encoding {
+        match self {
+            Self::F32 => Encoding::F32,
+            Self::F16 => Encoding::F16,
         }
     }
 }

@@ -1,32 +1,27 @@
 //! `strivec train`: train a scene from photographs.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use clap::ValueEnum;
 use serde::Serialize;
 
-use super::console::Console;
 use super::output::check_scene_name;
 use super::prior::Inputs;
-use super::progress::Progress;
+use super::render::colors;
 use super::scale_table::{self, ScaleRow};
-pub(super) use super::settings::Preset;
-use super::settings::{Fitting, Settings};
+use super::settings::{Fitting, Precision, Settings};
+use super::table::plural;
+use super::training::{Meter, cameras, encode, interrupts, place, read_state, reconstruct};
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
-use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::dataset::{self, LoadOptions, View};
 use crate::digits::grouped;
-use crate::geometry::Camera;
 use crate::measure;
 use crate::model::Scene;
-use crate::prior::{CoarseProgress, VoxelBoxes};
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{self, DeadComponents, StepReport, TrainConfig, Trainer};
+use crate::train::{DeadComponents, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -60,7 +55,7 @@ pub(super) struct Args {
     /// Print the resulting settings as TOML and exit
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
-    /// Keep components that no training ray uses [default: cleared after the last step]
+    /// Keep dead components, those that no training ray uses [default: cleared after the last step]
     #[arg(long)]
     pub(super) keep_dead: bool,
     /// Checkpoint of an unfinished run [default: OUTPUT.state]
@@ -82,25 +77,6 @@ pub(super) struct Args {
     /// Measure PSNR on up to 20 test views every N steps [default: never]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) eval_every: Option<u64>,
-}
-
-/// How factors are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Precision {
-    /// 32-bit floating point: exactly as trained
-    F32,
-    /// 16-bit floating point: half the size
-    #[default]
-    F16,
-}
-
-impl Precision {
-    pub(super) fn factors(self) -> Encoding {
-        match self {
-            Self::F32 => Encoding::F32,
-            Self::F16 => Encoding::F16,
-        }
-    }
 }
 
 /// Trains.
@@ -144,7 +120,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     run.train(&mut trainer, &interrupted)?;
 
     let mut scene = trainer.scene();
-    let unused = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
+    let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     files.remove_state()?;
@@ -155,14 +131,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         steps: trainer.steps_done(),
         seconds: trainer.checkpoint().seconds,
         scales: scale_table::rows(&scene),
-        unused,
+        dead_components,
         curve: run.curve,
     };
     session.console.result(&result, |r| {
         let table = scale_table::text(&r.scales);
-        let unused = r.unused.as_ref().map_or_else(String::new, |u| unused_text(u, r.parameters));
+        let dead = r.dead_components.as_ref().map_or_else(String::new, |dead| dead_text(dead, r.parameters));
         let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
-        format!("{table}{unused}{}: {size:.2} MB, {} steps in {minutes:.1} min", r.file.display(), r.steps)
+        let steps = plural(r.steps as usize, "step");
+        format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
     })
 }
 
@@ -176,21 +153,21 @@ struct Trained<'a> {
     /// Prior and training, without loading, evaluating and writing.
     seconds: f64,
     scales: Vec<ScaleRow>,
-    /// What was cleared at the end; absent where that was not to be.
-    unused: Option<DeadComponents>,
+    /// Cleared after the last step; absent with `--keep-dead`.
+    dead_components: Option<DeadComponents>,
     curve: Vec<CurvePoint>,
 }
 
-/// A line on what was cleared, of `parameters` in all.
-fn unused_text(unused: &DeadComponents, parameters: u64) -> String {
-    let DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *unused;
+/// A line on the cleared components of a scene of `parameters`.
+fn dead_text(dead: &DeadComponents, parameters: u64) -> String {
+    let DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *dead;
     if components_dropped == 0 {
-        return "cleared: nothing\n".into();
+        return "cleared: no dead components\n".into();
     }
     format!(
-        "cleared: {} tensors and {} components without use, {} of {} parameters; {psnr_after:.3} dB on training rays, {psnr_before:.3} dB before\n",
-        grouped(tensors_dropped),
-        grouped(components_dropped),
+        "cleared: {}, {}, {} of {} parameters; {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before)\n",
+        plural(components_dropped as usize, "dead component"),
+        plural(tensors_dropped as usize, "empty tensor"),
         grouped(parameters_saved),
         grouped(parameters),
     )
@@ -206,157 +183,6 @@ struct CurvePoint {
     test_psnr: Option<f64>,
 }
 
-/// The cameras of `dataset`'s photographs.
-pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
-    dataset.views.iter().map(|view| view.camera).collect()
-}
-
-/// Counts Ctrl-C and termination; the second one ends the process.
-pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::SeqCst) {
-            std::process::exit(4);
-        }
-    })
-    .map_err(|e| Error::Runtime(format!("cannot handle Ctrl-C: {e}")))?;
-    Ok(interrupted)
-}
-
-/// Prior and placement.
-pub(super) fn begin<'a>(
-    config: TrainConfig,
-    dataset: &'a Dataset,
-    interrupted: &AtomicBool,
-    session: &Session,
-) -> Result<Trainer<'a>, Error> {
-    let occupied = reconstruct(&config, dataset, false, interrupted, session)?;
-    place(config, dataset, &occupied, session)
-}
-
-/// The prior from the photographs, with progress on the console.
-pub(super) fn reconstruct(
-    config: &TrainConfig,
-    dataset: &Dataset,
-    bootstrap: bool,
-    interrupted: &AtomicBool,
-    session: &Session,
-) -> Result<VoxelBoxes, Error> {
-    let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
-    let progress = Progress::start(&session.console, "prior", total);
-    let start = Instant::now();
-    let mut report = |at: CoarseProgress| {
-        progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
-        if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let occupied = if bootstrap {
-        train::bootstrap_prior(config, dataset, &mut report)?
-    } else {
-        train::reconstruct_prior(config, dataset, &mut report).map_err(train::PrepareError::from)?
-    };
-    progress.finish(&format!(
-        "prior: {} occupied voxels in {:.1} s",
-        grouped(occupied.cells.len() as u64),
-        start.elapsed().as_secs_f64()
-    ));
-    Ok(occupied)
-}
-
-/// Tensors on `occupied`, and a run that begins with them.
-fn place<'a>(
-    config: TrainConfig,
-    dataset: &'a Dataset,
-    occupied: &VoxelBoxes,
-    session: &Session,
-) -> Result<Trainer<'a>, Error> {
-    let scene = train::place_scene(&config, dataset, occupied)?;
-    let trainer = Trainer::new(config, scene, &dataset.views)?;
-    session.console.say(&format!(
-        "{} parameters, {} rays meet the model",
-        grouped(trainer.scene().parameter_count()),
-        grouped(trainer.ray_count() as u64)
-    ));
-    Ok(trainer)
-}
-
-/// The bytes of `scene`'s file.
-pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Vec<u8>, Error> {
-    let options = EncodeOptions::uniform(factors);
-    container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
-}
-
-/// Trains `config`'s scene on `dataset` with progress on the console, for commands that need no checkpoints; ends early where it
-/// is `interrupted`.
-pub(super) fn train_through(
-    config: TrainConfig,
-    dataset: &Dataset,
-    interrupted: &AtomicBool,
-    session: &Session,
-) -> Result<Scene, Error> {
-    let mut trainer = begin(config, dataset, interrupted, session)?;
-    let mut meter = Meter::start(&session.console, &trainer);
-    while trainer.steps_done() < trainer.config().steps {
-        if interrupted.load(Ordering::SeqCst) {
-            return Err(Error::Runtime("interrupted".into()));
-        }
-        let report = trainer.step()?;
-        meter.add(&report, &trainer);
-    }
-    meter.finish();
-    Ok(trainer.scene())
-}
-
-/// Progress of the steps on the console.
-struct Meter<'a> {
-    progress: Progress<'a>,
-    begun: Instant,
-    first_step: u64,
-    error: RecentError,
-}
-
-/// Of the last steps: the squared error, smoothed exponentially.
-#[derive(Default)]
-pub(super) struct RecentError(Option<f64>);
-
-impl RecentError {
-    pub(super) fn add(&mut self, report: &StepReport) {
-        const KEPT: f64 = 0.98;
-        let error = report.mean_squared_error;
-        self.0 = Some(self.0.map_or(error, |before| KEPT * before + (1.0 - KEPT) * error));
-    }
-
-    pub(super) fn psnr(&self) -> f64 {
-        psnr_of_mse(self.0.unwrap_or(f64::NAN))
-    }
-}
-
-impl<'a> Meter<'a> {
-    fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
-        let progress = Progress::start(console, "train", trainer.config().steps);
-        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RecentError::default() }
-    }
-
-    fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
-        self.error.add(report);
-        let rays = (report.step - self.first_step) * trainer.config().batch_rays as u64;
-        self.progress.set(report.step, || {
-            let rate = rays as f64 / self.begun.elapsed().as_secs_f64();
-            format!("{rate:.0} rays/s, train {:.2} dB", self.error.psnr())
-        });
-    }
-
-    /// Excludes `time` from the rate.
-    fn skip(&mut self, time: Duration) {
-        self.begun += time;
-        self.progress.reset_rate();
-    }
-
-    fn finish(self) {
-        self.progress.finish(&format!("train: {:.2} dB on the last rays", self.error.psnr()));
-    }
-}
-
 /// A run with its checkpoints and its log.
 struct Run<'a> {
     args: &'a Args,
@@ -366,9 +192,9 @@ struct Run<'a> {
     curve: Vec<CurvePoint>,
 }
 
-/// Rows of the log, besides those of evaluations.
+/// Maximum rows of the log, besides those of evaluations.
 const ROWS: u64 = 500;
-/// Held-out views that stand for all while a run goes on.
+/// Maximum held-out views that an evaluation during the run renders.
 const HELD_OUT: usize = 20;
 
 impl Run<'_> {
@@ -422,7 +248,7 @@ impl Run<'_> {
         let psnrs: Vec<f64> = (self.held_out.iter())
             .map(|view| {
                 let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
-                measure::psnr(&super::render::colors(&picture), &view.pixels.colors(background)).unwrap_or(f64::NAN)
+                measure::psnr(&colors(&picture), &view.pixels.colors(background)).unwrap_or(f64::NAN)
             })
             .collect();
         psnrs.iter().sum::<f64>() / psnrs.len() as f64
@@ -440,21 +266,14 @@ impl Run<'_> {
     }
 }
 
-/// The state that an unfinished run left in the file `path`.
-pub(super) fn read_state(path: &Path) -> Result<(train::Checkpoint, Scene), Error> {
-    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    let (progress, scene) = train::Checkpoint::from_bytes(&bytes).map_err(Error::malformed(path))?;
-    let scene = container::decode(&scene).map_err(Error::malformed(path))?;
-    Ok((progress, scene))
-}
-
-/// Where a run writes.
+/// The files of a run that change before its end.
 struct Files {
+    /// The checkpoint.
     state: PathBuf,
 }
 
 impl Files {
-    /// Checks early that everything may be written.
+    /// Checks that all output files can be written, before any work.
     fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
         check_scene_name(output)?;
         check_output(output, session.force)?;
@@ -477,7 +296,7 @@ impl Files {
     }
 
     fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
-        // Exactly as trained, and quickly.
+        // 32-bit factors, so that the resumed run is byte-identical; weak compression, because it is fast.
         let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
         let scene = container::encode(&trainer.scene(), &options)
             .map_err(|e| Error::Runtime(format!("{}: {e}", self.state.display())))?;

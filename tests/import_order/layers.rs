@@ -3,12 +3,13 @@
 use crate::tree::{File, Name, Tree};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 19] = [
+const LAYERS: [(&str, u32); 20] = [
     ("color", 0),
     ("digits", 0),
     ("psnr", 0),
     ("geometry", 0),
     ("random", 0),
+    ("version", 0),
     ("npy", 0),
     ("model", 1),
     ("container", 2),

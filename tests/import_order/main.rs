@@ -27,12 +27,6 @@ use std::sync::LazyLock;
 
 use tree::Tree;
 
-/// Beginnings of paths of files that are still in a cycle. Nothing may be added.
-const STILL_IN_CYCLES: &[&str] = &["cli/"];
-
-/// Beginnings of paths of files whose strings still name flags. Nothing may be added.
-const STILL_NAME_FLAGS: &[&str] = &[];
-
 /// The tree of these files: paths and texts.
 fn tree_of(files: &[(&str, &str)]) -> Tree {
     Tree::new(files.iter().copied())
@@ -66,24 +60,19 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-fn begins(path: &str, beginnings: &[&str]) -> bool {
-    beginnings.iter().any(|beginning| path.starts_with(beginning))
-}
-
-/// A description of each cycle in the tree, without those of `allowed` files alone.
-fn cycles_in(tree: &Tree, allowed: &[&str]) -> Vec<String> {
+/// A description of each cycle in the tree.
+fn cycles_in(tree: &Tree) -> Vec<String> {
     let edges = cycles::edges(tree);
     let cycles = cycles::cycles(tree, &edges);
-    let news = cycles.iter().filter(|c| c.iter().any(|&file| !begins(&tree.files[file].path, allowed)));
-    news.map(|cycle| cycles::describe(tree, &edges, cycle)).collect()
+    cycles.iter().map(|cycle| cycles::describe(tree, &edges, cycle)).collect()
 }
 
 /// Each string literal with a command-line flag outside the code that parses them.
-fn flags_in(tree: &Tree, allowed: &[&str]) -> Vec<String> {
+fn flags_in(tree: &Tree) -> Vec<String> {
     let names_a_flag =
         |text: &str| text.as_bytes().windows(3).any(|w| w.starts_with(b"--") && w[2].is_ascii_lowercase());
     let of_commands = |path: &str| path.starts_with("cli/") || path == "player/desktop/arguments.rs";
-    let files = tree.files.iter().filter(|file| !of_commands(&file.path) && !begins(&file.path, allowed));
+    let files = tree.files.iter().filter(|file| !of_commands(&file.path));
     files
         .flat_map(|file| {
             let literals = file.literals.iter().filter(|(_, text)| names_a_flag(text));
@@ -100,13 +89,13 @@ fn no_import_points_upwards() {
 
 #[test]
 fn no_files_need_each_other() {
-    let found = cycles_in(&OWN, STILL_IN_CYCLES);
+    let found = cycles_in(&OWN);
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
 #[test]
 fn no_string_of_the_library_names_a_flag() {
-    let found = flags_in(&OWN, STILL_NAME_FLAGS);
+    let found = flags_in(&OWN);
     assert!(found.is_empty(), "name the setting instead:\n{}", found.join("\n"));
 }
 
@@ -131,20 +120,19 @@ fn a_planted_cycle_is_found() {
     ] {
         let decoder = format!("{decoder} pub struct Decoder;");
         let files = [("model/mod.rs", parent), ("model/scene.rs", scene), ("model/decoder.rs", &decoder)];
-        let found = cycles_in(&tree_of(&files), &[]);
+        let found = cycles_in(&tree_of(&files));
         let expected = format!(
             "2 files need each other:\n  model/scene.rs -> model/decoder.rs: Decoder (line 1)\n  \
              model/decoder.rs -> model/scene.rs: {item} (line 1)\n"
         );
         assert_eq!(found, [expected], "{parent} {decoder}");
-        assert_eq!(cycles_in(&tree_of(&files), &["model/scene.rs", "model/decoder.rs"]), [""; 0]);
     }
 }
 
 #[test]
 fn a_parents_own_items_make_a_cycle_and_its_declarations_do_not() {
     let child = ("las/header.rs", "use super::LIMIT; pub struct Header([u8; LIMIT]);");
-    let of = |parent: &str| cycles_in(&tree_of(&[("las/mod.rs", parent), child]), &[]).len();
+    let of = |parent: &str| cycles_in(&tree_of(&[("las/mod.rs", parent), child])).len();
     assert_eq!(of("mod header; const LIMIT: usize = 1; use header::Header;"), 1);
     assert_eq!(of("mod header; const LIMIT: usize = 1; fn f() -> header::Header { todo!() }"), 1);
     assert_eq!(of("mod header; const LIMIT: usize = 1; pub use header::Header; fn f(h: &Header) {}"), 1);
@@ -162,7 +150,7 @@ fn a_longer_cycle_and_two_apart_are_found() {
         ("e.rs", "use crate::d::D; pub struct E;"),
         ("f.rs", "use crate::a::A;"),
     ];
-    let found = cycles_in(&tree_of(&files), &[]);
+    let found = cycles_in(&tree_of(&files));
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(found[0].starts_with("3 files") && found[1].starts_with("2 files"), "{found:?}");
     assert!(!found.concat().contains("f.rs"), "{found:?}");
@@ -175,7 +163,7 @@ fn test_modules_make_no_cycle() {
         ("a/tests.rs", "use crate::b::B; pub struct T;"),
         ("b.rs", "use crate::a::A; pub struct B;"),
     ];
-    assert_eq!(cycles_in(&tree_of(&files), &[]), [""; 0]);
+    assert_eq!(cycles_in(&tree_of(&files)), [""; 0]);
 }
 
 #[test]
@@ -183,9 +171,8 @@ fn planted_flags_are_found_and_documentation_is_not() {
     let source = "//! --a\n/// --b\nfn f() { g(\"--c\"); format!(\"x --d {}\", 1); }\n\
                   #[error(\"use --e\")] struct E; const N: &str = \"a -- b --\";";
     let expected = ["prior/a.rs:3: \"--c\"", "prior/a.rs:3: \"x --d {}\"", "prior/a.rs:4: \"use --e\""];
-    assert_eq!(flags_in(&tree_of(&[("prior/a.rs", source)]), &[]), expected);
-    assert_eq!(flags_in(&tree_of(&[("prior/a.rs", source)]), &["prior/a.rs"]), [""; 0]);
+    assert_eq!(flags_in(&tree_of(&[("prior/a.rs", source)])), expected);
     for path in ["cli/train.rs", "player/desktop/arguments.rs"] {
-        assert_eq!(flags_in(&tree_of(&[(path, source)]), &[]), [""; 0]);
+        assert_eq!(flags_in(&tree_of(&[(path, source)])), [""; 0]);
     }
 }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::TempDir;
 
-use super::{Repeats, render, report};
+use super::repeats::Repeats;
+use super::{render, report};
 use crate::cli::table::Table;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, write_atomically};

@@ -6,9 +6,10 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::process::{json_of, this_build};
-use super::{Repeats, report};
+use super::repeats::Repeats;
+use super::report;
+use crate::cli::settings::Preset;
 use crate::cli::table::Table;
-use crate::cli::train::Preset;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session};
 use crate::digits::grouped;

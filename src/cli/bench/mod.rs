@@ -10,6 +10,7 @@ mod peak;
 mod placement;
 mod process;
 mod render;
+mod repeats;
 mod report;
 mod train;
 
@@ -17,7 +18,6 @@ use clap::Subcommand;
 use serde::Serialize;
 
 use super::{Error, Session};
-use crate::measure::bench::{Peak, Runs};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -53,64 +53,6 @@ enum What {
     Placement(placement::Args),
     /// Compare this build with another
     Against(against::Args),
-}
-
-/// How often something is measured, and on how many threads.
-#[derive(Clone, Debug, clap::Args)]
-struct Repeats {
-    /// Measured runs; the result is their median
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
-    runs: u16,
-    /// Runs before the measured ones; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 2)]
-    warm_up: u16,
-    /// Numbers of threads to measure [default: --threads]
-    #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=4096))]
-    threads_list: Vec<u16>,
-}
-
-impl Repeats {
-    /// Few runs on the command's own threads.
-    fn quick(runs: u16) -> Self {
-        Self { runs, warm_up: 1, threads_list: Vec::new() }
-    }
-
-    fn runs(&self) -> Runs {
-        Runs { warm_up: self.warm_up.into(), measured: self.runs.into() }
-    }
-
-    /// The numbers of threads to measure on.
-    fn threads(&self) -> Vec<usize> {
-        if self.threads_list.is_empty() {
-            return vec![rayon::current_num_threads()];
-        }
-        self.threads_list.iter().map(|&threads| threads.into()).collect()
-    }
-
-    /// Calls `measure` with the peak of each pool of threads, within that pool.
-    fn on_each_pool<R: Send>(
-        &self,
-        session: &Session,
-        mut measure: impl FnMut(&Peak) -> Result<R, Error> + Send,
-    ) -> Result<Vec<R>, Error> {
-        self.in_each_pool(|| {
-            session.console.say(&format!("bench: peak of {} threads", rayon::current_num_threads()));
-            measure(&Peak::measure())
-        })
-    }
-
-    /// Calls `measure` within each pool of threads.
-    fn in_each_pool<R: Send>(&self, mut measure: impl FnMut() -> Result<R, Error> + Send) -> Result<Vec<R>, Error> {
-        let mut measured = Vec::new();
-        for threads in self.threads() {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .map_err(|e| Error::Runtime(format!("cannot start {threads} threads: {e}")))?;
-            measured.push(pool.install(&mut measure)?);
-        }
-        Ok(measured)
-    }
 }
 
 /// Everything, as `--json` prints it.
@@ -158,7 +100,7 @@ mod tests {
     #[command(name = "bench")]
     struct Bench {
         #[command(flatten)]
-        globals: crate::cli::Globals,
+        globals: crate::cli::session::Globals,
         #[command(flatten)]
         args: Args,
     }

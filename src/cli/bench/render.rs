@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::{Repeats, report};
+use super::repeats::Repeats;
+use super::report;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, picture_size, scene_file};
 use crate::measure::bench::{Measured, MemoryMark, Peak, ball, frames};

@@ -5,8 +5,10 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
-use super::{Repeats, report};
-use crate::cli::train::{Preset, begin, read_state};
+use super::repeats::Repeats;
+use super::report;
+use crate::cli::settings::Preset;
+use crate::cli::training::{begin, read_state};
 use crate::cli::{Error, Session, scene_file};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::bench::{Measured, MemoryMark, Peak, at_rest, ball, ball_views, training_steps};

@@ -19,7 +19,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 pub(super) use package::{JUDGED, PROBED};
 
-use super::{Globals, run_command, version};
+use super::session::{Globals, run_command};
+use crate::version::version;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 any other failure, 5 unsupported file, 7 files differ.

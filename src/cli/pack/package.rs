@@ -11,7 +11,7 @@ use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
-use crate::cli::{Error, Session, quantity, train};
+use crate::cli::{Error, Session, quantity, training};
 use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
@@ -244,7 +244,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 /// What a scene file or a training state holds, and its bytes.
 fn read_trained(path: &Path, limits: Limits) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
-        let (_, scene) = train::read_state(path)?;
+        let (_, scene) = training::read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
         return Ok((SceneFile { scene, metadata: Metadata::default() }, bytes));
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cli::render::colors;
 use crate::cli::table::Table;
-use crate::cli::train::{interrupts, train_through};
+use crate::cli::training::{interrupts, train_through};
 use crate::cli::{Error, Session, write_atomically};
 use crate::dataset::{self, Dataset, LoadOptions};
 use crate::geometry::Similarity;

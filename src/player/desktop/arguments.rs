@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::version::version;
+
 const EXAMPLES: &str = "\
 Examples:
   strivec-player lego.strivec
@@ -15,7 +17,7 @@ Exit codes: 0 closed, 1 usage, 2 unreadable file, 3 malformed file, 4 anything e
 
 /// Show .strivec scenes in a window
 #[derive(Debug, Default, clap::Parser)]
-#[command(name = "strivec-player", version, after_help = EXAMPLES)]
+#[command(name = "strivec-player", version = version(), after_help = EXAMPLES)]
 pub(super) struct Arguments {
     /// Scene to show: a file, its URL, or a folder of files
     #[arg(value_name = "FILE|URL|FOLDER")]

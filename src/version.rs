@@ -1,4 +1,4 @@
-//! The text of `--version`.
+//! The text of `--version`: version, commit and features of this build.
 
 use std::sync::LazyLock;
 

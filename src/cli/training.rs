@@ -1,0 +1,179 @@
+//! Training as several commands do it: prior, placement, steps with progress on the console.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::console::Console;
+use super::progress::Progress;
+use super::table::plural;
+use super::{Error, Session};
+use crate::container::{self, EncodeOptions, Encoding};
+use crate::dataset::Dataset;
+use crate::digits::grouped;
+use crate::geometry::Camera;
+use crate::model::Scene;
+use crate::prior::{CoarseProgress, VoxelBoxes};
+use crate::psnr::psnr_of_mse;
+use crate::train::{self, StepReport, TrainConfig, Trainer};
+
+/// The cameras of `dataset`'s photographs.
+pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
+    dataset.views.iter().map(|view| view.camera).collect()
+}
+
+/// A flag that the first Ctrl-C or termination signal sets; the second one ends the process.
+pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::SeqCst) {
+            std::process::exit(4);
+        }
+    })
+    .map_err(|e| Error::Runtime(format!("cannot handle Ctrl-C: {e}")))?;
+    Ok(interrupted)
+}
+
+/// A trainer at its first step: prior from the photographs, and placement.
+pub(super) fn begin<'a>(
+    config: TrainConfig,
+    dataset: &'a Dataset,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Trainer<'a>, Error> {
+    let occupied = reconstruct(&config, dataset, false, interrupted, session)?;
+    place(config, dataset, &occupied, session)
+}
+
+/// The prior from the photographs, with progress on the console.
+pub(super) fn reconstruct(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    bootstrap: bool,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<VoxelBoxes, Error> {
+    let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
+    let progress = Progress::start(&session.console, "prior", total);
+    let start = Instant::now();
+    let mut report = |at: CoarseProgress| {
+        progress.set(u64::from(at.step), || format!("train {:.2} dB", at.psnr));
+        if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let occupied = if bootstrap {
+        train::bootstrap_prior(config, dataset, &mut report)?
+    } else {
+        train::reconstruct_prior(config, dataset, &mut report).map_err(train::PrepareError::from)?
+    };
+    progress.finish(&format!(
+        "prior: {} in {:.1} s",
+        plural(occupied.cells.len(), "occupied voxel"),
+        start.elapsed().as_secs_f64()
+    ));
+    Ok(occupied)
+}
+
+/// Places tensors on `occupied`; returns a trainer at its first step.
+pub(super) fn place<'a>(
+    config: TrainConfig,
+    dataset: &'a Dataset,
+    occupied: &VoxelBoxes,
+    session: &Session,
+) -> Result<Trainer<'a>, Error> {
+    let scene = train::place_scene(&config, dataset, occupied)?;
+    let trainer = Trainer::new(config, scene, &dataset.views)?;
+    session.console.say(&format!(
+        "{} parameters, {} rays meet the model",
+        grouped(trainer.scene().parameter_count()),
+        grouped(trainer.ray_count() as u64)
+    ));
+    Ok(trainer)
+}
+
+/// The bytes of `scene`'s file.
+pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Vec<u8>, Error> {
+    let options = EncodeOptions::uniform(factors);
+    container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
+}
+
+/// Trains `config`'s scene on `dataset` with progress on the console, for commands that write no checkpoints. Fails if
+/// `interrupted` becomes true.
+pub(super) fn train_through(
+    config: TrainConfig,
+    dataset: &Dataset,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Scene, Error> {
+    let mut trainer = begin(config, dataset, interrupted, session)?;
+    let mut meter = Meter::start(&session.console, &trainer);
+    while trainer.steps_done() < trainer.config().steps {
+        if interrupted.load(Ordering::SeqCst) {
+            return Err(Error::Runtime("interrupted".into()));
+        }
+        let report = trainer.step()?;
+        meter.add(&report, &trainer);
+    }
+    meter.finish();
+    Ok(trainer.scene())
+}
+
+/// Progress of the steps on the console.
+pub(super) struct Meter<'a> {
+    progress: Progress<'a>,
+    begun: Instant,
+    first_step: u64,
+    error: RecentError,
+}
+
+/// The squared error of the last steps, smoothed exponentially.
+#[derive(Default)]
+pub(super) struct RecentError(Option<f64>);
+
+impl RecentError {
+    pub(super) fn add(&mut self, report: &StepReport) {
+        const KEPT: f64 = 0.98;
+        let error = report.mean_squared_error;
+        self.0 = Some(self.0.map_or(error, |before| KEPT * before + (1.0 - KEPT) * error));
+    }
+
+    pub(super) fn psnr(&self) -> f64 {
+        psnr_of_mse(self.0.unwrap_or(f64::NAN))
+    }
+}
+
+impl<'a> Meter<'a> {
+    pub(super) fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
+        let progress = Progress::start(console, "train", trainer.config().steps);
+        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RecentError::default() }
+    }
+
+    pub(super) fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
+        self.error.add(report);
+        let rays = (report.step - self.first_step) * trainer.config().batch_rays as u64;
+        self.progress.set(report.step, || {
+            let rate = rays as f64 / self.begun.elapsed().as_secs_f64();
+            format!("{rate:.0} rays/s, train {:.2} dB", self.error.psnr())
+        });
+    }
+
+    /// Excludes `time` from the rate.
+    pub(super) fn skip(&mut self, time: Duration) {
+        self.begun += time;
+        self.progress.reset_rate();
+    }
+
+    pub(super) fn finish(self) {
+        self.progress.finish(&format!("train: {:.2} dB on the last rays", self.error.psnr()));
+    }
+}
+
+/// The checkpoint file `path` of an unfinished run, and its scene.
+pub(super) fn read_state(path: &Path) -> Result<(train::Checkpoint, Scene), Error> {
+    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
+    let (progress, scene) = train::Checkpoint::from_bytes(&bytes).map_err(Error::malformed(path))?;
+    let scene = container::decode(&scene).map_err(Error::malformed(path))?;
+    Ok((progress, scene))
+}
