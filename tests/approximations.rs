@@ -30,7 +30,7 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
 }
 
 const EXACT: Approximation = Approximation {
-    neighbors: None,
+    top_k: None,
     scales: None,
     components: None,
     step_scale: 1.0,
@@ -52,7 +52,7 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { neighbors: Some(4), ..EXACT },
+        Approximation { top_k: Some(4), ..EXACT },
         Approximation { scales: Some(3), ..EXACT },
         Approximation { components: Some(1.0), ..EXACT },
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
@@ -69,7 +69,7 @@ fn a_strong_option_shows() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { neighbors: Some(1), ..EXACT },
+        Approximation { top_k: Some(1), ..EXACT },
         Approximation { scales: Some(1), ..EXACT },
         Approximation { components: Some(0.4), ..EXACT },
         Approximation { step_scale: 8.0, ..EXACT },
@@ -143,8 +143,8 @@ fn options_out_of_range_are_refused_by_name() {
     let scene = scene();
     let (nan, infinite) = (f64::NAN, f64::INFINITY);
     for (option, name, expected) in [
-        (Approximation { neighbors: Some(0), ..EXACT }, "neighbors", "1 to 4"),
-        (Approximation { neighbors: Some(5), ..EXACT }, "neighbors", "1 to 4"),
+        (Approximation { top_k: Some(0), ..EXACT }, "top_k", "1 to 4"),
+        (Approximation { top_k: Some(5), ..EXACT }, "top_k", "1 to 4"),
         (Approximation { scales: Some(0), ..EXACT }, "scales", "1 to 3"),
         (Approximation { scales: Some(4), ..EXACT }, "scales", "1 to 3"),
         (Approximation { components: Some(0.0), ..EXACT }, "components", "a number in (0, 1]"),

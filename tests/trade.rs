@@ -56,7 +56,7 @@ fn sweep<'a>(size: &'a str, combinations: &'a str, more: &[&'a str]) -> Vec<&'a 
 }
 
 #[test]
-fn a_sweep_measures_reports_stores_and_is_acted_on() {
+fn a_sweep_measures_reports_and_stores_settings_that_render_accepts() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::copy(FIXTURE, folder.join("scene.strivec")).unwrap();
@@ -66,7 +66,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
     let row = |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("{name}: {report:#}"));
     let psnr = |name: &str| row(name)["psnr"].as_f64().unwrap();
     assert_eq!(psnr("exact"), 99.0, "its own pictures are the same");
-    assert!(psnr("cpu-f64") > 60.0 && psnr("M 1") < 60.0 && psnr("step x4") < psnr("step x1.5"));
+    assert!(psnr("cpu-f64") > 60.0 && psnr("top-k 1") < 60.0 && psnr("step x4") < psnr("step x1.5"));
     assert!(psnr("components 25 %") < psnr("components 75 %"));
     assert!(row("grid6")["bytes"].as_u64() < row("f16")["bytes"].as_u64());
     assert!(psnr("grid6") < psnr("f16"));
@@ -84,7 +84,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
     }
     assert_eq!(fs::read_to_string(folder.join("trade/trade.csv")).unwrap().lines().count(), rows.len() + 1);
 
-    // What was stored is rendered by name.
+    // Stored settings are available by name.
     let names: Vec<_> = front.iter().flat_map(|p| p["names"].as_array().cloned().unwrap_or_default()).collect();
     assert_eq!(names.len(), 3, "{names:?}");
     let fast = front.iter().find(|p| p["names"].as_array().is_some_and(|n| n.contains(&"fast".into()))).unwrap();
@@ -120,7 +120,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
         assert!(refused.status.code() == Some(1) && message.contains(expected), "{wish:?}: {message}");
     }
 
-    // And can be written into a file for good.
+    // Stored settings can be applied to a file.
     let convert = ["convert", "scene.strivec", "-o", "fast.strivec", "--quality", "fast", "--quiet"];
     let converted = run(env!("CARGO_BIN_EXE_strivec-pack"), folder, &convert);
     assert!(converted.status.success(), "{}", String::from_utf8_lossy(&converted.stderr));
@@ -129,7 +129,7 @@ fn a_sweep_measures_reports_stores_and_is_acted_on() {
 }
 
 #[test]
-fn a_sweep_goes_on_where_it_was_and_does_not_take_anothers_log() {
+fn a_sweep_resumes_and_refuses_the_log_of_another() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::copy(FIXTURE, folder.join("scene.strivec")).unwrap();
@@ -143,7 +143,7 @@ fn a_sweep_goes_on_where_it_was_and_does_not_take_anothers_log() {
     let again = json(&strivec(folder, &arguments));
     let kept = whole[..cut].lines().count() - 1;
     let now = fs::read_to_string(&log).unwrap();
-    assert!(now.lines().take(kept).eq(whole.lines().take(kept)), "what had been measured was measured again");
+    assert!(now.lines().take(kept).eq(whole.lines().take(kept)), "measured pictures were measured again");
     assert_eq!(now.lines().count(), whole.lines().count());
     let psnrs =
         |report: &Value| report["rows"].as_array().unwrap().iter().map(|r| r["psnr"].clone()).collect::<Vec<_>>();
@@ -151,11 +151,11 @@ fn a_sweep_goes_on_where_it_was_and_does_not_take_anothers_log() {
 
     let other = strivec(folder, &sweep("40", "0", &[]));
     let message = String::from_utf8_lossy(&other.stderr).into_owned();
-    assert!(other.status.code() == Some(1) && message.contains("found another's"), "{message}");
+    assert!(other.status.code() == Some(1) && message.contains("belongs to another sweep"), "{message}");
 }
 
 #[test]
-fn short_trainings_stand_beside_the_papers_figures() {
+fn short_trainings_are_reported_next_to_the_papers_figures() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let made =
@@ -180,7 +180,7 @@ fn short_trainings_stand_beside_the_papers_figures() {
     let rows = report["rows"].as_array().unwrap();
     let names: Vec<String> =
         rows.iter().map(|r| format!("{} {}", r["group"].as_str().unwrap(), r["name"].as_str().unwrap())).collect();
-    for name in ["components 12", "components 96", "M 4", "M 2", "turned 0°", "turned 45°"] {
+    for name in ["components 12", "components 96", "top-k 4", "top-k 2", "rotation 0°", "rotation 45°"] {
         assert!(names.iter().any(|n| n == name), "{name}: {names:?}");
     }
     let parameters = |name: &str| rows[names.iter().position(|n| n == name).unwrap()]["parameters"].as_u64().unwrap();

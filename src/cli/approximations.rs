@@ -84,7 +84,7 @@ impl Approximations {
             None => RenderSettings::default(),
         };
         let approximation = &mut settings.approximation;
-        approximation.neighbors = self.top_k.or(approximation.neighbors);
+        approximation.top_k = self.top_k.or(approximation.top_k);
         approximation.scales = self.scales.or(approximation.scales);
         approximation.components = self.components.or(approximation.components);
         approximation.step_scale = self.step_scale.unwrap_or(approximation.step_scale);

@@ -161,8 +161,7 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// Fields of the library's options whose flag has another name.
-const RENAMED: [(&str, &str); 6] = [
-    ("neighbors", "--top-k"),
+const RENAMED: [(&str, &str); 5] = [
     ("max_reprojection_error", "--max-error"),
     ("budget", "--max-params or --max-size"),
     ("batch_rays", "--batch"),
@@ -170,7 +169,7 @@ const RENAMED: [(&str, &str); 6] = [
     ("files", "--prior"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 20] = [
+const SAME: [&str; 21] = [
     "background",
     "bounds",
     "close",
@@ -188,6 +187,7 @@ const SAME: [&str; 20] = [
     "steps",
     "thickness",
     "threshold",
+    "top_k",
     "transform",
     "up",
     "voxel",
@@ -231,8 +231,8 @@ mod tests {
     fn fields_become_flags() {
         assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
         assert_eq!(with_flags("`factor_learning_rate` is 0"), "`factor_learning_rate` is 0");
-        assert_eq!((flag_of("step_scale"), flag_of("neighbors")), ("--step-scale".into(), "--top-k".into()));
-        assert_eq!(with_flags("`neighbors` of 5"), "--top-k of 5");
+        assert_eq!((flag_of("step_scale"), flag_of("top_k")), ("--step-scale".into(), "--top-k".into()));
+        assert_eq!(with_flags("`top_k` of 5"), "--top-k of 5");
         assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
         assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");
     }

@@ -17,7 +17,7 @@ pub fn adapted(
 ) -> (Scene, Approximation) {
     let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let left = Approximation {
-        neighbors: approximation.neighbors.map(|n| n.min(most)),
+        top_k: approximation.top_k.map(|n| n.min(most)),
         scales: None,
         decoder: approximation.decoder.filter(|mode| scene.features() >= mode.min_features()),
         density_cache: approximation.density_cache.filter(|_| has_cache),
@@ -42,7 +42,7 @@ mod tests {
     fn scenes_are_adapted_to_and_files_name_choices() {
         let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
         let wild =
-            Approximation { neighbors: Some(99), scales: Some(1), density_cache: Some(64), ..Approximation::default() };
+            Approximation { top_k: Some(99), scales: Some(1), density_cache: Some(64), ..Approximation::default() };
         let (one, left) = adapted(&scene, &[], &wild, false);
         assert_eq!((one.scales.len(), left.density_cache), (1, None));
         assert!(left.check(&one).is_ok(), "{left:?}");

@@ -8,7 +8,9 @@ use crate::model::{DecoderMode, Scene};
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
     /// The most neighbors of a point in a scale; `None`: the scene's `top_k`.
-    pub neighbors: Option<u32>,
+    // The JSON of stored fronts names it so.
+    #[serde(rename = "neighbors")]
+    pub top_k: Option<u32>,
     /// The number of scales used, the coarsest first; `None`: all.
     pub scales: Option<u32>,
     /// The share of each tensor's components used, the largest, in (0, 1]; `None`: all.
@@ -29,7 +31,7 @@ pub struct Approximation {
 impl Default for Approximation {
     fn default() -> Self {
         Self {
-            neighbors: None,
+            top_k: None,
             scales: None,
             components: None,
             step_scale: 1.0,
@@ -65,9 +67,9 @@ impl Approximation {
     ///
     /// The first option that is out of range.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
-        let max_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
+        let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
         for (option, value, [min, max]) in [
-            ("neighbors", self.neighbors, [1, max_neighbors]),
+            ("top_k", self.top_k, [1, max_top_k]),
             ("scales", self.scales, [1, scene.scales.len() as u32]),
             ("density_cache", self.density_cache, [8, 2048]),
         ] {
@@ -119,7 +121,7 @@ impl Approximation {
             scene.scales.truncate(scales as usize);
         }
         for scale in &mut scene.scales {
-            scale.top_k = self.neighbors.map_or(scale.top_k, |n| n.min(scale.top_k));
+            scale.top_k = self.top_k.map_or(scale.top_k, |n| n.min(scale.top_k));
             if let Some(share) = self.components {
                 keep_components(scale, share);
             }

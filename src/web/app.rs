@@ -247,7 +247,7 @@ impl App {
             "is_recording": session.recorder.is_recording(),
             "is_playing": session.recorder.is_playing(),
             "quality": {
-                "neighbors": session.approximation.neighbors.unwrap_or(slot.most_neighbors()),
+                "neighbors": session.approximation.top_k.unwrap_or(slot.most_neighbors()),
                 "most_neighbors": slot.most_neighbors(),
                 "scales": session.approximation.scales.unwrap_or(slot.scene.scales.len() as u32),
                 "step": session.approximation.step_scale,

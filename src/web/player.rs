@@ -272,7 +272,8 @@ impl Player {
         finest: u32,
     ) -> Result<(), JsError> {
         let exact = Approximation::default();
-        let approximation = Approximation { neighbors, scales, step_scale: step, min_weight: threshold, ..exact };
+        let approximation =
+            Approximation { top_k: neighbors, scales, step_scale: step, min_weight: threshold, ..exact };
         let settings = RenderSettings { approximation, divisor: finest.clamp(1, 16) };
         Ok(self.app.borrow_mut().session.approximate(&settings)?)
     }

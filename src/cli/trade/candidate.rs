@@ -1,21 +1,22 @@
-//! A way to render, as it is swept: everything that can be traded, and its name.
+//! A candidate of the sweep: a scene, render settings, a renderer and a number of threads; and its name.
 
 use serde::{Deserialize, Serialize};
 
 use crate::cli::backend::Backend;
+use crate::cli::table::plural;
 use crate::render::{Approximation, RenderSettings};
 
-/// A point of the sweep. All of it decides which it is.
+/// A candidate of the sweep. Two are the same if all fields are equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Candidate {
-    /// Which of the scenes: the file's own is 0.
+    /// Number of the scene; 0 is the file's own.
     pub(super) source: usize,
     pub(super) settings: RenderSettings,
     pub(super) engine: Engine,
     pub(super) threads: usize,
 }
 
-/// What computes.
+/// The renderer and its arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Engine {
     pub(super) backend: Backend,
@@ -25,7 +26,7 @@ pub(super) struct Engine {
 impl Engine {
     pub(super) const CPU: Self = Self { backend: Backend::Cpu, half: false };
 
-    /// As a file's note has it.
+    /// The name in the file's note and in tables.
     pub(super) fn name(self) -> &'static str {
         match (self.backend, self.half) {
             (Backend::Cpu, _) => "cpu",
@@ -38,15 +39,15 @@ impl Engine {
 }
 
 impl Candidate {
-    /// What tells it from `base`, in words; `sources` are the scenes' names.
+    /// The differences to `base` as text; `sources` are the scenes' names.
     pub(super) fn name(&self, base: &Self, sources: &[String]) -> String {
         let mut parts = Vec::new();
         if self.source != base.source {
             parts.push(sources[self.source].clone());
         }
-        let Approximation { neighbors, scales, components, step_scale, .. } = self.settings.approximation;
+        let Approximation { top_k, scales, components, step_scale, .. } = self.settings.approximation;
         let Approximation { min_weight, min_transmittance, decoder, density_cache, .. } = self.settings.approximation;
-        parts.extend(neighbors.map(|n| format!("M {n}")));
+        parts.extend(top_k.map(|n| format!("top-k {n}")));
         parts.extend(scales.map(|n| format!("scales {n}")));
         parts.extend(components.map(|share| format!("components {:.0} %", 100.0 * share)));
         if step_scale != 1.0 {
@@ -63,7 +64,7 @@ impl Candidate {
             parts.push(self.engine.name().to_owned());
         }
         if self.threads != base.threads {
-            parts.push(format!("{} threads", self.threads));
+            parts.push(plural(self.threads, "thread"));
         }
         if parts.is_empty() { "exact".to_owned() } else { parts.join(", ") }
     }

@@ -1,4 +1,4 @@
-//! The same scene in other encodings, as readers get it.
+//! The scene as decoded from other encodings.
 
 use super::sweep::Source;
 use crate::cli::pack::{JUDGED, PROBED};
@@ -7,13 +7,13 @@ use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_f
 use crate::model::Scene;
 use crate::pack::{Distortion, Goal, probe_views, search};
 
-/// Encodings by number.
+/// Encodings that treat all factors alike, and their names.
 const PLAIN: [(&str, Encoding); 3] =
     [("f16", Encoding::F16), ("grid8", Encoding::Grid(8)), ("grid6", Encoding::Grid(6))];
-/// PSNR in dB of the pictures to the scene's own, of encodings that spend bytes where they show.
+/// PSNR in dB between the pictures before and after lossy encoding, the goals of the search.
 const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
 
-/// What readers get of `scene` in each encoding.
+/// `scene` after encoding and decoding, once per encoding.
 pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, Error> {
     let failed = |e: crate::container::Error| Error::Runtime(e.to_string());
     let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
@@ -26,12 +26,12 @@ pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, E
         session.console.say(&format!("encoding {name}"));
         sources.push(source(name.to_owned(), scene, &EncodeOptions::uniform(encoding))?);
     }
-    session.console.say("what each number is worth");
+    session.console.say("estimating importance");
     let views = probe_views(scene, &[], PROBED.0, JUDGED.1);
     let importance = views.importance(scene, PROBED.1, 0);
     let distortion = Distortion::from_own_pictures(scene, probe_views(scene, &[], JUDGED.0, JUDGED.1));
     for psnr in LOSSY {
-        session.console.say(&format!("encoding within {psnr} dB"));
+        session.console.say(&format!("encoding at {psnr} dB"));
         let goal = Goal::Error { before: 0.0, more: 10f64.powf(-psnr / 10.0) };
         if let Some(found) = search(scene, &importance, &distortion, goal, 0, &mut |_| {}).map_err(failed)? {
             let options = EncodeOptions { zstd_level: Some(19), ..found.options };

@@ -1,28 +1,28 @@
-//! What is swept: one thing at a time, and then the combinations that could lie on the front.
+//! The search space: the values of each knob alone, then the combinations that could lie on the Pareto front.
 
 use super::candidate::{Candidate, Engine};
 use super::measured::Measured;
 use crate::model::{DecoderMode, Scene};
 use crate::render::{Approximation, RenderSettings};
 
-/// One thing that can be traded, and its values besides the exact one.
+/// A knob: one setting that trades speed for quality, and its values besides the exact one.
 pub(super) struct Knob {
     pub(super) name: &'static str,
     pub(super) candidates: Vec<Candidate>,
 }
 
-/// What a sweep may use.
+/// The scene, sources, engines and numbers of threads that a sweep combines.
 pub(super) struct SearchSpace<'a> {
-    /// What everything is compared with: the file as it is, on all threads.
+    /// The candidate that all others are compared with: the file as it is, on all threads.
     pub(super) base: Candidate,
     pub(super) scene: &'a Scene,
-    /// Scenes of other files, and of other encodings, from number 1 on.
+    /// Number of scenes: the file's own, those of other files and of other encodings.
     pub(super) sources: usize,
     pub(super) engines: Vec<Engine>,
     pub(super) threads: Vec<usize>,
 }
 
-/// Everything that can be traded, one thing at a time.
+/// All knobs. Each candidate differs from the base in one setting.
 pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
     let SearchSpace { base, scene, sources, engines, threads } = space;
     let approximations = |name, values: Vec<Approximation>| Knob {
@@ -32,12 +32,9 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
             .collect(),
     };
     let exact = Approximation::default();
-    let most_neighbors = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
+    let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let mut all = vec![
-        approximations(
-            "neighbors",
-            (1..most_neighbors).map(|n| Approximation { neighbors: Some(n), ..exact }).collect(),
-        ),
+        approximations("neighbors", (1..max_top_k).map(|n| Approximation { top_k: Some(n), ..exact }).collect()),
         approximations(
             "scales",
             (1..scene.scales.len() as u32).map(|n| Approximation { scales: Some(n), ..exact }).collect(),
@@ -84,24 +81,25 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
     all
 }
 
-/// Values of one knob that may be combined, and what each does alone.
+/// A value that may be combined with those of other knobs, and its measurement alone.
 struct Value {
     candidate: Candidate,
-    /// Times the base's time.
+    /// Share of the base's time.
     time: f64,
-    /// Mean squared error above the base's.
+    /// Mean squared error minus the base's.
     error: f64,
 }
 
-/// Values that make pictures faster by less are not worth their loss in a combination.
+/// Largest share of the base's time of a value that is combined.
 const MIN_GAIN: f64 = 0.97;
-/// Decibels that a value may lose on its own.
+/// Largest loss of a combined value alone, in dB.
 const MAX_LOSS: f64 = 6.0;
-/// Values of a knob that are combined.
+/// Number of values of a knob that are combined.
 const VALUES: usize = 3;
 
-/// Up to `most` combinations of values that might lie on the front, if what each does alone multiplied and added up; the
-/// likeliest first. `scene_error` comes to all errors where these are of the scene's own pictures.
+/// Up to `most` combinations of values that could lie on the Pareto front, the likeliest first. The estimate multiplies
+/// the shares of time and adds the errors of single values. `scene_error` is added to all errors: the scene's own mean
+/// squared error if pictures are compared with the scene's exact pictures, else 0.
 pub(super) fn combinations(
     knobs: &[Knob],
     base: &Measured,
@@ -110,7 +108,7 @@ pub(super) fn combinations(
     scene_error: f64,
 ) -> Vec<Candidate> {
     let most_error = (base.error + scene_error) * 10f64.powf(MAX_LOSS / 10.0);
-    // Threads and arithmetic are the machine's, and are swept alone.
+    // Threads and arithmetic depend on the machine and are measured alone.
     let combined = knobs.iter().filter(|knob| !matches!(knob.name, "threads" | "arithmetic"));
     let values: Vec<Vec<Value>> = combined
         .map(|knob| {
@@ -123,7 +121,7 @@ pub(super) fn combinations(
                     is_useful.then(|| Value { candidate: candidate.clone(), time, error })
                 })
                 .collect();
-            // Those that save most for what they lose.
+            // Keep the values that save the most time per error.
             let worth = |value: &Value| -value.time.ln() / value.error.max(1e-9);
             values.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
             values.truncate(VALUES);
@@ -143,10 +141,10 @@ pub(super) fn combinations(
         }
         found.extend(more);
     }
-    // Single values have been measured.
+    // Single values are measured already.
     found.retain(|(_, _, _, parts)| *parts > 1);
     let mut chosen = Vec::new();
-    // Front after front of what is expected.
+    // Take the front of the estimates, then the front of the rest, and so on.
     while chosen.len() < most && !found.is_empty() {
         found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)));
         let (mut front, mut rest) = (Vec::new(), Vec::new());
@@ -159,7 +157,7 @@ pub(super) fn combinations(
                 rest.push(entry);
             }
         }
-        // Evenly along the front where it is longer than what is wanted.
+        // Evenly along the front if it has more points than needed.
         let wanted = most - chosen.len();
         let step = (front.len() as f64 / wanted as f64).max(1.0);
         let picked = (0..front.len().min(wanted)).map(|n| front[(n as f64 * step) as usize].0.clone());
@@ -169,7 +167,7 @@ pub(super) fn combinations(
     chosen
 }
 
-/// Both choices in one; `None` where they are about the same thing.
+/// The settings of both candidates; `None` if both set the same knob.
 fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     let (p, q) = (a.settings.approximation, b.settings.approximation);
     fn either<T>(a: Option<T>, b: Option<T>) -> Option<Option<T>> {
@@ -180,7 +178,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     }
     let one = |a: f64, b: f64| if a != 1.0 && b != 1.0 { None } else { Some(a * b) };
     let approximation = Approximation {
-        neighbors: either(p.neighbors, q.neighbors)?,
+        top_k: either(p.top_k, q.top_k)?,
         scales: either(p.scales, q.scales)?,
         components: either(p.components, q.components)?,
         step_scale: one(p.step_scale, q.step_scale)?,
@@ -194,7 +192,7 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
         (0, source) | (source, 0) => source,
         _ => return None,
     };
-    // The decoder's mode belongs to the file.
+    // Each file has its own decoder mode.
     if source != 0 && approximation.decoder.is_some() {
         return None;
     }
@@ -208,7 +206,7 @@ mod tests {
     use crate::psnr::psnr_of_mse;
 
     #[test]
-    fn what_is_lost_is_judged_beside_what_the_scene_is_off() {
+    fn losses_are_judged_relative_to_the_error_of_the_scene() {
         let base = Candidate { source: 0, settings: RenderSettings::default(), engine: Engine::CPU, threads: 1 };
         let with = |approximation| Candidate { settings: RenderSettings { approximation, divisor: 1 }, ..base.clone() };
         let exact = Approximation::default();
@@ -216,7 +214,7 @@ mod tests {
         let knobs = [
             knob("step", Approximation { step_scale: 2.0, ..exact }),
             knob("color threshold", Approximation { min_weight: Some(0.01), ..exact }),
-            knob("neighbors", Approximation { neighbors: Some(1), ..exact }),
+            knob("neighbors", Approximation { top_k: Some(1), ..exact }),
         ];
         let measured = |ratio, error| Measured {
             milliseconds: Spread::of(&[100.0 * ratio]).unwrap(),
@@ -231,11 +229,11 @@ mod tests {
         let alone: Vec<_> = (knobs.iter().zip([1e-5, 1e-4, 1e-2]))
             .map(|(knob, error)| (knob.candidates[0].clone(), measured(0.7, error)))
             .collect();
-        // The scene's own pictures, which nothing else shows exactly, where the scene has 36 dB.
+        // Compared with the scene's exact pictures; the scene has 36 dB.
         let of_own = combinations(&knobs, &measured(1.0, 0.0), &alone, 8, 2.5e-4);
         assert_eq!(of_own.len(), 1);
         let RenderSettings { approximation, .. } = of_own[0].settings;
         assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
-        assert_eq!(approximation.neighbors, None, "it loses more than 6 dB");
+        assert_eq!(approximation.top_k, None, "it loses more than 6 dB");
     }
 }

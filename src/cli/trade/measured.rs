@@ -1,4 +1,5 @@
-//! Visits of a sweep: one picture of one candidate each, kept on disk as they are made; and what they come to.
+//! The log of a sweep: each rendered picture is a line of a file, so that an interrupted sweep resumes; and the mean
+//! over the pictures of a candidate.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
@@ -11,38 +12,38 @@ use crate::cli::Error;
 use crate::measure::bench::Spread;
 use crate::psnr::psnr_of_mse;
 
-/// PSNR in dB of pictures that are the same, which is infinite, in tables.
+/// PSNR in dB that tables give for identical pictures, whose PSNR is infinite.
 pub(super) const SAME: f64 = 99.0;
 
-/// One picture.
+/// The measurement of one picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Visit {
     pub(super) candidate: Candidate,
-    /// Pictures are this many times smaller than asked for: those of a first look.
+    /// Factor by which the picture is smaller than the view: above 1 in the first rounds of combinations.
     pub(super) shrunk: u32,
-    /// Which round, and so which view.
+    /// Number of the round, which selects the view.
     pub(super) round: usize,
     pub(super) milliseconds: f64,
-    /// Until the first picture could begin.
+    /// Time to prepare the renderer.
     pub(super) preparing_ms: f64,
-    /// Of the picture against the view.
+    /// Mean squared error of the picture to the view.
     pub(super) error: f64,
     pub(super) ssim: Option<f64>,
-    /// The largest difference of a channel to the exact picture's.
+    /// The largest difference of a channel to the exact picture.
     pub(super) largest: f64,
-    /// Of the model, with what was made for it.
+    /// Memory of the renderer's scene.
     pub(super) memory_bytes: u64,
 }
 
-/// What a candidate's visits come to.
+/// The measurement of a candidate over all its visits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Measured {
-    /// Of a picture.
+    /// Milliseconds of a picture.
     pub(super) milliseconds: Spread,
-    /// Of the base's time: the median over rounds, in each of which both drew the same view shortly after one another.
+    /// Share of the base's time: the median over rounds, in each of which both render the same view.
     pub(super) ratio: f64,
     pub(super) preparing_ms: f64,
-    /// The mean over views.
+    /// Mean squared error, the mean over views.
     pub(super) error: f64,
     /// In dB, the mean over views.
     pub(super) psnr: f64,
@@ -57,7 +58,7 @@ pub(super) struct Log {
     file: File,
 }
 
-/// What a log belongs to; another sweep's is not continued.
+/// The identity of a sweep. A log resumes only the sweep that it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Belongs {
     pub(super) version: u32,
@@ -68,7 +69,7 @@ pub(super) struct Belongs {
 }
 
 impl Log {
-    /// The log in the file `path`, begun there if there is none. Fails where it is another sweep's.
+    /// Opens the log in the file `path`, or creates it. Fails if it belongs to another sweep, unless `force`.
     pub(super) fn open(path: &Path, belongs: &Belongs, force: bool) -> Result<Self, Error> {
         let mut visits = Vec::new();
         let text = match fs::read_to_string(path) {
@@ -79,10 +80,11 @@ impl Log {
         let mut lines = text.lines();
         if let Some(first) = lines.next() {
             if serde_json::from_str::<Belongs>(first).ok().as_ref() != Some(belongs) {
-                let message = "expected the log of this sweep, found another's: name another folder, or give --force";
+                let message =
+                    "the log belongs to another sweep; choose another folder with --out, or overwrite it with --force";
                 return Err(Error::Usage(format!("{}: {message}", path.display())));
             }
-            // The last line may have been cut off.
+            // The last line is incomplete if the process died.
             visits = lines.map_while(|line| serde_json::from_str(line).ok()).collect();
         }
         let head = serde_json::to_string(belongs).expect("plain data");
@@ -101,7 +103,7 @@ impl Log {
         let line = serde_json::to_string(&visit).expect("plain data") + "\n";
         self.file
             .write_all(line.as_bytes())
-            .map_err(|e| Error::Io(format!("the sweep's log: cannot write it: {e}")))?;
+            .map_err(|e| Error::Io(format!("cannot write the log of the sweep: {e}")))?;
         self.visits.push(visit);
         Ok(())
     }
@@ -110,7 +112,7 @@ impl Log {
         self.visits.iter().filter(move |visit| visit.shrunk == shrunk && visit.candidate == *candidate)
     }
 
-    /// What `candidate`'s visits come to, beside those of `base`; `None` where there are none.
+    /// The measurement of `candidate` relative to `base`; `None` if it has no visits.
     pub(super) fn measured(&self, candidate: &Candidate, base: &Candidate, shrunk: u32) -> Option<Measured> {
         let visits: Vec<&Visit> = self.of(candidate, shrunk).collect();
         let milliseconds = Spread::of(&visits.iter().map(|v| v.milliseconds).collect::<Vec<_>>())?;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use candidate::{Candidate, Engine};
 use knobs::{SearchSpace, combinations, knobs};
-use measured::{Belongs, Log};
+use measured::{Belongs, Log, Measured};
 use report::{Report, Row, stored_front};
 use sweep::{Source, Sweep};
 use training::Training;
@@ -25,6 +25,7 @@ use views::Views;
 use super::backend::Backend;
 use super::output::make_folder;
 use super::settings::configuration;
+use super::table::plural;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::container::{self, SceneFile};
 use crate::render::{ParetoFront, RenderSettings, TRADE_NOTE};
@@ -97,12 +98,12 @@ pub(super) struct Args {
     /// Optimizer steps of each training; the whole schedule scales with them
     #[arg(long, value_name = "N", default_value_t = 1500, requires = "train", value_parser = clap::value_parser!(u64).range(1..))]
     steps: u64,
-    /// Of every random settings of the trainings
+    /// Random seed of the trainings
     #[arg(long, value_name = "S", default_value_t = 0, requires = "train")]
     seed: u64,
 }
 
-/// Sweeps, reports, and stores.
+/// Sweeps render settings, or trains.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     match (&args.file, &args.data) {
         (Some(file), _) => sweep_file(file, args, session),
@@ -111,7 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
 }
 
-/// Trains the paper's tables.
+/// Trains the rows of the paper's tables.
 fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let config = configuration(args.config.is_none().then_some("48"), args.config.as_deref())?;
     let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
@@ -121,73 +122,32 @@ fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     training::run(&Training { folder, split, downscale, views, config, out: &args.out }, session)
 }
 
-/// Sweeps what can be traded in the scene of `file`.
+/// Measures render settings of the scene in `file`, reports, and stores the front if asked to.
 fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let console = &session.console;
-    let (document, bytes) = scene_file::read_scene_file(file)?;
-    let mut checksums = vec![crc32fast::hash(&bytes)];
-    let SceneFile { scene, metadata } = document;
-    let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(file)?;
     let views = match &args.data {
         Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
         None => Views::own(&scene, &metadata.cameras, args.views.into(), args.size, console)?,
     };
-    // Photographs know of it.
+    // The difference to photographs includes the scene's error already.
     let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&metadata) };
-    let mut sources = vec![Source {
-        name: name.clone(),
-        scene: scene.clone(),
-        prefixes: metadata.prefixes,
-        bytes: bytes.len() as u64,
-    }];
-    for path in &args.also {
-        let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(path)?;
-        checksums.push(crc32fast::hash(&bytes));
-        let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });
-    }
-    if args.encodings {
-        sources.extend(encodings::encoded(&scene, session)?);
-    }
+    let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let own =
+        Source { name: name.clone(), scene: scene.clone(), prefixes: metadata.prefixes, bytes: bytes.len() as u64 };
+    let (sources, checksums) = sources(own, crc32fast::hash(&bytes), args, session)?;
 
-    let all_threads = rayon::current_num_threads();
-    let first = *args.backend.first().unwrap_or(&Backend::Cpu);
-    let base = Candidate {
-        source: 0,
-        settings: RenderSettings::default(),
-        engine: Engine { backend: first, half: false },
-        threads: all_threads,
-    };
-    let space = SearchSpace {
-        base: base.clone(),
-        scene: &scene,
-        sources: sources.len(),
-        engines: engines(&args.backend, base.engine),
-        threads: threads(&args.threads_list, all_threads, first),
-    };
-    let knobs = knobs(&space);
     make_folder(&args.out)?;
     let belongs = Belongs { version: 1, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
     let log = Log::open(&args.out.join("visits.jsonl"), &belongs, session.force)?;
-    let rounds = usize::from(args.rounds);
+    let threads = rayon::current_num_threads();
+    let backend = *args.backend.first().unwrap_or(&Backend::Cpu);
+    let engine = Engine { backend, half: false };
+    let base = Candidate { source: 0, settings: RenderSettings::default(), engine, threads };
     let mut sweep = Sweep { sources: &sources, views: &views, base: base.clone(), log, session };
+    let rows = Row::all(measure(&mut sweep, args, scene_error)?, &base, &sources);
 
-    let singles: Vec<Candidate> = knobs.iter().flat_map(|knob| knob.candidates.iter().cloned()).collect();
-    sweep.measure("one at a time", &singles, 1, rounds)?;
-    let alone = sweep.known(&singles, 1);
-    let of_base = sweep.known(std::slice::from_ref(&base), 1).pop().map(|(_, m)| m);
-    let of_base = of_base.ok_or_else(|| Error::Runtime("nothing was measured".into()))?;
-    let likely = combinations(&knobs, &of_base, &alone, args.combinations.into(), scene_error);
-    let finalists = sweep.halve(likely, usize::from(args.combinations).div_ceil(4), rounds)?;
-    sweep.measure("finalists", &finalists, 1, rounds)?;
-
-    let mut rows = vec![("exact", base.clone(), of_base)];
-    for knob in &knobs {
-        rows.extend(sweep.known(&knob.candidates, 1).into_iter().map(|(c, m)| (knob.name, c, m)));
-    }
-    rows.extend(sweep.known(&finalists, 1).into_iter().map(|(c, m)| ("several", c, m)));
-    let rows = Row::all(rows, &base, &sources);
-    let machine = machine(all_threads);
+    let machine = machine(threads);
     let front = ParetoFront::new(
         machine.clone(),
         base.engine.name().to_owned(),
@@ -204,12 +164,61 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
         notes.insert(TRADE_NOTE.to_owned(), report.front.to_note());
         let with_notes = container::with_notes(&bytes, &notes).map_err(|e| Error::container(file, e))?;
         write_atomically(file, &with_notes, true)?;
-        console.say(&format!("{}: {} points stored", file.display(), report.front.points.len()));
+        console.say(&format!("{}: {} stored", file.display(), plural(report.front.points.len(), "point")));
     }
     console.result(&report, Report::text)
 }
 
-/// What else than `base` computes.
+/// All scenes of the sweep, beginning with the file's `own`, and the CRC-32 of each file.
+fn sources(own: Source, checksum: u32, args: &Args, session: &Session) -> Result<(Vec<Source>, Vec<u32>), Error> {
+    let (mut sources, mut checksums) = (vec![own], vec![checksum]);
+    for path in &args.also {
+        let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(path)?;
+        checksums.push(crc32fast::hash(&bytes));
+        let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });
+    }
+    if args.encodings {
+        sources.extend(encodings::encoded(&sources[0].scene, session)?);
+    }
+    Ok((sources, checksums))
+}
+
+/// Measures each knob alone, then the combinations that could lie on the Pareto front. Returns knobs, candidates and
+/// measurements, the base first.
+fn measure(
+    sweep: &mut Sweep<'_>,
+    args: &Args,
+    scene_error: f64,
+) -> Result<Vec<(&'static str, Candidate, Measured)>, Error> {
+    let base = sweep.base.clone();
+    let space = SearchSpace {
+        base: base.clone(),
+        scene: &sweep.sources[0].scene,
+        sources: sweep.sources.len(),
+        engines: engines(&args.backend, base.engine),
+        threads: threads(&args.threads_list, base.threads, base.engine.backend),
+    };
+    let knobs = knobs(&space);
+    let rounds = usize::from(args.rounds);
+    let singles: Vec<Candidate> = knobs.iter().flat_map(|knob| knob.candidates.iter().cloned()).collect();
+    sweep.measure("single settings", &singles, 1, rounds)?;
+    let alone = sweep.known(&singles, 1);
+    let of_base = sweep.known(std::slice::from_ref(&base), 1).pop().map(|(_, m)| m);
+    let of_base = of_base.ok_or_else(|| Error::Runtime("nothing was measured".into()))?;
+    let likely = combinations(&knobs, &of_base, &alone, args.combinations.into(), scene_error);
+    let finalists = sweep.halve(likely, usize::from(args.combinations).div_ceil(4), rounds)?;
+    sweep.measure("finalists", &finalists, 1, rounds)?;
+
+    let mut measured = vec![("exact", base, of_base)];
+    for knob in &knobs {
+        measured.extend(sweep.known(&knob.candidates, 1).into_iter().map(|(c, m)| (knob.name, c, m)));
+    }
+    measured.extend(sweep.known(&finalists, 1).into_iter().map(|(c, m)| ("several", c, m)));
+    Ok(measured)
+}
+
+/// The engines of `backends`, and the CPU in 64-bit floating point, except `base`.
 fn engines(backends: &[Backend], base: Engine) -> Vec<Engine> {
     let mut engines = Vec::new();
     for &backend in [Backend::CpuF64].iter().chain(backends) {
@@ -223,7 +232,7 @@ fn engines(backends: &[Backend], base: Engine) -> Vec<Engine> {
     engines
 }
 
-/// Numbers of threads besides `all`, which do not matter to a graphics device.
+/// Numbers of threads to measure besides `all`; none for a GPU.
 fn threads(wanted: &[u16], all: usize, backend: Backend) -> Vec<usize> {
     if backend == Backend::Gpu {
         return Vec::new();
@@ -235,10 +244,10 @@ fn threads(wanted: &[u16], all: usize, backend: Backend) -> Vec<usize> {
     threads
 }
 
-/// The processor's name, where the system tells, and the threads.
+/// The processor's name, or its architecture if the name is unknown, and the number of threads.
 fn machine(threads: usize) -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name =
         text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':')).map(|(_, name)| name.trim());
-    format!("{}, {threads} threads", name.unwrap_or(std::env::consts::ARCH))
+    format!("{}, {}", name.unwrap_or(std::env::consts::ARCH), plural(threads, "thread"))
 }

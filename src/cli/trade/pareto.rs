@@ -1,7 +1,7 @@
-//! Points that no other beats.
+//! The Pareto front: points that no other point dominates.
 
-/// Which of `points` (what is to be small, what is to be large) no other beats in both, by the first, ascending. Of points that are
-/// the same the first one.
+/// Numbers of the `points` \[cost, quality\] that no other dominates, by ascending cost. Of equal points only the
+/// first.
 pub(super) fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[b][1].total_cmp(&points[a][1])));
@@ -14,7 +14,8 @@ pub(super) fn front(points: &[[f64; 2]]) -> Vec<usize> {
     order
 }
 
-/// By how much each of `points` is worse than what the front has at its first value, between the front's points: 0 on the front.
+/// The distance in quality of each of `points` below the front at its cost, interpolated between the front's points: 0
+/// on the front.
 pub(super) fn below_front(points: &[[f64; 2]]) -> Vec<f64> {
     let front = front(points);
     let height = |x: f64| {
@@ -27,7 +28,7 @@ pub(super) fn below_front(points: &[[f64; 2]]) -> Vec<f64> {
             (None, None) => 0.0,
         }
     };
-    // Between two points of the front the line lies above what is there.
+    // A dominated point may lie above the line between two points of the front; its distance is 0.
     points
         .iter()
         .enumerate()
@@ -40,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_beaten_is_left_out() {
+    fn only_dominated_points_are_left_out() {
         let points = [[10.0, 30.0], [5.0, 20.0], [7.0, 19.0], [10.0, 29.0], [20.0, 31.0], [20.0, 31.0]];
         assert_eq!(front(&points), [1, 0, 4]);
         let below = below_front(&points);

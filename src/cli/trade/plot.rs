@@ -1,4 +1,4 @@
-//! Points and their front, drawn.
+//! Plots of points and their Pareto front.
 
 use plotters::backend::DrawingBackend;
 use plotters::prelude::{
@@ -11,12 +11,12 @@ use crate::cli::plots::{self, FONT};
 /// A plot of points.
 pub(super) struct Plot {
     pub(super) title: String,
-    /// What goes right, in a logarithmic scale, and what goes up.
+    /// Labels of the horizontal axis, which is logarithmic, and of the vertical one.
     pub(super) axes: [&'static str; 2],
     pub(super) points: Vec<Point>,
 }
 
-/// One of them.
+/// A point of a plot.
 pub(super) struct Point {
     pub(super) at: [f64; 2],
     pub(super) name: String,
@@ -24,9 +24,9 @@ pub(super) struct Point {
 }
 
 const SIZE: (u32, u32) = (1280, 640);
-/// Columns of the chart; right of it the front's names are listed.
+/// Columns of the chart; the names of the front's points are listed to its right.
 const CHART: u32 = 920;
-/// Rows of a name in the list.
+/// Height of a line of the list, in pixels.
 const FRONT_LINE: i32 = 19;
 const FRONT: RGBColor = RGBColor(200, 70, 20);
 const OTHER: RGBColor = RGBColor(90, 110, 140);
@@ -39,7 +39,7 @@ impl Plot {
         Ok(text)
     }
 
-    /// As colors, with columns and rows.
+    /// As an image: \[columns, rows\] and colors.
     pub(super) fn picture(&self) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
         plots::picture(SIZE, |backend| self.draw(backend))
     }
@@ -62,7 +62,7 @@ impl Plot {
         };
         let ([left, right], [low, high]) = (range(0), range(1));
         if !(left > 0.0 && right.is_finite() && low.is_finite() && high.is_finite()) {
-            return Err("expected points with finite coordinates, the first positive".into());
+            return Err("points need finite coordinates and a positive horizontal one".into());
         }
         let margin = 0.06 * (high - low).max(0.1);
         let area = backend.into_drawing_area();
@@ -91,7 +91,7 @@ impl Plot {
         chart.draw_series(LineSeries::new(front.iter().map(coordinates), FRONT.stroke_width(2)))?;
         chart.draw_series(others.iter().map(|p| Circle::new(coordinates(p), 3, OTHER.filled())))?;
         chart.draw_series(front.iter().map(|p| Circle::new(coordinates(p), 5, FRONT.filled())))?;
-        // No name lies on a point, on the front's line, or on another name; those without a free place are left to the table.
+        // No name overlaps a point, the front's line or another name. Names without a free place are in the table only.
         let pixel = |point: &&Point| chart.backend_coord(&coordinates(point));
         let mut taken: Vec<Place> = self.points.iter().map(|p| Place::around(pixel(&p), 4)).collect();
         taken.extend(front.windows(2).flat_map(|ends| along(pixel(&ends[0]), pixel(&ends[1]))));
@@ -99,7 +99,7 @@ impl Plot {
         let chart_place = Place([columns.start, rows.start, columns.end, rows.end]);
         let font = |height: i32, color: &RGBColor| (FONT, height).into_font().color(color);
         let list_top = 48;
-        list.draw(&Text::new("The front, from left to right", (0, list_top), font(16, &BLACK)))?;
+        list.draw(&Text::new("Pareto front, from left to right", (0, list_top), font(16, &BLACK)))?;
         for (n, point) in front.iter().enumerate() {
             let number = (n + 1).to_string();
             let at = (0, list_top + 26 + (n as i32) * FRONT_LINE);
@@ -120,7 +120,7 @@ impl Plot {
     }
 }
 
-/// Columns and rows that something takes in a picture: left, top, right, bottom.
+/// A rectangle of pixels: left, top, right, bottom.
 #[derive(Clone, Copy)]
 struct Place([i32; 4]);
 
@@ -129,7 +129,8 @@ impl Place {
         Self([x - by, y - by, x + by, y + by])
     }
 
-    /// Where `name`, in letters of `height` rows, lies in `within` and on nothing that is `taken`, beside the point (`x`, `y`).
+    /// A free rectangle for `name`, in letters of `height` pixels, beside the point (`x`, `y`): inside `within` and
+    /// apart from all `taken`.
     fn beside((x, y): (i32, i32), name: &str, height: i32, within: &Self, taken: &[Self]) -> Option<Self> {
         let width = name.chars().count() as i32 * height / 2;
         let places = [
@@ -157,7 +158,7 @@ impl Place {
     }
 }
 
-/// What the line from `from` to `to` takes.
+/// Rectangles that cover the line from `from` to `to`.
 fn along(from: (i32, i32), to: (i32, i32)) -> impl Iterator<Item = Place> {
     let count = ((to.0 - from.0).abs().max((to.1 - from.1).abs()) / 3).max(1);
     let at = move |a: i32, b: i32, n: i32| a + (b - a) * n / count;

@@ -1,4 +1,4 @@
-//! What a sweep found, as a table, JSON, CSV, plots and pictures.
+//! The result of a sweep as a table, JSON, CSV, plots and pictures.
 
 use std::path::Path;
 
@@ -16,33 +16,40 @@ use crate::cli::{Error, Session, write_atomically};
 use crate::measure::{Canvas, color_png, error_map, side_by_side, stacked};
 use crate::render::{ParetoFront, ParetoPoint, upsample_bilinear};
 
-/// The difference that is brightest in an error picture.
+/// The difference shown as the brightest color of an error picture.
 const ERROR_FULL: f32 = 0.2;
 
-/// Everything that was measured.
+/// How to read the times of the table.
+const TIMES_NOTE: &str = "
+* no other point is both faster and better
+time: share of the exact picture's time, median over rounds; ms: this share of the exact picture's median; \
+quartiles: as measured
+";
+
+/// All measurements.
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) file: String,
-    /// What pictures were compared with.
+    /// The dataset and split, or the scene's own pictures, that pictures were compared with.
     pub(super) against: String,
     pub(super) size: [u32; 2],
     pub(super) machine: String,
     pub(super) rows: Vec<Row>,
-    /// The front of the file's own backend, as `--store` writes it.
+    /// The Pareto front of the first backend, as `--store` writes it.
     pub(super) front: ParetoFront,
 }
 
-/// A candidate.
+/// A candidate and its measurement.
 #[derive(Serialize)]
 pub(super) struct Row {
-    /// What it was swept for.
+    /// The knob that the candidate changes.
     knob: &'static str,
     name: String,
-    /// Of the file that it is in.
+    /// Size of its scene's file.
     bytes: u64,
-    /// Whether no other is both faster and better.
+    /// No other candidate is both faster and better.
     is_on_time_front: bool,
-    /// Whether no other is both smaller and better.
+    /// No other candidate has both a smaller file and a better picture.
     is_on_size_front: bool,
     #[serde(flatten)]
     measured: Measured,
@@ -50,7 +57,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Of what was measured under each knob; `sources` are the scenes.
+    /// Rows from knobs, candidates and measurements; `sources` are the scenes.
     pub(super) fn all(
         measured: Vec<(&'static str, Candidate, Measured)>,
         base: &Candidate,
@@ -76,7 +83,7 @@ impl Row {
     }
 }
 
-/// The front of what `base`'s engine and scene do on its threads, the fastest first.
+/// The Pareto front of candidates with `base`'s scene, engine and threads, the fastest first.
 pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<ParetoPoint> {
     let own: Vec<&Row> = (rows.iter())
         .filter(|row| {
@@ -85,7 +92,7 @@ pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<ParetoPoint> {
         })
         .collect();
     let points: Vec<[f64; 2]> = own.iter().map(|row| [row.measured.ratio, row.measured.psnr]).collect();
-    // Medians of different views' times are not compared: ratios to the base's time in the same rounds are.
+    // Ratios to the base's time in the same rounds are comparable; medians over different views are not.
     let whole = own.iter().find(|row| row.candidate == *base).map_or(1.0, |row| row.measured.milliseconds.median);
     (front(&points).into_iter())
         .map(|n| ParetoPoint {
@@ -98,12 +105,12 @@ pub(super) fn stored_front(rows: &[Row], base: &Candidate) -> Vec<ParetoPoint> {
 }
 
 impl Report {
-    /// A line a candidate, those of the front marked.
+    /// A table with one line per candidate; those on the front are marked.
     pub(super) fn text(&self) -> String {
         let mut table = Table::new([
             "",
-            "traded",
-            "how",
+            "knob",
+            "setting",
             "ms",
             "quartiles",
             "time",
@@ -113,7 +120,7 @@ impl Report {
             "file MB",
             "memory MB",
         ]);
-        // The exact picture's median times the ratio, as the stored points have it: medians of different rounds differ.
+        // The exact picture's median times the ratio, as in the stored points.
         let exact = self.rows.first().map_or(0.0, |row| row.measured.milliseconds.median);
         for row in &self.rows {
             let m = &row.measured;
@@ -135,7 +142,7 @@ impl Report {
         }
         let mut text = format!("{}, {}x{}, {}\n", self.against, self.size[0], self.size[1], self.machine);
         text += &table.text();
-        text += "\n* no other point is both faster and better. time: share of the exact picture's time, median over rounds; ms: that share of the exact picture's median; quartiles: as measured\n";
+        text += TIMES_NOTE;
         for point in self.front.points.iter().filter(|p| !p.names.is_empty()) {
             let names = point.names.join(", ");
             text += &format!("{names}: {:.0} ms, {:.2} dB\n", point.milliseconds, point.psnr);
@@ -143,7 +150,7 @@ impl Report {
         text
     }
 
-    /// The rows as comma-separated values.
+    /// The rows as CSV.
     fn csv(&self) -> String {
         let mut text = "knob,name,milliseconds,first_quartile,third_quartile,time_ratio,psnr,ssim,largest_error,file_bytes,memory_bytes,on_front\n".to_owned();
         for row in &self.rows {
@@ -173,8 +180,8 @@ impl Report {
         write_atomically(&folder.join("trade.csv"), self.csv().as_bytes(), true)?;
         type Of<T> = fn(&Row) -> T;
         let plots: [(&str, &'static str, Of<f64>, Of<bool>); 2] = [
-            ("time", "milliseconds a picture", |row| row.measured.milliseconds.median, |row| row.is_on_time_front),
-            ("size", "megabytes of the file", |row| row.bytes as f64 / 1e6, |row| row.is_on_size_front),
+            ("time", "milliseconds per picture", |row| row.measured.milliseconds.median, |row| row.is_on_time_front),
+            ("size", "file size, MB", |row| row.bytes as f64 / 1e6, |row| row.is_on_size_front),
         ];
         for (name, axis, value, is_on_front) in plots {
             let points = self.rows.iter().filter(|row| name == "time" || row.knob == "file" || row.knob == "exact");
@@ -200,7 +207,7 @@ impl Report {
         Ok(())
     }
 
-    /// Writes `pictures.png`: a row for each of the named points, with what was drawn, what it should be, and where they differ.
+    /// Writes `pictures.png`: for each named point a row of rendering, expected picture and difference.
     pub(super) fn write_pictures(
         &self,
         folder: &Path,

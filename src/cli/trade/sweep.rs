@@ -1,4 +1,4 @@
-//! Measuring candidates by turns, so that a machine that is slow for a while meets all of them alike.
+//! Measures candidates in turns, so that a temporary slowdown of the machine affects all of them.
 
 use std::time::Instant;
 
@@ -10,31 +10,32 @@ use crate::cli::backend::{BackendOptions, Prepared};
 use crate::cli::console::Console;
 use crate::cli::progress::Progress;
 use crate::cli::render::colors;
+use crate::cli::table::plural;
 use crate::cli::{Error, Session};
 use crate::container::{Prefix, first_scales};
 use crate::measure::{Error as MeasureError, mse, ssim};
 use crate::model::Scene;
 use crate::render::{Approximation, upsample_bilinear};
 
-/// A scene that candidates draw.
+/// A scene that candidates render.
 pub(super) struct Source {
     pub(super) name: String,
     pub(super) scene: Scene,
-    /// \[scale\] what makes up for the scales behind it.
+    /// \[scale\] correction of the prefix that ends with this scale.
     pub(super) prefixes: Vec<Option<Prefix>>,
-    /// Of its file.
+    /// Size of its file.
     pub(super) bytes: u64,
 }
 
 impl Source {
-    /// The scene without what `approximation` leaves out of its scales.
+    /// The scene with the scales that `approximation` keeps, corrected as its file says.
     pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
         first_scales(self.scene.clone(), &self.prefixes, approximation.scales)
     }
 }
 
 impl Engine {
-    /// What draws `scene`.
+    /// A renderer of `scene`.
     pub(super) fn prepare(
         self,
         scene: Scene,
@@ -45,7 +46,7 @@ impl Engine {
     }
 }
 
-/// A sweep that is being made.
+/// A sweep in progress.
 pub(super) struct Sweep<'a> {
     pub(super) sources: &'a [Source],
     pub(super) views: &'a Views,
@@ -55,8 +56,8 @@ pub(super) struct Sweep<'a> {
 }
 
 impl Sweep<'_> {
-    /// Draws `rounds` pictures of each of `candidates`, `shrunk` times smaller: a round is one view by every candidate, the
-    /// base among them, beginning at another one each time. What the log has is not drawn again.
+    /// Renders `rounds` pictures of each of `candidates` and of the base, `shrunk` times smaller. A round is one view
+    /// by every candidate; each round begins with another candidate. Pictures in the log are not rendered again.
     pub(super) fn measure(
         &mut self,
         task: &str,
@@ -68,7 +69,7 @@ impl Sweep<'_> {
         all.extend(candidates.iter().filter(|c| **c != self.base).cloned());
         let session = self.session;
         let progress = Progress::start(&session.console, task, (all.len() * rounds) as u64);
-        // Its own word on each of many renderers would drown the rest.
+        // Messages about each of many renderers would hide the progress.
         let quiet = Console::new("strivec", true, false);
         let names: Vec<String> = self.sources.iter().map(|source| source.name.clone()).collect();
         let mut done = 0;
@@ -86,7 +87,7 @@ impl Sweep<'_> {
             let next = all.len() / rounds;
             all.rotate_left(next);
         }
-        progress.finish(&format!("{} pictures", all.len() * rounds));
+        progress.finish(&format!("{task}: {}", plural(all.len() * rounds, "picture")));
         Ok(())
     }
 
@@ -99,7 +100,8 @@ impl Sweep<'_> {
         quiet: &Console,
     ) -> Result<Visit, Error> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(candidate.threads).build();
-        let pool = pool.map_err(|e| Error::Runtime(format!("threads: {e}")))?;
+        let pool =
+            pool.map_err(|e| Error::Runtime(format!("cannot start {}: {e}", plural(candidate.threads, "thread"))))?;
         pool.install(|| {
             let approximation = &candidate.settings.approximation;
             let scene = self.sources[candidate.source].with_scales_of(approximation);
@@ -107,7 +109,7 @@ impl Sweep<'_> {
             let mut renderer = candidate.engine.prepare(scene, approximation, quiet)?;
             let preparing_ms = 1e3 * start.elapsed().as_secs_f64();
             let camera = view.camera.downscaled(candidate.settings.divisor);
-            // What is touched for the first time is not what a second picture waits for.
+            // A small picture first, so that the measured one waits for no first use of memory.
             renderer.render(&camera.downscaled(8.min(camera.width.min(camera.height))))?;
             let start = Instant::now();
             let small = renderer.render(&camera)?;
@@ -132,13 +134,14 @@ impl Sweep<'_> {
         })
     }
 
-    /// What is known of `candidates`, of those of which something is.
+    /// The measurements of those of `candidates` that have any.
     pub(super) fn known(&self, candidates: &[Candidate], shrunk: u32) -> Vec<(Candidate, Measured)> {
         let measured = |c: &Candidate| Some((c.clone(), self.log.measured(c, &self.base, shrunk)?));
         candidates.iter().filter_map(measured).collect()
     }
 
-    /// The `keep` of `candidates` that come closest to the front, after ever more and larger pictures of ever fewer of them.
+    /// The `keep` candidates closest to the Pareto front. Successive halving: each round keeps half of the candidates
+    /// and doubles the number of pictures and their size.
     pub(super) fn halve(
         &mut self,
         mut candidates: Vec<Candidate>,
@@ -164,5 +167,5 @@ impl Sweep<'_> {
     }
 }
 
-/// How much smaller the first pictures of combinations are.
+/// Factor by which the first pictures of combinations are smaller.
 const FIRST_LOOK: u32 = 4;

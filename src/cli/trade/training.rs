@@ -1,4 +1,4 @@
-//! `strivec trade --train`: what parameters and training time buy, by short trainings, beside the paper's tables.
+//! `strivec trade --train`: short trainings with the settings of the paper's ablation tables, next to the paper's numbers.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::cli::render::colors;
-use crate::cli::table::Table;
+use crate::cli::table::{Table, plural};
 use crate::cli::training::{interrupts, train_through};
 use crate::cli::{Error, Session, write_atomically};
 use crate::dataset::{self, Dataset, LoadOptions};
@@ -18,14 +18,14 @@ use crate::measure::{self, ViewReport};
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{ScaleConfig, TrainConfig};
 
-/// What is trained, and on what.
+/// Dataset and base settings of the trainings.
 pub(super) struct Training<'a> {
     pub(super) folder: &'a Path,
     pub(super) split: &'a str,
     pub(super) downscale: u32,
-    /// Test views, at equal distances.
+    /// Number of test views, evenly spaced.
     pub(super) views: usize,
-    /// What every variant changes.
+    /// Base settings; every variant changes one of them.
     pub(super) config: TrainConfig,
     pub(super) out: &'a Path,
 }
@@ -35,7 +35,7 @@ struct Variant {
     group: &'static str,
     name: String,
     config: TrainConfig,
-    /// The dataset is turned by so many degrees about z.
+    /// Rotation of the dataset about z, in degrees.
     degrees: f64,
     paper: Paper,
 }
@@ -46,14 +46,15 @@ impl Variant {
         rows.iter().find(|row| row.group == self.group && row.name == self.name)
     }
 
-    /// Whether the tables have `other`'s training in common with this one.
+    /// Both are the same training, in different tables.
     fn is_trained_as(&self, other: &Self) -> bool {
         self.config == other.config && self.degrees == other.degrees
     }
 }
 
-/// The paper's figures: of 30 000 steps on an RTX 3090; scales and components are means over eight scenes (tables "Ablation under
-/// different scale settings" and "Ablation study on the number of tensor components"), rotations are lego's.
+/// Figures of the paper, for 30 000 steps on an RTX 3090: means over eight scenes for scales and components (tables
+/// "Ablation under different scale settings" and "Ablation study on the number of tensor components"), lego for
+/// rotations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Paper {
     psnr: Option<f64>,
@@ -76,7 +77,7 @@ impl Paper {
     }
 }
 
-/// What a training came to.
+/// The result of one training.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     group: String,
@@ -88,7 +89,7 @@ struct Row {
     paper: Paper,
 }
 
-/// All of them, as `--json` prints it.
+/// All results, as `--json` prints them.
 #[derive(Serialize)]
 struct Report {
     dataset: String,
@@ -99,7 +100,7 @@ struct Report {
     rows: Vec<Row>,
 }
 
-/// Trains what has not been trained yet, and reports.
+/// Trains the variants that the log lacks, and reports.
 pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Error> {
     let log = training.out.join("trainings.json");
     let key = serde_json::to_string(&(
@@ -135,7 +136,7 @@ pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Erro
         let text = serde_json::to_string_pretty(&(&key, &rows)).expect("plain data");
         write_atomically(&log, text.as_bytes(), true)?;
     }
-    // Also where the log has them in another order.
+    // The log may have another order.
     let place = |row: &Row| variants.iter().position(|v| v.group == row.group && v.name == row.name);
     rows.sort_by_key(place);
     let report = Report {
@@ -149,7 +150,7 @@ pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Erro
     session.console.result(&report, Report::text)
 }
 
-/// The rows in the log `path`, if it is of the trainings that `key` says.
+/// The rows in the log `path`; fails if it belongs to other trainings than those of `key`, unless `force`.
 fn read_log(path: &PathBuf, key: &str, force: bool) -> Result<Vec<Row>, Error> {
     let text = match fs::read_to_string(path) {
         Ok(text) if !force => text,
@@ -159,13 +160,14 @@ fn read_log(path: &PathBuf, key: &str, force: bool) -> Result<Vec<Row>, Error> {
     match serde_json::from_str::<(String, Vec<Row>)>(&text) {
         Ok((of, rows)) if of == key => Ok(rows),
         _ => {
-            let message = "expected the log of these trainings, found another's: name another folder, or give --force";
+            let message =
+                "the log belongs to other trainings; choose another folder with --out, or overwrite it with --force";
             Err(Error::Usage(format!("{}: {message}", path.display())))
         }
     }
 }
 
-/// The paper's tables, each of which changes one thing of `config`.
+/// The rows of the paper's tables; each changes one setting of `config`.
 fn variants(config: &TrainConfig) -> Vec<Variant> {
     let mut variants = Vec::new();
     let mut add = |group, name: String, config, degrees, paper| {
@@ -175,7 +177,7 @@ fn variants(config: &TrainConfig) -> Vec<Variant> {
         scales: numbers.iter().filter_map(|&n| config.scales.get(n)).cloned().collect(),
         ..config.clone()
     };
-    // The tables are of three scales; other configurations have those that they have.
+    // The paper's tables have three scales; rows with scales that `config` lacks are left out.
     const SCALES: [(&[usize], Paper); 5] = [
         (&[0], Paper::new(32.22, 0.957, 1.75).with_minutes(18.22)),
         (&[1], Paper::new(32.73, 0.961, 4.15).with_minutes(21.31)),
@@ -202,10 +204,10 @@ fn variants(config: &TrainConfig) -> Vec<Variant> {
         add("components", appearance_rank.to_string(), config, 0.0, paper);
     }
     for top_k in [4, 2] {
-        add("M", top_k.to_string(), changed(&|s| ScaleConfig { top_k, ..s.clone() }), 0.0, Paper::default());
+        add("top-k", top_k.to_string(), changed(&|s| ScaleConfig { top_k, ..s.clone() }), 0.0, Paper::default());
     }
     for (degrees, psnr) in [(0.0, 36.52), (5.0, 35.37), (45.0, 34.97)] {
-        add("turned", format!("{degrees}°"), config.clone(), degrees, Paper::of_rotation(psnr));
+        add("rotation", format!("{degrees}°"), config.clone(), degrees, Paper::of_rotation(psnr));
     }
     variants
 }
@@ -272,8 +274,9 @@ impl Report {
             ]);
         }
         let Self { dataset, downscale, steps, test_views, seed, .. } = self;
-        let made = format!("{dataset}, 1/{downscale} size, {steps} steps, seed {seed}, {test_views} test views; ");
-        let paper = "the paper's columns are of 30 000 steps on an RTX 3090: scales and components are means over eight scenes, turned is lego\n";
+        let (steps, views) = (plural(*steps as usize, "step"), plural(*test_views, "test view"));
+        let made = format!("{dataset}, 1/{downscale} size, {steps}, seed {seed}, {views}; ");
+        let paper = "the paper's columns: 30 000 steps on an RTX 3090; means over eight scenes for scales and components, lego for rotations\n";
         made + paper + &table.text()
     }
 }

@@ -1,10 +1,12 @@
-//! What the sweep's pictures are compared with.
+//! The views of a sweep, and the pictures that renderings are compared with.
 
 use std::path::Path;
 
+use super::candidate::Engine;
 use crate::cli::Error;
 use crate::cli::console::Console;
 use crate::cli::render::colors;
+use crate::cli::table::plural;
 use crate::container::TrainingCamera;
 use crate::dataset::{self, Dataset, LoadOptions};
 use crate::geometry::Camera;
@@ -12,25 +14,23 @@ use crate::model::Scene;
 use crate::pack::probe_views;
 use crate::render::Approximation;
 
-use super::candidate::Engine;
-
-/// A picture that is to be drawn, and what it should be.
+/// A camera with its expected picture.
 pub(super) struct View {
     pub(super) camera: Camera,
-    /// A photograph; of a sweep without a dataset the exact picture.
+    /// The photograph; without a dataset the exact picture.
     pub(super) truth: Vec<[f32; 3]>,
-    /// The scene's own, drawn exactly.
+    /// The scene rendered without approximations.
     pub(super) exact: Vec<[f32; 3]>,
 }
 
-/// All of them, and what they are called.
+/// All views, and their description.
 pub(super) struct Views {
     pub(super) views: Vec<View>,
     pub(super) what: String,
 }
 
 impl Views {
-    /// `count` photographs of the dataset's `split`, at equal distances.
+    /// `count` photographs of the dataset's `split`, evenly spaced.
     pub(super) fn of_dataset(
         folder: &Path,
         split: &str,
@@ -46,11 +46,11 @@ impl Views {
             let camera = view.camera.mapped(&scene.frame.model_from_dataset);
             (camera, Some(view.pixels.colors(scene.frame.background)))
         });
-        let what = format!("{name}, {} views of {split}", views.len());
+        let what = format!("{name}, {} of {split}", plural(views.len(), "view"));
         Self::of(photographs.collect(), what, scene, console)
     }
 
-    /// The scene's own pictures from `count` places: those of `known` cameras, or around it.
+    /// The scene's exact pictures from `count` cameras: some of `known`, or around the scene.
     pub(super) fn own(
         scene: &Scene,
         known: &[TrainingCamera],
@@ -59,7 +59,7 @@ impl Views {
         console: &Console,
     ) -> Result<Self, Error> {
         let cameras = probe_views(scene, known, count, size).cameras;
-        let what = format!("{} of its own pictures", cameras.len());
+        let what = format!("{} of the scene", plural(cameras.len(), "exact picture"));
         Self::of(cameras.into_iter().map(|camera| (camera, None)).collect(), what, scene, console)
     }
 
@@ -70,7 +70,7 @@ impl Views {
         console: &Console,
     ) -> Result<Self, Error> {
         if pictures.is_empty() {
-            return Err(Error::Malformed("the sweep's views: expected some, found none".into()));
+            return Err(Error::Malformed("the split has no views to compare with".into()));
         }
         let mut renderer = Engine::CPU.prepare(scene.clone(), &Approximation::default(), console)?;
         let mut views = Vec::new();
@@ -81,14 +81,14 @@ impl Views {
         Ok(Self { views, what })
     }
 
-    /// Columns and rows of the first view's picture.
+    /// \[columns, rows\] of the first view.
     pub(super) fn size(&self) -> [u32; 2] {
         [self.views[0].camera.width, self.views[0].camera.height]
     }
 }
 
 impl View {
-    /// The view with pictures `by` times smaller.
+    /// The view, `by` times smaller.
     pub(super) fn shrunk(&self, by: u32) -> Self {
         let size = [self.camera.width, self.camera.height];
         let camera = self.camera.downscaled(by);
@@ -96,7 +96,7 @@ impl View {
     }
 }
 
-/// The mean of each block of `by` × `by` pixels; columns and rows that fill none are dropped.
+/// The mean of each block of `by` × `by` pixels; columns and rows of incomplete blocks are dropped.
 fn averaged(colors: &[[f32; 3]], [width, height]: [u32; 2], by: u32) -> Vec<[f32; 3]> {
     let (columns, rows, by) = ((width / by) as usize, (height / by) as usize, by as usize);
     let mut small = vec![[0.0; 3]; columns * rows];
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_averaged_and_what_fills_none_is_dropped() {
+    fn blocks_are_averaged_and_incomplete_ones_are_dropped() {
         let colors: Vec<[f32; 3]> = (0..15).map(|n| [n as f32; 3]).collect();
         let found: Vec<f32> = averaged(&colors, [5, 3], 2).iter().map(|c| c[0]).collect();
         assert_eq!(found, [3.0, 5.0]);

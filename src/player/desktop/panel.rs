@@ -192,7 +192,7 @@ fn quality(app: &mut App, ui: &mut Ui) {
         let response = ui.add(slider).on_hover_text(help);
         is_done |= response.drag_stopped() || (response.changed() && !response.dragged());
     };
-    let mut neighbors = wanted.neighbors.unwrap_or(most);
+    let mut neighbors = wanted.top_k.unwrap_or(most);
     row(ui, Slider::new(&mut neighbors, 1..=most).text("Neighbors"), "Tensors of a scale that a sample interpolates");
     let mut used = wanted.scales.unwrap_or(scales);
     row(ui, Slider::new(&mut used, 1..=scales).text("Scales"), "Scales that are drawn, the coarsest first");
@@ -201,7 +201,7 @@ fn quality(app: &mut App, ui: &mut Ui) {
     let mut threshold = wanted.min_weight.unwrap_or(weight).max(1e-6);
     let slider = Slider::new(&mut threshold, 1e-6..=0.05).logarithmic(true).text("Color threshold");
     row(ui, slider, "Least weight of a sample whose color is computed");
-    wanted.neighbors = (neighbors < most).then_some(neighbors);
+    wanted.top_k = (neighbors < most).then_some(neighbors);
     wanted.scales = (used < scales).then_some(used);
     wanted.min_weight = ((threshold - weight).abs() > 1e-9).then_some(threshold);
     let mut finest = session.finest.trailing_zeros();
