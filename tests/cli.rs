@@ -1,4 +1,4 @@
-//! The command's manners: exit codes, which stream says what, one line an error.
+//! The behavior of the commands: exit codes, standard output and error, one line per error.
 #![cfg(feature = "cli")]
 
 use std::fs;
@@ -254,6 +254,14 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     assert!(size("b.strivec") < size("a.strivec") && size("cells.png") > 1000);
     let message = failure(&with(&["--max-params", "40k"]), 1);
     assert!(message.contains("b.strivec"), "{message}");
+
+    let within = ["shrink", "b.strivec", "data", "-o", "same.strivec", "--config", "small.toml", "--steps", "3"];
+    let result = quiet(&[&within[..], &["--max-params", "40k"]].concat());
+    assert_eq!(code(&result), 0, "{}", text(&result.stderr));
+    let report = text(&result.stdout);
+    assert!(report.contains("the scene meets the goal already: it is written unchanged"), "{report}");
+    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(file("same.strivec") == file("b.strivec"), "the file changed");
 
     let grow = ["grow", "b.strivec", "data", "-o", "c.strivec", "--config", "small.toml", "--steps", "3"];
     let result = quiet(&[&grow[..], &["--max-params", "45k", "--json"]].concat());

@@ -149,6 +149,11 @@ fn a_sweep_resumes_and_refuses_the_log_of_another() {
         |report: &Value| report["rows"].as_array().unwrap().iter().map(|r| r["psnr"].clone()).collect::<Vec<_>>();
     assert_eq!(psnrs(&first), psnrs(&again));
 
+    let as_text: Vec<&str> = arguments.iter().copied().filter(|argument| *argument != "--json").collect();
+    let table = String::from_utf8(strivec(folder, &as_text).stdout).unwrap();
+    assert!(table.contains("time: share of the exact picture's time, median over rounds"), "{table}");
+    assert!(table.contains(", 1 thread") || table.contains(" threads\n"), "{table}");
+
     let other = strivec(folder, &sweep("40", "0", &[]));
     let message = String::from_utf8_lossy(&other.stderr).into_owned();
     assert!(other.status.code() == Some(1) && message.contains("belongs to another sweep"), "{message}");

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
+use super::table::plural;
 use super::training::{encode, interrupts, train_through};
 use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
@@ -20,14 +21,14 @@ Examples:
   strivec demo
   strivec demo --out /tmp/demo --seed 7";
 
-/// The run's settings.
+/// Settings of the training.
 const SETTINGS: &str = include_str!("demo.toml");
 const TRAINING_VIEWS: u32 = 60;
 const HELD_OUT_VIEWS: u32 = 8;
 const SIZE: u32 = 128;
 /// Held-out views on the picture sheet.
 const ON_SHEET: usize = 3;
-/// The difference that is brightest on the picture sheet.
+/// The difference shown as the brightest color of the picture sheet.
 const ERROR_FULL: f32 = 0.2;
 
 /// The arguments.
@@ -55,7 +56,7 @@ struct Demo {
     report: measure::Report,
 }
 
-/// Makes, trains and shows the scene.
+/// Makes the dataset, trains and evaluates.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     make_folder(&args.out)?;
     let [folder, file, sheet] = ["dataset", "demo.strivec", "sheet.png"].map(|name| args.out.join(name));
@@ -110,12 +111,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&demo, |d| {
         format!(
-            "{}: {:.2} MB, {:.2} dB on {} held-out views\n{}: photograph, rendering, difference\n\
+            "{}: {:.2} MB, {:.2} dB on {}\n{}: photograph, rendering, difference\n\
              dataset {:.0} s, training {:.0} s",
             d.file.display(),
             d.bytes as f64 / 1e6,
             d.report.psnr,
-            d.report.views.len(),
+            plural(d.report.views.len(), "held-out view"),
             d.sheet.display(),
             d.seconds_dataset,
             d.seconds_training,

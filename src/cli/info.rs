@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::scale_table::ScaleRow;
-use super::table::{Table, short};
+use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
 use crate::digits::grouped;
@@ -116,7 +116,16 @@ impl Info {
         let [near, far] = self.near_far;
         let lines = [
             ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
-            ("made by", format!("{}, preset {}, {} steps, seed {}", self.tool, self.preset, self.steps, self.seed)),
+            (
+                "made by",
+                format!(
+                    "{}, preset {}, {}, seed {}",
+                    self.tool,
+                    self.preset,
+                    plural(self.steps as usize, "step"),
+                    self.seed
+                ),
+            ),
             ("dataset", self.dataset.clone()),
             ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
             ("scale", format!("{} model units per dataset unit", short(self.scale))),

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::process::{json_of, output_of, this_build};
 use super::report;
-use crate::cli::table::Table;
+use crate::cli::table::{Table, plural};
 use crate::cli::{Error, Session};
 use crate::measure::bench::{Comparison, by_turns};
 
@@ -75,7 +75,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let this = this_build()?;
     let mut comparisons = Vec::new();
     for task in tasks(args) {
-        session.console.say(&format!("bench: {}, {} rounds", task.name, args.rounds));
+        session.console.say(&format!("bench: {}, {}", task.name, plural(args.rounds.into(), "round")));
         let [this, other] = by_turns(args.rounds.into(), || task.seconds(&this), || task.seconds(&args.other))?;
         let comparison = Comparison::of(&this, &other).ok_or_else(|| Error::Runtime("no rounds".into()))?;
         comparisons.push(Row { name: task.name, comparison });

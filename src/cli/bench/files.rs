@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use super::repeats::Repeats;
 use super::{render, report};
-use crate::cli::table::Table;
+use crate::cli::table::{Table, plural};
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
@@ -65,7 +65,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, subject) = render::subject(args.file.as_ref())?;
     let folder = TempDir::new().map_err(|e| Error::Io(format!("folder for temporary files: cannot make it: {e}")))?;
     let rows = args.repeats.in_each_pool(|| {
-        session.console.say(&format!("bench: files, {} threads", rayon::current_num_threads()));
+        session.console.say(&format!("bench: files, {}", plural(rayon::current_num_threads(), "thread")));
         Rows::measure(&scene, &subject, args, &folder.path().join("scene.strivec"))
     })?;
     Ok(Report { subject, parameters: scene.parameter_count(), rows: rows.into_iter().flatten().collect() })

@@ -9,7 +9,7 @@ use super::process::{json_of, this_build};
 use super::repeats::Repeats;
 use super::report;
 use crate::cli::settings::Preset;
-use crate::cli::table::Table;
+use crate::cli::table::{Table, plural};
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session};
 use crate::digits::grouped;
@@ -150,7 +150,12 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let mut sweeps = Vec::new();
     for threads in args.repeats.threads() {
         for &parameter in &parameters {
-            session.console.say(&format!("bench: {} by {}, {threads} threads", parameter.cost(), parameter.name()));
+            session.console.say(&format!(
+                "bench: {} by {}, {}",
+                parameter.cost(),
+                parameter.name(),
+                plural(threads, "thread")
+            ));
             let points = parameter.factors().map(|factor| point_of_its_own(args, parameter, factor, threads));
             let points = points.into_iter().collect::<Result<_, _>>()?;
             sweeps.push(Sweep::new(threads, parameter, points));

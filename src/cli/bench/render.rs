@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
+use crate::cli::table::plural;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, picture_size, scene_file};
 use crate::measure::bench::{Measured, MemoryMark, Peak, ball, frames};
@@ -76,11 +77,11 @@ impl Report {
         let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
         for frame in &self.frames {
             text += &format!(
-                "rendering {}, {}x{}, {} threads\n{}, {}\n{}\n",
+                "rendering {}, {}x{}, {}\n{}, {}\n{}\n",
                 self.subject,
                 self.size[0],
                 self.size[1],
-                frame.threads,
+                plural(frame.threads, "thread"),
                 report::seconds(&frame.seconds),
                 report::memory(frame.peak_bytes),
                 report::stages(frame),

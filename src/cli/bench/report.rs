@@ -1,11 +1,11 @@
-//! How measurements look on the terminal.
+//! Measurements as text.
 
-use crate::cli::table::Table;
+use crate::cli::table::{Table, plural};
 use crate::measure::bench::{Measured, Peak, Rate, Spread};
 
 /// The machine's limits.
 pub(super) fn peak(peak: &Peak) -> String {
-    let mut table = Table::new(["peak", "one thread", &format!("{} threads", peak.threads), "unit"]);
+    let mut table = Table::new(["peak", "one thread", &plural(peak.threads, "thread"), "unit"]);
     let mut row = |name: String, rate: Rate, unit: &str| {
         table.row([name, format!("{:.1}", 1e-9 * rate.one), format!("{:.1}", 1e-9 * rate.all), unit.to_owned()]);
     };
@@ -18,11 +18,11 @@ pub(super) fn peak(peak: &Peak) -> String {
     table.text()
 }
 
-/// The stages of a step or frame; rates and shares are those of a thread while it is at one.
+/// The stages of a step or frame. Rates and shares are those of one thread during the stage.
 pub(super) fn stages(measured: &Measured) -> String {
     let total = &measured.stages.total;
     if measured.stages.rows.is_empty() {
-        return "no stages were booked\n".into();
+        return "no stages were recorded\n".into();
     }
     let columns = ["stage", "core ms", "share", "GFLOP", "GB", "GFLOP/s", "of peak", "of copy", "bound by"];
     let mut table = Table::new(columns);
@@ -46,11 +46,11 @@ pub(super) fn stages(measured: &Measured) -> String {
         ""
     };
     format!(
-        "{}total: {:.1} ms on {} threads, {} of it idle or not booked; {:.2} GFLOP would take {:.1} ms at the peak: {}; stages at the \
-         nearer of their limits: {}\n{note}",
+        "{}total: {:.1} ms on {}, {} of it idle or not recorded; {:.2} GFLOP take {:.1} ms at the peak: {}; stages at the nearer of \
+         their limits: {}\n{note}",
         table.text(),
         total.wall_ms,
-        total.threads,
+        plural(total.threads, "thread"),
         percent(total.idle_share),
         total.gflop,
         total.flop_limit_ms,
@@ -59,10 +59,10 @@ pub(super) fn stages(measured: &Measured) -> String {
     )
 }
 
-/// Measurements of one thing on several numbers of threads: how much faster more of them are.
+/// The speedup of one measurement on several numbers of threads.
 pub(super) fn scaling(measured: &[&Measured]) -> String {
     let Some(first) = measured.first().filter(|_| measured.len() > 1) else { return String::new() };
-    let mut table = Table::new(["threads", "ms", "times as fast", "of what the threads promise"]);
+    let mut table = Table::new(["threads", "ms", "speedup", "efficiency"]);
     for m in measured {
         let speed = first.seconds.median / m.seconds.median;
         let promised = m.threads as f64 / first.threads as f64;
@@ -74,10 +74,10 @@ pub(super) fn scaling(measured: &[&Measured]) -> String {
 /// Median and quartiles of seconds.
 pub(super) fn seconds(spread: &Spread) -> String {
     let [low, high] = spread.quartiles;
-    format!("{} ms (quartiles {} to {}, {} runs)", ms(spread.median), ms(low), ms(high), spread.count)
+    format!("{} ms (quartiles {} to {}, {})", ms(spread.median), ms(low), ms(high), plural(spread.count, "run"))
 }
 
-/// Bytes of memory at the peak, where they are known.
+/// Bytes of memory at the peak, if known.
 pub(super) fn memory(bytes: Option<u64>) -> String {
     bytes.map_or_else(|| "memory unknown".into(), |b| format!("{:.0} MB at the peak", 1e-6 * b as f64))
 }
@@ -112,9 +112,8 @@ mod tests {
         Measured { threads, seconds, stages: StageTable { rows, total }, peak_bytes: Some(5_000_000) }
     }
 
-    #[test]
-    fn a_stage_is_a_line_and_the_total_the_last() {
-        let decoder = StageRow {
+    fn decoder() -> StageRow {
+        StageRow {
             stage: "decoder",
             core_ms: 150.0,
             share: 1.0,
@@ -124,15 +123,28 @@ mod tests {
             flop_share: 0.533,
             bandwidth_share: 0.3,
             bound: Bound::Arithmetic,
-        };
-        let text = stages(&measured(2, 100.0, vec![decoder]));
+        }
+    }
+
+    #[test]
+    fn a_stage_is_a_line_and_the_total_the_last() {
+        let text = stages(&measured(2, 100.0, vec![decoder()]));
+        assert!(!text.contains("above 100 %"), "{text}");
         let words = |line: usize| text.lines().nth(line).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(words(1), "decoder 150.0 100.0 % 8.000 0.500 53.3 53.3 % 30.0 % arithmetic");
         assert_eq!(
             words(2),
-            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not booked; 8.00 GFLOP would take 40.0 ms at the peak: 40.0 %; stages at the nearer of their limits: 60.0 %"
+            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not recorded; 8.00 GFLOP take 40.0 ms at the peak: 40.0 %; stages at the nearer of their limits: 60.0 %"
         );
-        assert_eq!(stages(&measured(2, 100.0, Vec::new())), "no stages were booked\n");
+        assert_eq!(stages(&measured(2, 100.0, Vec::new())), "no stages were recorded\n");
+    }
+
+    #[test]
+    fn a_note_explains_shares_above_the_copy() {
+        let gather = StageRow { bandwidth_share: 2.0, ..decoder() };
+        let text = stages(&measured(1, 100.0, vec![gather]));
+        assert!(text.ends_with("Shares above 100 %: the stage reads from caches, which are faster than the copy.\n"));
+        assert!(text.contains("100.0 ms on 1 thread,"), "{text}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::repeats::Repeats;
 use super::report;
 use crate::cli::settings::Preset;
+use crate::cli::table::plural;
 use crate::cli::training::{begin, read_state};
 use crate::cli::{Error, Session, scene_file};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -150,7 +151,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
                 let views = ball_views(BALL_VIEWS, BALL_SIZE);
                 let point = |&n: &usize| {
                     let scene = ball(&subject.config, n)?;
-                    subject.at_rest(format!("after {n} upsamplings"), scene, &views, peak)
+                    subject.at_rest(format!("after {}", plural(n, "upsampling")), scene, &views, peak)
                 };
                 upsampled.iter().map(point).collect::<Result<Vec<_>, Error>>()?
             }
@@ -222,13 +223,13 @@ impl Report {
         let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
         for point in &self.points {
             text += &format!(
-                "training {}, {}: {} tensors, {:.1} M parameters, {} rays a step, {} threads\n{}, {}\n{}\n",
+                "training {}, {}: {} tensors, {:.1} M parameters, {} rays per step, {}\n{}, {}\n{}\n",
                 self.subject,
                 point.name,
                 point.tensors,
                 1e-6 * point.parameters as f64,
                 self.batch_rays,
-                point.measured.threads,
+                plural(point.measured.threads, "thread"),
                 report::seconds(&point.measured.seconds),
                 report::memory(point.measured.peak_bytes),
                 report::stages(&point.measured),

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::convert::Written;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
+use crate::cli::table::plural;
 use crate::cli::{Error, Session};
 use crate::container::{self, Metadata, SceneFile, TrainingCamera, Views};
 use crate::geometry::{Aabb, Lattice};
@@ -124,7 +125,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
         Error::io("make", &args.output)(error)
     })?;
     let names: Vec<&String> = files.keys().collect();
-    session.console.result(&names, |names| format!("{}: {} files\n", args.output.display(), names.len()))
+    session.console.result(&names, |names| format!("{}: {}\n", args.output.display(), plural(names.len(), "file")))
 }
 
 /// Makes a file of a folder.

@@ -35,7 +35,7 @@ impl LimitArgs {
 }
 
 impl Inputs {
-    /// Whether results need a folder: for several inputs or a pattern, however many files match it.
+    /// Results need a folder: there are several inputs, or a pattern, however many files match it.
     pub(super) fn are_several(&self) -> bool {
         self.inputs.len() > 1 || self.inputs.iter().any(|input| is_pattern(input))
     }
@@ -61,7 +61,7 @@ impl Inputs {
     }
 }
 
-/// Whether `input` is a pattern; a file of that very name takes precedence.
+/// `input` is a pattern, unless a file has exactly this name.
 fn is_pattern(input: &str) -> bool {
     input != STANDARD && !Path::new(input).exists() && input.contains(['*', '?', '['])
 }
@@ -73,7 +73,7 @@ pub(super) fn read(path: &Path, limits: Limits) -> Result<(SceneFile, Vec<u8>), 
     Ok((document, bytes))
 }
 
-/// Where results go: a file for one input, a folder for several or a pattern.
+/// The destination of results: a file for one input, a folder for several inputs or a pattern.
 pub(super) struct Outputs {
     output: PathBuf,
     is_folder: bool,
@@ -96,10 +96,8 @@ impl Outputs {
         if is_folder && is_standard {
             return Err(Error::Usage("-: standard output takes the result of one input only, not of several".into()));
         }
-        if is_standard && !dry_run && io::stdout().is_terminal() {
-            return Err(Error::Usage(
-                "-: a .strivec file is not written to a terminal; redirect standard output".into(),
-            ));
+        if is_standard && !dry_run {
+            refuse_terminal(io::stdout().is_terminal())?;
         }
         if is_folder && !output.is_dir() {
             let message = "no such folder; several inputs or a pattern need an existing folder";
@@ -124,7 +122,7 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// Where the result for `input` goes.
+    /// The file for the result for `input`.
     pub(super) fn path_of(&self, input: &Path) -> PathBuf {
         if !self.is_folder {
             return self.output.clone();
@@ -145,7 +143,7 @@ impl Outputs {
             let mut stdout = io::stdout().lock();
             let written = stdout.write_all(bytes).and_then(|()| stdout.flush());
             match written {
-                // The reader needs no more.
+                // The reader has closed the pipe and needs no more.
                 Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
                 other => other.map_err(|e| Error::Io(format!("cannot write to standard output: {e}")))?,
             }
@@ -155,8 +153,30 @@ impl Outputs {
         Ok(path)
     }
 
-    /// Whether standard output is taken by a file.
+    /// The result file goes to standard output.
     pub(super) fn takes_standard_output(&self) -> bool {
         self.output == Path::new(STANDARD) && !self.dry_run
+    }
+}
+
+/// Errors if standard output is a terminal, which cannot show a binary file.
+fn refuse_terminal(is_terminal: bool) -> Result<(), Error> {
+    if is_terminal {
+        let message = "-: a .strivec file is not written to a terminal; redirect standard output";
+        return Err(Error::Usage(message.into()));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_terminal_is_refused_as_output() {
+        let error = refuse_terminal(true).unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        assert!(error.to_string().contains("redirect standard output"), "{error}");
+        assert!(refuse_terminal(false).is_ok());
     }
 }

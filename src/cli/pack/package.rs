@@ -11,6 +11,7 @@ use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
+use crate::cli::table::plural;
 use crate::cli::{Error, Session, quantity, training};
 use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -98,7 +99,7 @@ impl DataArgs {
         let Some(folder) = &self.data else { return Ok(None) };
         let options = LoadOptions { downscale: self.downscale, views: None, every: self.every as usize };
         let Dataset { name, views, .. } = dataset::load(folder, &self.split, &options)?;
-        let mut what = format!("{name}, {} views of {}", views.len(), self.split);
+        let mut what = format!("{name}, {} of {}", plural(views.len(), "view"), self.split);
         if self.downscale > 1 {
             what += &format!(", {} times smaller", self.downscale);
         }

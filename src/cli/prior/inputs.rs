@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::shaping::Shaping;
 use crate::cli::error::with_flags;
 use crate::cli::progress::Progress;
+use crate::cli::table::plural;
 use crate::cli::{Error, Session};
 use crate::digits::grouped;
 use crate::geometry::Camera;
@@ -73,8 +74,8 @@ pub(super) fn build(
     ];
     let read: Vec<_> =
         parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", grouped(*n))).collect();
-    let cells = grouped(built.boxes.cells.len() as u64);
-    progress.finish(&format!("prior: {cells} occupied voxels of {}", read.join(", ")));
+    let cells = plural(built.boxes.cells.len(), "occupied voxel");
+    progress.finish(&format!("prior: {cells} from {}", read.join(", ")));
     Ok(built)
 }
 

@@ -13,10 +13,9 @@ use inputs::NEVER;
 use shaping::Shaping;
 
 use super::error::with_flags;
-use super::table::short;
+use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
 use crate::dataset;
-use crate::digits::grouped;
 use crate::prior::{self, Counts};
 
 const EXAMPLES: &str = "\
@@ -74,16 +73,16 @@ struct Report<'a> {
     grid_cells: u64,
     /// The share of the cameras' rays that meet the prior.
     share_of_rays: Option<f64>,
-    /// What may be wrong where that is little.
+    /// The likely cause if that share is small.
     advice: Option<String>,
 }
 
-/// Reads geometry and writes where it is.
+/// Reads geometry and writes its occupied cells.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     if let Some(Command::Show(args)) = &args.command {
         return show::run(args, session);
     }
-    let Some(output) = &args.output else { return Err(Error::Usage("expected --output".into())) };
+    let Some(output) = &args.output else { return Err(Error::Usage("give --output".into())) };
     check_output(output, session.force)?;
     let built = inputs::build(&args.inputs, &args.shaping, &NEVER, session)?;
     let sight = match &args.data {
@@ -113,9 +112,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch.map(short);
-        let cells = grouped(r.cells as u64);
+        let cells = plural(r.cells, "cell");
         format!(
-            "{}: {cells} cells of {x} x {y} x {z}, from {} to {}",
+            "{}: {cells} of {x} x {y} x {z}, from {} to {}",
             r.file.display(),
             r.bounds[0].map(short).join(", "),
             r.bounds[1].map(short).join(", ")

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::inputs::{NEVER, build};
 use super::shaping::Shaping;
 use crate::cli::error::with_flags;
+use crate::cli::table::plural;
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
 use crate::dataset::{self, Dataset};
@@ -21,7 +22,7 @@ Examples:
 
 Each row shows a photograph and the same photograph overlaid with the first cell met by each ray, in the cell's color or \
 from orange (near) to blue (far). A prior that fits covers the scene and nothing else.";
-/// Views on a sheet where none are chosen.
+/// Default number of views on a sheet.
 const ROWS: usize = 4;
 /// Background color for transparent pixels.
 const BACKGROUND: [f32; 3] = [1.0; 3];
@@ -59,7 +60,7 @@ struct Shown<'a> {
     cells: usize,
     /// The share of the shown cameras' rays that meet the prior.
     share_of_rays: f64,
-    /// What may be wrong where that is little.
+    /// The likely cause if that share is small.
     advice: Option<String>,
 }
 
@@ -96,7 +97,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));
-        let (file, views, cells) = (shown.file.display(), shown.views, shown.cells);
-        format!("{file}: {views} views, {cells} cells; {:.1} % of their rays meet one{advice}", 100.0 * share)
+        let (file, views, cells) = (shown.file.display(), plural(shown.views, "view"), plural(shown.cells, "cell"));
+        format!("{file}: {views}, {cells}; {:.1} % of their rays meet one{advice}", 100.0 * share)
     })
 }

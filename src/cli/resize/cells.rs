@@ -1,4 +1,4 @@
-//! Cells of space by what is seen there: where parameters and errors are, before and after.
+//! Cells of space, grouped by the colors seen there, with their parameters and errors before and after resizing.
 
 use serde::Serialize;
 
@@ -9,23 +9,23 @@ use crate::model::Scene;
 use crate::random::Random;
 use crate::train::{RayBatch, RaySampler, TrainConfig, TrainError};
 
-/// Cells along the scene's longest edge, and rays that look at them, at most.
+/// Cells along the scene's longest edge, and the largest number of rays that measure them.
 const CELLS_ALONG: usize = 64;
 const CELL_RAYS: usize = 1 << 18;
 
-/// Where parameters and errors are, before and after.
+/// Parameters and errors by cell, before and after.
 pub(super) struct Cells([CellMap; 2]);
 
-/// Cells that are alike.
+/// A group of cells.
 #[derive(Clone, Copy, Serialize)]
 pub(super) struct CellKind {
     pub(super) name: &'static str,
     pub(super) cells: usize,
-    /// Of all that is seen.
+    /// Share of the samples' weights.
     pub(super) share_of_weight: f64,
     /// Factor entries, before and after.
     pub(super) parameters: [f64; 2],
-    /// Of the mean squared error, before and after.
+    /// Share of the mean squared error, before and after.
     pub(super) share_of_error: [f64; 2],
 }
 
@@ -44,14 +44,14 @@ impl Cells {
         [("before", &self.0[0]), ("after", &self.0[1])]
     }
 
-    /// What is seen is judged by the scene as it was.
+    /// The groups; cells are grouped by the scene before resizing.
     pub(super) fn kinds(&self) -> Vec<CellKind> {
         let [before, after] = &self.0;
         let sum = |map: &CellMap, numbers: &[usize], value: fn(&Cell) -> f64| {
             numbers.iter().map(|&n| value(&map.cells[n])).fold(0.0, |sum, v| sum + v)
         };
         let all: Vec<usize> = (0..before.cells.len()).collect();
-        // Where nothing is seen at all, shares are 0.
+        // If nothing is seen, shares are 0.
         let weight = sum(before, &all, |c| c.weight).max(f64::MIN_POSITIVE);
         let errors = self.0.each_ref().map(|map| sum(map, &all, |c| c.error).max(f64::MIN_POSITIVE));
         let kind = |name, is_one: &dyn Fn(Option<f64>) -> bool| {
@@ -66,7 +66,7 @@ impl Cells {
             }
         };
         let mut kinds = vec![
-            kind("nothing is seen", &|deviation| deviation.is_none()),
+            kind("nothing seen", &|deviation| deviation.is_none()),
             kind("one color", &|deviation| deviation.is_some_and(|d| d <= FLAT)),
             kind("several colors", &|deviation| deviation.is_some_and(|d| d > FLAT)),
         ];

@@ -89,7 +89,7 @@ struct Common {
     encoding: Precision,
 }
 
-/// Where shrinking ends.
+/// The goal of shrinking.
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Goal {
@@ -128,11 +128,22 @@ impl<'a> Meter<'a> {
     }
 }
 
-/// How the parameters are to change.
+/// The change of the number of parameters.
 enum Change {
     Shrink(ShrinkGoal),
-    /// To so many.
+    /// Up to this number of parameters.
     Grow(u64),
+}
+
+impl Change {
+    /// A scene of `parameters` needs no round.
+    fn is_met_by(&self, parameters: u64) -> bool {
+        match *self {
+            Self::Shrink(ShrinkGoal::Parameters(most)) => parameters <= most,
+            Self::Shrink(ShrinkGoal::Loss(_)) => false,
+            Self::Grow(most) => parameters >= most,
+        }
+    }
 }
 
 /// Shrinks.
@@ -173,7 +184,7 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
         if interrupted.load(Ordering::SeqCst) {
             return Err(Error::Runtime("interrupted; nothing was written".into()));
         }
-        // Choosing may have ended a round before its last step.
+        // A round may end before its last step: the meter starts anew at step 1.
         let begun = match &mut meter {
             Some(begun) if step.steps[0] > 1 => begun,
             _ => meter.insert(Meter::start(step, &session.console)),
@@ -210,12 +221,13 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
         scales: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
         cells: cells.kinds(),
         seconds: start.elapsed().as_secs_f64(),
+        met_goal_before: change.is_met_by(resized.parameters[0]),
     };
     session.console.result(&report, Report::text)
 }
 
 impl Common {
-    /// How `scene` is trained meanwhile.
+    /// The training of `scene` between rounds.
     fn tuning(&self, scene: &Scene) -> Result<Tuning, Error> {
         let of_file = Some(scene.provenance.preset.as_str()).filter(|name| TrainConfig::PRESETS.contains(name));
         let preset = self.preset.map(Preset::name).or(of_file.filter(|_| self.basics.config.is_none()));

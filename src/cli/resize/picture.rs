@@ -15,14 +15,14 @@ const DOT: RGBColor = RGBColor(40, 90, 150);
 /// Decades that a map or an axis shows below its largest value.
 const DECADES: i32 = 4;
 
-/// The picture's size and colors: for each of `maps`, of the same cells, where its parameters are, where its error is, both seen
-/// from the front, and one against the other.
+/// The picture's size and colors. Each of `maps`, which have the same cells, is a row: parameters and errors seen from the
+/// front, and a plot of one against the other.
 pub(super) fn draw(maps: &[(&str, &CellMap)]) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
     register();
     picture(SIZE, |backend| try_draw(backend, maps)).map_err(|e| format!("picture: {e}"))
 }
 
-/// What is drawn of a cell.
+/// The value of a cell that a panel shows.
 type Value = fn(&Cell) -> f64;
 
 const VALUES: [(&str, Value); 2] = [("parameters", |c| c.parameters), ("squared error", |c| c.error)];
@@ -34,7 +34,7 @@ where
     let area = backend.into_drawing_area();
     area.fill(&WHITE)?;
     let panels = area.split_evenly((maps.len(), 3));
-    // The same for all rows, so that they can be compared.
+    // One scale for all rows makes them comparable.
     let most = VALUES.map(|(_, value)| {
         let columns = maps.iter().flat_map(|(_, map)| map.from_the_front(value)).flatten();
         columns.fold(f64::MIN_POSITIVE, f64::max)

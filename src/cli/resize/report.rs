@@ -1,4 +1,4 @@
-//! What resizing came to.
+//! The result of resizing.
 
 use std::path::Path;
 
@@ -21,22 +21,24 @@ pub(super) struct Report<'a> {
     pub(super) psnr: [f64; 2],
     pub(super) rounds: Vec<ResizeRound>,
     pub(super) scales: Vec<[ScaleUse; 2]>,
-    /// Cells of space by what the photographs show there.
+    /// Cells of space, grouped by the colors that the photographs show there.
     pub(super) cells: Vec<CellKind>,
     pub(super) seconds: f64,
+    /// The scene met the goal before any round.
+    pub(super) met_goal_before: bool,
 }
 
-/// What a scale holds.
+/// Tensors, ranks and parameters of a scale.
 #[derive(Clone, Copy, Serialize)]
 pub(super) struct ScaleUse {
     tensors: u64,
-    /// Of which nothing is left.
+    /// Tensors without any component left.
     tensors_of_rank_0: u64,
     resolution: [u32; 3],
-    /// The most that a tensor has.
+    /// Largest rank of a tensor.
     density_rank: u32,
     appearance_rank: u32,
-    /// The mean over tensors.
+    /// Mean rank over tensors.
     mean_density_rank: f64,
     mean_appearance_rank: f64,
     parameters: u64,
@@ -81,7 +83,7 @@ impl ScaleUse {
 
 impl Report<'_> {
     pub(super) fn text(&self) -> String {
-        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB at once", "dB trained", ""]);
+        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB before training", "dB after", ""]);
         for (n, round) in self.rounds.iter().enumerate() {
             let resolutions: Vec<String> = round.resolutions.iter().map(|r| r[0].to_string()).collect();
             rounds.row([
@@ -90,7 +92,7 @@ impl Report<'_> {
                 resolutions.join(", "),
                 format!("{:.3}", round.psnr_at_once),
                 format!("{:.3}", round.psnr),
-                if round.is_taken { "" } else { "too much" }.to_owned(),
+                if round.is_taken { "" } else { "discarded" }.to_owned(),
             ]);
         }
         let mut scales = Table::new(["scale", "tensors", "of rank 0", "cells", "density", "appearance", "parameters"]);
@@ -98,7 +100,8 @@ impl Report<'_> {
             scales.row(before.row(format!("{n} before")));
             scales.row(after.row(format!("{n} after")));
         }
-        let mut cells = Table::new(["cells where", "cells", "seen", "parameters", "then", "error", "then"]);
+        let mut cells =
+            Table::new(["cells with", "cells", "weight", "parameters before", "after", "error before", "after"]);
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         for kind in &self.cells {
             cells.row([
@@ -112,10 +115,12 @@ impl Report<'_> {
             ]);
         }
         let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
-        let unchanged = if self.rounds.iter().any(|round| round.is_taken) {
+        let unchanged = if self.met_goal_before {
+            "the scene meets the goal already: it is written unchanged\n"
+        } else if self.rounds.iter().any(|round| round.is_taken) {
             ""
         } else {
-            "no round was within the goal: the scene is written unchanged\n"
+            "no round was kept: the scene is written unchanged\n"
         };
         format!(
             "{}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
