@@ -1,6 +1,6 @@
-//! The kernels alone, on one thread: `cargo bench`, or `cargo bench -- march` for some.
+//! Benchmarks of single kernels on one thread: `cargo bench`, or `cargo bench -- march` for those of this name.
 //!
-//! `strivec bench` measures them at work, on all threads and against the machine's peak.
+//! `strivec bench` measures whole steps and frames, on all threads, against the machine's peak.
 
 use std::sync::LazyLock;
 
@@ -13,7 +13,7 @@ use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
 use strivec::train::{Backward, BatchRoulette, Target, TrainConfig};
 
-/// Rays of a kernel's call, as many as training gives one.
+/// Rays per call of a kernel, as in training.
 const RAYS: usize = 128;
 /// Rays of a whole batch.
 const BATCH: usize = 1024;
@@ -99,12 +99,12 @@ fn backward_loss(bencher: Bencher<'_, '_>) {
         .bench_local(|| backward.loss(&FIELD, &rays, &targets, BatchRoulette::default()));
 }
 
-/// Rows, inner length, columns: far beyond the caches, the decoder's layers, and the appearance matrices.
+/// Rows, inner length and columns: larger than the caches, the decoder's layers, and the appearance matrices.
 #[divan::bench(args = [[1024, 1024, 1024], [4096, 150, 128], [512, 150, 128], [512, 128, 128], [512, 128, 3], [512, 72, 27]])]
 fn product(bencher: Bencher<'_, '_>, [rows, inner, columns]: [usize; 3]) {
     let (left, right) = (vec![0.5f32; rows * inner], vec![0.25f32; inner * columns]);
     let mut product = vec![0f32; rows * columns];
-    // An item is a multiplication and an addition.
+    // An item is one multiply-add.
     bencher.counter(ItemsCount::new(rows * inner * columns)).bench_local(|| {
         multiply(
             MatrixMut::new(&mut product, rows, columns, columns),

@@ -1,4 +1,4 @@
-//! `--backend`: the renderer of every command that makes pictures.
+//! `--backend`: the renderer of commands that make pictures.
 
 #[cfg(feature = "gpu")]
 use std::cell::{OnceCell, RefCell};
@@ -37,7 +37,7 @@ pub(super) enum Backend {
     Reference,
 }
 
-/// Which renderer, and how.
+/// The renderer and its arithmetic.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct BackendOptions {
     /// Renderer
@@ -127,41 +127,41 @@ impl From<GpuError> for Error {
     }
 }
 
-/// A renderer that owns what it needs.
+/// A renderer that owns its scene.
 pub(super) struct Prepared {
     backend: Backend,
     half: bool,
     drawing: Drawing,
-    /// What each stage took, in all pictures.
+    /// Time by stage over all pictures.
     stages: Vec<StageMilliseconds>,
     pictures: u32,
 }
 
 enum Drawing {
-    /// The fast one.
+    /// The fast renderer in 32 bits.
     Cpu(Box<CpuRenderer>),
-    /// The fast one's code in 64 bits.
+    /// The fast renderer in 64 bits.
     CpuF64(Box<CpuRenderer<f64>>),
-    /// The one on a graphics device.
+    /// The renderer on a graphics device.
     #[cfg(feature = "gpu")]
     Gpu { renderer: Box<GpuRenderer>, adapter: String },
-    /// The scene that the reference reads.
+    /// The reference renderer, which reads the scene itself.
     Reference(Box<Scene>),
 }
 
-/// What drew, as `--json` prints it.
+/// The renderer, its memory and its times, as `--json` prints them.
 #[derive(Serialize)]
 pub(super) struct Drawn {
     backend: Backend,
-    /// Whether factors were rounded to 16 bits.
+    /// Factors are rounded to 16 bits.
     half: bool,
     /// The graphics device.
     adapter: Option<String>,
-    /// Of the model's numbers with what was made for them; on a graphics device with its work.
+    /// Bytes of the scene and its index; on a graphics device with its buffers.
     memory_bytes: u64,
-    /// Of cached density features.
+    /// Bytes of the density cache.
     density_cache_bytes: Option<u64>,
-    /// On a graphics device that tells, the mean of all pictures.
+    /// Mean of all pictures, on graphics devices that report times.
     stages: Option<Vec<StageMilliseconds>>,
 }
 
@@ -173,7 +173,7 @@ struct StageMilliseconds {
 }
 
 impl Prepared {
-    /// The picture that `camera`, in the model's space, takes. Fails where a graphics device does.
+    /// The picture from `camera`, in the model's space. Fails if the graphics device does.
     pub(super) fn render(&mut self, camera: &Camera) -> Result<Picture, Error> {
         self.pictures += 1;
         match &mut self.drawing {
@@ -195,8 +195,8 @@ impl Prepared {
         }
     }
 
-    /// How close it is to the reference's pictures of `scene` from `cameras`, in the model's space; what is prepared to
-    /// be the reference leaves that to the fast renderer. Fails where a graphics device does.
+    /// Compares this renderer with the reference's pictures of `scene` from `cameras`, in the model's space. If this is
+    /// the reference, the fast renderer is compared instead. Fails if the graphics device does.
     pub(super) fn parity(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<Parity, Error> {
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
@@ -212,7 +212,7 @@ impl Prepared {
         }
     }
 
-    /// Bytes of the model's numbers as it holds them, with what was made for it; on a graphics device with its work.
+    /// Bytes of the scene and its index; on a graphics device with its buffers.
     pub(super) fn memory_bytes(&self) -> u64 {
         match &self.drawing {
             Drawing::Cpu(renderer) => renderer.memory_bytes(),
@@ -223,7 +223,7 @@ impl Prepared {
         }
     }
 
-    /// What drew, and what it took.
+    /// The renderer, its memory and its times.
     pub(super) fn drawn(self) -> Drawn {
         let adapter = match &self.drawing {
             #[cfg(feature = "gpu")]
@@ -244,7 +244,7 @@ impl Prepared {
     }
 }
 
-/// A device's renderer as one that cannot fail: where it does, nothing is seen, and why is kept.
+/// A device's renderer behind a trait without errors: after a failure, pixels are empty and the error is kept.
 #[cfg(feature = "gpu")]
 struct Watched<'a> {
     renderer: RefCell<&'a mut GpuRenderer>,
@@ -255,7 +255,7 @@ struct Watched<'a> {
 impl Renderer for Watched<'_> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
         self.renderer.borrow_mut().trace(rays).unwrap_or_else(|error| {
-            // The first failure is the one that explains the others.
+            // The first failure explains the others.
             let _ = self.failure.set(error);
             vec![Pixel::default(); rays.len()]
         })

@@ -9,17 +9,17 @@ use crate::dataset::NamedCamera;
 use crate::geometry::Camera;
 use crate::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
 
-/// Frames of a turntable where nothing else is asked for.
+/// Default number of frames of a turntable.
 const TURNTABLE_FRAMES: u32 = 120;
 const MAX_FRAMES: u32 = 100_000;
 const FPS: f64 = 30.0;
 /// Other viewpoint options. One of them or `--path` is required, and clap does not enforce a `requires` whose argument
 /// conflicts with one that is present.
 pub(super) const OTHERS: [&str; 3] = ["cameras", "orbit", "pose"];
-/// The value of `--path` that is no file.
+/// The value of `--path` that names no file.
 const TURNTABLE: &str = "turntable";
 
-/// Which way, in how many frames.
+/// The path and its number of frames.
 #[derive(Clone, Debug, clap::Args)]
 #[group(skip)]
 pub(super) struct CameraPathOptions {
@@ -54,7 +54,7 @@ impl CameraPathOptions {
     /// No path.
     pub(super) const NONE: Self = Self { path: None, frames: None, fps: FPS };
 
-    /// Which way, if any.
+    /// The path, if any.
     pub(super) fn way(&self) -> Option<Way<'_>> {
         let path = self.path.as_deref()?;
         Some(if path == Path::new(TURNTABLE) {
@@ -64,15 +64,15 @@ impl CameraPathOptions {
         })
     }
 
-    /// The cameras of frames of `size` on the way through the keyframes in `file`, in the dataset's space: `--frames` of
-    /// them evenly from the first keyframe to the last, else one each 1/`--fps` seconds.
+    /// The cameras along the path through the keyframes in `file`, in the dataset's space, for frames of `size`:
+    /// `--frames` cameras evenly from the first keyframe to the last, else one every 1/`--fps` seconds.
     pub(super) fn through_keyframes(&self, file: &Path, size: [u32; 2]) -> Result<Vec<NamedCamera>, Error> {
         let path = read_keyframes(&read_at_most(file)?).map_err(Error::malformed(file))?;
         let seconds = path.end() - path.start();
         let (count, step) = match self.frames {
             Some(count) => (count, seconds / f64::from((count - 1).max(1))),
             None => {
-                // A rounding error must not cost the last frame.
+                // A rounding error must not drop the last frame.
                 let count = (seconds * self.fps + 1e-6).floor() + 1.0;
                 if count > f64::from(MAX_FRAMES) {
                     return Err(Error::Usage(format!(
@@ -89,7 +89,7 @@ impl CameraPathOptions {
     }
 }
 
-/// Cameras named by their numbers, `PREFIX_000…`, of at least so many digits.
+/// Cameras named `PREFIX_NNN` by their numbers, of at least `digits` digits.
 pub(super) fn numbered(
     prefix: &str,
     least_digits: usize,
@@ -105,7 +105,7 @@ fn digits(count: usize) -> usize {
     count.saturating_sub(1).to_string().len()
 }
 
-/// A device or a pipe has no length to check beforehand, so the reading itself is bounded.
+/// Reads a file up to a limit: a device or a pipe has no length to check beforehand.
 fn read_at_most(file: &Path) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let opened = File::open(file).map_err(Error::io("read", file))?;

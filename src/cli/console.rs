@@ -9,11 +9,11 @@ use super::Error;
 
 /// The process's two streams.
 pub(super) struct Console {
-    /// The command's, which messages of failure begin with.
+    /// The program's name, with which error messages begin.
     name: &'static str,
     quiet: bool,
     json: bool,
-    /// Whether the reader of standard output has left, as `head` does.
+    /// The reader of standard output has closed the pipe, as `head` does.
     closed: AtomicBool,
 }
 
@@ -29,7 +29,8 @@ impl Console {
 
     /// Prints `result` as JSON with `--json`, else as `text`.
     ///
-    /// A closed pipe is no error: the command continues, because its files may still be needed, and prints nothing more.
+    /// A closed pipe is no error: the command continues, because its files may still be needed, and prints nothing
+    /// more.
     ///
     /// # Errors
     ///
@@ -59,7 +60,7 @@ impl Console {
         }
     }
 
-    /// A message for people; nothing if quiet.
+    /// Prints a message to standard error, unless quiet.
     pub(super) fn say(&self, message: &str) {
         if !self.quiet {
             // A failure to write to standard error cannot be reported.

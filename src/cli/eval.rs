@@ -25,7 +25,7 @@ Examples:
   strivec eval lego.strivec lego --split test --downscale 4 --every 10 --sheets sheets --json
 
 The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).";
-/// The difference that is brightest in an error picture.
+/// The difference shown as the brightest color of an error picture.
 const ERROR_FULL: f32 = 0.2;
 
 /// The arguments.
@@ -68,15 +68,15 @@ struct Evaluation<'a> {
     drawn: Drawn,
     #[serde(flatten)]
     settings: RenderSettings,
-    /// Getting ready: with a density cache, baking it.
+    /// Preparation of the renderer, with the density cache.
     seconds_preparing: f64,
-    /// Rendering alone, the mean of all views.
+    /// Mean time of rendering a view.
     seconds_per_view: f64,
     #[serde(flatten)]
     report: measure::Report,
-    /// Where the errors are.
+    /// Errors by region of the photographs.
     regions: Vec<RegionReport>,
-    /// The renderer against the reference.
+    /// Comparison of the renderer with the reference.
     parity: Option<measure::Parity>,
 }
 
@@ -128,7 +128,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         });
     }
     let seconds_per_view = seconds / views.len() as f64;
-    progress.finish(&format!("{seconds_per_view:.2} s a view"));
+    progress.finish(&format!("{seconds_per_view:.2} s per view"));
 
     let report = measure::Report::new(reports)
         .ok_or_else(|| Error::Malformed(format!("{}: the selected split has no views", args.dataset.display())))?;

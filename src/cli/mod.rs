@@ -1,7 +1,7 @@
-//! The command `strivec`: one file a command, each with its arguments and one `run`.
+//! The command `strivec`: one file per command, each with its arguments and one `run`.
 //!
-//! Results go to standard output, progress and messages to standard error. Errors of the layers below become one sentence
-//! and an exit code here ([`Error`]); nothing below this layer prints or uses clap.
+//! Results go to standard output, progress and messages to standard error. Errors of the layers below become one
+//! sentence and an exit code here ([`Error`]); nothing below this layer prints or uses clap.
 
 mod approximations;
 mod backend;

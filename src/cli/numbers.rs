@@ -1,10 +1,10 @@
-//! Several numbers as one argument.
+//! Arguments of several numbers.
 
 use crate::geometry::Aabb;
 
-/// `N` finite numbers with commas between.
+/// `N` comma-separated finite numbers.
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let wrong = || format!("expected {N} numbers with commas between");
+    let wrong = || format!("not {N} comma-separated numbers");
     let numbers = text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite()));
     numbers.collect::<Option<Vec<_>>>().and_then(|all| all.try_into().ok()).ok_or_else(wrong)
 }
@@ -13,5 +13,5 @@ pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
 pub(super) fn boxed(text: &str) -> Result<Aabb, String> {
     let [x0, y0, z0, x1, y1, z1] = numbers::<6>(text)?;
     let corners = Aabb { min: [x0, y0, z0].into(), max: [x1, y1, z1].into() };
-    if corners.is_solid() { Ok(corners) } else { Err("expected the smallest corner, then a larger one".into()) }
+    if corners.is_solid() { Ok(corners) } else { Err("not the smallest corner, then a larger one".into()) }
 }

@@ -1,7 +1,7 @@
 //! Atomic writing of files.
 //!
-//! The bytes are written to a hidden file beside the destination (`.NAME.….partial`), synced, and renamed. If the process
-//! dies, the destination holds either the old or the new file.
+//! The bytes are written to a hidden file beside the destination (`.NAME.….partial`), synced, and renamed. If the
+//! process dies, the destination holds either the old or the new file.
 
 use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
@@ -13,12 +13,12 @@ use tempfile::NamedTempFile;
 use super::Error;
 
 /// Checks, before any work is done, that [`write_atomically`] could write `path`: its folder exists and can be
-/// written, and nothing is in the way that `force` does not cover.
+/// written, and no file would be overwritten without `force`.
 ///
 /// # Errors
 ///
-/// [`Error::Usage`] where a file would be overwritten without `force`, or something is there that is no regular file;
-/// [`Error::Io`] where the folder cannot be written.
+/// [`Error::Usage`] if a file would be overwritten without `force`, or `path` is not a regular file; [`Error::Io`] if
+/// the folder cannot be written.
 pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
     let destination = destination(path, force)?;
     partial_file(path, &destination).map(drop)
@@ -31,7 +31,7 @@ pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
 ///
 /// # Errors
 ///
-/// As [`check_output`], and [`Error::Io`] where the disk is full or fails; the destination is then as it was.
+/// Those of [`check_output`]; [`Error::Io`] if the disk is full or fails, which leaves the destination unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), Error> {
     let destination = destination(path, force)?;
     let mut partial = partial_file(path, &destination)?;
@@ -84,14 +84,14 @@ fn would_overwrite(path: &Path) -> Error {
     Error::Usage(format!("{}: the file exists; --force overwrites it", path.display()))
 }
 
-/// Where `path` leads, links followed, if it may be written.
+/// `path` with links followed, if it may be written.
 fn destination(path: &Path, force: bool) -> Result<PathBuf, Error> {
     let metadata = match fs::symlink_metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(path.to_path_buf()),
         other => other.map_err(Error::io("write", path))?,
     };
     if metadata.is_symlink() {
-        // Renaming over a link would replace the link, not what it stands for.
+        // Renaming over a link would replace the link, not its target.
         return destination(&fs::canonicalize(path).map_err(Error::io("follow", path))?, force);
     }
     if !metadata.is_file() {
@@ -125,13 +125,13 @@ fn partial_file(path: &Path, destination: &Path) -> Result<NamedTempFile, Error>
     })
 }
 
-/// Makes a rename in `folder` durable, where the system can.
+/// Makes a rename in `folder` durable, if the system can.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
     }
     match File::open(folder).and_then(|folder| folder.sync_all()) {
-        // Some file systems cannot, and the file itself is on the disk already.
+        // Some file systems cannot; the file itself is on the disk already.
         Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
         other => other,
     }

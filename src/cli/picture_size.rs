@@ -8,7 +8,7 @@ pub(super) fn parse(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X', '×']).ok_or("expected WIDTHxHEIGHT, as in 800x600")?;
     let edge = |text: &str| match text.parse() {
         Ok(value @ 1..=MAX_EDGE) => Ok(value),
-        _ => Err(format!("expected edges from 1 to {MAX_EDGE} pixels, found {text:?}")),
+        _ => Err(format!("{text:?} is not WxH with edges from 1 to {MAX_EDGE} pixels")),
     };
     Ok([edge(width)?, edge(height)?])
 }

@@ -49,32 +49,32 @@ struct Report {
     scales: Vec<ScaleRow>,
     /// Weights and biases of the network.
     decoder_parameters: u64,
-    /// Of everything that is trained.
+    /// All trained parameters.
     parameters: u64,
-    /// Of the file in 16-bit floating point.
+    /// Size of the file in 16-bit floating point.
     file_bytes: u64,
-    /// Of training at its peak.
+    /// Peak memory of training.
     memory_bytes: u64,
-    /// Of training's steps.
+    /// Time of the training steps.
     minutes: f64,
-    /// What the coarse reconstruction took; absent where the prior came from files.
+    /// Time of the coarse reconstruction; absent if the prior is from files.
     prior_seconds: Option<f64>,
     machine: Machine,
-    /// Why the settings are what they are, and what the photographs say about them.
+    /// Reasons of the settings, and advice from the photographs.
     reasons: Vec<String>,
 }
 
-/// What the minutes were estimated by.
+/// The machine's speed, from which minutes are estimated.
 #[derive(Serialize)]
 struct Machine {
     threads: usize,
     /// FLOP/s of a thread in matrix products.
     product_flops: f64,
-    /// Numbers a second that a thread gathers from its cache.
+    /// Numbers per second that a thread gathers from its cache.
     gathered: f64,
 }
 
-/// Plans.
+/// Estimates size, memory and time.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
     let options = args.settings.basics.photographs();
@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let plan = train::plan(&config, &cameras, photographs, &occupied, &speed)?;
     let scales = scale_table::planned(&plan);
     let Plan { decoder_parameters, parameters, file_bytes, memory_bytes, minutes, .. } = plan;
-    // What was fitted to the photographs alone has said so.
+    // Settings fitted to the photographs alone have these reasons already.
     if !args.fitting.is_by_photographs_alone() {
         reasons.extend(plan.reasons);
     }

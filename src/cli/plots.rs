@@ -1,4 +1,4 @@
-//! What all plots need: a font, and a picture in memory.
+//! Shared parts of plots: a font, and a picture in memory.
 
 use plotters::backend::BitMapBackend;
 use plotters::style::{FontStyle, register_font};
@@ -6,12 +6,12 @@ use plotters::style::{FontStyle, register_font};
 /// The font's name.
 pub(super) const FONT: &str = "plot";
 
-/// Makes [`FONT`] known. Once is enough, and more does no harm.
+/// Registers [`FONT`]; may be called several times.
 pub(super) fn register() {
     let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
 }
 
-/// What `draw` draws in \[columns, rows\] of `size`, as colors.
+/// The picture of `size` (columns, rows) that `draw` makes, as colors.
 pub(super) fn picture<E>(
     size: (u32, u32),
     draw: impl FnOnce(BitMapBackend<'_>) -> Result<(), E>,

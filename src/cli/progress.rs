@@ -1,4 +1,4 @@
-//! How far a long task is, on standard error: a bar on a terminal, a line now and then elsewhere.
+//! Progress of long tasks on standard error: a bar on a terminal, else a line every few seconds.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -8,7 +8,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
 
-/// The time between two lines where there is no terminal.
+/// The time between two lines if standard error is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 const BAR: &str = "{prefix} {wide_bar} {pos}/{len}{msg}, {eta} left";
 
@@ -17,12 +17,12 @@ pub(super) struct Progress<'a> {
     console: &'a Console,
     task: String,
     bar: ProgressBar,
-    /// When the last line was printed; absent where there is a bar or nothing is to be seen.
+    /// The time of the last line; `None` if there is a bar or the console is quiet.
     last_line: Option<Mutex<Instant>>,
 }
 
 impl<'a> Progress<'a> {
-    /// Begins to show `task` of `total` steps; shows nothing where the console is quiet.
+    /// Starts to show `task` of `total` steps; shows nothing if the console is quiet.
     pub(super) fn start(console: &'a Console, task: &str, total: u64) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let shown = terminal && !console.is_quiet();
@@ -34,7 +34,7 @@ impl<'a> Progress<'a> {
         Self { console, task: task.to_owned(), bar, last_line }
     }
 
-    /// Shows that `done` steps are done, and what `detail` says (as in "41000 rays/s, train 28.31 dB").
+    /// Shows `done` steps and `detail`, such as "41000 rays/s, train 28.31 dB".
     pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
         if !self.bar.is_hidden() {
             self.bar.set_message(with_comma(&detail()));
@@ -51,17 +51,17 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Something else was done meanwhile, which says nothing about how long the rest takes.
+    /// Restarts the estimate of the remaining time, after other work.
     pub(super) fn reset_rate(&self) {
         self.bar.reset_eta();
     }
 
-    /// A message that does not disturb the bar.
+    /// Prints a message above the bar.
     pub(super) fn say(&self, message: &str) {
         self.bar.suspend(|| self.console.say(message));
     }
 
-    /// Ends the task, removes the bar, and leaves a message.
+    /// Ends the task, removes the bar, and prints a message.
     pub(super) fn finish(self, message: &str) {
         self.bar.finish_and_clear();
         self.say(message);

@@ -10,7 +10,7 @@ pub(super) fn size(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "not a size with a unit (B, kB, MB, GB, KiB or MiB), as in 2MB or 700kB".into())
 }
 
-/// A number of things, as in 500k, 3.5M or 1500000.
+/// A count, as in 500k, 3.5M or 1500000.
 pub(super) fn count(text: &str) -> Result<u64, String> {
     of_units(text, &COUNTS).ok_or_else(|| "not a positive number, as in 500k, 3.5M or 1500000".into())
 }

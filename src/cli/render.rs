@@ -55,24 +55,24 @@ pub(super) struct Args {
     approximations: Approximations,
 }
 
-/// What was rendered.
+/// The result, as `--json` prints it.
 #[derive(Serialize)]
 struct Report {
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
     settings: RenderSettings,
-    /// Getting ready: with a density cache, baking it.
+    /// Preparation of the renderer, with the density cache.
     seconds_preparing: f64,
     seconds: f64,
-    /// What a gray value of 1 stands for, in the dataset's units.
+    /// Depth of a gray value of 1, in dataset units.
     depth_unit: Option<f64>,
-    /// In the order of the cameras.
+    /// Pictures in the order of the cameras.
     files: Vec<PathBuf>,
     video: Option<PathBuf>,
 }
 
-/// What `depth.json` says.
+/// The content of `depth.json`.
 #[derive(Serialize)]
 struct DepthScale {
     depth: &'static str,
@@ -133,7 +133,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             write(file(&named.name, "_opacity"), opacity_png(size, &opacities)?)?;
         }
         progress
-            .set(done as u64 + 1, || format!("{:.2} s a picture", start.elapsed().as_secs_f64() / (done + 1) as f64));
+            .set(done as u64 + 1, || format!("{:.2} s per picture", start.elapsed().as_secs_f64() / (done + 1) as f64));
     }
     let seconds = start.elapsed().as_secs_f64();
     progress.finish(&format!("{} in {seconds:.1} s", plural(cameras.len(), "picture")));
@@ -156,17 +156,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     })
 }
 
-/// The colors of a picture, in its order.
+/// The colors of a picture's pixels.
 pub(super) fn colors(picture: &Picture) -> Vec<[f32; 3]> {
     picture.pixels.iter().map(|p| p.color).collect()
 }
 
-/// The smallest of 1, 2 and 5 times a power of ten of which 65535 reach `far`.
+/// The smallest of 1, 2 and 5 times a power of ten whose 65535-fold is at least `far`.
 fn unit_reaching(far: f64) -> f64 {
     let least = far / f64::from(u16::MAX);
     let exponent = least.log10().floor() as i32;
     let candidate = |digit: u32, exponent: i32| -> f64 {
-        // Through decimal text, so that the unit is the nearest number to what it prints as.
+        // Through decimal text, so that the unit prints as this text.
         format!("{digit}e{exponent}").parse().expect("a number")
     };
     let candidates = [candidate(1, exponent), candidate(2, exponent), candidate(5, exponent)];

@@ -27,7 +27,7 @@ pub(super) struct ScaleRow {
     pub(super) bytes: u64,
 }
 
-/// A row a scale, coarsest first.
+/// One row per scale, coarsest first.
 pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
     let row = |scale: &Scale| ScaleRow {
         tensors: scale.cloud.len() as u64,
@@ -46,7 +46,7 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
     scene.scales.iter().map(row).collect()
 }
 
-/// The same of a scene that is not there yet, after its last upsampling.
+/// The rows of a planned scene after its last upsampling.
 pub(super) fn planned(plan: &Plan) -> Vec<ScaleRow> {
     let row = |scale: &ScalePlan| ScaleRow {
         tensors: scale.tensors,
@@ -62,7 +62,7 @@ pub(super) fn planned(plan: &Plan) -> Vec<ScaleRow> {
     plan.scales.iter().map(row).collect()
 }
 
-/// `rows` for people.
+/// `rows` as text.
 pub(super) fn text(rows: &[ScaleRow]) -> String {
     let mut table =
         Table::new(["scale", "tensors", "placement", "edges", "resolution", "ranks", "parameters", "bytes"]);
@@ -81,7 +81,7 @@ pub(super) fn text(rows: &[ScaleRow]) -> String {
     table.text()
 }
 
-/// One number where all axes have it, else three.
+/// One number if all axes are equal, else three.
 fn per_axis<T: PartialEq + ToString>(values: [T; 3]) -> String {
     if values.iter().all(|v| *v == values[0]) {
         return values[0].to_string();

@@ -26,22 +26,22 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     read.map(|_| bytes).map_err(|e| Error::Io(format!("cannot read standard input: {e}")))
 }
 
-/// All that is in the file `path`, and its bytes.
+/// The scene and metadata of the file `path`, and its bytes.
 pub(super) fn read_scene_file(path: &Path) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = read_bytes(path)?;
     let scene_file = container::decode_scene_file(&bytes, Limits::default()).map_err(|e| Error::container(path, e))?;
     Ok((scene_file, bytes))
 }
 
-/// The mean squared error of the scene's pictures to photographs: as the file says, else a usual scene's. Those of encodings and
-/// of approximations add to it, being independent.
+/// The mean squared error of the scene's pictures to photographs: the file's, else that of a typical scene. Errors of
+/// encodings and approximations are independent of it and add to it.
 pub(super) fn scene_error(metadata: &Metadata) -> f64 {
     const USUAL_PSNR: f64 = 36.0;
     let known = metadata.quality.as_ref().and_then(|q| q.test);
     10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0)
 }
 
-/// The scene without the scales that `approximation` leaves out, corrected where the file says how.
+/// The scene with the scales that `approximation` keeps, with the file's correction for this prefix.
 pub(super) fn with_scales_of(document: SceneFile, approximation: &Approximation) -> Scene {
     container::first_scales(document.scene, &document.metadata.prefixes, approximation.scales)
 }

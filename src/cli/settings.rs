@@ -11,7 +11,7 @@ use crate::geometry::Camera;
 use crate::prior::VoxelBoxes;
 use crate::train::{self, Budget, TrainConfig};
 
-/// The settings of a run.
+/// The settings of a training.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Settings {
     /// Model and schedule [default: the configuration's, else best]
@@ -36,7 +36,7 @@ pub(super) struct Settings {
     prune: bool,
 }
 
-/// The settings that a scene which is there already can be trained with, too.
+/// Settings that also apply to training an existing scene.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Basics {
     /// TOML settings, as printed by `train --print-config`; command-line flags override them
@@ -56,7 +56,7 @@ pub(super) struct Basics {
     seed: Option<u64>,
 }
 
-/// The settings of `preset` as the file `path` changes them; of both, what is there.
+/// The settings of `preset`, overridden by those of the file `path`; either may be absent.
 pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result<TrainConfig, Error> {
     match path {
         Some(path) => {
@@ -74,12 +74,12 @@ fn every(text: &str) -> Result<usize, String> {
 }
 
 impl Basics {
-    /// Which photographs, and how large.
+    /// Selection and size of the photographs.
     pub(super) fn photographs(&self) -> LoadOptions {
         LoadOptions { downscale: self.downscale, every: self.every, ..LoadOptions::default() }
     }
 
-    /// The settings that the arguments lead to: `preset`, then file, then single arguments.
+    /// The settings: `preset`, overridden by the file, overridden by single arguments.
     pub(super) fn configuration(&self, preset: Option<&str>) -> Result<TrainConfig, Error> {
         let mut config = configuration(preset, self.config.as_deref())?;
         config.batch_rays = self.batch.map_or(config.batch_rays, |b| b as usize);
@@ -89,7 +89,7 @@ impl Basics {
 }
 
 impl Settings {
-    /// The settings that all arguments lead to.
+    /// The settings from all arguments.
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
@@ -121,12 +121,12 @@ pub(super) struct Fitting {
 }
 
 impl Fitting {
-    /// Whether there is no budget.
+    /// Settings are fitted to the photographs, without a budget.
     pub(super) fn is_by_photographs_alone(&self) -> bool {
         self.auto && self.max_params.is_none() && self.max_size.is_none()
     }
 
-    /// `config` and `occupied` as they were asked to fit, and why: one line for each choice.
+    /// `config` and `occupied` fitted to photographs and budget, and the reasons: one line per choice.
     pub(super) fn reasoned(
         &self,
         mut config: TrainConfig,
@@ -157,7 +157,7 @@ impl Fitting {
     }
 }
 
-/// The models.
+/// Presets of model and schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Preset {
     /// 12 appearance components
@@ -183,7 +183,7 @@ pub(super) enum Preset {
 }
 
 impl Preset {
-    /// As the command line and configurations write it.
+    /// The name on the command line and in configurations.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::P12 => "12",
@@ -218,7 +218,7 @@ impl Precision {
     }
 }
 
-/// The colors behind photographs.
+/// Background colors of photographs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Background {
     White,
@@ -226,7 +226,7 @@ pub(super) enum Background {
 }
 
 impl Background {
-    /// In sRGB.
+    /// The color in sRGB.
     pub(super) fn color(self) -> [f32; 3] {
         match self {
             Self::White => [1.0; 3],
@@ -240,7 +240,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_line_knows_every_preset_and_no_other() {
+    fn the_command_line_has_all_presets_and_no_others() {
         let names: Vec<_> = Preset::value_variants().iter().map(|p| p.name()).collect();
         assert_eq!(names, TrainConfig::PRESETS);
         for preset in Preset::value_variants() {

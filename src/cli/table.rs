@@ -13,13 +13,13 @@ impl Table {
         Self { rows: vec![columns.map(str::to_owned).to_vec()] }
     }
 
-    /// Adds a row of as many cells as there are columns.
+    /// Adds a row with one cell per column.
     pub(super) fn row<const N: usize>(&mut self, cells: [String; N]) {
         debug_assert_eq!(N, self.rows[0].len(), "cells of a row");
         self.rows.push(cells.to_vec());
     }
 
-    /// One line a row, two blanks between columns.
+    /// One line per row, two blanks between columns.
     pub(super) fn text(&self) -> String {
         let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.rows[0].len()).map(width).collect();

@@ -79,7 +79,7 @@ pub(super) struct Args {
     pub(super) eval_every: Option<u64>,
 }
 
-/// Trains.
+/// Trains a scene and writes it.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
     if args.print_config {
@@ -150,7 +150,7 @@ struct Trained<'a> {
     bytes: u64,
     parameters: u64,
     steps: u64,
-    /// Prior and training, without loading, evaluating and writing.
+    /// Time of prior and training, without loading, evaluating and writing.
     seconds: f64,
     scales: Vec<ScaleRow>,
     /// Cleared after the last step; absent with `--keep-dead`.
@@ -178,7 +178,7 @@ fn dead_text(dead: &DeadComponents, parameters: u64) -> String {
 struct CurvePoint {
     step: u64,
     seconds: f64,
-    /// Over the steps since the row before.
+    /// PSNR over the steps since the previous row.
     train_psnr: f64,
     test_psnr: Option<f64>,
 }

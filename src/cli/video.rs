@@ -1,7 +1,7 @@
 //! `--video`: encode frames as a video with an installed encoder program.
 //!
-//! The program is looked for before any picture is rendered. It reads the frames in their folder and writes into a hidden
-//! folder there; only a whole video takes the name that was asked for.
+//! The program is looked for before any picture is rendered. It reads the frames in their folder and writes into a
+//! hidden folder there; only a whole video takes the name that was asked for.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 
 use super::{Error, write_atomically};
 
-/// A video that can be made.
+/// A video to encode, with its encoder.
 pub(super) struct Video {
     file: PathBuf,
     format: Format,
@@ -49,7 +49,7 @@ impl Format {
         }
     }
 
-    /// An encoder that is there, else what was found instead.
+    /// An installed encoder, else a description of the search.
     fn encoder(self) -> Result<Encoder, &'static str> {
         if self == Self::Webp && Encoder::Img2webp.output(&["-version"]).is_ok() {
             return Ok(Encoder::Img2webp);
@@ -79,7 +79,7 @@ impl Encoder {
 impl Video {
     /// How to make the video `file` of pictures of `size`.
     ///
-    /// Fails where its format is not known or does not go with the size, and where no program for it is found.
+    /// Fails if the format is unknown or does not allow the size, or no program for it is installed.
     pub(super) fn plan(file: &Path, size: [u32; 2]) -> Result<Self, Error> {
         let format = Format::from_path(file)?;
         if format == Format::Mp4 && size.iter().any(|extent| extent % 2 == 1) {
@@ -115,7 +115,7 @@ impl Video {
         let digits = names.first().map_or(0, |name| name.len() - "frame_.png".len());
         let hidden = tempfile::Builder::new().prefix(".video.").suffix(".partial").tempdir_in(folder);
         let hidden = hidden.map_err(Error::io("write to", folder))?;
-        // Names without a folder: what the folder is called can then mean nothing to the program.
+        // Names without a folder, so that the program cannot misread a character of the folder's name.
         let inside = Path::new(hidden.path().file_name().unwrap_or_default());
         let (script, video) = (inside.join("frames.txt"), inside.join("video"));
         let mut command = Command::new(self.program());
@@ -149,10 +149,10 @@ impl Video {
 }
 
 impl Format {
-    /// ffmpeg's settings: what every player shows, at a quality at which losses hardly show.
+    /// ffmpeg's settings: a format that every player supports, at a quality with hardly visible losses.
     fn settings(self) -> &'static [&'static str] {
         match self {
-            // The colors as BT.709 has them, and said so: without it players guess, by size, and some wrongly.
+            // Colors in BT.709, with the tags that say so: without tags some players assume another standard.
             Self::Mp4 => &[
                 "-vf",
                 "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p",
@@ -174,8 +174,8 @@ impl Format {
     }
 }
 
-/// The arguments in a file, as a command line may be too short for all frames. A frame lasts whole milliseconds, so that the
-/// sum of all is right and not each.
+/// The arguments in a file, because a command line may be too short for all frames. A frame lasts whole milliseconds,
+/// rounded so that their sum is exact.
 fn img2webp_script(names: &[String], fps: f64, video: &Path) -> String {
     let until = |n: usize| (1000.0 * n as f64 / fps).round() as u64;
     let frame = |(n, name): (usize, &String)| format!("-d {} {name}\n", until(n + 1) - until(n));

@@ -16,7 +16,7 @@ pub(super) struct ViewSelection {
 }
 
 impl ViewSelection {
-    /// How to load the chosen ones, made `downscale` times smaller.
+    /// Options to load the selected views, downscaled `downscale` times.
     pub(super) fn options(&self, downscale: u32) -> LoadOptions {
         LoadOptions { downscale, views: self.views.clone(), every: self.every.unwrap_or(1) as usize }
     }

@@ -66,7 +66,7 @@ fn length(text: &str) -> Result<f64, String> {
 }
 
 impl Viewpoints {
-    /// At least one camera, for the scene of this `frame` whose `bounds` are in model units.
+    /// The cameras, at least one, for the scene of this `frame` whose `bounds` are in model units.
     pub(super) fn cameras(&self, frame: &Frame, bounds: &Aabb) -> Result<Vec<NamedCamera>, Error> {
         if let Some(path) = &self.cameras {
             return Ok(if path.is_dir() {
@@ -100,7 +100,7 @@ impl Viewpoints {
         self.path.fps
     }
 
-    /// In pixels, of a picture of `size`.
+    /// The focal length of a picture of `size`, in pixels.
     fn focal(&self, size: [u32; 2]) -> f64 {
         Camera::focal_of_angle(size[0], self.fov.unwrap_or(FOV).to_radians())
     }
@@ -110,7 +110,7 @@ impl Viewpoints {
         Self::default_orbit(frame, bounds, 1, size)[0]
     }
 
-    /// All `count` cameras of such an orbit.
+    /// All `count` cameras of that orbit.
     pub(super) fn default_orbit(frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2]) -> Vec<Camera> {
         let defaults = Self {
             cameras: None,
@@ -156,8 +156,8 @@ impl Viewpoints {
     }
 }
 
-/// In the dataset's units: from where the sphere around the scene's bounds fits into the picture, but no nearer and
-/// no farther than leaves the bounds between the scene's near and far, where that is possible.
+/// The distance, in dataset units, at which the sphere around the scene's bounds fills the picture. It is clamped so
+/// that the bounds lie between the scene's near and far, if possible.
 fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64 {
     let reach = 0.5 * bounds.size().length();
     let half_angle = (0.5 * f64::from(size[0].min(size[1])) / focal).atan();

@@ -1,4 +1,4 @@
-//! Where in space a scene holds its parameters, and where its pictures' errors are.
+//! The parameters of a scene and the errors of its pictures, by cells of space.
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
@@ -8,41 +8,42 @@ use crate::geometry::{Aabb, Lattice};
 use crate::model::{Factors, Scene};
 use crate::train::RayBatch;
 
-/// Rays that one task follows.
+/// Rays per task.
 const CHUNK: usize = 256;
-/// The standard deviation of the photographs' colors up to which a cell is of a single color: that of a channel, of 1.
+/// The largest standard deviation of the photographs' colors, per channel in \[0, 1\], of a cell that counts as one
+/// color.
 pub const FLAT: f64 = 0.03;
 
-/// A regular grid of cells, and for each what is there.
+/// A regular grid of cells with parameters and errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellMap {
     /// Cells along each axis.
     pub size: [usize; 3],
     /// Edge of a cell, in model units.
     pub edge: f64,
-    /// \[z\]\[y\]\[x\].
+    /// \[z\]\[y\]\[x\] the cells.
     pub cells: Vec<Cell>,
-    /// Factor entries that belong to no cell: of tensors in whose boxes no ray sees anything.
+    /// Factor entries of tensors in whose boxes no ray sees anything; they belong to no cell.
     pub unseen_parameters: f64,
 }
 
-/// What is in a cell.
+/// Parameters, errors and colors of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
-    /// Factor entries. Those of a tensor are shared out over the cells of its box by how much is seen there.
+    /// Factor entries. Those of a tensor are distributed over the cells of its box in proportion to their weights.
     pub parameters: f64,
-    /// The squared error, over channels, of the rays that see something there, times the share that they see of it.
+    /// Squared error of the rays through the cell, summed over channels, weighted by the cell's share of each ray.
     pub error: f64,
-    /// How much is seen: the sum of the samples' weights.
+    /// The sum of the samples' visibility weights.
     pub weight: f64,
-    /// That times the photographs' colors, and times their squares over channels.
+    /// The photographs' colors, and their squares summed over channels, both weighted.
     color: [f64; 3],
     squared_color: f64,
 }
 
 impl Cell {
-    /// The standard deviation of the photographs' colors there, over channels, rays and directions; nothing where
-    /// nothing is seen.
+    /// The standard deviation of the photographs' colors in the cell, over channels, rays and directions; `None` if no
+    /// ray sees the cell.
     pub fn deviation(&self) -> Option<f64> {
         if self.weight <= 0.0 {
             return None;
@@ -52,7 +53,7 @@ impl Cell {
     }
 }
 
-/// What a ray leaves in a cell.
+/// The contribution of a ray's sample to a cell.
 struct Seen {
     cell: usize,
     ray: usize,
@@ -60,8 +61,8 @@ struct Seen {
 }
 
 impl CellMap {
-    /// Of `scene` within `bounds`, with `along` cells along their longest edge, as `batch`'s rays see it. The same on
-    /// any number of threads.
+    /// The map of `scene` within `bounds`, with `along` cells along their longest edge, measured by `batch`'s rays. The
+    /// result does not depend on the number of threads.
     pub fn new(scene: &Scene, bounds: &Aabb, batch: &RayBatch, along: usize) -> Self {
         let edge = bounds.size().max_element() / along.max(1) as f64;
         let size = (bounds.size() / edge).ceil().max(DVec3::ONE).to_array().map(|n| n as usize);
@@ -84,7 +85,7 @@ impl CellMap {
         map
     }
 
-    /// \[chunk\] what its rays see, of samples that get a color.
+    /// \[chunk\] the shaded samples of its rays.
     fn see(&self, field: &Field<f32>, batch: &RayBatch, lattice: &Lattice) -> Vec<Vec<Seen>> {
         (batch.rays.par_chunks(CHUNK).enumerate())
             .map_init(<(Samples<f32>, Activations<f32>)>::default, |(samples, activations), (n, rays)| {
@@ -143,7 +144,7 @@ impl CellMap {
         }
     }
 
-    /// The cells whose centers `covered` contains; the nearest one where that is none.
+    /// The cells whose centers `covered` contains; the nearest cell if there are none.
     fn cells_in(&self, lattice: &Lattice, covered: &Aabb) -> Vec<usize> {
         let range = |a: usize| {
             let most = self.size[a] - 1;

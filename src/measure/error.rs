@@ -1,23 +1,21 @@
-//! Why a measurement cannot be made.
+//! Errors of measurements.
 
 /// Pictures that cannot be measured or written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Pictures of different sizes, or a list of colors of another length than the size says.
-    #[error("picture size: expected {expected} pixels, found {found}")]
+    /// Pictures of different sizes, or a list of colors whose length differs from the size.
+    #[error("the pictures differ in size: {expected} pixels and {found}")]
     Size {
-        /// Number of pixels of the first picture, or by its size.
+        /// Number of pixels of the first picture, or of its size.
         expected: usize,
         /// Number of pixels of the other.
         found: usize,
     },
     /// A picture without pixels.
-    #[error("picture size: expected at least one pixel, found none")]
+    #[error("the picture has no pixels")]
     Empty,
     /// A picture smaller than the SSIM window.
-    #[error(
-        "picture size: expected at least {window}x{window} pixels for SSIM, found {}x{}", found[0], found[1]
-    )]
+    #[error("SSIM needs pictures of at least {window}x{window} pixels, not {}x{}", found[0], found[1])]
     SmallerThanWindow {
         /// The window's edge.
         window: usize,
@@ -25,12 +23,12 @@ pub enum Error {
         found: [u32; 2],
     },
     /// A picture that cannot be encoded.
-    #[error("PNG: {0}")]
+    #[error("cannot encode the PNG file: {0}")]
     Png(#[from] image::ImageError),
 }
 
 impl Error {
-    /// Fails unless `found` colors are as many as `size` (columns, rows) says.
+    /// Fails unless `found` is the number of pixels of `size` (columns, rows).
     pub(super) fn unless_size(size: [u32; 2], found: usize) -> Result<(), Self> {
         let expected = size[0] as usize * size[1] as usize;
         if expected == found { Ok(()) } else { Err(Self::Size { expected, found }) }

@@ -1,4 +1,4 @@
-//! Where two pictures differ, as a picture.
+//! Error maps: the difference of two pictures as a picture.
 
 use super::Error;
 
@@ -6,12 +6,12 @@ use super::Error;
 const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.32, 0.07, 0.48], [0.79, 0.21, 0.30], [0.98, 0.62, 0.19], [1.0, 1.0, 0.8]];
 
-/// The absolute difference of `a` and `b` as colors from black (none) to light yellow (`full` and above): of each
-/// pixel the largest of its channels. `full` must be positive. What is no number shows as the largest difference.
+/// The absolute difference of `a` and `b` as colors from black (none) to light yellow (`full` and above): the largest
+/// of each pixel's channels. `full` must be positive. NaN shows as the largest difference.
 ///
 /// # Errors
 ///
-/// Where the pictures differ in size.
+/// [`Error::Size`] if the pictures differ in size.
 pub fn error_map(a: &[[f32; 3]], b: &[[f32; 3]], full: f32) -> Result<Vec<[f32; 3]>, Error> {
     if a.len() != b.len() {
         return Err(Error::Size { expected: a.len(), found: b.len() });

@@ -1,8 +1,8 @@
-//! How good a picture is: PSNR, SSIM, reports of them, and the PNG files that show pictures and their errors; and how
-//! fast pictures and training are ([`mod@bench`]).
+//! Quality of pictures: PSNR, SSIM, reports, and PNG files of pictures and their errors. Speed of rendering and
+//! training: [`mod@bench`].
 //!
 //! In: colors as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
-//! \[columns, rows\]. Out: numbers, and the bytes of PNG files. Files are opened and terminals written to elsewhere.
+//! \[columns, rows\]. Out: numbers, and the bytes of PNG files. No file is opened and nothing is printed here.
 #![forbid(unsafe_code)]
 
 pub mod bench;

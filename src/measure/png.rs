@@ -8,8 +8,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::Error;
 use crate::color::byte;
 
-/// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up; what lies outside is clamped, and what is
-/// no number is 0.
+/// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up. Values outside are clamped; NaN is 0.
 fn quantized(value: f64, full: f64) -> f64 {
     (value.clamp(0.0, 1.0) * full + 0.5).floor()
 }
@@ -23,7 +22,7 @@ pub(super) fn color_bytes(color: [f32; 3]) -> [u8; 3] {
 ///
 /// # Errors
 ///
-/// Where `colors` are not as many as `size` says, or there are none.
+/// [`Error::Size`] if the number of colors differs from `size`; [`Error::Empty`] if there are none.
 pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> {
     let bytes: Vec<u8> = colors.iter().flat_map(|&color| color_bytes(color)).collect();
     encoded(size, colors.len(), &bytes, ExtendedColorType::Rgb8)

@@ -1,4 +1,4 @@
-//! Rays with what they see: written by the reference, recomputed by any renderer.
+//! Probes: rays with the color, opacity and depth of the reference, which every renderer can check.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,32 +9,32 @@ use crate::model::{ReferenceField, Scene};
 use crate::random::Random;
 use crate::render::{Pixel, ReferenceRenderer, Renderer};
 
-/// How many rays are tried for each probe: of the tried the one that is farthest from any other decision is taken.
+/// Rays tried for each probe. The one with the largest decision margin is kept.
 const TRIED: u64 = 16;
-/// Smaller decision margins, in model units, are not what f32 can be held against.
+/// Smallest decision margin, in model units, at which an f32 renderer is compared.
 pub const PROBE_MARGIN: f64 = 2e-6;
-/// The most that renderers may differ by if no decision is near (spec 4.10).
+/// Largest difference of color if no decision is near (spec 4.10).
 const COLOR_TOLERANCE: f64 = 2e-4;
 
-/// How far a renderer is from a scene's probes.
+/// The differences of a renderer to a scene's probes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProbeReport {
-    /// Probes whose margin is above [`PROBE_MARGIN`]; only those are held against their tolerances.
+    /// Probes whose margin is above [`PROBE_MARGIN`]; the others are not compared.
     pub compared: usize,
-    /// All of them.
+    /// Number of probes.
     pub count: usize,
-    /// Of colors and opacity.
+    /// Largest difference of a color channel or of the opacity.
     pub largest_color_difference: f64,
-    /// In model units.
+    /// Largest difference of depth, in model units.
     pub largest_depth_difference: f64,
-    /// Probes that are beyond a tolerance.
+    /// Compared probes beyond a tolerance.
     pub failed: usize,
 }
 
-/// `count` probes of `scene`, spread over what it shows; fewer where it shows almost nothing.
+/// `count` probes of `scene`, spread over its surfaces; fewer if it shows almost nothing.
 ///
-/// Cameras stand around the bounds at any angle, where a dataset's cameras may; each looks at a point of the bounds. A
-/// probe's point is the one that the ray sees, at its depth.
+/// Rays begin around the bounds, in random directions, and go towards a random point in the bounds. A probe's point is
+/// the point of the ray at its depth.
 pub fn make_probes(scene: &Scene, count: usize, seed: u64) -> Probes {
     let renderer = ReferenceRenderer::new(scene);
     let field = ReferenceField::new(scene);
@@ -49,7 +49,7 @@ pub fn make_probes(scene: &Scene, count: usize, seed: u64) -> Probes {
         .collect();
     Probes {
         color_tolerance: COLOR_TOLERANCE,
-        // A ray's length is some thousand steps, of which f32 holds each to a part in ten million.
+        // A ray has about a thousand steps; f32 rounds each position by one part in ten million.
         depth_tolerance: 0.1 * scene.rules.step,
         density_tolerance: 1e-3,
         probes,
@@ -92,7 +92,7 @@ fn candidate(
     })
 }
 
-/// Holds what `renderer` sees against `probes`.
+/// Compares `renderer` with `probes`.
 pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
     let rays: Vec<Ray> = (probes.probes.iter())
         .map(|p| Ray { origin: DVec3::from_array(p.origin), direction: DVec3::from_array(p.direction) })
@@ -116,7 +116,7 @@ pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
 }
 
 /// The largest difference between the reference's density features and those of `probes`, relative to the larger of 1
-/// and their size; none where no probe is compared.
+/// and their size; 0 if no probe is compared.
 pub fn probe_density_error(scene: &Scene, probes: &Probes) -> f64 {
     let field = ReferenceField::new(scene);
     let error = |probe: &Probe| {

@@ -7,7 +7,7 @@ use crate::psnr::psnr_of_mse;
 ///
 /// # Errors
 ///
-/// Where the pictures differ in size or have no pixels.
+/// If the pictures differ in size or have no pixels.
 pub fn mse(a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
     if a.len() != b.len() {
         return Err(Error::Size { expected: a.len(), found: b.len() });

@@ -1,35 +1,35 @@
-//! In which parts of photographs errors are.
+//! Errors by region of the photographs.
 
 use serde::Serialize;
 
 use super::Error;
 use crate::psnr::psnr_of_mse;
 
-/// What a photograph's pixel shows, judged by the photograph alone.
+/// The region of a pixel, judged by the photograph alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Region {
-    /// Nothing: mostly transparent, and so is all around it.
+    /// Mostly transparent, with all pixels around it.
     Background,
-    /// Within two pixels of both something and nothing.
+    /// Within two pixels of both opaque and transparent pixels.
     Silhouette,
     /// Luminance differs from a neighbor's (above, below, left, right) by more than 0.1.
     Edge,
-    /// Nearly white, as glossy parts are where they shine: every channel at least 0.7.
+    /// Nearly white, like the highlights of glossy surfaces: every channel is at least 0.7.
     Highlight,
-    /// All else.
+    /// All other pixels.
     Surface,
 }
 
-/// From this difference of luminance on, neighboring pixels make an edge.
+/// Smallest difference of luminance of neighboring pixels at an edge.
 const EDGE: f32 = 0.1;
-/// The least channel of a highlight.
+/// Smallest channel value of a highlight.
 const HIGHLIGHT: f32 = 0.7;
-/// How far a silhouette reaches, in pixels.
+/// Reach of a silhouette, in pixels.
 const SILHOUETTE_REACH: usize = 2;
 
 impl Region {
-    /// All.
+    /// All regions.
     pub const ALL: [Self; 5] = [Self::Background, Self::Silhouette, Self::Edge, Self::Highlight, Self::Surface];
 
     /// Its name in reports.
@@ -47,7 +47,7 @@ impl Region {
     ///
     /// # Errors
     ///
-    /// Where either is not of that size.
+    /// [`Error::Size`] if either has another size.
     pub fn from_photograph(size: [u32; 2], colors: &[[f32; 3]], opacities: &[f32]) -> Result<Vec<Self>, Error> {
         Error::unless_size(size, colors.len())?;
         Error::unless_size(size, opacities.len())?;
@@ -88,13 +88,13 @@ pub struct RegionErrors {
 /// One region of all pictures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RegionReport {
-    /// Which.
+    /// The region.
     pub region: Region,
-    /// How much of the pictures it is.
+    /// Share of the pixels.
     pub share_of_pixels: f64,
-    /// How much of the squared error is in it.
+    /// Share of the squared error.
     pub share_of_error: f64,
-    /// In decibels, from the mean squared error of all its pixels; in JSON `null` where there is none.
+    /// PSNR in dB, from the mean squared error of all its pixels; `null` in JSON if there is no error.
     pub psnr: f64,
 }
 
@@ -103,7 +103,7 @@ impl RegionErrors {
     ///
     /// # Errors
     ///
-    /// Where the three differ in size.
+    /// [`Error::Size`] if the three differ in size.
     pub fn add(&mut self, regions: &[Region], rendered: &[[f32; 3]], truth: &[[f32; 3]]) -> Result<(), Error> {
         for found in [rendered.len(), truth.len()] {
             if found != regions.len() {
@@ -118,7 +118,7 @@ impl RegionErrors {
         Ok(())
     }
 
-    /// A line for each region that the pictures have.
+    /// One report for each region that the pictures have.
     pub fn report(&self) -> Vec<RegionReport> {
         let pixels = self.pixels.iter().sum::<u64>() as f64;
         let squared = self.squared.iter().sum::<f64>();
@@ -140,8 +140,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_region_is_where_the_photograph_says() {
-        // A row of: nothing, and from column 8 on a dark part, a bright one and a dark one.
+    fn regions_follow_the_photograph() {
+        // A row that is transparent up to column 8, then dark, bright and dark.
         let color = |x: usize| if (14..20).contains(&x) { [0.9; 3] } else { [0.2, 0.3, 0.1] };
         let colors: Vec<_> = (0..30).map(color).collect();
         let opacities: Vec<_> = (0..30).map(|x| if x < 8 { 0.0 } else { 1.0 }).collect();

@@ -1,20 +1,20 @@
-//! What an evaluation found: a line a view, and the means that papers print.
+//! The result of an evaluation: one line per view, and the means that papers print.
 
 use serde::Serialize;
 
 use super::{Error, ssim};
 use crate::psnr::psnr_of_mse;
 
-/// How close one rendered view is to its photograph. In JSON an infinite PSNR (identical pictures) is `null`.
+/// The quality of one rendered view against its photograph. In JSON an infinite PSNR (identical pictures) is `null`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewReport {
     /// The view's name.
     pub name: String,
     /// Mean squared error over pixels and channels.
     pub mse: f64,
-    /// In decibels.
+    /// PSNR in dB.
     pub psnr: f64,
-    /// Absent where the picture is smaller than the window.
+    /// Mean SSIM; `None` if the picture is smaller than the window.
     pub ssim: Option<f64>,
 }
 
@@ -23,7 +23,7 @@ impl ViewReport {
     ///
     /// # Errors
     ///
-    /// Where the two are not of that size.
+    /// [`Error::Size`] if one of the two has another size.
     pub fn new(name: &str, size: [u32; 2], rendered: &[[f32; 3]], truth: &[[f32; 3]]) -> Result<Self, Error> {
         Error::unless_size(size, rendered.len())?;
         let mse = super::mse(rendered, truth)?;
@@ -35,14 +35,14 @@ impl ViewReport {
     }
 }
 
-/// Several views together.
+/// The quality of several views.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The mean of the views' PSNR in decibels, as papers print it (not the PSNR of the mean error).
     pub psnr: f64,
-    /// The mean of the views' SSIM; absent where a view has none.
+    /// The mean of the views' SSIM; `None` if a view has none.
     pub ssim: Option<f64>,
-    /// In the order of the dataset.
+    /// The views in the order of the dataset.
     pub views: Vec<ViewReport>,
 }
 

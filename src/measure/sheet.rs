@@ -1,13 +1,13 @@
-//! Several pictures in one.
+//! Sheets of several pictures.
 
 use super::Error;
 
 /// Pixels between two pictures of a sheet.
 const GAP: u32 = 4;
-/// The color between them.
+/// The color of the gaps.
 const GAP_COLOR: [f32; 3] = [0.5; 3];
 
-/// A picture of colors alone.
+/// A picture of colors without opacity and depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Canvas {
     /// Columns and rows.
@@ -21,7 +21,7 @@ impl Canvas {
     ///
     /// # Errors
     ///
-    /// Where they are not as many as `size` says.
+    /// [`Error::Size`] if their number differs from `size`.
     pub fn new(size: [u32; 2], colors: Vec<[f32; 3]>) -> Result<Self, Error> {
         Error::unless_size(size, colors.len())?;
         Ok(Self { size, colors })
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_keeps_every_pixel_and_fills_what_is_left_with_the_gap() {
+    fn a_row_keeps_every_pixel_and_fills_the_rest_with_the_gap() {
         let row = side_by_side(&[filled([2, 3], 0.0), filled([1, 2], 1.0)]);
         assert_eq!(row.size, [7, 3]);
         let line = |y: usize| row.colors[y * 7..(y + 1) * 7].iter().map(|c| c[0]).collect::<Vec<_>>();

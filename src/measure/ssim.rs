@@ -1,7 +1,7 @@
 //! Structural similarity (Wang, Bovik, Sheikh and Simoncelli, 2004) in the form that NeRF papers report: a Gaussian
-//! window of 11×11 with σ = 1.5, K₁ = 0.01, K₂ = 0.03, values in \[0, 1\], only windows that lie wholly in the
-//! picture, one map a channel, the mean over all of it. As mip-NeRF and TensoRF compute it, the variances are kept
-//! from falling below 0 and the covariance from exceeding what the variances allow.
+//! window of 11×11 with σ = 1.5, K₁ = 0.01, K₂ = 0.03, values in \[0, 1\], only windows that lie wholly in the picture,
+//! one map per channel, averaged over the map and the channels. As mip-NeRF and TensoRF compute it, the variances are
+//! kept from falling below 0 and the covariance from exceeding what the variances allow.
 
 use super::Error;
 
@@ -15,7 +15,7 @@ const C2: f64 = 0.03 * 0.03;
 ///
 /// # Errors
 ///
-/// Where either list is not as long as `size` says, or a picture is smaller than the window.
+/// [`Error::Size`] if a list of colors does not have the length of `size`; [`Error::SmallerThanWindow`].
 pub fn ssim(size: [u32; 2], a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
     Error::unless_size(size, a.len())?;
     Error::unless_size(size, b.len())?;
@@ -57,7 +57,7 @@ fn gaussian() -> [f64; SSIM_WINDOW] {
     window.map(|v| v / sum)
 }
 
-/// The window's weighted means at every place where it fits: \[rows − 10\]\[columns − 10\].
+/// The window's weighted means at every position inside the picture: \[rows − 10\]\[columns − 10\].
 fn blurred(window: &[f64; SSIM_WINDOW], width: usize, plane: &[f64]) -> Vec<f64> {
     let along_row = |row: &[f64]| -> Vec<f64> {
         row.windows(SSIM_WINDOW).map(|part| part.iter().zip(window).map(|(v, w)| v * w).sum()).collect()

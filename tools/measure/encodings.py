@@ -3,9 +3,9 @@
 
     tools/measure/encodings.py lego.strivec LEGO --out docs/images/encodings-lego --every 10
 
-writes OUT.csv and OUT.svg and prints the table of docs/experiments/2026-11-22-rate-distortion.md. Each encoding is made by strivec-pack and judged by
-`strivec eval` on the dataset's test views. Rows that OUT.csv has already are not measured again. Needs matplotlib, and
-both commands of this project in target/release (or --commands FOLDER).
+writes OUT.csv and OUT.svg and prints the table of docs/experiments/2026-11-22-rate-distortion.md. strivec-pack makes each
+encoding; `strivec eval` measures it on the dataset's test views. Rows in OUT.csv are not measured again. Needs matplotlib,
+and both commands of this project in target/release (or --commands FOLDER).
 """
 
 import argparse
@@ -15,8 +15,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-# Name, and the arguments of strivec-pack: those that lose a bounded part of each number. Then come those that spend bytes
-# where pictures need them.
+# Name and arguments of strivec-pack, for encodings with a bounded error per number. Encodings by importance follow.
 UNIFORM = [(name, ["convert", "--encoding", name]) for name in ("f32", "f16", "grid8", "grid6", "grid5", "grid4", "grid3")]
 LOSSES = "0.001,0.003,0.01,0.03,0.1,0.3,1,3"
 COLUMNS = ["encoding", "bytes", "percent_of_raw", "psnr", "ssim"]
@@ -28,7 +27,7 @@ def run(command):
 
 
 def measure(arguments, name, pack, folder):
-    """One row: the scene as `pack` makes it, and its pictures."""
+    """One row: size and quality of the scene after `pack`."""
     commands = arguments.commands
     out = str(folder / "encoded.strivec")
     run([commands / "strivec-pack", "--quiet", "--json", "--force", *pack, arguments.scene, "-o", out])
@@ -96,12 +95,12 @@ def plot(path, rows, title):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", help="a scene whose factors are not encoded yet, or as little as can be")
+    parser.add_argument("scene", help="scene file with factors in f32 or f16")
     parser.add_argument("dataset")
-    parser.add_argument("--out", type=Path, required=True, help="path of the results, without an extension")
+    parser.add_argument("--out", type=Path, required=True, help="path of the results without an extension")
     parser.add_argument("--downscale", type=int, default=1)
     parser.add_argument("--every", type=int, default=1)
-    parser.add_argument("--losses", default=LOSSES, help="in dB, of strivec-pack pack --max-loss (default: %(default)s)")
+    parser.add_argument("--losses", default=LOSSES, help="losses in dB for strivec-pack pack --max-loss (default: %(default)s)")
     parser.add_argument("--title", default="")
     parser.add_argument("--commands", type=Path, default=Path("target/release"))
     arguments = parser.parse_args()

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""The same cloud and the same mesh, written by the packages that other people write theirs with.
+"""The same cloud and the same mesh, written by widely used packages.
 
     python3 -m venv V && V/bin/pip install numpy plyfile trimesh 'laspy[lazrs]' pye57 open3d pypcd4 pycolmap
     V/bin/python tools/measure/foreign_geometry.py FOLDER
 
 writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean
-color of its points or of the mesh's vertices before a format rounds them; "tolerance" is how far a coordinate may then be off.
-A package that does not install is skipped, with a word; open3d needs libusb-1.0.
+color of its points or of the mesh's vertices before a format rounds them; "tolerance" is the largest error of a coordinate.
+A package that is not installed is skipped with a message; open3d needs libusb-1.0.
 
     V/bin/python tools/measure/foreign_geometry.py FOLDER --check target/release/strivec
 
-also reads each file by that command, into cells of a thousandth of the extent, and compares the number of points or triangles, and
-bounds, sum and mean color of the cells. Exit code 1 where any differs.
+also reads each file with that command, into cells of a thousandth of the extent, and compares the number of points or
+triangles, and bounds, sum and mean color of the cells. Exit code 1 if any differs.
 """
 
 import argparse
@@ -65,7 +65,7 @@ def mesh():
 
 
 class Folder:
-    """The files that are written, and what is in them."""
+    """The written files and their contents."""
 
     def __init__(self, path):
         self.path = path
@@ -236,7 +236,7 @@ def write_pypcd4(folder):
     made = PointCloud.from_xyzrgb_points(np.hstack([position.astype(np.float32), packed.reshape(-1, 1)]).astype(np.float32))
     for name, encoding in (("ascii", Encoding.ASCII), ("binary", Encoding.BINARY), ("compressed", Encoding.BINARY_COMPRESSED)):
         made.save(folder.path / f"pypcd4-{name}.pcd", encoding=encoding)
-        # Its text has ten digits after the point, which makes nothing of packed colors.
+        # Its text has ten digits after the point, which destroys packed colors.
         folder.points(f"pypcd4-{name}.pcd", "pypcd4", color=name != "ascii", tolerance=1e-9)
 
 
@@ -256,7 +256,7 @@ def write_pycolmap(folder):
 
 
 def check(command, folder, entry):
-    """What is wrong with what `command` reads of the file: words, or none."""
+    """The differences between the file's content and what `command` reads, as text; empty if none."""
     bounds = np.array(entry["bounds"])
     voxel = float((bounds[1] - bounds[0]).max()) / 1000
     points = entry["kind"] == "points"
@@ -292,8 +292,8 @@ def check(command, folder, entry):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="where the files go; it is made")
-    parser.add_argument("--check", metavar="STRIVEC", help="the command that shall read them")
+    parser.add_argument("folder", type=Path, help="folder for the files; created if absent")
+    parser.add_argument("--check", metavar="STRIVEC", help="strivec executable that reads the files")
     arguments = parser.parse_args()
     folder = Folder(arguments.folder)
     folder.path.mkdir(parents=True, exist_ok=True)
@@ -306,7 +306,7 @@ def main():
             write(folder)
         except Exception as reason:
             folder.skipped[name] = f"{type(reason).__name__}: {reason}"
-            print(f"{name} is skipped, or ended early: {folder.skipped[name]}")
+            print(f"{name}: skipped or stopped early: {folder.skipped[name]}")
     manifest = {"files": folder.files, "skipped": folder.skipped}
     (folder.path / "manifest.json").write_text(json.dumps(manifest, indent=1) + "\n")
     print(f"{len(folder.files)} files in {folder.path}")

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Seconds and peak memory of `strivec prior` on files as large as scans are.
+"""Seconds and peak memory of `strivec prior` on files of the size of large scans.
 
     tools/measure/large_geometry.py FOLDER
 
-makes a PLY and a LAZ of 20 million points and a PLY of 10 million triangles in FOLDER (some 900 MB; kept, and not made again), reads
-each, and prints a table. The points lie on a wavy ground with 1 % of noise above it; the triangles are that ground. Needs
+makes a PLY and a LAZ of 20 million points and a PLY of 10 million triangles in FOLDER (about 900 MB; existing files are kept),
+reads each, and prints a table. The points lie on a wavy ground with 1 % of noise above it; the triangles are that ground. Needs
 numpy, laspy and lazrs, and target/release/strivec (or --command FILE).
 """
 
@@ -89,7 +89,7 @@ def write_mesh_ply(path):
 
 
 def run(command, path, options):
-    """Seconds, peak resident bytes, and what the command said."""
+    """Seconds, peak resident bytes, and the output of the command."""
     with tempfile.TemporaryDirectory() as folder:
         words = [command, "--quiet", "--json", "prior", str(path), "-o", f"{folder}/prior.npz", *options]
         start = time.monotonic()

@@ -1,15 +1,14 @@
 #!/usr/bin/env python3
-"""What a prior is worth: tensors, parameters, minutes and PSNR of the same training on different priors.
+"""Tensors, parameters, minutes and PSNR of the same training on different priors.
 
     strivec synth toy --views 60 --test-views 20 --size 128x128
     tools/measure/priors.py toy --out priors-toy --config src/cli/demo.toml --steps 1500
     tools/measure/priors.py LEGO --out priors-lego --config docs/configs/quarter.toml --steps 5500 --downscale 4 \\
         --prior "TensoRF's alpha mask" lego.th
 
-trains DATASET once on each prior and prints a table. A synthetic dataset brings its own: the exact mesh, the mesh with a tenth of its
-area torn out in patches, its points with 2 % of outliers (as they are, and with --outliers), its occupancy; all datasets have the coarse
-reconstruction and the bootstrap; --prior adds a file. OUT is a folder; rows that OUT/rows.json has already are not measured
-again. Needs numpy, and target/release/strivec (or --command FILE).
+trains DATASET once on each prior and prints a table. Priors of a synthetic dataset: the exact mesh, the mesh without a tenth of
+its area, its points with 2 % of outliers (unfiltered, and with --outliers), its occupancy. Priors of all datasets: the coarse
+reconstruction and the bootstrap. --prior adds a file. OUT is a folder; rows in OUT/rows.json are not measured again. Needs numpy, and target/release/strivec (or --command FILE).
 """
 
 import argparse
@@ -20,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 OUTLIERS = 0.02
-# Of the mesh's area, in patches of this radius.
+# Share of the mesh's area that is removed, and the radius of the patches.
 TORN, PATCH = 0.1, 0.12
 
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What arrangements of numbers do for zstd: bytes of a scene's factors for every order, layout and filter.
+"""zstd-compressed size of a scene's factors for every order, layout and filter of their numbers.
 
     strivec-pack extract lego.strivec -o lego
     tools/measure/reorderings.py lego
 
-prints the table of docs/experiments/2026-11-22-number-order.md: percent of the raw f32 numbers, zstd level 19 over chunks of 1024 tensors, without
-placement. Needs numpy and zstandard.
+prints the table of docs/experiments/2026-11-22-number-order.md: percent of the raw f32 numbers, zstd level 19 over chunks of
+1024 tensors, without placement. Needs numpy and zstandard.
 """
 
 import argparse
@@ -84,7 +84,7 @@ def size(scales, encoding, order_name, layout, filter_name):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="what strivec-pack extract wrote")
+    parser.add_argument("folder", type=Path, help="folder made by strivec-pack extract")
     folder = parser.parse_args().folder
     scales = []
     for s, scale in enumerate(json.loads((folder / "scene.json").read_text())["scales"]):

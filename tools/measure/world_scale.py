@@ -3,8 +3,9 @@
 
     tools/measure/world_scale.py DATASET --out auto --steps 1500 -- --config src/cli/demo.toml
 
-copies the camera poses of a dataset in the Blender layout with their positions times 1, 0.01 and 1000, or what --scales says (pictures
-are linked), trains each by `strivec train --auto` with the arguments after --, and prints a table; then the PSNR between the pictures of the test views.
+copies a dataset in the Blender layout with camera positions multiplied by 1, 0.01 and 1000, or by the values of --scales
+(pictures are linked), trains each with `strivec train --auto` and the arguments after --, and prints a table with the PSNR
+between the pictures of the test views.
 Needs numpy and pillow, and target/release/strivec (or --command FILE).
 """
 

@@ -1,4 +1,4 @@
-//! `strivec bench against`: this build and another by turns, as a check that fails where this one is slower.
+//! `strivec bench against`: compares this build with another in turns; can fail if this one is slower.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -44,15 +44,15 @@ pub(super) struct Args {
 fn ratio(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("expected a positive ratio, found {text:?}")),
+        _ => Err(format!("{text:?} is not a positive ratio")),
     }
 }
 
-/// What both builds run.
+/// A command that both builds run.
 struct Task {
     name: String,
     arguments: Vec<String>,
-    /// Where the time is in its JSON; the wall time where there is none.
+    /// JSON pointer to the time in its output; `None` for the wall time.
     value: Option<String>,
 }
 
@@ -70,7 +70,7 @@ struct Row {
     comparison: Comparison,
 }
 
-/// Compares, prints, and fails where the limit is exceeded.
+/// Compares and prints; fails if the limit is exceeded.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let this = this_build()?;
     let mut comparisons = Vec::new();
@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     check(&report, args.fail_above)
 }
 
-/// The command that was asked for, else a step of training and a frame.
+/// The given command, else a training step and a frame.
 fn tasks(args: &Args) -> Vec<Task> {
     if !args.command.is_empty() {
         let (name, arguments) = (args.command.join(" "), args.command.clone());
@@ -127,7 +127,7 @@ fn number(json: &serde_json::Value, pointer: &str) -> Result<f64, String> {
     let positive = value.and_then(serde_json::Value::as_f64).filter(|v| *v > 0.0);
     positive.ok_or_else(|| {
         let found = value.map_or_else(|| "nothing".to_owned(), ToString::to_string);
-        format!("output {pointer}: expected a positive number, found {found}")
+        format!("the output at {pointer} is not a positive number but {found}")
     })
 }
 
@@ -139,7 +139,7 @@ fn check(report: &Report<'_>, limit: Option<f64>) -> Result<(), Error> {
         return Ok(());
     }
     let other = report.other.display();
-    Err(Error::Runtime(format!("expected at most {limit} times the time of {other}, found {}", slower.join(", "))))
+    Err(Error::Runtime(format!("slower than {limit} times {other}: {}", slower.join(", "))))
 }
 
 impl Report<'_> {
@@ -171,17 +171,17 @@ mod tests {
     }
 
     #[test]
-    fn a_planted_slowdown_is_exit_code_4_and_names_what_is_slower() {
+    fn a_planted_slowdown_is_exit_code_4_and_names_the_task() {
         let slower = report(&[1.2, 1.25, 1.19], &[1.0, 1.04, 1.0]);
         let error = check(&slower, Some(1.05)).unwrap_err();
         assert_eq!(error.exit_code(), 4);
-        assert_eq!(error.to_string(), "expected at most 1.05 times the time of old, found step: 1.200");
+        assert_eq!(error.to_string(), "slower than 1.05 times old: step: 1.200");
         assert!(check(&slower, None).is_ok() && check(&slower, Some(1.25)).is_ok());
         assert!(check(&report(&[1.0, 1.04, 1.0], &[1.02, 1.0, 1.01]), Some(1.05)).is_ok());
     }
 
     #[test]
-    fn numbers_are_found_where_the_pointer_says() {
+    fn numbers_are_found_at_the_pointer() {
         let json = serde_json::json!({"points": [{"seconds": {"median": 0.25}}], "none": null});
         assert_eq!(number(&json, "/points/0/seconds/median"), Ok(0.25));
         for (pointer, found) in [("/points/1", "nothing"), ("/none", "null"), ("/points/0", "{\"seconds\"")] {

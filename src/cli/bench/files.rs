@@ -1,4 +1,4 @@
-//! `strivec bench files`: scenes to bytes and back, to the disk and back, and to finer factors.
+//! `strivec bench files`: encoding, decoding, writing, reading and upsampling of scenes.
 
 use std::fs;
 use std::hint::black_box;
@@ -47,23 +47,23 @@ struct Row {
     name: String,
     threads: usize,
     seconds: Spread,
-    /// Of the file; of the factors that are made, for upsampling.
+    /// Bytes of the file, or of the factors after upsampling.
     bytes: u64,
-    /// What MB/s are of: the parameters as 32-bit floats where they are encoded or decoded, else `bytes`.
+    /// Bytes that MB/s refer to: the parameters as 32-bit floats for encoding and decoding, else `bytes`.
     handled_bytes: u64,
 }
 
 impl Args {
-    /// The ball, a few times.
+    /// A short measurement on the ball.
     pub(super) fn quick() -> Self {
         Self { file: None, repeats: Repeats::quick(3) }
     }
 }
 
-/// Measures each way on all numbers of threads.
+/// Measures on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, subject) = render::subject(args.file.as_ref())?;
-    let folder = TempDir::new().map_err(|e| Error::Io(format!("folder for temporary files: cannot make it: {e}")))?;
+    let folder = TempDir::new().map_err(|e| Error::Io(format!("cannot make a temporary folder: {e}")))?;
     let rows = args.repeats.in_each_pool(|| {
         session.console.say(&format!("bench: files, {}", plural(rayon::current_num_threads(), "thread")));
         Rows::measure(&scene, &subject, args, &folder.path().join("scene.strivec"))
@@ -97,7 +97,7 @@ impl Rows {
         rows.add("write f16, durably".into(), seconds, bytes, bytes);
         let read = |path: &Path| fs::read(path).map_err(Error::io("read", path));
         let (seconds, _) = rows.runs.time(|| read(path).map(black_box).map(drop))?;
-        rows.add("read f16, from the system's cache".into(), seconds, bytes, bytes);
+        rows.add("read f16, cached by the system".into(), seconds, bytes, bytes);
         if let Some(file) = &args.file {
             let whole = read(file)?;
             let bytes = whole.len() as u64;
@@ -109,7 +109,7 @@ impl Rows {
             rows.add("open the file, to the first pixel".into(), seconds, bytes, raw);
         }
         let (seconds, made) = rows.runs.time(|| Ok::<_, Error>(upsampled(scene)))?;
-        rows.add("upsample, half as fine again".into(), seconds, made[0], made[0]);
+        rows.add("upsample by 1.5".into(), seconds, made[0], made[0]);
         Ok(rows.rows)
     }
 
@@ -118,7 +118,7 @@ impl Rows {
     }
 }
 
-/// What the middle of a picture of the whole scene shows.
+/// The middle pixel of a picture of the whole scene.
 fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
     let scene = container::decode(file)?;
     let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [1, 1]);
@@ -130,7 +130,7 @@ fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
 fn upsampled(scene: &Scene) -> u64 {
     let entries = scene.scales.iter().map(|scale| {
         let from = scale.cloud.resolution;
-        // As a schedule's first upsamplings do, by about half.
+        // By about half, like the first upsamplings of a schedule.
         let to = from.map(|d| d + d.div_ceil(2));
         let [density, appearance] = [
             (&scale.factors.density, scale.factors.density_rank),
@@ -143,7 +143,7 @@ fn upsampled(scene: &Scene) -> u64 {
 }
 
 impl Report {
-    /// For people.
+    /// The report as text.
     pub(super) fn text(&self) -> String {
         let mut table = Table::new(["files", "threads", "ms", "quartiles", "MB", "MB/s"]);
         for row in &self.rows {
@@ -159,7 +159,7 @@ impl Report {
         }
         let millions = 1e-6 * self.parameters as f64;
         format!(
-            "{}, {millions:.1} M parameters; to encode and decode, MB/s are of these as f32\n{}",
+            "{}, {millions:.1} M parameters; MB/s of encoding and decoding refer to these as f32\n{}",
             self.subject,
             table.text()
         )

@@ -1,4 +1,4 @@
-//! `strivec bench growth`: what twice as much costs.
+//! `strivec bench growth`: growth of time and memory with the main parameters.
 
 use std::convert::Infallible;
 
@@ -25,16 +25,16 @@ Examples:
   strivec bench growth --only components --factor 2
 
 Each parameter is varied alone, on the ball: frames by pixels; steps of training by tensors (the same cells and march in \
-each, so smaller tensors are finer), components, rays and march. The exponent is the slope of the logarithms: 1 where \
-twice as much takes twice as long. Each point is measured in a process of its own, which holds no memory of another.";
-/// The ball's upsamplings.
+each, so smaller tensors are finer), components, rays and march. The exponent is the slope of the logarithms: 1 if \
+twice as much takes twice as long. Each point is measured in a separate process, so that its memory is its own.";
+/// Number of the ball's upsamplings.
 const UPSAMPLED: usize = 2;
-/// Small, so that everything is quick.
+/// Rays per step; few, so that steps are quick.
 const BATCH: usize = 1024;
 /// Pixels of a frame.
 const PIXELS: f64 = 128.0 * 128.0;
 
-/// What is varied.
+/// The parameter that is varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Parameter {
     /// Pixels of a frame
@@ -50,18 +50,18 @@ enum Parameter {
 }
 
 impl Parameter {
-    /// What it is in the report.
+    /// The name in reports.
     fn name(self) -> &'static str {
         match self {
             Self::Pixels => "pixels",
             Self::Tensors => "tensors",
             Self::Components => "components of all scales",
-            Self::Rays => "rays a step",
+            Self::Rays => "rays per step",
             Self::March => "length of a march step",
         }
     }
 
-    /// What is timed.
+    /// The name of the timed work.
     fn cost(self) -> &'static str {
         match self {
             Self::Pixels => "frame",
@@ -69,7 +69,7 @@ impl Parameter {
         }
     }
 
-    /// What it is multiplied by; of tensors, what their edges are.
+    /// The multiples of the parameter; for tensors those of their edges.
     fn factors(self) -> [f64; 4] {
         match self {
             Self::Pixels => [0.25, 0.5, 1.0, 2.0],
@@ -98,11 +98,11 @@ pub(super) struct Args {
     repeats: Repeats,
 }
 
-/// Beyond these a point needs more memory than machines have, or measures nothing.
+/// A multiple of a parameter. Larger ones need too much memory; smaller ones are too quick to measure.
 fn factor(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if (0.25..=8.0).contains(&value) => Ok(value),
-        _ => Err(format!("expected a number from 0.25 to 8, found {text:?}")),
+        _ => Err(format!("{text:?} is not a number from 0.25 to 8")),
     }
 }
 
@@ -117,12 +117,12 @@ pub(super) struct Report {
 struct Sweep {
     threads: usize,
     parameter: &'static str,
-    /// What is timed.
+    /// The timed work.
     cost: &'static str,
     points: Vec<Point>,
-    /// Of the median time; absent for fewer than two points.
+    /// Growth of the median time; `None` for fewer than two points.
     time: Option<Growth>,
-    /// Of the memory at the peak; absent where the system does not tell.
+    /// Growth of the peak memory; `None` if the system does not report it.
     memory: Option<Growth>,
 }
 
@@ -134,7 +134,7 @@ struct Point {
 }
 
 impl Args {
-    /// Few runs.
+    /// A short measurement.
     pub(super) fn quick() -> Self {
         Self { preset: Preset::P12, only: None, factor: None, repeats: Repeats::quick(3) }
     }
@@ -164,7 +164,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     Ok(Report { sweeps })
 }
 
-/// [`point`] in a process of its own.
+/// [`point`] in a separate process.
 fn point_of_its_own(args: &Args, parameter: Parameter, factor: f64, threads: usize) -> Result<Point, Error> {
     let only = parameter.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
     let Runs { warm_up, measured } = args.repeats.runs();
@@ -185,7 +185,7 @@ fn point_of_its_own(args: &Args, parameter: Parameter, factor: f64, threads: usi
     serde_json::from_value(point).map_err(Error::malformed(&this))
 }
 
-/// What `parameter` times `factor` costs.
+/// Time and memory at `factor` times the default of `parameter`.
 fn point(args: &Args, parameter: Parameter, factor: f64) -> Result<Point, Error> {
     let memory = MemoryMark::set();
     let config = TrainConfig::preset(args.preset.name()).map_err(|e| Error::Runtime(e.to_string()))?;
@@ -210,11 +210,11 @@ fn point(args: &Args, parameter: Parameter, factor: f64) -> Result<Point, Error>
     let mut scene = ball(&config, UPSAMPLED)?;
     scene.rules.step *= match parameter {
         Parameter::March => factor,
-        // A step is a part of a cell: this is the same march for all.
+        // The step is proportional to the cell; this keeps the march the same.
         Parameter::Tensors => 1.0 / factor,
         _ => 1.0,
     };
-    // Making the ball is no part of it.
+    // The peak excludes making the ball.
     let memory = memory.again();
     let runs = args.repeats.runs();
     let (parameter, seconds) = match parameter {
@@ -260,7 +260,7 @@ impl Sweep {
 }
 
 impl Report {
-    /// For people.
+    /// The report as text.
     pub(super) fn text(&self) -> String {
         let mut table =
             Table::new(["growth of", "with", "threads", "from", "to", "time, exponent", "memory, exponent"]);

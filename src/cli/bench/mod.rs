@@ -1,7 +1,7 @@
-//! `strivec bench`: how fast this build is, and what share of the machine's limit that is.
+//! `strivec bench`: speed of this build, relative to the machine's peak.
 //!
-//! Each subcommand measures one thing and the machine's peak in the same run; without one, everything is measured
-//! quickly on a ball that is made for it.
+//! Each subcommand measures one thing, and the machine's peak in the same run. Without a subcommand, all are measured
+//! quickly on a synthetic ball.
 
 mod against;
 mod files;
@@ -55,7 +55,7 @@ enum What {
     Against(against::Args),
 }
 
-/// Everything, as `--json` prints it.
+/// All measurements, as `--json` prints them.
 #[derive(Serialize)]
 struct Everything {
     train: train::Report,
@@ -64,7 +64,7 @@ struct Everything {
     growth: growth::Report,
 }
 
-/// Measures what was asked for.
+/// Runs a subcommand, or all quickly.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     match &args.what {
         Some(What::Peak(args)) => session.console.result(&peak::measure(args), report::peak),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn every_example_of_every_subcommand_can_be_typed() {
+    fn every_example_of_every_subcommand_parses() {
         let mut bench = Bench::command();
         let mut helps = vec![EXAMPLES.to_owned()];
         for sub in bench.get_subcommands_mut() {

@@ -1,4 +1,4 @@
-//! `strivec bench peak`.
+//! `strivec bench peak`: the machine's peak rates.
 
 use crate::measure::bench::Peak;
 

@@ -1,4 +1,4 @@
-//! `strivec bench placement`: putting many tensors where a prior is, and finding them again.
+//! `strivec bench placement`: placement of many tensors on a prior, and their lookup.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -21,9 +21,9 @@ Examples:
   strivec bench placement --tensors 1M --json
 
 One scale of tensors of rank 1 on a spherical shell, edges 1.5 pitches. Lookups are density features at random points near \
-tensors, one after the other: the four nearest tensors are found and their vectors read. Memory is what a stage adds at its \
-peak, where the system tells.";
-/// Points that are looked up.
+tensors, one after the other: each finds the four nearest tensors and reads their vectors. Memory is the peak that a stage \
+adds, if the system reports it.";
+/// Number of lookups.
 const LOOKUPS: u64 = 1_000_000;
 
 /// The arguments.
@@ -37,7 +37,7 @@ pub(super) struct Args {
 
 fn tensors(text: &str) -> Result<u64, String> {
     let count = quantity::count(text)?;
-    if (1000..=10_000_000).contains(&count) { Ok(count) } else { Err("expected 1000 to 10M".into()) }
+    if (1000..=10_000_000).contains(&count) { Ok(count) } else { Err("not a number from 1000 to 10M".into()) }
 }
 
 /// The result, as `--json` prints it.
@@ -49,13 +49,13 @@ pub(super) struct Report {
 #[derive(Serialize)]
 struct Row {
     tensors: usize,
-    /// From occupied cells to a cloud.
+    /// Placement: from occupied cells to a cloud.
     place: Cost,
-    /// From a cloud to the fast field, its index above all.
+    /// The fast field of the cloud, mainly its index.
     index: Cost,
-    /// Of one lookup.
+    /// Seconds per lookup.
     lookup_seconds: f64,
-    /// Of the points that were looked up, how many are covered.
+    /// Share of the points that are covered.
     covered_share: f64,
 }
 
@@ -73,7 +73,7 @@ impl Cost {
     }
 }
 
-/// Places, indexes, looks up.
+/// Measures placement, index and lookup.
 pub(super) fn measure(args: &Args) -> Result<Report, Error> {
     Ok(Report { rows: args.tensors.iter().map(|&count| row(count)).collect::<Result<_, _>>()? })
 }
@@ -96,7 +96,7 @@ fn row(count: u64) -> Result<Row, Error> {
     Ok(Row { tensors: scene.scales[0].cloud.len(), place, index, lookup_seconds, covered_share })
 }
 
-/// Seconds a point, and the share of points that are covered.
+/// Seconds per point, and the share of points that are covered.
 fn look_up(scene: &Scene, field: &Field<f32>) -> (f64, f64) {
     let cloud = &scene.scales[0].cloud;
     let centers: Vec<_> = cloud.centers().collect();
@@ -115,9 +115,9 @@ fn look_up(scene: &Scene, field: &Field<f32>) -> (f64, f64) {
 }
 
 impl Report {
-    /// For people.
+    /// The report as text.
     pub(super) fn text(&self) -> String {
-        let columns = ["tensors", "placing, s", "MB", "index, s", "MB", "a lookup, ns"];
+        let columns = ["tensors", "placement, s", "MB", "index, s", "MB", "lookup, ns"];
         let mut table = Table::new(columns);
         let megabytes = |bytes: Option<u64>| bytes.map_or_else(|| "-".to_owned(), |b| format!("{:.0}", b as f64 / 1e6));
         for row in &self.rows {

@@ -1,4 +1,4 @@
-//! Builds as processes of their own.
+//! Runs builds as separate processes.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -7,10 +7,10 @@ use crate::cli::Error;
 
 /// This executable.
 pub(super) fn this_build() -> Result<PathBuf, Error> {
-    std::env::current_exe().map_err(|e| Error::Io(format!("this executable: cannot find it: {e}")))
+    std::env::current_exe().map_err(|e| Error::Io(format!("cannot find the path of this executable: {e}")))
 }
 
-/// What `executable` prints when it succeeds with `arguments`.
+/// The standard output of `executable` with `arguments`. Fails if it does.
 pub(super) fn output_of(executable: &Path, arguments: &[String]) -> Result<Vec<u8>, Error> {
     let shown = executable.display();
     let output = (Command::new(executable).args(arguments).stdin(Stdio::null()).output())
@@ -21,7 +21,7 @@ pub(super) fn output_of(executable: &Path, arguments: &[String]) -> Result<Vec<u
     let message = String::from_utf8_lossy(&output.stderr);
     let last = message.lines().last().unwrap_or("no message").to_owned();
     let command = arguments.join(" ");
-    Err(Error::Runtime(format!("{shown} {command}: expected success, found {}: {last}", output.status)))
+    Err(Error::Runtime(format!("{shown} {command}: failed with {}: {last}", output.status)))
 }
 
 /// The JSON that `executable` prints with `arguments`.
@@ -30,7 +30,7 @@ pub(super) fn json_of(executable: &Path, arguments: &[String]) -> Result<serde_j
 }
 
 fn parsed(output: &[u8]) -> Result<serde_json::Value, String> {
-    serde_json::from_slice(output).map_err(|e| format!("output: expected JSON, found {e}"))
+    serde_json::from_slice(output).map_err(|e| format!("the output is not JSON: {e}"))
 }
 
 #[cfg(test)]
@@ -39,6 +39,6 @@ mod tests {
 
     #[test]
     fn output_that_is_not_json_is_named() {
-        assert!(parsed(b"text").unwrap_err().contains("expected JSON"));
+        assert!(parsed(b"text").unwrap_err().contains("not JSON"));
     }
 }

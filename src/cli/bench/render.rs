@@ -1,4 +1,4 @@
-//! `strivec bench render`: frames.
+//! `strivec bench render`: frames by stage.
 
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ const EXAMPLES: &str = "\
 Examples:
   strivec bench render
   strivec bench render lego.strivec --size 800x800 --threads-list 1,2";
-/// The ball's model: that of the paper's middle row, at its finest.
+/// Preset of the ball, at its finest resolution.
 const BALL_PRESET: &str = "24";
 
 /// The arguments.
@@ -49,7 +49,7 @@ impl Args {
     }
 }
 
-/// `file`'s scene or the ball, and what to call it.
+/// `file`'s scene or the ball, and its name.
 pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> {
     if let Some(file) = file {
         return Ok((scene_file::read(file)?.0, file.display().to_string()));
@@ -72,7 +72,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
 }
 
 impl Report {
-    /// For people.
+    /// The report as text.
     pub(super) fn text(&self) -> String {
         let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
         for frame in &self.frames {

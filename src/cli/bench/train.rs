@@ -1,4 +1,4 @@
-//! `strivec bench train`: steps of training.
+//! `strivec bench train`: training steps by stage.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -24,9 +24,9 @@ Examples:
   strivec bench train lego --resume lego.strivec.state --batch 8192
   strivec bench train lego --preset 24 --downscale 4 --at 0,500,2500
 
-With a scene or a state, and on the ball, the steps change nothing but moments, so that all are alike; with --at the run \
-really trains, and the steps that are measured are part of it.";
-/// Photographs of the ball, and their edges: enough rays that a batch does not repeat any.
+With --scene, --resume or the ball, the measured steps change only the optimizer's moments, so that all are alike. With --at \
+the scene is trained, and the measured steps are part of the training.";
+/// Number and edge of the ball's photographs: enough rays that a batch repeats none.
 const BALL_VIEWS: u32 = 12;
 const BALL_SIZE: u32 = 200;
 
@@ -56,7 +56,7 @@ pub(super) struct Args {
     repeats: Repeats,
 }
 
-/// What a measurement on a dataset starts from.
+/// The start of a measurement on a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[group(id = "start", multiple = false)]
 struct Start {
@@ -83,9 +83,9 @@ pub(super) struct Report {
 /// A point of a run.
 #[derive(Serialize)]
 struct Point {
-    /// Which one.
+    /// The name of the point.
     name: String,
-    /// Cells of a tensor of each scale.
+    /// \[scale\] cells of a tensor along each axis.
     resolutions: Vec<[u32; 3]>,
     tensors: usize,
     parameters: u64,
@@ -124,7 +124,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let last = config.upsample_at.len();
     let upsampled = if args.upsampled.is_empty() { vec![0, last] } else { args.upsampled.clone() };
     if let Some(found) = upsampled.iter().find(|&&n| n > last) {
-        return Err(Error::Usage(format!("--upsampled: expected 0 to {last} for preset {preset}, found {found}")));
+        return Err(Error::Usage(format!("--upsampled {found}: preset {preset} allows 0 to {last}")));
     }
     let load = |folder: &Path| {
         let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
@@ -164,7 +164,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     Ok(Report { subject: name, batch_rays: subject.config.batch_rays, peaks, points })
 }
 
-/// What is trained.
+/// The subject of the measurement.
 struct Subject<'a> {
     args: &'a Args,
     config: TrainConfig,
@@ -172,7 +172,7 @@ struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// Steps that leave `scene` as it is.
+    /// Measures steps that leave `scene` unchanged.
     fn at_rest(&self, name: String, scene: Scene, views: &[View], peak: &Peak) -> Result<Point, Error> {
         let memory = MemoryMark::set();
         let trainer = Trainer::new(at_rest(&self.config), scene, views)?;
@@ -218,7 +218,7 @@ impl Point {
 }
 
 impl Report {
-    /// For people.
+    /// The report as text.
     pub(super) fn text(&self) -> String {
         let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
         for point in &self.points {

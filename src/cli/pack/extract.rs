@@ -73,7 +73,7 @@ struct Description {
     rules: Rules,
     scales: Vec<ScaleDescription>,
     decoder: DecoderDescription,
-    /// What the grid spans.
+    /// Bounds of the grid.
     occupancy: Option<Aabb>,
     provenance: Provenance,
     license: Option<String>,
@@ -90,7 +90,7 @@ struct ScaleDescription {
     resolution: [u32; 3],
     top_k: u32,
     factor_kind: FactorKind,
-    /// Absent where centers are explicit.
+    /// The lattice; absent if centers are explicit.
     lattice: Option<Lattice>,
 }
 
@@ -103,14 +103,14 @@ struct DecoderDescription {
     layers: usize,
 }
 
-/// Makes a folder of a file.
+/// Writes a file's scene as a folder.
 pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error> {
     if args.output.exists() {
         let message = format!("{}: exists; name a new folder", args.output.display());
         return Err(Error::Usage(message));
     }
     let (document, _) = input::read(&args.input, args.limits.limits())?;
-    // A folder appears whole or not at all.
+    // The folder is written under another name and then renamed, so that it is complete.
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let partial = tempfile::tempdir_in(parent).map_err(Error::io("make a folder in", parent))?;
     let files = files_of(document)?;
@@ -120,7 +120,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
     }
     let partial = partial.keep();
     fs::rename(&partial, &args.output).map_err(|error| {
-        // What cannot take its name is of no use.
+        // Remove the folder if it cannot get its name.
         let _ = fs::remove_dir_all(&partial);
         Error::io("make", &args.output)(error)
     })?;
@@ -128,7 +128,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
     session.console.result(&names, |names| format!("{}: {}\n", args.output.display(), plural(names.len(), "file")))
 }
 
-/// Makes a file of a folder.
+/// Writes a folder's scene as a file.
 pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let document = Folder(&args.input).document()?;
@@ -223,7 +223,7 @@ fn npy<T: Element>(shape: &[usize], values: impl Iterator<Item = T>) -> Result<V
     Ok(bytes)
 }
 
-/// What `extract` made.
+/// A folder made by `extract`.
 struct Folder<'a>(&'a Path);
 
 impl Folder<'_> {
@@ -233,7 +233,7 @@ impl Folder<'_> {
         let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
         let d: Description = serde_json::from_slice(&bytes).map_err(|e| malformed(e.to_string()))?;
         if d.layout != LAYOUT {
-            return Err(malformed(format!("layout: expected {LAYOUT}, found {}", d.layout)));
+            return Err(malformed(format!("layout {} is not supported; expected {LAYOUT}", d.layout)));
         }
         let scales = d.scales.into_iter().enumerate().map(|(s, scale)| self.scale(s, scale));
         let scales = scales.collect::<Result<_, _>>()?;
@@ -299,7 +299,7 @@ impl Folder<'_> {
         Ok(occupancy)
     }
 
-    /// The shape and numbers of an array, which has the lengths that are `expected` of it.
+    /// The shape and numbers of an array with the `expected` lengths.
     fn array<T: Element, const N: usize>(
         &self,
         name: &str,
@@ -320,7 +320,7 @@ impl Folder<'_> {
             return Err(malformed(format!("expected an array of lengths {lengths}, found {shape:?}")));
         }
         if header.fortran_order && N > 1 {
-            return Err(malformed("expected an array in C order, found one in Fortran order".into()));
+            return Err(malformed("the array is in Fortran order; expected C order".into()));
         }
         if header.bytes() != rest.len() as u64 {
             let (expected, found) = (header.bytes(), rest.len());
@@ -337,7 +337,7 @@ impl Folder<'_> {
     }
 }
 
-/// As the model counts.
+/// `n` as the model's type of counts.
 fn count(n: usize) -> Result<u32, Error> {
-    u32::try_from(n).map_err(|_| Error::Malformed(format!("expected fewer than 2^32, found {n}")))
+    u32::try_from(n).map_err(|_| Error::Malformed(format!("{n} is too large; expected fewer than 2^32")))
 }

@@ -1,4 +1,4 @@
-//! `strivec-pack schema`: what `--json` prints.
+//! `strivec-pack schema`: the JSON schema of `--json`.
 
 use std::collections::BTreeMap;
 
@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 use super::{convert::Written, diff::Difference, info, package, verify};
 use crate::cli::{Error, Session};
 
-/// Prints the schema, whatever the form of results.
+/// Prints the schema, with and without `--json`.
 pub(super) fn run(session: &Session) -> Result<(), Error> {
     let text = serde_json::to_string_pretty(&schema()).map_err(|e| Error::Runtime(e.to_string()))?;
     session.console.print(&text)
 }
 
-/// One definition a command; what a command prints is checked against `#/$defs/` and its name.
+/// One definition per command: a command's output matches `#/$defs/NAME`.
 fn schema() -> Value {
     let mut generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
     let written = generator.subschema_for::<Vec<Written>>();

@@ -1,4 +1,4 @@
-//! What a packed file says about how to look at it.
+//! Default views and thumbnail of a packed file.
 
 use crate::cli::Error;
 use crate::cli::render::colors;
@@ -10,7 +10,7 @@ use crate::render::{CpuRenderer, Renderer};
 
 /// Edge of a thumbnail in pixels.
 const THUMBNAIL: u32 = 256;
-/// Poses of a turntable, and how long it takes to go round.
+/// Poses of a turntable, and the seconds of a turn.
 const TURNTABLE: (u32, f64) = (36, 12.0);
 
 /// A camera that sees all of the scene, and a turntable.
@@ -23,7 +23,7 @@ pub(super) fn default_views(scene: &Scene) -> Views {
     Views { angle_of_view, first: path[0], center: scene.bounds.center(), seconds, is_closed: true, path }
 }
 
-/// What the first of [`default_views`] sees.
+/// The picture from the first of [`default_views`].
 pub(super) fn thumbnail(scene: &Scene) -> Result<Thumbnail, Error> {
     let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [THUMBNAIL; 2]);
     let picture = CpuRenderer::<f32>::new(scene).render(&camera.mapped(&scene.frame.model_from_dataset));

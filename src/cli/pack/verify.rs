@@ -106,7 +106,7 @@ fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
     (row, error)
 }
 
-/// What is allowed and yet not what a careful writer does.
+/// Warnings: valid content that a careful writer avoids.
 fn warnings(document: &SceneFile) -> Vec<String> {
     let metadata = &document.metadata;
     let mut warnings = Vec::new();
@@ -118,7 +118,7 @@ fn warnings(document: &SceneFile) -> Vec<String> {
         Some(_) => {}
     }
     if document.scene.scales.len() > 1 && metadata.prefixes.iter().all(Option::is_none) {
-        warnings.push("no corrections of prefixes: fewer scales will look wrong".into());
+        warnings.push("no prefix corrections: pictures of fewer scales are wrong".into());
     }
     if document.scene.occupancy.is_none() {
         warnings.push("no occupancy: rendering will be slow".into());

@@ -28,7 +28,7 @@ pub(in crate::cli) struct Inputs {
 }
 
 impl Inputs {
-    /// The occupied cells in the dataset's space, of which `cameras` should see some; `None` where no file is named.
+    /// The occupied cells in the dataset's space; `None` if no file is named. Warns if `cameras` see few of them.
     pub(in crate::cli) fn voxels(
         &self,
         cameras: &[Camera],
@@ -44,17 +44,17 @@ impl Inputs {
     }
 }
 
-/// Of commands that Ctrl-C ends at once, as they have nothing to keep.
+/// For commands that Ctrl-C ends at once because they have nothing to save.
 pub(super) static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// Reads `files`, until `interrupted`, with progress and what was found on the console.
+/// Reads `files` until `interrupted`, with progress and a summary on the console.
 pub(super) fn build(
     files: &[PathBuf],
     shaping: &Shaping,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Built, Error> {
-    /// Of each file, as their lengths differ.
+    /// Parts of each file in the progress, because lengths differ.
     const PARTS: u64 = 1000;
     let options = shaping.options()?;
     let progress = Progress::start(&session.console, "prior", PARTS);

@@ -1,4 +1,4 @@
-//! Options that turn files' geometry into cells.
+//! Options for occupied cells from geometry files.
 
 use std::path::Path;
 

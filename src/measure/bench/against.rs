@@ -1,24 +1,24 @@
-//! Two builds compared: the same work by turns, so that whatever else the machine does meets both alike.
+//! Comparison of two builds that do the same work in turns, so that other load on the machine affects both alike.
 
 use serde::Serialize;
 
 use super::Spread;
 
-/// This build's measurements and another's, taken by turns.
+/// Measurements of this build and another, taken in turns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// This build's.
+    /// This build's times.
     pub this: Spread,
-    /// The other build's.
+    /// The other build's times.
     pub other: Spread,
-    /// Median by median: above 1 this build is the slower one.
+    /// This build's median divided by the other's; above 1 this build is slower.
     pub ratio: f64,
-    /// The ratios within the rounds: how much the machine itself varied.
+    /// The ratios within the rounds; their spread is the noise of the machine.
     pub rounds: Spread,
 }
 
 impl Comparison {
-    /// Of positive measurements; round i is `this[i]` and `other[i]`. `None` for no rounds, or lists of different
+    /// Compares positive measurements; round i is `this[i]` and `other[i]`. `None` for no rounds, or lists of different
     /// lengths.
     pub fn of(this: &[f64], other: &[f64]) -> Option<Self> {
         if this.len() != other.len() {
@@ -29,18 +29,18 @@ impl Comparison {
         Some(Self { ratio: this.median / other.median, rounds: Spread::of(&rounds)?, this, other })
     }
 
-    /// Whether this build takes more than `limit` times as long as the other. A ratio that is no number does.
+    /// This build takes more than `limit` times as long as the other, or the ratio is NaN.
     pub fn is_above(&self, limit: f64) -> bool {
         self.ratio.is_nan() || self.ratio > limit
     }
 }
 
-/// Runs `this` and `other` by turns, `rounds` times each, and lists what each measured. Every other round begins with
-/// `other`, so that neither is always the one that comes second.
+/// Runs `this` and `other` in turns, `rounds` times each, and lists the measurements of each. Every other round begins
+/// with `other`, so that neither always comes second.
 ///
 /// # Errors
 ///
-/// The first of either.
+/// The first error of either.
 pub fn by_turns<V, E>(
     rounds: usize,
     mut this: impl FnMut() -> Result<V, E>,
@@ -63,7 +63,7 @@ pub fn by_turns<V, E>(
 mod tests {
     use super::*;
 
-    /// Durations of a machine that is slow at times: both builds meet the same.
+    /// Durations on a machine that is slow at times, which affects both builds alike.
     fn planted(rounds: usize, factor: f64) -> [Vec<f64>; 2] {
         let machine = |i: usize| 1.0 + 0.3 * (i as f64 * 2.4).sin();
         let noise = |i: usize| 1.0 + 0.01 * (i as f64 * 1.7).cos();

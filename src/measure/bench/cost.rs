@@ -1,4 +1,4 @@
-//! FLOP and bytes of each stage, from counts: the one home of these formulas.
+//! FLOP and bytes of each stage from its counts.
 //!
 //! An addition, multiplication, division, square root, minimum or maximum counts one FLOP, a fused multiply-add two,
 //! comparisons and rounding none; [`TRANSCENDENTAL`] and [`SINE_COSINE`] are for these functions. Bytes are those that
@@ -35,7 +35,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Of single-precision `words`.
+    /// The cost of `flop` and of reading and writing single-precision `words`.
     fn new(flop: f64, words: f64) -> Self {
         Self { flop, bytes: words * WORD }
     }
@@ -45,18 +45,18 @@ impl Cost {
     }
 }
 
-/// The shape of a field, which costs depend on besides the counts.
+/// The shape of a field; costs depend on it and on the counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldShape {
-    /// Coarsest first.
+    /// The scales, coarsest first.
     pub scales: Vec<ScaleShape>,
-    /// P.
+    /// Appearance features, P in the paper.
     pub features: usize,
     /// Frequencies of PE(features) and of PE(direction).
     pub frequencies: [usize; 2],
     /// \[layer\] inputs and outputs.
     pub layers: Vec<[usize; 2]>,
-    /// Whether the decoder is called per sample, per ray, or per ray with residuals.
+    /// The decoder is called per sample, per ray, or per ray with residuals.
     pub mode: DecoderMode,
     /// Columns of the first layer whose gradient is needed: all but the encoded direction.
     pub first_layer_columns: usize,
@@ -222,8 +222,8 @@ impl FieldShape {
 
     /// An entry: both moments (3 + 4), the step's size (6). Reads gradient, value and moments, writes value and
     /// moments. Every density entry and shared weight takes part in every run, a density after adding the
-    /// regularization (1) to its gradient; of the appearance those of tensors that colored a sample, of which the
-    /// counts tell the most there can be: one a pair.
+    /// regularization (1) to its gradient. Appearance entries take part if their tensor colored a sample; their
+    /// number is bounded by one tensor per pair.
     fn optimizer(&self, work: &Work, runs: u64) -> Cost {
         let entries = |tensors: u64, scale: &ScaleShape, rank: usize| tensors as f64 * (scale.rows * rank) as f64;
         let all_tensors = |scale: &ScaleShape| scale.tensors as u64 * runs;
@@ -238,7 +238,7 @@ impl FieldShape {
     }
 }
 
-/// The counts that costs are made of, as floating point.
+/// The counts of costs, as floating point.
 #[derive(Clone, Copy, Debug)]
 struct Counts {
     rays: f64,
@@ -252,7 +252,7 @@ struct Counts {
     decoded: f64,
     contributions: f64,
     shaded_contributions: f64,
-    /// Share of the evaluated samples that are before their ray's end. Those behind it are taken to have as many
+    /// Share of the evaluated samples that are before their ray's end. Samples behind it are assumed to have as many
     /// contributions.
     composited_share: f64,
     scales: f64,

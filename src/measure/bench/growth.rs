@@ -1,18 +1,18 @@
-//! How a cost grows with a parameter: cost ∝ parameter^exponent, fitted where both axes are logarithmic.
+//! Growth of a cost with a parameter: cost ∝ parameter^exponent, fitted on logarithmic axes.
 
 use serde::Serialize;
 
 /// A fitted power law.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Growth {
-    /// 1 where twice the parameter costs twice as much.
+    /// The exponent; 1 if twice the parameter costs twice as much.
     pub exponent: f64,
-    /// Of the exponent; absent for two points, which leave nothing over to tell the error by.
+    /// Standard error of the exponent; `None` for two points.
     pub standard_error: Option<f64>,
 }
 
 impl Growth {
-    /// Least squares through the logarithms of `points`: (parameter, cost). `None` where there are fewer than two
+    /// Least squares through the logarithms of `points`: (parameter, cost). `None` if there are fewer than two
     /// different parameters, or a value is not positive.
     pub fn fit(points: &[(f64, f64)]) -> Option<Self> {
         let positive = |v: f64| v > 0.0 && v.is_finite();

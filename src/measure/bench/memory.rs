@@ -1,4 +1,4 @@
-//! How much memory a piece of work held at its peak, where the system tells.
+//! Peak memory of a piece of work, if the system reports it.
 
 use std::fs;
 
@@ -9,22 +9,22 @@ pub struct MemoryMark {
 }
 
 impl MemoryMark {
-    /// Begins now: the system's high-water mark is set back to what is resident.
+    /// Begins now: resets the system's high-water mark to the resident memory.
     pub fn set() -> Self {
         Self { resident: status("VmRSS:") }.again()
     }
 
-    /// Forgets the peak and keeps the mark: for work on something that was made since then, which counts, while what
-    /// making it took besides does not.
+    /// Resets the peak and keeps the mark. Data made since the mark counts; temporary memory of making it does not.
     pub fn again(self) -> Self {
-        // "5" forgets the peak (proc_pid_clear_refs(5)). Where that is refused an older peak would pass for this one's.
+        // "5" resets the peak (proc_pid_clear_refs(5)). If that fails, the peak may be an older one and is not
+        // reported.
         let reset = fs::write("/proc/self/clear_refs", "5").is_ok();
         Self { resident: self.resident.filter(|_| reset) }
     }
 
-    /// By how many bytes resident memory has been above the mark at most; `None` where the system does not tell.
+    /// Peak of resident memory above the mark, in bytes; `None` if the system does not report it.
     ///
-    /// Memory that the process held before and has used again is not in it.
+    /// Memory that the process held before and reused is not included.
     pub fn peak(self) -> Option<u64> {
         Some(status("VmHWM:")?.saturating_sub(self.resident?))
     }
@@ -48,7 +48,7 @@ mod tests {
         let large = std::hint::black_box(vec![1u8; 200 << 20]);
         drop(large);
         // Other tests of this process allocate and free meanwhile, so only the order of magnitude holds. Some
-        // sandboxes do not let a process forget its peak.
+        // sandboxes do not let a process reset its peak.
         if let Some(peak) = mark.peak() {
             assert!(peak > 100 << 20, "{peak}");
         }

@@ -1,9 +1,9 @@
-//! How fast training and rendering are, against what this machine can do.
+//! Speed of training and rendering, relative to the peak of the machine.
 //!
-//! [`Peak`] measures the machine; [`training_steps`] and [`frames`] time the work and get its [`Work`] by stage;
-//! [`FieldShape::cost`] says what that is in FLOP and bytes; [`StageTable`] divides the one by the other. [`Growth`]
-//! tells how a cost grows with a parameter, [`Comparison`] whether one build is slower than another. [`ball`] is
-//! something to measure where there is no scene. [`machine_speed`] is what plans of training need of all this.
+//! [`Peak`] measures the machine. [`training_steps`] and [`frames`] measure time and [`Work`] by stage.
+//! [`FieldShape::cost`] converts work to FLOP and bytes. [`StageTable`] combines them to rates and shares of the peak.
+//! [`Growth`] fits the growth of a cost with a parameter; [`Comparison`] compares two builds. [`ball`] is a synthetic
+//! scene for measurements without a file. [`machine_speed`] is a quick estimate for plans of training.
 //!
 //! [`Work`]: crate::field::Work
 

@@ -1,4 +1,4 @@
-//! What this machine can do, measured in the run that is to be judged by it.
+//! Peak rates of the machine, measured in the same run as the work that is compared with them.
 
 use std::hint::black_box;
 use std::sync::Mutex;
@@ -13,11 +13,11 @@ use crate::field::{Matrix, MatrixMut, multiply};
 /// Rows, inner length and columns of the matrix products: one far larger than the caches, and the decoder's first
 /// layer.
 const PRODUCTS: [[usize; 3]; 2] = [[1024, 1024, 1024], [4096, 150, 128]];
-/// Bytes that are read, and as many that are written, by all threads together: far more than caches hold.
+/// Bytes that all threads together read, and as many that they write: far more than the caches hold.
 const COPIED: usize = 256 << 20;
-/// FLOP of a round, so that starting it does not count.
+/// FLOP of a round: enough that its start does not matter.
 const ROUND_FLOP: f64 = 2e9;
-/// Rounds that are timed, unless they take longer than `SECONDS` together.
+/// Number of timed rounds, unless they take longer than `SECONDS` together.
 const ROUNDS: usize = 9;
 const FEWEST_ROUNDS: usize = 3;
 const SECONDS: f64 = 0.6;
@@ -36,7 +36,7 @@ pub struct Rate {
 pub struct ProductRate {
     /// Rows, inner length, columns.
     pub shape: [usize; 3],
-    /// FLOP/s, a multiplication and an addition counting two.
+    /// FLOP/s; a multiply-add counts as two.
     pub flops: Rate,
 }
 
@@ -49,7 +49,7 @@ pub struct Peak {
     pub registers: Rate,
     /// FLOP/s of single-precision matrix products.
     pub products: Vec<ProductRate>,
-    /// Bytes/s of copying arrays larger than the caches; a byte that is read and written counts two.
+    /// Bytes/s of copying arrays larger than the caches; a byte that is read and written counts twice.
     pub copy: Rate,
 }
 
@@ -63,9 +63,9 @@ impl Peak {
         });
         let products = PRODUCTS.map(|shape| ProductRate { shape, flops: product_rate(shape, threads) }).into();
         let values = COPIED / size_of::<f32>() / threads;
-        // Written once, so that every page is there.
+        // Write once, so that every page is allocated.
         let arrays: Vec<_> = (0..threads).map(|i| (vec![i as f32 + 1.0; values], vec![0.5f32; values])).collect();
-        // One thread goes through all of the arrays, or many threads would leave it a piece that a cache holds.
+        // A single thread copies all arrays: its share of them would fit into a cache.
         let copy = rate(arrays, threads, 2.0 * (values * size_of::<f32>()) as f64, |(from, to)| {
             to.copy_from_slice(from);
             black_box(to);
@@ -73,19 +73,19 @@ impl Peak {
         Self { threads, registers, products, copy }
     }
 
-    /// FLOP/s that a thread can reach while all run: the best of everything measured.
+    /// FLOP/s of a thread while all run: the best rate measured.
     pub fn flops_per_thread(&self) -> f64 {
         self.products.iter().map(|p| p.flops.all).fold(self.registers.all, f64::max) / self.threads as f64
     }
 
-    /// Bytes/s that a thread gets from memory while all copy.
+    /// Bytes/s of a thread while all copy.
     pub fn bytes_per_thread(&self) -> f64 {
         self.copy.all / self.threads as f64
     }
 }
 
-/// The median rate of `work`, which does `amount` with one of `states`, one for each thread. The lone thread goes
-/// through the first `alone` of them.
+/// The median rate of `work`, which does `amount` on one of `states`. Each thread has one state; a single thread works
+/// on the first `alone` of them.
 fn rate<S: Send>(states: Vec<S>, alone: usize, amount: f64, work: impl Fn(&mut S) + Sync) -> Rate {
     let states: Vec<Mutex<S>> = states.into_iter().map(Mutex::new).collect();
     let one_state = |state: &Mutex<S>| work(&mut state.lock().expect("no work panics"));
@@ -128,15 +128,15 @@ fn product_rate(shape: [usize; 3], threads: usize) -> Rate {
 const CHAINS: usize = 12;
 
 /// `repeats` multiply-adds on every chain, with the widest registers that kernels here use. Returns the FLOP, and the
-/// chains' sum so that the work is not left out.
+/// chains' sum, so that the compiler keeps the work.
 fn registers(repeats: usize) -> (f64, f32) {
     struct Chains(usize);
     impl WithSimd for Chains {
         type Output = (f64, f32);
-        // Explicit vectors: whether a plain loop keeps its sums in registers is the optimizer's mood.
+        // Explicit vectors: the compiler may keep the sums of a plain loop in memory.
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) -> (f64, f32) {
-            // Each chain tends to 1, so that values stay normal.
+            // Each chain converges to 1, so that values stay normal.
             let (factor, addend) = (simd.splat_f32s(black_box(0.999)), simd.splat_f32s(black_box(0.001)));
             let mut chains = [addend; CHAINS];
             for _ in 0..self.0 {

@@ -1,4 +1,4 @@
-//! Training steps and frames, timed.
+//! Timed training steps and frames.
 
 use std::convert::Infallible;
 
@@ -16,16 +16,16 @@ use crate::train::{TrainConfig, TrainError, Trainer};
 pub struct Measured {
     /// Threads of the pool.
     pub threads: usize,
-    /// Of a step or frame.
+    /// Seconds of a step or frame.
     pub seconds: Spread,
-    /// What it was made of.
+    /// Time and cost by stage.
     pub stages: StageTable,
-    /// Bytes above what the process held before, at the peak; absent where the system does not tell.
+    /// Peak memory above that before the work, in bytes; `None` if the system does not report it.
     pub peak_bytes: Option<u64>,
 }
 
-/// A training configuration that leaves its scene as it is, for measurements of many steps at one point: no schedule,
-/// and learning rates that move no factor by as much as its rounding.
+/// A training configuration that leaves its scene unchanged, for measurements of many steps at one point: no schedule,
+/// and learning rates below the rounding of factors.
 pub fn at_rest(config: &TrainConfig) -> TrainConfig {
     const STILL: f64 = 1e-20;
     TrainConfig {
@@ -37,7 +37,7 @@ pub fn at_rest(config: &TrainConfig) -> TrainConfig {
     }
 }
 
-/// The next steps of `trainer`; `memory` was set before it was made.
+/// Measures the next steps of `trainer`; `memory` was set before the trainer was made.
 ///
 /// # Errors
 ///
@@ -54,7 +54,7 @@ pub fn training_steps(
     Ok(measured(seconds, reports.into_iter().map(|report| report.work), &shape, peak, peak_bytes))
 }
 
-/// Frames of `scene` that `camera`, which is in the model's space, takes with the fast renderer.
+/// Measures frames of `scene` from `camera`, in the model's space, with the fast renderer.
 pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
     let field = Field::<f32>::new(scene);
     let shape = FieldShape::new(&field);
@@ -74,7 +74,7 @@ fn measured(
 ) -> Measured {
     let mut all = Work::default();
     works.for_each(|work| all.add(&work));
-    // Of the average, as stages are: the median would leave nothing to be idle in where one run took long.
+    // The mean, like that of the stages: with the median, one slow run would hide the idle time.
     let stages = StageTable::new(&all, seconds.count, shape, peak, seconds.mean);
     Measured { threads: peak.threads, seconds, stages, peak_bytes }
 }

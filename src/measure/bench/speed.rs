@@ -1,4 +1,5 @@
-//! How fast a machine is at what a step of training consists of, in a second: for plans, not for reports.
+//! A quick estimate, in about a second, of the machine's speed at the main operations of a training step. For plans,
+//! not for reports.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -6,12 +7,12 @@ use std::time::Instant;
 use crate::field::{Matrix, MatrixMut, multiply, vectorized};
 use crate::train::MachineSpeed;
 
-/// Of the products: the shape of the network's first layer on a chunk of samples.
+/// Shape of the matrix products: the network's first layer on a chunk of samples.
 const PRODUCT: [usize; 3] = [1024, 150, 128];
-/// Numbers of a row that is gathered, and rows of the table: together what a core's own cache holds.
+/// Length of a gathered row and number of rows; together they fit into a core's own cache.
 const ROW: usize = 48;
 const ROWS: usize = 4096;
-/// Rounds are repeated for so long, and as often; the best one counts, so that other work on the machine hardly does.
+/// Smallest duration and number of rounds. The best round counts, so that other load on the machine hardly matters.
 const SECONDS: f64 = 0.3;
 const FEWEST_ROUNDS: usize = 3;
 
@@ -26,7 +27,7 @@ pub fn machine_speed() -> MachineSpeed {
     }
 }
 
-/// `amount` a second, in the best round of `work`.
+/// `amount` per second in the best round of `work`.
 fn best_rate(amount: f64, mut work: impl FnMut()) -> f64 {
     work();
     let (begun, mut best, mut rounds) = (Instant::now(), f64::INFINITY, 0);
@@ -56,7 +57,7 @@ fn product_rate() -> f64 {
 
 fn gather_rate() -> f64 {
     let table = vec![0.5f32; ROWS * ROW];
-    // Every row once, far from the one before.
+    // Each row once, in an order that jumps.
     let order: Vec<usize> = (0..ROWS).map(|n| n * 1597 % ROWS).collect();
     best_rate((ROWS * ROW) as f64, || {
         let mut sums = [0f32; ROW];

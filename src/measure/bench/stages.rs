@@ -1,4 +1,4 @@
-//! Where the time went, stage by stage, against what the machine can do.
+//! Time by stage, relative to the peak of the machine.
 
 use serde::Serialize;
 
@@ -8,20 +8,20 @@ use crate::field::{Stage, Work};
 /// A stage that reaches this share of a limit is bound by it.
 const BOUND_SHARE: f64 = 0.25;
 
-/// What keeps a stage from being faster.
+/// The limit of a stage's speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
-    /// Arithmetic units: a good share of their peak is reached.
+    /// Arithmetic: the stage reaches a good share of the peak.
     Arithmetic,
-    /// Loads and stores: a good share of the bandwidth of memory is reached, or more than all of it where caches help.
+    /// Loads and stores: the stage reaches a good share of the memory bandwidth, or exceeds it because of caches.
     Memory,
-    /// Neither: waiting for single loads, mispredicted branches, moving things about.
+    /// Neither: latency of loads, mispredicted branches, moving data.
     Latency,
 }
 
 impl Bound {
-    /// In words.
+    /// The name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Arithmetic => "arithmetic",
@@ -46,57 +46,56 @@ pub struct StageRow {
     pub stage: &'static str,
     /// Core milliseconds: summed over threads.
     pub core_ms: f64,
-    /// Of the core time of all stages.
+    /// Share of the core time of all stages.
     pub share: f64,
     /// 10⁹ floating-point operations.
     pub gflop: f64,
     /// 10⁹ bytes touched.
     pub gb: f64,
-    /// 10⁹ FLOP/s while a thread is at it.
+    /// 10⁹ FLOP/s of a thread during the stage.
     pub gflops_per_core: f64,
-    /// Of the FLOP/s that a thread can reach while all run.
+    /// Share of the FLOP/s that a thread can reach while all run.
     pub flop_share: f64,
-    /// Of the bandwidth that a thread gets while all copy; above 1 where caches serve what is touched.
+    /// Share of the bandwidth of a thread while all copy; above 1 if the data is in caches.
     pub bandwidth_share: f64,
-    /// What keeps it from being faster.
+    /// The limit of its speed.
     pub bound: Bound,
 }
 
 /// The whole step or frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Total {
-    /// The clock on the wall, on average.
+    /// Mean wall time.
     pub wall_ms: f64,
-    /// Threads that could have worked.
+    /// Number of threads.
     pub threads: usize,
     /// Core milliseconds of all stages.
     pub core_ms: f64,
-    /// Of wall time × threads, what no stage accounts for: idle threads, and what is not booked.
+    /// Share of wall time × threads outside of all stages: idle threads and unrecorded work.
     pub idle_share: f64,
     /// 10⁹ floating-point operations.
     pub gflop: f64,
-    /// How long that takes on all threads at the peak.
+    /// Time of these operations on all threads at the peak.
     pub flop_limit_ms: f64,
-    /// That limit in relation to the wall time.
+    /// That time as a share of the wall time.
     pub flop_share: f64,
-    /// Of wall time × threads, what the stages would take if each reached the limit that it is nearer to, arithmetic or
-    /// the bandwidth of memory; a stage that caches help beyond the latter counts as being there.
+    /// Share of wall time × threads that the stages need if each reaches the nearer of its limits, arithmetic or memory
+    /// bandwidth. A stage above the memory bandwidth counts as being at it.
     pub limit_share: f64,
 }
 
 /// All stages that ran, in their order, and the total.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageTable {
-    /// Empty where nothing was booked.
+    /// The stages; empty if none was recorded.
     pub rows: Vec<StageRow>,
-    /// Of a step or frame.
+    /// The total of a step or frame.
     pub total: Total,
 }
 
 impl StageTable {
-    /// For `work` that is the sum over `runs` steps or frames of a field of `shape`, which took `wall_seconds` each on
-    /// average, on the threads of `peak`. Stages that took no time did not run, whatever the counts would make them
-    /// cost.
+    /// The table of `work`, the sum over `runs` steps or frames of a field of `shape`, each of `wall_seconds` on
+    /// average, on the threads of `peak`. Stages that took no time are left out.
     pub fn new(work: &Work, runs: usize, shape: &FieldShape, peak: &Peak, wall_seconds: f64) -> Self {
         let per_run = 1.0 / runs.max(1) as f64;
         let all_seconds: f64 = work.seconds.iter().sum();

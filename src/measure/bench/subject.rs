@@ -1,9 +1,9 @@
-//! Something to measure where there is no scene at hand: a soft ball with the tensors of a preset, made at once.
+//! A synthetic scene for measurements: a soft ball with the tensors of a preset, made without training.
 //!
 //! The density feature is a Gaussian around the origin, which is a product of a function of x, y and z each: the first
-//! component of scale 0 holds it exactly at every tensor, whatever its neighbors weigh. Rays therefore end a few dozen
-//! samples inside a surface, as in a trained scene, without any training; all other factors are the random ones that
-//! training starts from. Tensors lie on a shell around the surface, as sparse as on a solid thing.
+//! component of scale 0 holds it exactly at every tensor, for any weights of its neighbors. Rays therefore end a few
+//! dozen samples inside a surface, as in a trained scene. All other factors are the random ones that training starts
+//! from. Tensors lie on a shell around the surface, as sparse as on a solid object.
 
 use glam::{DVec3, UVec3};
 
@@ -13,26 +13,26 @@ use crate::model::{ColorSpace, Factors, Frame, Occupancy, Scale, Scene, UpAxis};
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 use crate::train::{PrepareError, TrainConfig, initial_scene};
 
-/// Where the feature passes the density's shift: the ball's radius in model units.
+/// The ball's radius in model units, at which the feature equals the density's shift.
 const RADIUS: f64 = 0.9;
-/// The feature at the center, in shifts: how hard the surface is.
+/// The feature at the center, in shifts; it sets the sharpness of the surface.
 const PEAK_IN_SHIFTS: f64 = 3000.0;
 /// The radii between which tensors are placed.
 const SHELL: [f64; 2] = [0.75, 1.0];
-/// Up to where samples count. The density is next to nothing long before, as it is in a trained scene, where more
-/// samples are evaluated than colored.
+/// Radius of the occupied space. The density is almost 0 before it, so that more samples are evaluated than colored, as
+/// in a trained scene.
 const OCCUPIED_RADIUS: f64 = 1.0;
-/// Edge of the boxes on which tensors are placed, as of a prior's voxels.
+/// Edge of the voxels on which tensors are placed.
 const VOXEL: f64 = 0.025;
-/// The cameras' distance, and their focal length in widths of the picture.
+/// The cameras' distance in model units, and their focal length in picture widths.
 const DISTANCE: f64 = 4.0;
 const FOCAL: f64 = 1.39;
 
-/// A ball of `config`'s tensors, as fine as after `upsampled` of its upsamplings.
+/// A ball of `config`'s tensors, at the resolution after `upsampled` upsamplings.
 ///
 /// # Errors
 ///
-/// Where `config` has no tensors, or the ball cannot be covered by them.
+/// If `config` has no tensors, or they cannot cover the ball.
 pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
     ball_on(&shell(VOXEL), config, upsampled)
 }
@@ -45,7 +45,7 @@ pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareErro
 pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
     let mut config = config.clone();
     for scale in &mut config.scales {
-        // After the last upsampling nothing gets finer.
+        // The resolution stays the same after the last upsampling.
         let resolution = scale.resolutions.get(upsampled).or(scale.resolutions.last()).copied();
         scale.resolutions = vec![resolution.unwrap_or([1; 3])];
     }
@@ -74,7 +74,7 @@ pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Re
     Ok(scene)
 }
 
-/// `count` gray photographs of `size`×`size` pixels around the ball. What they show takes no part in how long it takes.
+/// `count` gray photographs of `size`×`size` pixels around the ball. The time of a step does not depend on their colors.
 pub fn ball_views(count: u32, size: u32) -> Vec<View> {
     (0..count)
         .map(|n| {
@@ -98,7 +98,7 @@ pub fn shell(voxel: f64) -> VoxelBoxes {
     VoxelBoxes { lattice, cells: all.filter(inside).collect() }
 }
 
-/// The edge of voxels of which the shell has about `count`.
+/// The voxel edge at which the shell has about `count` voxels.
 pub fn voxel_for(count: u64) -> f64 {
     let volume = 4.0 / 3.0 * std::f64::consts::PI * (SHELL[1].powi(3) - SHELL[0].powi(3));
     (volume / count as f64).cbrt()
@@ -122,7 +122,7 @@ fn write_gaussian(scale: &mut Scale, peak: f64) {
     }
 }
 
-/// What is in the ball, on cells of about `cell`.
+/// The occupancy of the ball, on cells of about `cell`.
 fn occupancy(bounds: Aabb, cell: DVec3) -> Occupancy {
     let vertices = (bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
     let mut occupancy = Occupancy::empty(bounds, vertices);

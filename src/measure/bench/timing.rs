@@ -1,26 +1,26 @@
-//! Repeated timings, and the figures that sum them up.
+//! Repeated timings and their statistics.
 
 use std::time::Instant;
 
 use serde::Serialize;
 
-/// Where repeated measurements lie.
+/// Statistics of repeated measurements.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// The middle one: what a report calls the result.
+    /// The median, which reports give as the result.
     pub median: f64,
-    /// Their average.
+    /// The mean.
     pub mean: f64,
     /// First and third quartile.
     pub quartiles: [f64; 2],
     /// Smallest and largest.
     pub range: [f64; 2],
-    /// How many there are.
+    /// Number of measurements.
     pub count: usize,
 }
 
 impl Spread {
-    /// Of `values`; `None` where there are none.
+    /// Statistics of `values`; `None` if there are none.
     pub fn of(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -41,12 +41,12 @@ impl Spread {
     }
 }
 
-/// How often something is run: a few times to warm caches and allocations, then the times that count.
+/// Numbers of runs: some to warm caches and allocations, then the measured ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Runs {
-    /// Runs that do not count.
+    /// Runs before the measured ones.
     pub warm_up: usize,
-    /// Runs that do; at least one is made.
+    /// Measured runs; at least one is made.
     pub measured: usize,
 }
 
