@@ -102,9 +102,7 @@ impl From<prior::BuildError> for Error {
                 _ => Self::Malformed(message),
             },
             prior::BuildError::Nothing { .. } => Self::Malformed(message),
-            prior::BuildError::Option { .. }
-            | prior::BuildError::TooManyCells { .. }
-            | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
+            prior::BuildError::Prior(_) | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
             prior::BuildError::Stopped => Self::Runtime(message),
         }
     }

@@ -9,6 +9,7 @@ use zip::read::ZipFile;
 use zip::result::ZipError;
 use zip::{CompressionMethod, ZipArchive};
 
+use super::input::bytes_at;
 use super::{Fault, Input};
 
 /// The most entries of an archive.
@@ -38,7 +39,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where there is none, where it has too many entries, and where two have the same name.
+    /// If there is none, if it has too many entries, and if two have the same name.
     pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         let entries = check_end(input)?;
         let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
@@ -60,7 +61,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where there is none, or one that is too long or compressed in another way.
+    /// If there is none, or one that is too long or compressed in another way.
     pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_, &'a mut Input<'b>>, Fault> {
         let entry = self.zip.by_name(name).map_err(|e| fault(name, e))?;
         match entry.compression() {
@@ -84,7 +85,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Those of [`Archive::entry`], and where there are more, or others than the directory says.
+    /// Those of [`Archive::entry`], and if there are more, or others than the directory says.
     pub(super) fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
         let mut entry = self.entry(name)?;
         let size = entry.size();
@@ -107,7 +108,7 @@ fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
     let tail = input.peek(tail_len as usize)?;
     let last = tail.len().checked_sub(22).ok_or_else(no_end)?;
     let at = (0..=last).rev().find(|&at| tail[at..].starts_with(END)).ok_or_else(no_end)?;
-    let u16_at = |at: usize| u64::from(u16::from_le_bytes([tail[at], tail[at + 1]]));
+    let u16_at = |at: usize| u64::from(u16::from_le_bytes(bytes_at(&tail, at)));
     let (mut entries, comment) = (u16_at(at + 8), u16_at(at + 20));
     let end = tail_start + at as u64;
     if end + 22 + comment != input.len() {
@@ -118,13 +119,13 @@ fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
         input.go_to(locator)?;
         let bytes: [u8; 20] = input.array("the archive's directory")?;
         if bytes.starts_with(LOCATOR) {
-            input.go_to(u64::from_le_bytes(std::array::from_fn(|n| bytes[8 + n])))?;
+            input.go_to(u64::from_le_bytes(bytes_at(&bytes, 8)))?;
             let place = input.place();
             let bytes: [u8; 56] = input.array("the archive's directory")?;
             if !bytes.starts_with(END_64) {
                 return Err(Fault::malformed(place, "the end of a zip64 directory", format!("{:02x?}", &bytes[..4])));
             }
-            entries = u64::from_le_bytes(std::array::from_fn(|n| bytes[32 + n]));
+            entries = u64::from_le_bytes(bytes_at(&bytes, 32));
         }
     }
     Fault::unless_within("the archive's entries", MAX_ENTRIES.min(input.len() / DIRECTORY_ENTRY), entries)?;
@@ -151,7 +152,7 @@ fn fault(place: &str, error: ZipError) -> Fault {
 ///
 /// # Errors
 ///
-/// Where it goes on, or the checksum is another one.
+/// If it goes on, or the checksum is another one.
 pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
     match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
         0 => Ok(()),

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::input::bytes_at;
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// Bytes of a point without its track: number, place, color, error and the track's length.
@@ -17,7 +18,7 @@ const MAX_LINE: usize = 1 << 24;
 ///
 /// # Errors
 ///
-/// Where there are fewer or more bytes than its counts say, where a coordinate is not finite, and those of `visitor`.
+/// If there are fewer or more bytes than its counts say, if a coordinate is not finite, and those of `visitor`.
 pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let count = u64::from_le_bytes(input.array("the number of points")?);
     if count > input.left() / POINT_BYTES {
@@ -28,8 +29,8 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
         input.report(visitor)?;
         let place = input.offset();
         let bytes: [u8; POINT_BYTES as usize] = input.array("a point")?;
-        let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"));
-        let track = u64::from_le_bytes(bytes[43..].try_into().expect("8 bytes"));
+        let number = |at: usize| f64::from_le_bytes(bytes_at(&bytes, at));
+        let track = u64::from_le_bytes(bytes_at(&bytes, 43));
         if track > input.left() / SIGHTING_BYTES {
             let expected = format!("a track within the {} bytes that are left", input.left());
             return Err(Fault::malformed(format!("byte {}", place + 43), expected, format!("{track} pictures")));
@@ -52,7 +53,7 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
 ///
 /// # Errors
 ///
-/// Where a line has fewer numbers than a point, where a coordinate is not finite, and those of `visitor`.
+/// If a line has fewer numbers than a point, if a coordinate is not finite, and those of `visitor`.
 pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut line = Vec::new();
     let mut at = 0_u64;

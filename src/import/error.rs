@@ -9,15 +9,13 @@ pub enum Fault {
     /// The system.
     #[error("cannot read it: {0}")]
     Io(#[from] io::Error),
-    /// The file's author: it holds something else than it should.
-    #[error("{place}: expected {expected}, found {found}")]
+    /// The file breaks its format.
+    #[error("{place}: {problem}")]
     Malformed {
-        /// Where: a byte offset, a line, or the name of a part.
+        /// A byte offset, a line, or the name of a part.
         place: String,
-        /// What should be there.
-        expected: String,
-        /// What is there.
-        found: String,
+        /// The problem as a clause, with the expected and the found value.
+        problem: String,
     },
     /// A part of the format that is not read here.
     #[error("{what} is not supported: {instead}")]
@@ -43,9 +41,14 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// [`Fault::Malformed`].
+    /// [`Fault::Malformed`] with the problem "expected `expected`, found `found`", two noun phrases.
     pub fn malformed(place: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
-        Self::Malformed { place: place.into(), expected: expected.into(), found: found.to_string() }
+        Self::invalid(place, format!("expected {}, found {}", expected.into(), found.to_string()))
+    }
+
+    /// [`Fault::Malformed`] with the problem as a clause.
+    pub fn invalid(place: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Malformed { place: place.into(), problem: problem.into() }
     }
 
     /// [`Fault::Unsupported`].

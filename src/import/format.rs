@@ -64,7 +64,7 @@ impl Format {
     ///
     /// # Errors
     ///
-    /// Where its ending is none of those that are read.
+    /// If its ending is none of those that are read.
     pub fn from_path(path: &Path) -> Result<Self, Fault> {
         match path.file_name().and_then(|n| n.to_str()) {
             Some("points3D.bin") => return Ok(Self::ColmapBinary),
@@ -86,7 +86,7 @@ impl Format {
 ///
 /// # Errors
 ///
-/// On a file that is of no known format or not what its format says, and those of `visitor`.
+/// If the file is of no known format or not what its format says, and those of `visitor`.
 pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), ImportError> {
     let of = |path: &Path| {
         let path = path.to_path_buf();

@@ -41,7 +41,7 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// Where the box is none, and where vertices do not span it.
+    /// If the box is none, and if vertices do not span it.
     pub(super) fn new(shape: [u64; 3], order: Order, at: At, bounds: &Aabb) -> Result<Self, Fault> {
         if !bounds.is_solid() || !bounds.size().is_finite() {
             return Err(Fault::malformed("the grid's bounds", "finite ones, min < max", format!("{bounds:?}")));
@@ -93,7 +93,7 @@ impl Grid {
 ///
 /// # Errors
 ///
-/// Where there are fewer, or more that are longer.
+/// If there are fewer, or more that are longer.
 pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
     let mut axes = shape;
     while axes.len() > 3 && axes[0] == 1 {
@@ -109,7 +109,7 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 ///
 /// # Errors
 ///
-/// Where nobody says it.
+/// If nobody says it.
 pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
     options.bounds.ok_or_else(|| {
         Fault::unsupported("a grid that does not say what it spans", "give its smallest and largest corner as `bounds`")
@@ -128,7 +128,7 @@ impl Density {
     ///
     /// # Errors
     ///
-    /// Where these are no numbers to go by.
+    /// If these are no numbers to go by.
     pub(super) fn new(shift: f64, interval: f64) -> Result<Self, Fault> {
         if !shift.is_finite() {
             return Err(Fault::malformed("act_shift", "a finite number", shift));
@@ -143,7 +143,7 @@ impl Density {
     ///
     /// # Errors
     ///
-    /// Where `alpha` is none.
+    /// If `alpha` is none.
     pub(super) fn shift_of(alpha: f64) -> Result<f64, Fault> {
         if !(alpha > 0.0 && alpha < 1.0) {
             return Err(Fault::malformed("alpha_init", "a number between 0 and 1", alpha));

@@ -33,7 +33,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where it cannot be opened, and where it is no regular file, which has no length.
+    /// If it cannot be opened, and if it is no regular file, which has no length.
     pub fn open(path: &Path) -> Result<Self, Fault> {
         let file = File::open(path)?;
         let metadata = file.metadata()?;
@@ -94,7 +94,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where there is not so much left.
+    /// If there is not so much left.
     pub fn fill(&mut self, bytes: &mut [u8], what: &str) -> Result<(), Fault> {
         self.expect_left(bytes.len() as u64, what)?;
         self.source.read_exact(bytes)?;
@@ -106,7 +106,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where they are not.
+    /// If they are not.
     pub fn expect_left(&self, bytes: u64, what: &str) -> Result<(), Fault> {
         if bytes <= self.left() {
             return Ok(());
@@ -118,7 +118,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where there are not so many left.
+    /// If there are not so many left.
     pub fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Fault> {
         let mut bytes = [0; N];
         self.fill(&mut bytes, what)?;
@@ -130,7 +130,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where a line is too long.
+    /// If a line is too long.
     pub fn line(&mut self, line: &mut Vec<u8>, most: usize) -> Result<bool, Fault> {
         line.clear();
         let place = self.offset;
@@ -171,7 +171,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Where it lies past the end.
+    /// If it lies past the end.
     pub fn go_to(&mut self, offset: u64) -> Result<(), Fault> {
         if offset > self.len {
             return Err(Fault::malformed(
@@ -184,6 +184,11 @@ impl<'a> Input<'a> {
         self.offset = offset;
         Ok(())
     }
+}
+
+/// The `N` bytes from `at` on of a record, which must be long enough.
+pub(super) fn bytes_at<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|n| record[at + n])
 }
 
 /// For libraries that read by themselves.

@@ -19,7 +19,7 @@ impl Point {
     ///
     /// # Errors
     ///
-    /// Where they are not finite.
+    /// If they are not finite.
     pub fn new(position: DVec3, color: Option<[u8; 3]>, place: impl FnOnce() -> String) -> Result<Self, Fault> {
         if position.is_finite() {
             return Ok(Self { position, color });

@@ -12,8 +12,8 @@ use super::holes::filled;
 use super::morphology::Runs;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
-use super::voxels::{MAX_CELLS, Voxels, boxes_of};
-use super::{BuildError, VoxelBoxes, coarse};
+use super::voxels::{MAX_CELLS, Voxels, boxes_of, too_many_cells};
+use super::{BuildError, Error, VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
 use crate::import::{self, Fault, Point, ReadOptions, Visitor};
 
@@ -134,12 +134,10 @@ pub fn build(
 
 impl BuildOptions {
     fn check(&self) -> Result<(), BuildError> {
-        let error = |field, expected, found: &dyn std::fmt::Debug| {
-            Err(BuildError::Option { field, expected, found: format!("{found:?}") })
-        };
+        let error = |name, expected, found: &dyn std::fmt::Debug| Err(Error::option(name, expected, found).into());
         let determinant = self.transform.matrix3.determinant();
         if !self.transform.is_finite() || !determinant.is_normal() {
-            return error("transform", "a map that can be undone", &self.transform);
+            return error("transform", "an invertible map", &self.transform);
         }
         if let Some(edge) = self.voxel.filter(|v| !(v.is_normal() && *v > 0.0)) {
             return error("voxel", "a positive length", &edge);
@@ -150,9 +148,9 @@ impl BuildOptions {
             }
         }
         match (&self.crop, &self.outliers) {
-            (Some(crop), _) if !crop.is_solid() => error("crop", "the smallest corner, then a larger one", crop),
+            (Some(crop), _) if !crop.is_solid() => error("crop", "two corners, the smaller one first", crop),
             (_, Some(rule)) if rule.neighbors == 0 || rule.deviations.is_nan() || rule.deviations < 0.0 => {
-                error("outliers", "at least one neighbor, and deviations of at least 0", rule)
+                error("outliers", "at least 1 neighbor and a number of deviations of at least 0", rule)
             }
             _ => Ok(()),
         }
@@ -288,11 +286,12 @@ impl Survey {
         let size = bounds.size();
         let longest = size.max_element();
         if longest <= 0.0 || !longest.is_finite() {
-            return Err(BuildError::Option {
-                field: "voxel",
-                expected: "the edge of a cell, because a single point has no extent to derive it from",
+            return Err(Error::Option {
+                name: "voxel",
+                expected: "given for a single point, which has no extent to derive it from",
                 found: "none".into(),
-            });
+            }
+            .into());
         }
         let voxels = f64::from(coarse::CoarseOptions::default().voxels);
         let edge = (size.element_product() / voxels).cbrt().max(MIN_SHARE * longest);
@@ -408,9 +407,9 @@ impl Shapes for Filling<'_> {
 
 /// Holes filled, then cells grown.
 fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
-    let too_large = |field, length: f64| BuildError::Option {
-        field,
-        expected: "a radius of fewer cells; choose a smaller one, a larger `voxel`, or a `crop`",
+    let too_large = |name, length: f64| Error::Option {
+        name,
+        expected: "a radius of fewer cells (choose a smaller one, a larger `voxel`, or a `crop`)",
         found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
     };
     let shortest = pitch.min_element();
@@ -425,12 +424,12 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
         // Runs are joined only after all have been collected.
         let ball = 4.19 * (radius + 1.0).element_product();
         if ball * runs.len() as f64 > 16.0 * MAX_CELLS as f64 {
-            return Err(too_large("dilate", options.dilate));
+            return Err(too_large("dilate", options.dilate).into());
         }
         runs = runs.grown(radius);
     }
     if runs.len() > MAX_CELLS {
-        return Err(BuildError::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS });
+        return Err(too_many_cells(pitch).into());
     }
     Ok(runs)
 }

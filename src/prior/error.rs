@@ -1,80 +1,80 @@
-//! What can go wrong before there is a model.
+//! Errors of priors and of tensor placement.
 
 use crate::dataset::Dataset;
 use crate::import::ImportError;
 
-/// Why there is no prior or no placement. Expected and found values are inside.
+/// Why a prior could not be made from photographs, checked or used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An option that cannot be meant (the caller).
-    #[error("{name}: expected {expected}, found {found}")]
+    /// An option or argument is out of range (the caller).
+    #[error("`{name}` must be {expected}, found {found}")]
     Option {
-        /// Which one.
+        /// Name of the field or argument.
         name: &'static str,
-        /// What it should be.
+        /// Accepted values.
         expected: &'static str,
-        /// What it is.
+        /// The given value.
         found: String,
     },
-    /// Nothing to look at (the dataset).
+    /// The dataset has no photographs (the dataset).
     #[error("dataset {dataset} has no views")]
     NoViews {
         /// The dataset's name.
         dataset: String,
     },
-    /// A view that is not what its camera says (the dataset).
+    /// A view contradicts its camera (the dataset).
     #[error("view {view}: expected {expected}, found {found}")]
     View {
         /// The view's name.
         view: String,
-        /// What it should be.
+        /// Accepted values.
         expected: String,
-        /// What it is.
+        /// The found value.
         found: String,
     },
-    /// The photographs led to no occupied voxel.
+    /// The trained grid has no occupied voxel.
     #[error(
         "the coarse reconstruction of {dataset} is empty after {steps} steps (training PSNR {psnr:.2} dB): \
-         most likely {cause}"
+         {cause}"
     )]
     EmptyReconstruction {
         /// The dataset's name.
         dataset: String,
-        /// How long it was trained.
+        /// Finished steps.
         steps: u32,
-        /// How well it fits the photographs, in dB.
+        /// Training PSNR, in dB.
         psnr: f64,
-        /// The likely cause and its cure.
+        /// The likely cause and a remedy, as a clause.
         cause: &'static str,
     },
-    /// Nothing to place tensors on (the caller).
+    /// No position to place tensors at (the caller).
     #[error("there is no {what} to place tensors on")]
     NothingToPlace {
         /// Boxes, points or centers.
         what: &'static str,
     },
-    /// A position that is no number (the caller).
+    /// A position is not finite (the caller).
     #[error("{what} {index} is not finite: {found}")]
     NotFinite {
         /// Boxes, points or centers.
         what: &'static str,
-        /// Which one, from 0.
+        /// Its index, from 0.
         index: usize,
-        /// What it is.
+        /// The found value.
         found: String,
     },
-    /// More cells than memory should hold (the limit).
-    #[error(
-        "pitch {pitch:?} gives more than {limit} lattice cells over the prior: is the scene mapped to model units?"
-    )]
+    /// More cells than fit into memory (the limit).
+    #[error("cells of {pitch:?} are too many over this geometry, at most {limit} are supported: {remedy}")]
     TooManyCells {
-        /// Edge lengths of a lattice cell.
+        /// Edge lengths of a cell.
         pitch: [f64; 3],
-        /// The most cells that are visited.
+        /// The largest supported number.
         limit: u64,
+        /// A remedy, as an imperative.
+        remedy: &'static str,
     },
-    /// The progress callback asked to stop.
+    /// The progress callback stopped the training.
     #[error("cancelled after {step} steps")]
     Cancelled {
         /// Finished steps.
@@ -83,11 +83,13 @@ pub enum Error {
 }
 
 impl Error {
-    /// Nothing was found in `dataset`'s photographs.
+    /// [`Error::EmptyReconstruction`] of `dataset`.
     pub(crate) fn empty(dataset: &Dataset, steps: u32, psnr: f64, background: [f32; 3]) -> Self {
         let cause = match background {
-            [1.0, 1.0, 1.0] => "the background is not white (set it), or the cameras' axes or near and far are wrong",
-            _ => "the background's color, the cameras' axes, or near and far are wrong",
+            [1.0, 1.0, 1.0] => {
+                "check the cameras' axes and `near_far`, and set `background` if the photographs' background is not white"
+            }
+            _ => "check `background`, the cameras' axes and `near_far`",
         };
         Self::EmptyReconstruction { dataset: dataset.name.clone(), steps, psnr, cause }
     }
@@ -97,46 +99,29 @@ impl Error {
     }
 }
 
-/// Why there are no cells.
+/// Why a prior could not be made from files.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// A file (its author, or the system).
+    /// A file cannot be read (its author, or the system).
     #[error(transparent)]
     Import(#[from] ImportError),
-    /// An option that cannot be meant (the caller).
-    #[error("`{field}`: expected {expected}, found {found}")]
-    Option {
-        /// The field of [`super::BuildOptions`].
-        field: &'static str,
-        /// What it should be.
-        expected: &'static str,
-        /// What it is.
-        found: String,
-    },
-    /// Files without geometry, or none that the options leave.
-    #[error("expected something occupied, found nothing{why}")]
+    /// An option is out of range, or there are too many cells (the caller).
+    #[error(transparent)]
+    Prior(#[from] Error),
+    /// The files have no geometry, or the options leave none.
+    #[error("no cell is occupied{why}")]
     Nothing {
-        /// What was there, if anything.
+        /// The geometry that was read, as the rest of the sentence.
         why: String,
     },
-    /// More than memory should hold, or than can be done.
-    #[error(
-        "cells of {pitch:?} are too many over this geometry (at most {limit} are held): choose a larger `voxel`, or a `crop`"
-    )]
-    TooManyCells {
-        /// Edge lengths of a cell.
-        pitch: [f64; 3],
-        /// The most that are held.
-        limit: u64,
-    },
-    /// More points than outliers are looked for among.
-    #[error("`outliers` can be removed among at most {limit} points: choose a `crop`, or keep the outliers")]
+    /// More points than the search for outliers supports.
+    #[error("`outliers` supports at most {limit} points: set a `crop`, or keep the outliers")]
     TooManyPoints {
-        /// The most.
+        /// The largest supported number.
         limit: usize,
     },
-    /// The caller asked to stop.
+    /// The progress callback stopped the reading.
     #[error("interrupted")]
     Stopped,
 }

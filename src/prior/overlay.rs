@@ -24,7 +24,7 @@ const OPACITY: f32 = 0.5;
 ///
 /// # Errors
 ///
-/// Where `photograph` has not as many pixels as the camera or `colors` not as many as there are cells.
+/// If `photograph` has not as many pixels as the camera or `colors` not as many as there are cells.
 pub fn overlay(
     tree: &SparseVoxelTree,
     boxes: &VoxelBoxes,

@@ -109,7 +109,11 @@ fn rasterize(
     }
     let origin = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(&b)).min;
     let lattice = Lattice { origin, pitch: shape.pitch.into() };
-    let too_many = || Error::TooManyCells { pitch: shape.pitch, limit: MAX_VISITS };
+    let too_many = || Error::TooManyCells {
+        pitch: shape.pitch,
+        limit: MAX_VISITS,
+        remedy: "map the scene to model units, or use a larger pitch",
+    };
     let mut visits = 0_u64;
     for b in boxes.clone() {
         let (first, last) = touched(&lattice, &b).ok_or_else(too_many)?;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::{DVec3, I64Vec3, IVec3, UVec3};
 
 use super::overlap::{Convex, Triangle, meets};
-use super::{BuildError, VoxelBoxes};
+use super::{BuildError, Error, VoxelBoxes};
 use crate::geometry::{Aabb, Lattice};
 
 /// The most cells that are held; each takes about 50 bytes.
@@ -201,7 +201,7 @@ impl Voxels {
     }
 
     fn too_many(&self) -> BuildError {
-        BuildError::TooManyCells { pitch: self.lattice.pitch.into(), limit: MAX_CELLS }
+        too_many_cells(self.lattice.pitch).into()
     }
 
     /// The cell that contains `at`.
@@ -232,6 +232,11 @@ impl Voxels {
         cells.sort_unstable_by_key(|(cell, _)| [cell.z, cell.y, cell.x]);
         cells
     }
+}
+
+/// The error that cells of edges `pitch` are more than [`MAX_CELLS`].
+pub(super) fn too_many_cells(pitch: DVec3) -> Error {
+    Error::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS, remedy: "choose a larger `voxel`, or a `crop`" }
 }
 
 /// `cells` of `lattice`, ascending by (z, y, x), as boxes whose lattice begins where they do.

@@ -23,7 +23,7 @@ use crate::npy::{Header, NpyError};
 ///
 /// # Errors
 ///
-/// Where it is not what the format says, and those of `visitor`.
+/// If it is not what the format says, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let start = input.peek(6)?;
     if start == b"\x93NUMPY" {

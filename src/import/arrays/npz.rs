@@ -129,9 +129,7 @@ impl Array for Member<'_, '_, '_> {
 /// `fault`, in this array.
 fn within(name: &str, fault: Fault) -> Fault {
     match fault {
-        Fault::Malformed { place, expected, found } => {
-            Fault::Malformed { place: format!("{name}: {place}"), expected, found }
-        }
+        Fault::Malformed { place, problem } => Fault::Malformed { place: format!("{name}: {place}"), problem },
         other => other,
     }
 }
@@ -183,7 +181,8 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
     };
     let array = &mut Member::new(archive, "cells")?;
     let mut hand_on = |array: &mut Member<'_, '_, '_>| {
-        let [count, columns] = points::rows_and_columns(array, "cells")?;
+        let shape = points::rows_and_columns(array, "cells")?;
+        let [count, columns] = shape;
         if columns != 3 || matches!(array.header.number, Number::Bool | Number::Float(_)) {
             let found = format!("{:?} of {:?}", array.header.shape, array.header.number);
             return Err(Fault::malformed("the array", "integers of shape (n, 3)", found));
@@ -191,7 +190,7 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
         if let Some(colors) = colors.as_ref().filter(|colors| colors.len() as u64 != count) {
             return Err(Fault::malformed("the array", format!("{} rows, as colors has", colors.len()), count));
         }
-        points::rows(array, 3, &mut |n, row| {
+        points::rows(array, shape, 3, &mut |n, row| {
             if n % REPORT_EVERY == REPORT_EVERY - 1 {
                 visitor.progress(n, count)?;
             }

@@ -35,13 +35,14 @@ pub(super) fn read(
     colors: Option<Vec<[u8; 3]>>,
     visitor: &mut dyn Visitor,
 ) -> Result<(), Fault> {
-    let [count, columns] = rows_and_columns(array, "points")?;
+    let shape = rows_and_columns(array, "points")?;
+    let [count, columns] = shape;
     if let Some(colors) = colors.as_ref().filter(|c| c.len() as u64 != count) {
         return Err(Fault::malformed("the colors", format!("{count}, one a point"), colors.len()));
     }
-    let scale = if columns >= 6 && colors.is_none() { scale_of(array, 3)? } else { None };
+    let scale = if columns >= 6 && colors.is_none() { scale_of(array, shape, 3)? } else { None };
     let used = if scale.is_some() { 6 } else { 3 };
-    rows(array, used, &mut |n, row| {
+    rows(array, shape, used, &mut |n, row| {
         if n % REPORT_EVERY == REPORT_EVERY - 1 {
             visitor.progress(n, count)?;
         }
@@ -56,13 +57,13 @@ pub(super) fn read(
 
 /// The colors of an array that holds nothing else.
 pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
-    let [count, _] = rows_and_columns(array, "colors")?;
-    Fault::unless_within("colors", MAX_COLORS, count)?;
-    let Some(scale) = scale_of(array, 0)? else {
+    let shape = rows_and_columns(array, "colors")?;
+    Fault::unless_within("colors", MAX_COLORS, shape[0])?;
+    let Some(scale) = scale_of(array, shape, 0)? else {
         return Err(Fault::malformed("the colors", "whole numbers within 0 to 255, or floats within 0 to 1", "others"));
     };
     let mut colors = Vec::new();
-    rows(array, 3, &mut |_, row| {
+    rows(array, shape, 3, &mut |_, row| {
         colors.push(scale.color(row));
         Ok(())
     })?;
@@ -72,9 +73,13 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
 /// Takes a row's number and the columns that are used.
 type VisitRow<'v> = dyn FnMut(u64, &[f64]) -> Result<(), Fault> + 'v;
 
-/// Visits the first `used` columns of each row, of an array of which [`rows_and_columns`] has seen the shape.
-pub(super) fn rows(array: &mut dyn Array, used: usize, visit: &mut VisitRow<'_>) -> Result<(), Fault> {
-    let &[count, columns] = array.header().shape.as_slice() else { unreachable!("rows_and_columns was called before") };
+/// Visits the first `used` columns of each row; the shape is that of [`rows_and_columns`].
+pub(super) fn rows(
+    array: &mut dyn Array,
+    [count, columns]: [u64; 2],
+    used: usize,
+    visit: &mut VisitRow<'_>,
+) -> Result<(), Fault> {
     if array.header().fortran_order {
         let numbers = count * used as u64;
         Fault::unless_within("numbers in Fortran's order", MAX_HELD, numbers)?;
@@ -101,7 +106,7 @@ pub(super) fn rows(array: &mut dyn Array, used: usize, visit: &mut VisitRow<'_>)
     })
 }
 
-/// The shape of an array of rows of three or more.
+/// The shape of an array whose rows have three columns or more.
 pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2], Fault> {
     match array.header().shape[..] {
         [count, columns] if (3..=MAX_COLUMNS).contains(&columns) => Ok([count, columns]),
@@ -114,13 +119,13 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
 
 /// How the three columns from `first` on stand for colors, if they do: that takes reading them once. Whole numbers up to 255
 /// are bytes, except floats that are all within 0 and 1.
-fn scale_of(array: &mut dyn Array, first: usize) -> Result<Option<Scale>, Fault> {
+fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Option<Scale>, Fault> {
     if array.header().number == Number::Unsigned(1) {
         return Ok(Some(Scale::Bytes));
     }
     let mut unit = matches!(array.header().number, Number::Float(_));
     let mut bytes = true;
-    rows(array, first + 3, &mut |_, row| {
+    rows(array, shape, first + 3, &mut |_, row| {
         for value in &row[first..] {
             unit &= (0.0..=1.0).contains(value);
             bytes &= (0.0..=255.0).contains(value) && value.fract() == 0.0;

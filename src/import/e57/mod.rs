@@ -14,6 +14,7 @@ use ::e57::E57Reader;
 
 use self::pages::Pages;
 use self::scan::Scan;
+use super::input::bytes_at;
 use super::{Fault, Input, ReadOptions, Visitor};
 
 /// The longest XML section that is read, in bytes. It has some thousand of them for each scan.
@@ -29,7 +30,7 @@ const MAX_NAMESPACES: usize = 100;
 ///
 /// # Errors
 ///
-/// Where a page's checksum is wrong, where the XML section is none or promises more than there is, where a coordinate is not
+/// If a page's checksum is wrong, if the XML section is none or promises more than there is, if a coordinate is not
 /// finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut pages = Pages::of(input)?;
@@ -58,7 +59,7 @@ fn check_xml(pages: &mut Pages<'_, '_>) -> Result<(), Fault> {
     if &header[..8] != b"ASTM-E57" {
         return Err(Fault::malformed("byte 0", "ASTM-E57", format!("{:?}", &header[..8])));
     }
-    let number = |at: usize| u64::from_le_bytes(header[at..at + 8].try_into().expect("8 bytes"));
+    let number = |at: usize| u64::from_le_bytes(bytes_at(&header, at));
     if number(40) != pages::PAGE {
         return Err(Fault::malformed("byte 40", format!("pages of {} bytes", pages::PAGE), number(40)));
     }

@@ -58,7 +58,7 @@ type Sink<'a> = dyn FnMut(&[Stream], usize) -> Result<(), Fault> + 'a;
 ///
 /// # Errors
 ///
-/// Where a packet is none, where there are too few of them, and those of `sink`.
+/// If a packet is none, if there are too few of them, and those of `sink`.
 pub(super) fn read(
     pages: &mut Pages<'_, '_>,
     streams: &mut [Stream],

@@ -1,5 +1,6 @@
 //! The pages of an E57 file: 1020 bytes, and their checksum, which is a CRC-32C in the order that other machines have.
 
+use crate::import::input::bytes_at;
 use crate::import::{Fault, Input};
 
 /// Bytes of a page.
@@ -117,7 +118,7 @@ impl<'i, 'a> Pages<'i, 'a> {
         self.input.go_to(page * PAGE)?;
         self.input.fill(&mut self.page, "a page")?;
         let (bytes, stored) = self.page.split_at(PAYLOAD as usize);
-        let (found, stored) = (checksum(bytes), u32::from_be_bytes(stored.try_into().expect("4 bytes")));
+        let (found, stored) = (checksum(bytes), u32::from_be_bytes(bytes_at(stored, 0)));
         if found != stored {
             let place = format!("the page at byte {}", page * PAGE);
             return Err(Fault::malformed(place, format!("the checksum {stored:08x}"), format!("{found:08x}")));

@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::packets::{self, Stream};
 use super::pages::Pages;
+use crate::import::input::bytes_at;
 use crate::import::{Fault, Point, Visitor};
 
 /// The most fields of a scan.
@@ -122,7 +123,7 @@ impl Scan {
     ///
     /// # Errors
     ///
-    /// Where its fields are none that points can be read from, or its pose is none.
+    /// If its fields are none that points can be read from, or its pose is none.
     pub(super) fn new(described: &PointCloud, place: String) -> Result<Self, Fault> {
         let prototype = &described.prototype;
         Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
@@ -176,7 +177,7 @@ impl Scan {
     ///
     /// # Errors
     ///
-    /// Where there are fewer points than it says, where one is not finite, and those of `visitor`.
+    /// If there are fewer points than it says, if one is not finite, and those of `visitor`.
     pub(super) fn read(
         &self,
         pages: &mut Pages<'_, '_>,
@@ -198,7 +199,7 @@ impl Scan {
         if head[0] != 1 {
             return Err(Fault::malformed(place, "a scan's head, of kind 1", head[0]));
         }
-        pages.go_to(u64::from_le_bytes(head[16..24].try_into().expect("8 bytes")), &self.place)?;
+        pages.go_to(u64::from_le_bytes(bytes_at(&head, 16)), &self.place)?;
         let mut streams: Vec<Stream> = self.bits.iter().map(|bits| Stream::new(*bits)).collect();
         let mut done = 0;
         packets::read(pages, &mut streams, self.records, &mut |streams, count| {

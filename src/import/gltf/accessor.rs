@@ -132,7 +132,7 @@ impl<'b> Values<'b> {
     ///
     /// # Errors
     ///
-    /// Where they reach past their buffers, or there is nothing behind too many of them.
+    /// If they reach past their buffers, or there is nothing behind too many of them.
     pub(super) fn of(buffers: &'b Buffers<'_>, index: Index<Accessor>, budget: &mut Budget) -> Result<Self, Fault> {
         let accessor = get(&buffers.document.accessors, index, "accessor")?;
         let place = || format!("accessor {index}");

@@ -83,7 +83,7 @@ impl<'a> Buffers<'a> {
 ///
 /// # Errors
 ///
-/// Where it cannot be read, or lies outside the folder of `path`.
+/// If it cannot be read, or lies outside the folder of `path`.
 pub fn beside(path: &Path, name: &str) -> Result<Vec<u8>, Fault> {
     check_name(name)?;
     let wrong = |found: &dyn ToString| Fault::malformed(format!("the buffer \"{name}\""), "a file", found.to_string());

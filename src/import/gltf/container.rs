@@ -1,5 +1,6 @@
 //! The two forms of a glTF file: JSON alone, or a GLB of chunks.
 
+use super::super::input::bytes_at;
 use super::super::{Fault, Input};
 
 /// Bytes of JSON. Only data URIs make it large; a GLB is the better form then.
@@ -15,7 +16,7 @@ pub(super) struct Container {
 ///
 /// # Errors
 ///
-/// Where a GLB's lengths are not those of the file, or it is too much JSON.
+/// If a GLB's lengths are not those of the file, or it is too much JSON.
 pub(super) fn read(input: &mut Input<'_>) -> Result<Container, Fault> {
     if input.peek(4)? == b"glTF" {
         return glb(input);
@@ -25,7 +26,7 @@ pub(super) fn read(input: &mut Input<'_>) -> Result<Container, Fault> {
 
 fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
     let header: [u8; 12] = input.array("a GLB header")?;
-    let [_, version, length] = [0, 4, 8].map(|at| number(&header[at..]));
+    let [_, version, length] = [0, 4, 8].map(|at| u32::from_le_bytes(bytes_at(&header, at)));
     if version != 2 {
         return Err(Fault::unsupported(format!("GLB of version {version}"), "convert it to glTF 2"));
     }
@@ -36,7 +37,7 @@ fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
     while u64::from(length).saturating_sub(input.offset()) >= 8 {
         let place = input.place();
         let header: [u8; 8] = input.array("a chunk's header")?;
-        let (size, kind) = (u64::from(number(&header)), &header[4..]);
+        let (size, kind) = (u64::from(u32::from_le_bytes(bytes_at(&header, 0))), &header[4..]);
         let room = u64::from(length) - input.offset();
         if size > room {
             return Err(Fault::malformed(place, format!("a chunk of at most {room} bytes"), size));
@@ -59,8 +60,4 @@ fn part(input: &mut Input<'_>, size: u64, most: u64, what: &str) -> Result<Vec<u
     let mut bytes = vec![0; size as usize];
     input.fill(&mut bytes, what)?;
     Ok(bytes)
-}
-
-fn number(bytes: &[u8]) -> u32 {
-    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }

@@ -66,7 +66,7 @@ impl Document {
     ///
     /// # Errors
     ///
-    /// Where it is no glTF 2, or uses what is not read.
+    /// If it is no glTF 2, or uses what is not read.
     pub(super) fn parse(json: &[u8]) -> Result<Self, Fault> {
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
         let wrong = |error| Fault::malformed("the JSON", "a glTF document", error);

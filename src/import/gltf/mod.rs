@@ -28,7 +28,7 @@ use primitive::Primitive;
 ///
 /// # Errors
 ///
-/// Where it is not what the format says, and those of `visitor`.
+/// If it is not what the format says, and those of `visitor`.
 pub fn read(
     input: &mut Input<'_>,
     beside: &dyn Fn(&str) -> Result<Vec<u8>, Fault>,

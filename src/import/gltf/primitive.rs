@@ -30,7 +30,7 @@ impl<'b> Primitive<'b> {
     ///
     /// # Errors
     ///
-    /// Where its accessors are not of the types that the format says.
+    /// If its accessors are not of the types that the format says.
     pub(super) fn of(
         json: &Json,
         place: &dyn Fn() -> String,

@@ -11,7 +11,7 @@ use super::document::{Document, get};
 ///
 /// # Errors
 ///
-/// Where the nodes are no trees or a transform is none, and those of `each`.
+/// If the nodes are no trees or a transform is none, and those of `each`.
 pub(super) fn walk(
     document: &Document,
     mut each: impl FnMut(Index<Mesh>, &DMat4) -> Result<(), Fault>,

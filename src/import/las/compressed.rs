@@ -14,6 +14,7 @@ use laz::LazVlr;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 
 use super::header::{BATCH, Header};
+use crate::import::input::bytes_at;
 use crate::import::{Fault, Input};
 
 /// Bytes before the data of a variable length record.
@@ -37,7 +38,7 @@ enum Kind {
 ///
 /// # Errors
 ///
-/// Where the compression is none that is known, where the points end early or are none, and those of `sink`.
+/// If the compression is none that is known, if the points end early or are none, and those of `sink`.
 pub(super) fn read(
     input: &mut Input<'_>,
     header: &Header,
@@ -144,7 +145,7 @@ fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
     let (Some(compressor), Some(coder), Some(count)) = (short(0), short(2), short(32)) else {
         return Err(bad("at least 34 bytes".into(), format!("{} bytes", description.len())));
     };
-    let chunk = u32::from_le_bytes(description[12..16].try_into().expect("4 bytes"));
+    let chunk = u32::from_le_bytes(bytes_at(description, 12));
     let extended = header.format >= 6;
     let kind = match (compressor, extended, chunk) {
         (1, false, _) => Kind::Whole,

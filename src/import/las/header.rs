@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::import::input::bytes_at;
 use crate::import::{Fault, Input};
 
 /// Points that are read at once.
@@ -94,7 +95,7 @@ impl Header {
         }
         // Since 1.4 the older number is zero where it is not kept in step; where it is not zero it counts.
         let points = match (word(&bytes, 107), version.1) {
-            (0, 4) => u64::from_le_bytes(bytes[247..255].try_into().expect("8 bytes")),
+            (0, 4) => u64::from_le_bytes(bytes_at(&bytes, 247)),
             (points, _) => points.into(),
         };
         let vector = |at: usize| DVec3::new(number(&bytes, at), number(&bytes, at + 8), number(&bytes, at + 16));
@@ -158,9 +159,9 @@ impl Header {
 }
 
 fn word(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"))
+    u32::from_le_bytes(bytes_at(bytes, at))
 }
 
 fn number(bytes: &[u8], at: usize) -> f64 {
-    f64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
+    f64::from_le_bytes(bytes_at(bytes, at))
 }

@@ -21,7 +21,7 @@ const JUDGED: usize = 10_000;
 ///
 /// # Errors
 ///
-/// Where the header contradicts itself or promises more than there is, where compressed points are none, where a coordinate
+/// If the header contradicts itself or promises more than there is, if compressed points are none, if a coordinate
 /// is not finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;

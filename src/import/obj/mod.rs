@@ -28,7 +28,7 @@ const ASK_EVERY: usize = 1 << 16;
 ///
 /// # Errors
 ///
-/// Where it is not what the format says, and those of `visitor`.
+/// If it is not what the format says, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     if options.vertices || !has_polygons(input, visitor)? {
         return hand_over_vertices(input, visitor);

@@ -99,7 +99,7 @@ impl Header {
     ///
     /// # Errors
     ///
-    /// Where that is no number.
+    /// If that is no number.
     pub(super) fn bytes(&self) -> Result<u64, Fault> {
         let bytes = self.points.checked_mul(self.record);
         bytes.ok_or_else(|| Fault::malformed("POINTS", "a number of points", self.points))

@@ -19,7 +19,7 @@ const BATCH: usize = 1 << 18;
 ///
 /// # Errors
 ///
-/// Where they are more or fewer, where a copy begins before the first byte, and those of `visitor`.
+/// If they are more or fewer, if a copy begins before the first byte, and those of `visitor`.
 pub(super) fn decompress(
     input: &mut Input<'_>,
     packed: u64,

@@ -25,7 +25,7 @@ const MAX_COLUMNS: u64 = 1 << 31;
 ///
 /// # Errors
 ///
-/// Where the header contradicts itself or promises more than there is, where compressed bytes are none, where a coordinate
+/// If the header contradicts itself or promises more than there is, if compressed bytes are none, if a coordinate
 /// is infinite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;

@@ -33,7 +33,7 @@ impl Surface {
     ///
     /// # Errors
     ///
-    /// Where it should be one and has no list of corners.
+    /// If it should be one and has no list of corners.
     pub(super) fn of(element: &Element) -> Result<Option<Self>, Fault> {
         let (shape, names): (_, &[&str]) = match element.name.as_str() {
             "face" => (Shape::Fan, &["vertex_indices", "vertex_index"]),

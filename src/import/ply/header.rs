@@ -160,7 +160,7 @@ impl Header {
     ///
     /// # Errors
     ///
-    /// Where it is no header, declares more than is read, or more than the rest of the file can hold.
+    /// If it is no header, declares more than is read, or more than the rest of the file can hold.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let (mut encoding, mut elements, mut lines) = (None, Vec::<Element>::new(), 0);
         let mut bytes = Vec::new();

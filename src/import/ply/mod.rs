@@ -25,7 +25,7 @@ use vertices::{Columns, Vertices};
 ///
 /// # Errors
 ///
-/// Where it is not what the format says, and those of `visitor`.
+/// If it is not what the format says, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     let elements = &header.elements;

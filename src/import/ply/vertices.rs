@@ -26,7 +26,7 @@ impl Columns {
     ///
     /// # Errors
     ///
-    /// Where it has no coordinates.
+    /// If it has no coordinates.
     pub(super) fn of(element: &Element) -> Result<Self, Fault> {
         let number = |name: &str| {
             let property = element.property(name)?;

@@ -26,7 +26,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where it is no archive with one pickle, or that is none.
+    /// If it is no archive with one pickle, or that is none.
     pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         const PICKLE: &str = "data.pkl";
         let mut archive = Archive::open(input)?;
@@ -57,15 +57,13 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where its storage is not there or not so long as it should be, and those of `visit`.
+    /// If its storage is not there or not so long as it should be, and those of `visit`.
     pub(super) fn for_each(
         &mut self,
         tensor: &Tensor,
         mut visit: impl FnMut(u64, f64) -> Result<(), Fault>,
     ) -> Result<(), Fault> {
-        let Value::Storage(storage) = self.pickle.value(tensor.storage) else {
-            unreachable!("tensors are made of storages")
-        };
+        let storage = tensor.storage;
         let element = storage.element;
         let number = if let Element::Number(number) = element { number } else { Number::Unsigned(2) };
         let name = format!("{}data/{}", self.folder, self.pickle.text(storage.key).unwrap_or_default());
@@ -114,7 +112,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where it is something else; `name` is what it is called.
+    /// If it is something else; `name` is what it is called.
     pub(super) fn numbers<const N: usize>(&mut self, id: Id, name: &str) -> Result<[f64; N], Fault> {
         let mut found = Vec::new();
         match self.pickle.value(id) {
@@ -156,7 +154,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Where it is none.
+    /// If it is none.
     pub(super) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
         let (pickle, none) = (&self.pickle, || Fault::malformed(name, "an array of numbers", "something else"));
         let Value::Array(array) = pickle.value(id) else { return Err(none()) };

@@ -24,7 +24,7 @@ const TAR: (usize, &[u8]) = (257, b"ustar");
 ///
 /// # Errors
 ///
-/// Where it is not what the format says, and those of `visitor`.
+/// If it is not what the format says, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let start = input.peek(512)?;
     if start.starts_with(BEFORE_1_6) || start.get(TAR.0..).is_some_and(|at| at.starts_with(TAR.1)) {

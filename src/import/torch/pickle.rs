@@ -26,7 +26,7 @@ impl Pickle {
     ///
     /// # Errors
     ///
-    /// Where they are no pickle, or one that names a function that is not known here.
+    /// If they are no pickle, or one that names a function that is not known here.
     pub(super) fn parse(bytes: Vec<u8>, name: &str) -> Result<Self, Fault> {
         let (values, root) = machine::run(&bytes, name)?;
         Ok(Self { bytes, values, root })

@@ -26,7 +26,7 @@ const MAX_LINE: usize = 1 << 16;
 ///
 /// # Errors
 ///
-/// Where a line is too long or has other columns than the first one, where a number that is needed is none or not finite,
+/// If a line is too long or has other columns than the first one, if a number that is needed is none or not finite,
 /// where there are fewer points than a PTS file says, or none, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut text = Vec::new();

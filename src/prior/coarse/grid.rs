@@ -1,27 +1,28 @@
-//! The voxel grid that is trained: raw densities and colors at vertices.
+//! The trained grid: raw densities and colors at vertices.
 
 use glam::{DVec3, UVec3};
 use num_traits::Float;
 
 use crate::geometry::Aabb;
 
-/// The arithmetic of training: f32, and f64 where gradients are checked.
-pub(super) trait Real: Float + Default + Send + Sync + 'static {
-    /// The nearest number to `value`.
+/// f32 for training, f64 for the check of the gradients. `field::Real` is not used because `prior` must not import
+/// `field`, a sibling of the same layer (`tests/import_order`); it also requires vector types that are not needed here.
+pub(super) trait Scalar: Float + Default + Send + Sync + 'static {
+    /// `value`, rounded to the nearest number.
     #[inline(always)]
     fn of(value: f64) -> Self {
-        // Every f64 has a nearest f32.
+        // Every f64 has a nearest f32, so that the conversion cannot fail.
         <Self as num_traits::NumCast>::from(value).unwrap_or_else(Self::nan)
     }
 }
 
-impl Real for f32 {}
-impl Real for f64 {}
+impl Scalar for f32 {}
+impl Scalar for f64 {}
 
 /// Channels of a vertex: raw density, raw red, green and blue.
 pub(super) type Channels<T> = [T; 4];
 
-/// A regular grid of vertices and what is stored there. Its own space measures in voxels from the first vertex.
+/// A regular grid of vertices with their channels. The unit of its own space is the voxel, its origin the first vertex.
 #[derive(Clone, Debug)]
 pub(super) struct Grid<T> {
     /// The position of vertex (0, 0, 0), in dataset units.
@@ -34,7 +35,7 @@ pub(super) struct Grid<T> {
     pub(super) values: Vec<Channels<T>>,
 }
 
-impl<T: Real> Grid<T> {
+impl<T: Scalar> Grid<T> {
     /// A grid of zeros whose vertices span at least `bounds`, about `count` of them, cubic voxels.
     pub(super) fn over(bounds: &Aabb, count: f64) -> Self {
         let size = bounds.size();
@@ -64,7 +65,8 @@ impl<T: Real> Grid<T> {
         (point - self.origin) / self.voxel
     }
 
-    /// The trilinear interpolation between the eight vertices from number `first` on, at `fraction` of the way.
+    /// The trilinear interpolation in the cell whose smallest vertex is number `first`; `fraction` is the position in
+    /// the cell.
     #[inline(always)]
     pub(super) fn interpolate(&self, first: usize, fraction: [T; 3]) -> Channels<T> {
         let (row, plane) = (self.vertices.x as usize, self.plane());
@@ -81,7 +83,7 @@ impl<T: Real> Grid<T> {
         sum
     }
 
-    /// The grid over the same space with voxels half as large, its values interpolated from this one.
+    /// A grid over `bounds` with voxels half as large, its values interpolated from this one.
     pub(super) fn refined(&self, bounds: &Aabb) -> Self {
         let mut fine = Self::with_voxel(bounds, 0.5 * self.voxel);
         let limit = self.vertices.as_dvec3() - 1.0;
@@ -103,7 +105,7 @@ impl<T: Real> Grid<T> {
     }
 }
 
-/// Which cells between vertices rays must sample.
+/// The live cells: those that rays must sample.
 pub(super) struct Live {
     /// \[z\]\[y\]\[x\], numbered as the cell's smallest vertex; cells past the last vertices are dead.
     pub(super) cells: Vec<bool>,
@@ -112,9 +114,9 @@ pub(super) struct Live {
 }
 
 impl Live {
-    /// The cells in which interpolation could reach `threshold`: those with a vertex of at least that raw density
-    /// that is not masked (rate 0).
-    pub(super) fn of<T: Real>(grid: &Grid<T>, rates: &[T], threshold: T) -> Self {
+    /// The cells in which the interpolated raw density may reach `threshold`: those with a vertex of at least that
+    /// density whose learning rate is not 0.
+    pub(super) fn of<T: Scalar>(grid: &Grid<T>, rates: &[T], threshold: T) -> Self {
         let [nx, ny, nz] = grid.vertices.to_array().map(|n| n as usize);
         // A maximum along x, then y, then z.
         let mut cells: Vec<bool> =

@@ -1,19 +1,19 @@
-//! Settings of the coarse reconstruction.
+//! Settings of the coarse trainer.
 
 use serde::{Deserialize, Serialize};
 
 use crate::prior::Error;
 
-/// Settings of [`super::reconstruct`]. The defaults follow DVGO's coarse stage except where a field says otherwise.
+/// Settings of [`super::reconstruct`]. The defaults are those of DVGO's coarse stage unless a field names another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "snake_case")]
 pub struct CoarseOptions {
-    /// Vertices of the finest grid over the box of all frusta, about.
+    /// Approximate number of vertices of the finest grid over the box of all frusta.
     pub voxels: u32,
     /// Steps on each grid, coarsest first. The last grid has `voxels` vertices, each one before it an eighth of the
-    /// next. (DVGO: one grid, 5000 steps.) Space that a coarser grid found empty costs the finer one nothing.
+    /// next. A finer grid covers only the box of the voxels that the coarser one occupies. (DVGO: one grid, 5000 steps.)
     pub steps: Vec<u32>,
-    /// Rays a step. (DVGO: 8192.)
+    /// Rays per step. (DVGO: 8192.)
     pub rays: u32,
     /// Distance between samples in voxels of the current grid.
     pub step_size: f64,
@@ -21,34 +21,34 @@ pub struct CoarseOptions {
     pub initial_alpha: f64,
     /// Adam's learning rate for densities and colors.
     pub learning_rate: f64,
-    /// Adam's ε. (DVGO: 1e-8, which is more than most gradients of an almost transparent grid and so delays it.)
+    /// Adam's ε. (DVGO: 1e-8, which exceeds most gradients of an almost transparent grid and so slows the start.)
     pub adam_epsilon: f64,
     /// Weight of the entropy of the transmittance that reaches the background.
     pub background_entropy: f64,
-    /// Weight of every sample's own squared color error.
+    /// Weight of the squared color errors of single samples.
     pub point_color: f64,
-    /// Samples of less α are skipped; they learn no more. (DVGO: fast_color_thres.)
+    /// Samples of smaller α are skipped and get no gradient. (DVGO: `fast_color_thres`.)
     pub skip_alpha: f64,
     /// Rays end where their transmittance falls below this.
     pub min_transmittance: f64,
-    /// Vertices that fewer views see stay empty; at most as many as there are views. (DVGO: 3.)
+    /// Vertices seen by fewer views stay empty; limited to the number of views. (DVGO: 3.)
     pub min_views: u32,
-    /// Whether learning rates are scaled by the share of views that see a vertex (DVGO: pervoxel_lr).
+    /// Scale learning rates by the share of views that see a vertex (DVGO: `pervoxel_lr`).
     pub view_count_rate: bool,
-    /// Voxels are occupied where their α over one voxel edge exceeds this.
+    /// A voxel is occupied if its α over one voxel edge exceeds this.
     pub occupied_alpha: f64,
-    /// Voxels that add no more than this to any pixel that is looked at are not occupied, whatever their α: fog, and
-    /// what opaque surfaces have always hidden. 0 keeps all that any ray reaches. (DVGO, Strivec: no such rule.)
+    /// A voxel is not occupied if its visibility weight is at most this in every traced pixel: this removes fog and
+    /// hidden interiors. 0 keeps every voxel that a ray reaches. (DVGO and the paper have no such rule.)
     pub min_visibility_weight: f64,
-    /// Every how many-th pixel of every how many-th row is looked at for that.
+    /// For `min_visibility_weight`, only every n-th pixel of every n-th row is traced; this is n.
     pub visibility_stride: u32,
-    /// The sRGB color behind everything, photographs' transparent parts included.
+    /// sRGB color of the background and behind transparent pixels of photographs.
     #[serde(skip)]
     pub background: [f32; 3],
-    /// Where rays begin, in dataset units; from the cameras where not given.
+    /// Distance at which rays begin, in dataset units; `None` derives it from the cameras.
     #[serde(skip)]
     pub near: Option<f64>,
-    /// Where rays end, in dataset units; from the cameras where not given.
+    /// Distance at which rays end, in dataset units; `None` derives it from the cameras.
     #[serde(skip)]
     pub far: Option<f64>,
 }
@@ -80,7 +80,7 @@ impl Default for CoarseOptions {
 }
 
 impl CoarseOptions {
-    /// Number of steps over all grids.
+    /// Steps on all grids.
     pub fn total_steps(&self) -> u32 {
         self.steps.iter().fold(0, |sum, &n| sum.saturating_add(n))
     }

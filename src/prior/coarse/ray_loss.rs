@@ -1,9 +1,9 @@
 //! One ray: samples, the composited color, the loss and its gradients (DVGO, sections 3 and 5).
 
-use super::grid::{Channels, Grid, Live, Real};
+use super::grid::{Channels, Grid, Live, Scalar};
 use crate::geometry::{Aabb, Ray};
 
-/// How densities become a color and what its errors cost.
+/// Constants of compositing and of the loss.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shading<T> {
     /// Added to the raw density before the softplus.
@@ -14,17 +14,17 @@ pub(super) struct Shading<T> {
     pub(super) min_density: T,
     /// Rays end where their transmittance falls below this.
     pub(super) min_transmittance: T,
-    /// Behind everything.
+    /// sRGB color of the background.
     pub(super) background: [T; 3],
     /// Weight of the background entropy.
     pub(super) entropy: T,
     /// Weight of the samples' own color errors.
     pub(super) point_color: T,
-    /// One over the number of rays that the loss is the mean of.
+    /// One over the number of rays of a step.
     pub(super) per_ray: T,
 }
 
-/// The part of a ray, in the grid's space, that is sampled.
+/// The sampled part of a ray, in the grid's space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     origin: [f64; 3],
@@ -35,8 +35,8 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// The samples of `ray`, in the grid's space, that lie in `grid` between `near` and `far` and, of those, in
-    /// `live`; samples are `step` apart from where the ray enters the grid, whatever `live` is.
+    /// The samples of `ray` that lie in both `grid` and `live` and between the distances `near` and `far`, all in the
+    /// grid's space. Samples are `step` apart, counted from where the ray enters `grid`.
     pub(super) fn new(ray: &Ray, grid: &Aabb, live: &Aabb, (near, far): (f64, f64), step: f64) -> Option<Self> {
         if !live.is_solid() {
             return None;
@@ -59,22 +59,22 @@ impl Segment {
     }
 }
 
-/// A sample that a ray used, with the gradient of the loss there.
+/// A sample of a ray, with the gradient of the loss there.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sample<T> {
     /// The number of the smallest vertex of its cell.
     pub(super) first: u32,
-    /// Where in the cell.
+    /// Position in the cell, in \[0, 1\].
     pub(super) fraction: [T; 3],
     /// ∂loss/∂(interpolated channels).
     pub(super) gradient: Channels<T>,
 }
 
-/// What a sample looks like, kept for the way back.
+/// Intermediate values of a sample, kept for the backward pass.
 #[derive(Clone, Copy)]
 pub(super) struct Shaded<T> {
     color: [T; 3],
-    /// Its share of the pixel.
+    /// Visibility weight: transmittance times α.
     pub(super) weight: T,
     /// Transmittance behind the sample.
     after: T,
@@ -87,29 +87,29 @@ pub(super) struct Shaded<T> {
 pub(super) struct RayLoss<T> {
     /// Mean over channels of the squared error.
     pub(super) squared: T,
-    /// The squared error and the two weighted terms beside it; the gradients are those of its mean over the rays, in
-    /// which the samples' weights in the point color term count as constants. Only the check of the gradients asks for it.
+    /// The squared error plus the weighted entropy and point color terms. The gradients are those of its mean over the
+    /// rays, with the weights in the point color term held constant. Only the check of the gradients reads it.
     #[cfg_attr(not(test), expect(dead_code, reason = "read by tests"))]
     pub(super) total: T,
 }
 
-/// What rays pass through.
+/// The volume that rays pass through.
 #[derive(Clone, Copy)]
 pub(super) struct Medium<'a, T> {
     /// Densities and colors.
     pub(super) grid: &'a Grid<T>,
-    /// Where to sample them.
+    /// Cells to sample.
     pub(super) live: &'a Live,
-    /// What they mean.
+    /// Constants of compositing and of the loss.
     pub(super) shading: &'a Shading<T>,
     /// The distance between samples, in voxels.
     pub(super) step: T,
 }
 
-/// Marches `segment` through `medium`, appends the samples it used to `samples` with their gradients, and returns its
-/// loss. `shaded` is left with what each of these samples looked like.
+/// Marches along `segment`, appends its samples with their gradients to `samples`, and returns the loss. `shaded` then
+/// holds the intermediate values of these samples.
 #[inline(always)]
-pub(super) fn trace<T: Real>(
+pub(super) fn trace<T: Scalar>(
     medium: &Medium<T>,
     segment: &Segment,
     target: [T; 3],
@@ -133,7 +133,7 @@ pub(super) fn trace<T: Real>(
         let mut fraction = [T::zero(); 3];
         for a in 0..3 {
             let at = (entry[a] + t * direction[a]).max(T::zero());
-            // Rounding may put a sample on the last vertex or a hair behind it.
+            // Rounding may put a sample on the last vertex or just beyond it.
             cell[a] = at.to_usize().unwrap_or(0).min(last[a]);
             fraction[a] = (at - T::of(cell[a] as f64)).min(T::one());
         }
@@ -172,7 +172,7 @@ pub(super) fn trace<T: Real>(
         gradient[c] = two * third * shading.per_ray * difference;
     }
     let (entropy, entropy_slope) = binary_entropy(transmittance);
-    // What lies behind a sample, as ∂loss/∂transmittance times the transmittance.
+    // The contribution of everything behind a sample: ∂loss/∂transmittance times the transmittance.
     let mut behind =
         transmittance * (dot(gradient, shading.background) + shading.entropy * shading.per_ray * entropy_slope);
     let own = two * shading.point_color * shading.per_ray;
@@ -190,9 +190,9 @@ pub(super) fn trace<T: Real>(
 
 /// α = 1 − (1 + e^x)^(−interval) and sigmoid(x) for the shifted density x. dα/dx = interval · (1 − α) · sigmoid(x).
 #[inline(always)]
-pub(super) fn activate<T: Real>(x: T, interval: T) -> (T, T) {
+pub(super) fn activate<T: Scalar>(x: T, interval: T) -> (T, T) {
     if x < T::of(-10.0) {
-        // Almost empty, as most samples are: e^x < 5e-5, so the series below err by less than f32 rounds.
+        // Most samples are almost empty: e^x < 5e-5, where the error of these series is below f32's rounding.
         let e = x.exp();
         let thickness = interval * e * (T::one() - T::of(0.5) * e);
         let alpha = thickness * (T::one() - T::of(0.5) * thickness * (T::one() - T::of(1.0 / 3.0) * thickness));
@@ -211,18 +211,18 @@ pub(super) fn density_of_alpha(alpha: f64, interval: f64) -> f64 {
 }
 
 #[inline(always)]
-fn sigmoid<T: Real>(x: T) -> T {
+fn sigmoid<T: Scalar>(x: T) -> T {
     T::one() / (T::one() + (-x).exp())
 }
 
 #[inline(always)]
-fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// −p·ln p − (1 − p)·ln(1 − p) with p kept 1e-6 from 0 and 1, and its derivative, which is 0 where p was moved.
+/// −p·ln p − (1 − p)·ln(1 − p) with p clamped to \[1e-6, 1 − 1e-6\], and its derivative, which is 0 if p was clamped.
 #[inline(always)]
-fn binary_entropy<T: Real>(p: T) -> (T, T) {
+fn binary_entropy<T: Scalar>(p: T) -> (T, T) {
     let (low, high) = (T::of(1e-6), T::of(1.0 - 1e-6));
     let kept = p.max(low).min(high);
     let (ln_p, ln_rest) = (kept.ln(), (T::one() - kept).ln());

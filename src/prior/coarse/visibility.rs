@@ -1,19 +1,19 @@
-//! How many views see each vertex.
+//! The number of views that see each vertex.
 
 use rayon::prelude::*;
 
-use super::grid::{Grid, Real};
+use super::grid::{Grid, Scalar};
 use crate::geometry::Camera;
 
-/// For each vertex of `grid`, the number of cameras that have it in the picture and between `near` and `far`. (DVGO
-/// counts the views whose rays touch a vertex, which is the same up to a pixel at the pictures' edges.)
-pub(super) fn count_views<T: Real>(grid: &Grid<T>, cameras: &[Camera], near: f64, far: f64) -> Vec<u32> {
+/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it. DVGO counts the
+/// views whose rays touch a vertex, which is the same up to a pixel at the edges of the pictures.
+pub(super) fn count_views<T: Scalar>(grid: &Grid<T>, cameras: &[Camera], near: f64, far: f64) -> Vec<u32> {
     let row = grid.vertices.x as usize;
     let rows = grid.vertices.y as usize;
     let mut counts = vec![0; grid.values.len()];
     counts.par_chunks_mut(row).enumerate().for_each(|(line, counts)| {
         for camera in cameras {
-            // Along a row both the point in the camera's axes and its squared distance are cheap to follow.
+            // Along a row, the point in the camera's axes changes by a constant step.
             let camera_from_world = camera.world_from_camera.transpose();
             let mut at = camera_from_world * (grid.position(0, line % rows, line / rows) - camera.position);
             let step = camera_from_world.x_axis * grid.voxel;

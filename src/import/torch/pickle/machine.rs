@@ -1,6 +1,9 @@
-//! The stack machine that a pickle is a program of, without those instructions that would run anything.
+//! The stack machine that runs a pickle, without the instructions that execute code.
+//!
+//! `instructions` holds the instructions, `call` the values that calls of known functions produce.
 
-mod made;
+mod call;
+mod instructions;
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,30 +11,31 @@ use std::ops::Range;
 use super::value::{Id, Value};
 use crate::import::Fault;
 
-/// The most instructions that are followed.
+/// Instructions that one pickle may take.
 const MAX_STEPS: u64 = 1 << 22;
-/// The most values.
+/// Values that one pickle may create.
 const MAX_VALUES: u64 = 1 << 20;
-/// The longest name of a function or its module.
+/// Bytes of the name of a function or module, and items of an argument list.
 const MAX_NAME: usize = 256;
-/// The newest protocol.
-const NEWEST: u8 = 5;
+/// The newest protocol of pickles.
+const NEWEST_PROTOCOL: u8 = 5;
 
 struct Machine<'a> {
+    /// The name of the pickle in errors.
     name: &'a str,
     bytes: &'a [u8],
-    /// Where the next byte is.
+    /// Offset of the next byte.
     at: usize,
-    /// Where the instruction is that is followed.
+    /// Offset of the current instruction.
     instruction: usize,
     values: Vec<Value>,
     stack: Vec<Id>,
-    /// Heights of the stack.
+    /// Heights of the stack at its marks.
     marks: Vec<usize>,
     memo: HashMap<u32, Id>,
 }
 
-/// The values of the pickle `bytes`, and which of them it is of.
+/// Runs the pickle `bytes`. Returns its values and the one that remains on the stack.
 pub(super) fn run(bytes: &[u8], name: &str) -> Result<(Vec<Value>, Id), Fault> {
     let mut machine = Machine {
         name,
@@ -52,232 +56,12 @@ pub(super) fn run(bytes: &[u8], name: &str) -> Result<(Vec<Value>, Id), Fault> {
     }
     let root = machine.pop()?;
     if machine.at != bytes.len() {
-        return Err(machine.malformed("the end of the pickle", format!("{} bytes", bytes.len() - machine.at)));
+        return Err(machine.malformed("the end of the pickle", format!("{} more bytes", bytes.len() - machine.at)));
     }
     Ok((machine.values, root))
 }
 
 impl Machine<'_> {
-    /// Follows one instruction; whether it was the last.
-    fn step(&mut self) -> Result<bool, Fault> {
-        match self.u8()? {
-            // PROTO, FRAME
-            0x80 => {
-                let version = self.u8()?;
-                if version > NEWEST {
-                    return Err(self.malformed("a protocol of 2 to 5", version));
-                }
-            }
-            0x95 => {
-                self.take(8)?;
-            }
-            b'.' => return Ok(true),
-            // POP, POP_MARK, MARK
-            b'0' => {
-                self.pop()?;
-            }
-            b'1' => {
-                self.pop_mark()?;
-            }
-            b'(' => self.marks.push(self.stack.len()),
-            b'N' => self.push(Value::Opaque)?,
-            // NEWTRUE, NEWFALSE
-            0x88 => self.push(Value::Bool(true))?,
-            0x89 => self.push(Value::Bool(false))?,
-            // BININT, BININT1, BININT2, LONG1, BINFLOAT
-            b'J' => {
-                let value = i32::from_le_bytes(self.array()?);
-                self.push(Value::Int(value.into()))?;
-            }
-            b'K' => {
-                let value = self.u8()?;
-                self.push(Value::Int(value.into()))?;
-            }
-            b'M' => {
-                let value = u16::from_le_bytes(self.array()?);
-                self.push(Value::Int(value.into()))?;
-            }
-            0x8a => self.long()?,
-            b'G' => {
-                let value = f64::from_be_bytes(self.array()?);
-                self.push(Value::Float(value))?;
-            }
-            // BINUNICODE, SHORT_BINUNICODE, BINUNICODE8
-            b'X' => self.text(4)?,
-            0x8c => self.text(1)?,
-            0x8d => self.text(8)?,
-            // BINBYTES, SHORT_BINBYTES, BINBYTES8, BYTEARRAY8
-            b'B' => self.binary(4)?,
-            b'C' => self.binary(1)?,
-            0x8e | 0x96 => self.binary(8)?,
-            // EMPTY_TUPLE, EMPTY_LIST, EMPTY_DICT
-            b')' | b']' => self.push(Value::Items(Vec::new()))?,
-            b'}' => self.push(Value::Dict(Vec::new()))?,
-            // TUPLE1 to TUPLE3, TUPLE, LIST, DICT
-            number @ 0x85..=0x87 => {
-                let items = self.pop_some(usize::from(number - 0x84))?;
-                self.push(Value::Items(items))?;
-            }
-            b't' | b'l' => {
-                let items = self.pop_mark()?;
-                self.push(Value::Items(items))?;
-            }
-            b'd' => {
-                let items = self.pop_mark()?;
-                let pairs = self.pairs(items)?;
-                self.push(Value::Dict(pairs))?;
-            }
-            // APPEND, APPENDS, SETITEM, SETITEMS
-            b'a' => {
-                let item = self.pop()?;
-                self.extend(vec![item])?;
-            }
-            b'e' => {
-                let items = self.pop_mark()?;
-                self.extend(items)?;
-            }
-            b's' => {
-                let items = self.pop_some(2)?;
-                self.set(items)?;
-            }
-            b'u' => {
-                let items = self.pop_mark()?;
-                self.set(items)?;
-            }
-            // BINPUT, LONG_BINPUT, MEMOIZE, BINGET, LONG_BINGET
-            b'q' => {
-                let key = self.u8()?.into();
-                self.memoize(key)?;
-            }
-            b'r' => {
-                let key = u32::from_le_bytes(self.array()?);
-                self.memoize(key)?;
-            }
-            0x94 => self.memoize(self.memo.len() as u32)?,
-            b'h' => {
-                let key = self.u8()?.into();
-                self.recall(key)?;
-            }
-            b'j' => {
-                let key = u32::from_le_bytes(self.array()?);
-                self.recall(key)?;
-            }
-            // GLOBAL, STACK_GLOBAL
-            b'c' => {
-                let (module, name) = (self.line()?, self.line()?);
-                self.global(module, name)?;
-            }
-            0x93 => {
-                let texts = self.pop_some(2)?;
-                let [module, name] = [texts[0], texts[1]].map(|id| self.range_of_text(id));
-                self.global(module?, name?)?;
-            }
-            // REDUCE, NEWOBJ, BUILD, BINPERSID
-            b'R' | 0x81 => {
-                let both = self.pop_some(2)?;
-                self.call(both[0], both[1])?;
-            }
-            b'b' => {
-                let state = self.pop()?;
-                self.build(state)?;
-            }
-            b'Q' => {
-                let id = self.pop()?;
-                let storage = self.storage(id)?;
-                self.push(storage)?;
-            }
-            other => return Err(self.malformed("an instruction of torch's pickles", format!("{other:#04x}"))),
-        }
-        Ok(false)
-    }
-
-    fn memoize(&mut self, key: u32) -> Result<(), Fault> {
-        let id = self.top()?;
-        self.memo.insert(key, id);
-        Ok(())
-    }
-
-    fn recall(&mut self, key: u32) -> Result<(), Fault> {
-        let id = self.memo.get(&key).copied();
-        self.stack.push(id.ok_or_else(|| self.malformed("a value that was memorised", format!("number {key}")))?);
-        Ok(())
-    }
-
-    /// LONG1: integers of any size, of which those of 64 bits are of use.
-    fn long(&mut self) -> Result<(), Fault> {
-        let length = usize::from(self.u8()?);
-        let range = self.take(length)?;
-        let bytes = &self.bytes[range];
-        let value = match bytes {
-            [.., last] if length <= 8 => {
-                let mut eight = [if *last >= 0x80 { 0xff } else { 0 }; 8];
-                eight[..length].copy_from_slice(bytes);
-                Value::Int(i64::from_le_bytes(eight))
-            }
-            [] => Value::Int(0),
-            _ => Value::Opaque,
-        };
-        self.push(value)
-    }
-
-    fn text(&mut self, width: usize) -> Result<(), Fault> {
-        let range = self.counted(width)?;
-        if std::str::from_utf8(&self.bytes[range.clone()]).is_err() {
-            return Err(self.malformed("UTF-8", "bytes that are none"));
-        }
-        self.push(Value::Text(range))
-    }
-
-    fn binary(&mut self, width: usize) -> Result<(), Fault> {
-        let range = self.counted(width)?;
-        self.push(Value::Bytes(range))
-    }
-
-    /// Bytes behind a length of `width` bytes.
-    fn counted(&mut self, width: usize) -> Result<Range<usize>, Fault> {
-        let mut eight = [0; 8];
-        let range = self.take(width)?;
-        eight[..width].copy_from_slice(&self.bytes[range]);
-        let length = u64::from_le_bytes(eight);
-        self.take(usize::try_from(length).unwrap_or(usize::MAX))
-    }
-
-    /// A name, up to the end of its line.
-    fn line(&mut self) -> Result<Range<usize>, Fault> {
-        let rest = &self.bytes[self.at..];
-        let length = rest.iter().take(MAX_NAME + 1).position(|&b| b == b'\n');
-        let length = length.ok_or_else(|| self.malformed("a name of at most 256 bytes and its line's end", "none"))?;
-        let range = self.take(length)?;
-        self.take(1)?;
-        Ok(range)
-    }
-
-    fn extend(&mut self, more: Vec<Id>) -> Result<(), Fault> {
-        let on = self.top()?;
-        match &mut self.values[on as usize] {
-            Value::Items(items) => items.extend(more),
-            _ => return Err(self.malformed("a list to append to", "something else")),
-        }
-        Ok(())
-    }
-
-    fn set(&mut self, items: Vec<Id>) -> Result<(), Fault> {
-        let more = self.pairs(items)?;
-        let on = self.top()?;
-        match &mut self.values[on as usize] {
-            Value::Dict(pairs) => pairs.extend(more),
-            _ => return Err(self.malformed("a dictionary to set items of", "something else")),
-        }
-        Ok(())
-    }
-
-    fn pairs(&self, items: Vec<Id>) -> Result<Vec<(Id, Id)>, Fault> {
-        if !items.len().is_multiple_of(2) {
-            return Err(self.malformed("keys and values", format!("{} of them", items.len())));
-        }
-        Ok(items.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect())
-    }
-
     fn value(&self, id: Id) -> &Value {
         &self.values[id as usize]
     }

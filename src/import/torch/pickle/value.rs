@@ -37,7 +37,7 @@ pub(in crate::import::torch) enum Value {
 }
 
 /// Numbers in a file of the archive.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(in crate::import::torch) struct Storage {
     pub(in crate::import::torch) element: Element,
     /// Text: the file's name.
@@ -49,7 +49,7 @@ pub(in crate::import::torch) struct Storage {
 /// A tensor: all of its numbers lie inside its storage.
 #[derive(Clone, Debug)]
 pub(in crate::import::torch) struct Tensor {
-    pub(in crate::import::torch) storage: Id,
+    pub(in crate::import::torch) storage: Storage,
     pub(in crate::import::torch) offset: u64,
     pub(in crate::import::torch) shape: Vec<u64>,
     pub(in crate::import::torch) strides: Vec<u64>,

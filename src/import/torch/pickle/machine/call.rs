@@ -98,18 +98,18 @@ impl Machine<'_> {
     }
 
     fn tensor(&self, storage: Id, offset: Id, shape: Id, strides: Id) -> Result<Value, Fault> {
-        let (Value::Storage(Storage { count, .. }), &Value::Int(offset)) = (self.value(storage), self.value(offset))
-        else {
+        let (&Value::Storage(storage), &Value::Int(offset)) = (self.value(storage), self.value(offset)) else {
             return Err(self.malformed("a tensor's storage and offset", "something else"));
         };
         let (shape, strides) = (self.lengths(shape)?, self.lengths(strides)?);
+        let count = storage.count;
         // One past the last number, if there is any.
         let end = || {
             let steps = shape.iter().zip(&strides).map(|(n, stride)| (n - 1).checked_mul(*stride));
             let last = steps.into_iter().try_fold(0_u64, |sum, step| sum.checked_add(step?))?;
             last.checked_add(u64::try_from(offset).ok()?)?.checked_add(1)
         };
-        let inside = shape.contains(&0) || end().is_some_and(|end| end <= *count);
+        let inside = shape.contains(&0) || end().is_some_and(|end| end <= count);
         let countable = shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n)).is_some();
         if shape.len() != strides.len() || offset < 0 || !inside || !countable {
             let found = format!("offset {offset}, shape {shape:?}, strides {strides:?}");

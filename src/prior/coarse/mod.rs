@@ -1,20 +1,22 @@
-//! A coarse reconstruction from photographs: DVGO's first stage on the CPU.
+//! The trainer of coarse voxel grids: DVGO's first stage, on the CPU (Sun et al., "Direct Voxel Grid Optimization", CVPR
+//! 2022, section 4).
 //!
-//! In: posed photographs and [`CoarseOptions`]. Out: the voxels that are not empty. A dense grid of densities and
-//! colors over the box of all frusta is trained by gradient descent through volume rendering (Sun et al., "Direct
-//! Voxel Grid Optimization", CVPR 2022, section 4), first on large voxels, then on small ones where the large ones
-//! were not empty. Same dataset, options and seed: same bits, on any number of threads.
+//! In: posed photographs and [`CoarseOptions`]. Out: the occupied voxels. A dense grid of densities and colors over the
+//! box of all frusta is trained through volume rendering, first with large voxels, then with small ones inside the box
+//! of the occupied large ones. The same dataset, options and seed give the same bits on any number of threads.
 //!
-//! Each step traces fixed chunks of rays (`ray_loss`), orders what they leave by planes of the grid, and lets one
-//! task a plane sum its gradients and apply Adam (`update`).
+//! This trainer shares no code with `train/`, which is a layer above: it has one dense grid instead of tensors, and no
+//! network. `ray_sampler` draws pixels. `trainer` runs one step on one grid: `ray_loss` traces fixed chunks of rays and
+//! differentiates their loss, and `adam` sums the gradients of each plane of vertices in one task and updates it.
 
+mod adam;
 mod grid;
 mod options;
 mod ray_loss;
+mod ray_sampler;
 #[cfg(test)]
 mod tests;
 mod trainer;
-mod update;
 mod visibility;
 
 use std::ops::ControlFlow;
@@ -25,31 +27,33 @@ pub use options::CoarseOptions;
 
 use self::grid::Grid;
 use self::ray_loss::density_of_alpha;
-pub(crate) use self::trainer::check_views;
-use self::trainer::{Level, RaySampler};
+use self::ray_sampler::RaySampler;
+pub(crate) use self::ray_sampler::check_views;
+use self::trainer::CoarseTrainer;
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice, cell_at};
 use crate::psnr::psnr_of_mse;
 
-/// How far the reconstruction is.
+/// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoarseProgress {
     /// Finished steps.
     pub step: u32,
     /// All steps.
     pub total: u32,
-    /// How well the last steps' rays fitted the photographs, in dB.
+    /// Training PSNR over the last steps, in dB.
     pub psnr: f64,
 }
 
-/// The occupied voxels of `dataset`, in its own space. Every `(options, seed)` gives its own reconstruction, and always
-/// the same one. `progress` is called after every step and stops the work by returning [`ControlFlow::Break`].
+/// Trains coarse grids on `dataset` and returns the occupied voxels, in the dataset's space. The result depends on
+/// `options` and `seed` alone. `progress` is called after every step and stops the training by returning
+/// [`ControlFlow::Break`].
 ///
 /// # Errors
 ///
-/// On options out of range, a dataset without views, a view whose pixels do not fill its picture or whose camera is
-/// not finite, a reconstruction without occupied voxels, and on cancelling.
+/// If an option is out of range, the dataset has no views, a view's pixels do not match its camera, a camera is not
+/// finite, no voxel is occupied, or `progress` stops the training.
 pub fn reconstruct(
     dataset: &Dataset,
     options: &CoarseOptions,
@@ -72,7 +76,7 @@ pub fn reconstruct(
     let levels = options.steps.len();
     let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
     let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
-    let mut seen = Vec::new();
+    let mut visible = Vec::new();
     let mut done = 0;
     let mut fit = RunningMse::default();
     for (number, &steps) in options.steps.iter().enumerate() {
@@ -80,9 +84,9 @@ pub fn reconstruct(
             grid = grid.refined(&worth_refining(&grid, options).unwrap_or(frusta));
         }
         let finest_voxels = f64::from(1_u32 << (levels - 1 - number));
-        let mut level = Level::new(grid, &photographs, options, near, far, finest_voxels);
+        let mut trainer = CoarseTrainer::new(grid, &photographs, options, near, far, finest_voxels);
         for step in 0..steps {
-            fit.add(level.step(&photographs, seed, u64::from(done), step));
+            fit.add(trainer.step(&photographs, seed, u64::from(done), step));
             done += 1;
             let report = CoarseProgress { step: done, total: options.total_steps(), psnr: fit.psnr() };
             if progress(report).is_break() {
@@ -90,40 +94,40 @@ pub fn reconstruct(
             }
         }
         if number + 1 == levels {
-            seen = level.seen(&photographs, options.min_visibility_weight as f32, options.visibility_stride);
+            visible = trainer.visible(&photographs, options.min_visibility_weight as f32, options.visibility_stride);
         }
-        grid = level.into_grid();
+        grid = trainer.into_grid();
     }
 
     let mut boxes = occupied(&grid, options);
-    boxes.cells.retain(|&cell| seen[grid.index(cell)]);
+    boxes.cells.retain(|&cell| visible[grid.index(cell)]);
     if boxes.cells.is_empty() {
         return Err(Error::empty(dataset, done, fit.psnr(), options.background));
     }
     Ok(boxes)
 }
 
-/// Where rays begin and end, in dataset units: as given, or as the cameras tell.
+/// Distances at which rays begin and end, in dataset units: those given, else those of [`CameraBounds`].
 pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64>) -> Result<[f64; 2], Error> {
     let derived = CameraBounds::from_cameras(dataset.views.iter().map(|v| &v.camera));
     let (near, far) = (near.unwrap_or(derived.near), far.unwrap_or(derived.far));
     if near >= 0.0 && near < far && far.is_finite() {
         Ok([near, far])
     } else {
-        Err(Error::option("near and far", "0 <= near < far", (near, far)))
+        Err(Error::option("near_far", "two numbers with 0 <= near < far", [near, far]))
     }
 }
 
-/// The box of the voxels that a coarser grid has occupied, grown by two of its voxels: there the next grid goes on. A
-/// grid as small as the scene also stays in the processor's caches. `None` where nothing is occupied yet.
+/// The box that the next grid covers: that of the occupied voxels, grown by two voxels. A grid no larger than the scene
+/// also fits the processor's caches. `None` if no voxel is occupied yet.
 fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
     let bounds = occupied(grid, options).bounds();
     let whole = Aabb { min: grid.origin, max: grid.origin + grid.voxel * (grid.vertices.as_dvec3() - 1.0) };
     bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&whole))
 }
 
-/// The voxels around the vertices whose α over a voxel edge exceeds the threshold. A vertex that too few views saw
-/// still has its initial density and so is none of them.
+/// The voxels around the vertices whose α over a voxel edge exceeds the threshold. A vertex seen by too few views keeps
+/// its initial density, which is below it.
 fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
     let shift = density_of_alpha(options.initial_alpha, 1.0);
     let threshold = (density_of_alpha(options.occupied_alpha, 1.0) - shift) as f32;
@@ -133,7 +137,7 @@ fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
     VoxelBoxes { lattice, cells }
 }
 
-/// A running mean of the squared error.
+/// Exponentially weighted mean of the squared error.
 #[derive(Default)]
 pub(crate) struct RunningMse {
     squared: f64,

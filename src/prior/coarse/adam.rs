@@ -1,24 +1,24 @@
-//! From samples to parameters: one task a plane of vertices, which sums its gradients in a fixed order and applies
-//! Adam there. No atomics, no copy of the gradients per thread, the same bits on any number of threads.
+//! Adam on the grid: one task for each plane of vertices sums the gradients of the samples in a fixed order and updates
+//! the plane. It needs no atomics and no copy of the gradients per thread, and gives the same bits on any number of threads.
 
 use rayon::prelude::*;
 
-use super::grid::{Channels, Grid, Real};
+use super::grid::{Channels, Grid, Scalar};
 use super::ray_loss::Sample;
 
 const BETA1: f64 = 0.9;
 const BETA2: f64 = 0.99;
 
-/// The samples of some rays, ordered by the plane of their cell's smallest vertex, then as they were made.
+/// The samples of a chunk of rays, sorted by the plane of their cell's smallest vertex; the sort is stable.
 #[derive(Debug, Default)]
 pub(super) struct SortedSamples<T> {
     samples: Vec<Sample<T>>,
-    /// Where each plane's samples begin, and their end.
+    /// \[plane + 1\]: index of the plane's first sample, then the number of samples.
     begins: Vec<u32>,
 }
 
-impl<T: Real> SortedSamples<T> {
-    /// Sorts `unsorted` by counting, into memory that is kept.
+impl<T: Scalar> SortedSamples<T> {
+    /// Replaces the samples by `unsorted`, in a counting sort that reuses the memory.
     pub(super) fn sort(&mut self, unsorted: &[Sample<T>], plane: usize, planes: usize) {
         self.begins.clear();
         self.begins.resize(planes + 1, 0);
@@ -45,8 +45,8 @@ impl<T: Real> SortedSamples<T> {
     }
 }
 
-/// Adam's state beside a grid, β = (0.9, 0.99). An entry whose gradient is exactly zero is left alone altogether, its
-/// moments too (DVGO: skip_zero_grad_fields).
+/// Adam's state for a grid, β = (0.9, 0.99). A value whose gradient is exactly zero keeps its value and its moments
+/// (DVGO: `skip_zero_grad_fields`).
 #[derive(Debug)]
 pub(super) struct Adam<T> {
     moments: Vec<[Channels<T>; 2]>,
@@ -55,18 +55,18 @@ pub(super) struct Adam<T> {
     step: u32,
 }
 
-/// The gradient of one plane of vertices and which of its rows hold one.
+/// The gradient of one plane of vertices, and which of its rows have one.
 struct PlaneGradient<T> {
     values: Vec<Channels<T>>,
     rows: Vec<bool>,
 }
 
-impl<T: Real> Adam<T> {
+impl<T: Scalar> Adam<T> {
     pub(super) fn new(entries: usize, rate: f64, epsilon: f64) -> Self {
         Self { moments: vec![[[T::zero(); 4]; 2]; entries], rate, epsilon: T::of(epsilon), step: 0 }
     }
 
-    /// One step along the gradients that `batches` hold, vertex n's rate being scaled by `rates`\[n\].
+    /// One step along the gradients of `batches`; `rates` \[vertex\] scales the learning rate.
     pub(super) fn step(&mut self, grid: &mut Grid<T>, batches: &[SortedSamples<T>], rates: &[T]) {
         self.step += 1;
         let correction = |beta: f64| 1.0 - beta.powf(f64::from(self.step));
@@ -102,8 +102,8 @@ impl<T: Real> Adam<T> {
     }
 }
 
-impl<T: Real> PlaneGradient<T> {
-    /// Adds to plane `z` what the samples of the cells below and above it contribute.
+impl<T: Scalar> PlaneGradient<T> {
+    /// Adds the contributions to plane `z` of the samples in the cells below and above it.
     #[inline(always)]
     fn gather(&mut self, batches: &[SortedSamples<T>], z: usize, row: usize) {
         let plane = self.values.len();
@@ -119,7 +119,7 @@ impl<T: Real> PlaneGradient<T> {
         }
     }
 
-    /// The transpose of [`Grid::interpolate`] in one plane, where the sample weighs `along_z`.
+    /// The transpose of [`Grid::interpolate`] in one plane; `along_z` is the weight of the plane.
     #[inline(always)]
     fn add(&mut self, sample: &Sample<T>, plane_begin: usize, row: usize, along_z: T) {
         let first = sample.first as usize - plane_begin;
@@ -137,9 +137,9 @@ impl<T: Real> PlaneGradient<T> {
     }
 }
 
-/// Adam on one row; leaves the gradient zero.
+/// Updates one row and sets its gradient to zero.
 #[inline(always)]
-fn descend<T: Real>(
+fn descend<T: Scalar>(
     values: &mut [Channels<T>],
     moments: &mut [[Channels<T>; 2]],
     gradient: &mut [Channels<T>],
@@ -167,7 +167,7 @@ fn descend<T: Real>(
 
 /// The whole gradient at once, for tests: \[vertex\] channels.
 #[cfg(test)]
-pub(super) fn gradient<T: Real>(grid: &Grid<T>, batches: &[SortedSamples<T>]) -> Vec<Channels<T>> {
+pub(super) fn gradient<T: Scalar>(grid: &Grid<T>, batches: &[SortedSamples<T>]) -> Vec<Channels<T>> {
     let (plane, row) = (grid.plane(), grid.vertices.x as usize);
     (0..grid.vertices.z as usize)
         .flat_map(|z| {
