@@ -1,7 +1,7 @@
-//! Zip archives from anyone, through `zip`: those of NumPy and of PyTorch.
+//! Zip archives of NumPy and PyTorch, untrusted, through `zip`.
 //!
-//! The library searches for parts of the directory byte by byte, as far as the file says. Here the end of the directory is looked at
-//! first, so that it finds everything where it looks first, and the number of entries is known to be sensible.
+//! `zip` searches for the directory byte by byte, over ranges that the file determines. Here the end of the directory is checked
+//! first, so that `zip` finds it at once and the number of entries is bounded.
 
 use std::io::{ErrorKind, Read};
 
@@ -12,14 +12,14 @@ use zip::{CompressionMethod, ZipArchive};
 use super::input::bytes_at;
 use super::{Fault, Input};
 
-/// The most entries of an archive.
+/// Entries of an archive.
 const MAX_ENTRIES: u64 = 1 << 16;
-/// The most bytes of an entry, inflated.
+/// Bytes of an entry after decompression.
 pub(super) const MAX_ENTRY: u64 = 1 << 34;
-/// Bytes of an entry in the directory, without its name.
+/// Bytes of a directory entry without its name.
 const DIRECTORY_ENTRY: u64 = 46;
 
-/// How the directory's end begins, how the place of its 64-bit end does, and how that does.
+/// Signatures of the end of the directory, of the zip64 locator and of the zip64 end.
 const END: &[u8] = b"PK\x05\x06";
 const LOCATOR: &[u8] = b"PK\x06\x07";
 const END_64: &[u8] = b"PK\x06\x06";
@@ -30,7 +30,7 @@ pub(super) struct Archive<'a, 'b> {
 }
 
 impl<'a, 'b> Archive<'a, 'b> {
-    /// Whether a file that begins so is an archive.
+    /// True if a file with this beginning is an archive.
     pub(super) fn begins(start: &[u8]) -> bool {
         start.starts_with(b"PK\x03\x04") || start.starts_with(END)
     }
@@ -39,35 +39,35 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// If there is none, if it has too many entries, and if two have the same name.
+    /// If there is no directory, it has too many entries, or two entries have the same name.
     pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         let entries = check_end(input)?;
         let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
-        // The library keeps one entry of each name.
+        // `zip` keeps one entry of each name.
         if zip.len() as u64 != entries {
-            return Err(Fault::malformed("the archive", "every name once", "a name twice"));
+            return Err(Fault::invalid("the archive", "two entries have the same name"));
         }
         Ok(Self { zip })
     }
 
-    /// What the entries are called, sorted.
+    /// Names of the entries, sorted.
     pub(super) fn names(&self) -> Vec<String> {
         let mut names: Vec<_> = self.zip.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
         names.sort_unstable();
         names
     }
 
-    /// The bytes of an entry.
+    /// A reader of the entry `name`.
     ///
     /// # Errors
     ///
-    /// If there is none, or one that is too long or compressed in another way.
+    /// If there is no such entry, or it is too long or neither stored nor deflated.
     pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_, &'a mut Input<'b>>, Fault> {
         let entry = self.zip.by_name(name).map_err(|e| fault(name, e))?;
         match entry.compression() {
             CompressionMethod::Stored if entry.size() != entry.compressed_size() => {
                 let (size, stored) = (entry.size(), entry.compressed_size());
-                return Err(Fault::malformed(name, format!("{size} stored bytes"), format!("{stored} bytes")));
+                return Err(Fault::malformed(name, format!("{size} stored bytes"), stored));
             }
             CompressionMethod::Stored | CompressionMethod::Deflated => {}
             other => {
@@ -81,11 +81,11 @@ impl<'a, 'b> Archive<'a, 'b> {
         Ok(entry)
     }
 
-    /// All bytes of an entry, of which there may be `most`.
+    /// The bytes of the entry `name`, at most `most`.
     ///
     /// # Errors
     ///
-    /// Those of [`Archive::entry`], and if there are more, or others than the directory says.
+    /// Those of [`Archive::entry`], and if the entry is longer than `most` or contradicts its size or checksum.
     pub(super) fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
         let mut entry = self.entry(name)?;
         let size = entry.size();
@@ -101,7 +101,7 @@ impl<'a, 'b> Archive<'a, 'b> {
 
 /// Checks the directory's end before the library reads it, and returns the number of entries.
 fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
-    let no_end = || Fault::malformed("the archive's end", "a zip directory", "none");
+    let no_end = || Fault::invalid("the archive's end", "there is no zip directory");
     let tail_len = input.len().min(22 + u64::from(u16::MAX));
     let tail_start = input.len() - tail_len;
     input.go_to(tail_start)?;
@@ -136,37 +136,37 @@ fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
 fn fault(place: &str, error: ZipError) -> Fault {
     match error {
         ZipError::Io(error) => reading(place, error),
-        ZipError::InvalidArchive(what) => Fault::malformed(place, "a zip archive", what),
+        ZipError::InvalidArchive(what) => Fault::invalid(place, format!("not a valid zip archive: {what}")),
         ZipError::UnsupportedArchive(what) => {
             Fault::unsupported(format!("{place}: {what}"), "save it stored or deflated, without a password")
         }
-        ZipError::FileNotFound => Fault::malformed("the archive", place, "none"),
+        ZipError::FileNotFound => Fault::invalid("the archive", format!("the entry {place} is missing")),
         ZipError::CompressionMethodNotSupported(method) => {
             Fault::unsupported(format!("{place}: compression by method {method}"), "save it stored or deflated")
         }
-        other => Fault::malformed(place, "a zip archive", other),
+        other => Fault::invalid(place, format!("not a valid zip archive: {other}")),
     }
 }
 
-/// Checks that an entry ends here; only then its checksum is compared.
+/// Checks that the entry ends here. `zip` compares the checksum only when the end is read.
 ///
 /// # Errors
 ///
-/// If it goes on, or the checksum is another one.
+/// If there are more bytes, or the checksum is wrong.
 pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
     match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
         0 => Ok(()),
-        _ => Err(Fault::malformed(name, "its end", "more bytes")),
+        _ => Err(Fault::invalid(name, "it has more bytes than it declares")),
     }
 }
 
-/// What an error of reading or inflating means: only some are the system's.
+/// The fault of an error while reading or decompressing; most are the file's, some the system's.
 pub(super) fn reading(place: &str, error: std::io::Error) -> Fault {
     match error.kind() {
-        ErrorKind::UnexpectedEof => Fault::malformed(place, "more bytes", "the end"),
+        ErrorKind::UnexpectedEof => Fault::invalid(place, "it ends early"),
         // A wrong checksum is `Other`.
         ErrorKind::InvalidData | ErrorKind::InvalidInput | ErrorKind::Other => {
-            Fault::malformed(place, "whole bytes", error)
+            Fault::invalid(place, format!("its bytes are damaged: {error}"))
         }
         _ => Fault::Io(error),
     }

@@ -5,25 +5,26 @@ use glam::DVec3;
 use super::input::bytes_at;
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// Bytes of a point without its track: number, place, color, error and the track's length.
+/// Bytes of a point without its track: number, position, color, error and track length.
 const POINT_BYTES: u64 = 8 + 24 + 3 + 8 + 8;
 
-/// Bytes of a place in a picture: the picture's number and the keypoint's.
+/// Bytes of a track element: numbers of an image and of a keypoint.
 const SIGHTING_BYTES: u64 = 4 + 4;
 
-/// The longest line of the text, in bytes: two numbers for each picture that a point is seen in.
+/// Bytes of a line of text, which has two numbers for each image that sees the point.
 const MAX_LINE: usize = 1 << 24;
 
 /// Reads `points3D.bin`.
 ///
 /// # Errors
 ///
-/// If there are fewer or more bytes than its counts say, if a coordinate is not finite, and those of `visitor`.
+/// If the file is shorter or longer than its counts, if a coordinate is not finite, and those of `visitor`.
 pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let count = u64::from_le_bytes(input.array("the number of points")?);
     if count > input.left() / POINT_BYTES {
-        let found = format!("{count} of them in {} bytes", input.left());
-        return Err(Fault::malformed("byte 0", format!("points of at least {POINT_BYTES} bytes"), found));
+        let left = input.left();
+        let problem = format!("{count} points of at least {POINT_BYTES} bytes are declared, but {left} bytes are left");
+        return Err(Fault::invalid("byte 0", problem));
     }
     for _ in 0..count {
         input.report(visitor)?;
@@ -32,8 +33,8 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
         let number = |at: usize| f64::from_le_bytes(bytes_at(&bytes, at));
         let track = u64::from_le_bytes(bytes_at(&bytes, 43));
         if track > input.left() / SIGHTING_BYTES {
-            let expected = format!("a track within the {} bytes that are left", input.left());
-            return Err(Fault::malformed(format!("byte {}", place + 43), expected, format!("{track} pictures")));
+            let problem = format!("a track of {track} images is declared, but {} bytes are left", input.left());
+            return Err(Fault::invalid(format!("byte {}", place + 43), problem));
         }
         input.go_to(input.offset() + track * SIGHTING_BYTES)?;
         let color = [bytes[32], bytes[33], bytes[34]];
@@ -68,7 +69,7 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
         let mut fields = line.split(u8::is_ascii_whitespace).filter(|field| !field.is_empty());
         let mut next = |what: &str| {
             let field = fields.next().ok_or_else(|| Fault::malformed(place(), what, "the end of the line"))?;
-            std::str::from_utf8(field).map_err(|_| Fault::malformed(place(), what, "bytes that are no UTF-8 text"))
+            std::str::from_utf8(field).map_err(|_| Fault::malformed(place(), what, "bytes that are not UTF-8"))
         };
         let _ = number::<u64>(next("the point's number")?, "the point's number", place)?;
         let mut position = [0.0; 3];
@@ -77,13 +78,13 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
         }
         let mut color = [0; 3];
         for channel in &mut color {
-            *channel = number(next("a color to 255")?, "a color to 255", place)?;
+            *channel = number(next("a color from 0 to 255")?, "a color from 0 to 255", place)?;
         }
         let error: f64 = number(next("the error")?, "the error", place)?;
         let sightings = fields.count() as u64;
         if !sightings.is_multiple_of(2) {
             let found = format!("{sightings} numbers");
-            return Err(Fault::malformed(place(), "pairs of a picture and a keypoint", found));
+            return Err(Fault::malformed(place(), "pairs of an image and a keypoint", found));
         }
         let point = Point::new(DVec3::from_array(position), Some(color), place)?;
         if counts(options, sightings / 2, error) {
@@ -93,7 +94,7 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
     Ok(())
 }
 
-/// Whether a point counts that so many pictures see. COLMAP writes an error of -1 where it knows none.
+/// True if `options` keep a point with `track` images. COLMAP writes an error of -1 if it has not computed one.
 fn counts(options: &ReadOptions, track: u64, error: f64) -> bool {
     track >= options.min_track && error <= options.max_reprojection_error
 }

@@ -1,12 +1,12 @@
-//! What can be wrong with a file of geometry.
+//! Errors of reading geometry.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a file was not read to its end, the file left open: readers do not know its name.
+/// Why reading failed, without the file's name, which readers of bytes do not have.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
-    /// The system.
+    /// The system failed to read the file.
     #[error("cannot read it: {0}")]
     Io(#[from] io::Error),
     /// The file breaks its format.
@@ -17,25 +17,25 @@ pub enum Fault {
         /// The problem as a clause, with the expected and the found value.
         problem: String,
     },
-    /// A part of the format that is not read here.
+    /// A part of the format that is not supported.
     #[error("{what} is not supported: {instead}")]
     Unsupported {
-        /// Its name.
+        /// The unsupported part.
         what: String,
-        /// What to do about it.
+        /// A remedy, as an imperative.
         instead: String,
     },
-    /// More than is read.
+    /// A count or length exceeds a limit.
     #[error("{what}: at most {limit} are read, found {found}")]
     Limit {
-        /// What there is too much of.
+        /// The limited quantity.
         what: String,
-        /// The most that is read.
+        /// The limit.
         limit: u64,
-        /// How much there is, or is declared.
+        /// The found or declared value.
         found: u64,
     },
-    /// The visitor asked to stop.
+    /// The visitor stopped the reading.
     #[error("interrupted")]
     Stopped,
 }
@@ -56,36 +56,36 @@ impl Fault {
         Self::Unsupported { what: what.into(), instead: instead.into() }
     }
 
-    /// [`Fault::Limit`] where `found` is past `limit`.
+    /// Checks that `found` is at most `limit`.
     ///
     /// # Errors
     ///
-    /// Exactly then.
+    /// [`Fault::Limit`] otherwise.
     pub fn unless_within(what: &str, limit: u64, found: u64) -> Result<(), Self> {
         if found <= limit { Ok(()) } else { Err(Self::Limit { what: what.into(), limit, found }) }
     }
 
-    /// With the file's name.
+    /// The error for the file `path`.
     pub fn of(self, path: &Path) -> ImportError {
         ImportError { path: path.to_path_buf(), fault: self }
     }
 }
 
-/// Why the file `path` was not read to its end.
+/// Why a file could not be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {fault}", path.display())]
 pub struct ImportError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The problem.
     #[source]
     pub fault: Fault,
 }
 
-/// The beginning of a text, in quotation marks, with nothing in it that a terminal would obey.
+/// The beginning of a text in quotation marks, with control characters escaped.
 pub(super) fn excerpt(text: &[u8]) -> String {
     const CHARACTERS: usize = 40;
-    // A character is at most four bytes, so that a long text is not turned whole.
+    // A character has at most four bytes, so only that much of a long text is decoded.
     let start = String::from_utf8_lossy(&text[..text.len().min(4 * CHARACTERS)]);
     let end = start.char_indices().nth(CHARACTERS).map_or(start.len(), |(end, _)| end);
     let more = if end < start.len() || text.len() > 4 * CHARACTERS { "…" } else { "" };

@@ -1,40 +1,40 @@
-//! Which reader a file is for.
+//! The reader of each file, by its name.
 
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
 use super::{arrays, colmap, e57, gltf, las, obj, octomap, pcd, ply, scannet, torch, xyz};
 
-/// The formats, one reader each.
+/// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Stanford's, of meshes and clouds.
+    /// Stanford's polygon files: meshes and point clouds.
     Ply,
-    /// Wavefront's.
+    /// Wavefront's meshes.
     Obj,
     /// glTF 2, as JSON or GLB.
     Gltf,
     /// Lines of numbers.
     Xyz,
-    /// NumPy's, of points, grids and this project's priors.
+    /// NumPy's arrays: points, grids, and occupied cells of a lattice.
     Arrays,
-    /// The Point Cloud Library's.
+    /// The Point Cloud Library's point clouds.
     Pcd,
-    /// LAS and LAZ.
+    /// LAS and LAZ point clouds.
     Las,
-    /// ASTM E2807.
+    /// ASTM E2807 scans.
     E57,
     /// COLMAP's `points3D`, binary.
     ColmapBinary,
     /// COLMAP's `points3D`, text.
     ColmapText,
-    /// A checkpoint that PyTorch wrote: DVGO's, TensoRF's.
+    /// Checkpoints of DVGO and TensoRF, written by PyTorch.
     Torch,
-    /// OctoMap's `.bt`, of bits, and `.ot`, of probabilities.
+    /// OctoMap's octrees: `.bt` (occupancy) and `.ot` (probabilities).
     Octomap,
 }
 
-/// Endings that name a format.
+/// File name extensions and their formats.
 const ENDINGS: [(&str, Format); 21] = [
     ("ply", Format::Ply),
     ("obj", Format::Obj),
@@ -60,11 +60,11 @@ const ENDINGS: [(&str, Format); 21] = [
 ];
 
 impl Format {
-    /// By the file's name.
+    /// The format of the file `path`, by its name.
     ///
     /// # Errors
     ///
-    /// If its ending is none of those that are read.
+    /// If the extension is not supported.
     pub fn from_path(path: &Path) -> Result<Self, Fault> {
         match path.file_name().and_then(|n| n.to_str()) {
             Some("points3D.bin") => return Ok(Self::ColmapBinary),
@@ -74,19 +74,18 @@ impl Format {
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, format)| *format).ok_or_else(|| {
             let known: Vec<_> = ENDINGS.iter().map(|(known, _)| format!(".{known}")).collect();
-            Fault::malformed("the file's name", format!("points3D.bin, points3D.txt or one in {}", known.join(", ")), {
-                if ending.is_empty() { "no ending".into() } else { format!(".{ending}") }
-            })
+            let found = if ending.is_empty() { "no extension".into() } else { format!("the extension .{ending}") };
+            let problem = format!("{found} is not supported; use points3D.bin, points3D.txt or {}", known.join(", "));
+            Fault::invalid("the file name", problem)
         })
     }
 }
 
-/// Reads the geometry of `path` from its beginning to its end. A folder is a ScanNet scene's, whose mesh is read, or one with
-/// COLMAP's points.
+/// Reads the geometry of the file or folder `path`. A folder holds a ScanNet scene, whose mesh is read, or COLMAP's points.
 ///
 /// # Errors
 ///
-/// If the file is of no known format or not what its format says, and those of `visitor`.
+/// If the format is unknown, the file breaks its format, and those of `visitor`.
 pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), ImportError> {
     let of = |path: &Path| {
         let path = path.to_path_buf();
@@ -101,7 +100,7 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     let points = ["points3D.bin", "points3D.txt"].map(|name| path.join(name));
     match points.iter().find(|file| file.is_file()) {
         Some(file) => read_file(file, options, visitor),
-        None => Err(of(path)(Fault::malformed("the folder", "a ScanNet scene, or COLMAP's points3D", "neither"))),
+        None => Err(of(path)(Fault::invalid("the folder", "it has neither a ScanNet scene nor COLMAP's points3D.bin or points3D.txt"))),
     }
 }
 

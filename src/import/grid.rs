@@ -1,26 +1,26 @@
-//! Numbers on a regular grid over a box, and the boxes of those that count.
+//! Regular grids of numbers over a box, and the box of each number.
 
 use glam::DVec3;
 
 use super::{Fault, ReadOptions};
 use crate::geometry::Aabb;
 
-/// What a number stands for.
+/// Where the numbers of a grid are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum At {
-    /// A cell: n cells fill the box.
+    /// At cells: n cells fill the box.
     Cells,
-    /// A vertex, the first and the last on the box's faces ("aligned corners"): its box reaches half a cell to each side, so that
-    /// those at the faces reach out of the grid, as `crate::prior::coarse` has them.
+    /// At vertices, the first and last on the faces of the box ("aligned corners"). A vertex's box reaches half a cell to each
+    /// side, so that the boxes of the outermost vertices reach beyond the grid.
     Vertices,
 }
 
-/// In which order the axes are.
+/// Order of the axes, slowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
-    /// \[x\]\[y\]\[z\]: DVGO's.
+    /// \[x\]\[y\]\[z\]: DVGO's grids.
     Xyz,
-    /// \[z\]\[y\]\[x\]: this project's, and TensoRF's masks.
+    /// \[z\]\[y\]\[x\]: this project's grids and TensoRF's masks.
     Zyx,
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Grid {
     order: Order,
     origin: DVec3,
     pitch: DVec3,
-    /// Whether the first axis is fastest, after all.
+    /// True if the numbers are stored with the first axis fastest.
     fortran: bool,
 }
 
@@ -41,16 +41,16 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// If the box is none, and if vertices do not span it.
+    /// If the box is not finite and solid, or an axis is too short.
     pub(super) fn new(shape: [u64; 3], order: Order, at: At, bounds: &Aabb) -> Result<Self, Fault> {
         if !bounds.is_solid() || !bounds.size().is_finite() {
-            return Err(Fault::malformed("the grid's bounds", "finite ones, min < max", format!("{bounds:?}")));
+            return Err(Fault::malformed("the grid's bounds", "finite corners with min < max", format!("{bounds:?}")));
         }
         let fewest = if at == At::Vertices { 2 } else { 1 };
         if shape.iter().any(|&n| n < fewest) {
             return Err(Fault::malformed(
                 "the grid's shape",
-                format!("axes of {fewest} or more"),
+                format!("axes of length {fewest} or more"),
                 format!("{shape:?}"),
             ));
         }
@@ -61,7 +61,7 @@ impl Grid {
         Ok(Self { shape, order, origin, pitch, fortran: false })
     }
 
-    /// The same, with its first axis fastest.
+    /// The same grid, stored with the first axis fastest if `fortran`.
     pub(super) fn fortran(self, fortran: bool) -> Self {
         Self { fortran, ..self }
     }
@@ -82,18 +82,18 @@ impl Grid {
         Aabb { min: self.origin + index * self.pitch, max: self.origin + (index + 1.0) * self.pitch }
     }
 
-    /// The middle of [`Grid::cell`].
+    /// The center of [`Grid::cell`].
     pub(super) fn center(&self, n: u64) -> DVec3 {
         let index = DVec3::from_array(self.index(n).map(|i| i as f64));
         self.origin + (index + 0.5) * self.pitch
     }
 }
 
-/// Three axes: more are allowed where those before or behind them have length 1.
+/// The three axes of a grid; further axes before or after them must have length 1.
 ///
 /// # Errors
 ///
-/// If there are fewer, or more that are longer.
+/// If there are fewer axes, or others of another length.
 pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
     let mut axes = shape;
     while axes.len() > 3 && axes[0] == 1 {
@@ -105,18 +105,18 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
     axes.try_into().map_err(|_| Fault::malformed("the grid's shape", "three axes", format!("{shape:?}")))
 }
 
-/// What a grid spans that does not say so itself.
+/// The bounds of a grid whose file has none.
 ///
 /// # Errors
 ///
-/// If nobody says it.
+/// If `options` has none either.
 pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
     options.bounds.ok_or_else(|| {
-        Fault::unsupported("a grid that does not say what it spans", "give its smallest and largest corner as `bounds`")
+        Fault::unsupported("a grid without bounds", "give its smallest and largest corner as `bounds`")
     })
 }
 
-/// What DVGO's densities stand for.
+/// The map from DVGO's densities to opacities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Density {
     shift: f64,
@@ -128,7 +128,7 @@ impl Density {
     ///
     /// # Errors
     ///
-    /// If these are no numbers to go by.
+    /// If `shift` is not finite or `interval` not positive.
     pub(super) fn new(shift: f64, interval: f64) -> Result<Self, Fault> {
         if !shift.is_finite() {
             return Err(Fault::malformed("act_shift", "a finite number", shift));
@@ -143,7 +143,7 @@ impl Density {
     ///
     /// # Errors
     ///
-    /// If `alpha` is none.
+    /// If `alpha` is not between 0 and 1.
     pub(super) fn shift_of(alpha: f64) -> Result<f64, Fault> {
         if !(alpha > 0.0 && alpha < 1.0) {
             return Err(Fault::malformed("alpha_init", "a number between 0 and 1", alpha));
@@ -151,7 +151,7 @@ impl Density {
         Ok((1.0 / (1.0 - alpha) - 1.0).ln())
     }
 
-    /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), which keeps its digits where it is small.
+    /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), computed without cancellation if it is small.
     pub(super) fn alpha(&self, density: f64) -> f64 {
         let x = density + self.shift;
         let softplus = x.max(0.0) + (-x.abs()).exp().ln_1p();

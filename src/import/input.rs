@@ -1,4 +1,4 @@
-//! Bytes that are read once, from front to back, with their place.
+//! The bytes of a file or of memory, with the current offset.
 
 use std::fmt;
 use std::fs::File;
@@ -7,14 +7,14 @@ use std::path::Path;
 
 use super::{Fault, Visitor};
 
-/// What can be read and sought in.
+/// A source of bytes.
 trait Source: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Source for T {}
 
 /// Bytes between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 22;
 
-/// A file's bytes, or some in memory.
+/// The bytes of a file or of memory.
 pub struct Input<'a> {
     source: BufReader<Box<dyn Source + 'a>>,
     offset: u64,
@@ -29,21 +29,21 @@ impl fmt::Debug for Input<'_> {
 }
 
 impl<'a> Input<'a> {
-    /// The file `path`.
+    /// Opens the file `path`.
     ///
     /// # Errors
     ///
-    /// If it cannot be opened, and if it is no regular file, which has no length.
+    /// If it cannot be opened or is not a regular file.
     pub fn open(path: &Path) -> Result<Self, Fault> {
         let file = File::open(path)?;
         let metadata = file.metadata()?;
         if !metadata.is_file() {
-            return Err(Fault::malformed("the path", "a file", "something else"));
+            return Err(Fault::invalid("the path", "it is not a regular file"));
         }
         Ok(Self::new(Box::new(file), metadata.len()))
     }
 
-    /// These bytes.
+    /// Reads from memory.
     pub fn from_bytes(bytes: &'a [u8]) -> Self {
         Self::new(Box::new(std::io::Cursor::new(bytes)), bytes.len() as u64)
     }
@@ -57,31 +57,31 @@ impl<'a> Input<'a> {
         self.offset
     }
 
-    /// Bytes in all.
+    /// Total number of bytes.
     pub fn len(&self) -> u64 {
         self.len
     }
 
-    /// Whether there are none.
+    /// True if there are no bytes.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Bytes to come.
+    /// Bytes after the offset.
     pub fn left(&self) -> u64 {
         self.len.saturating_sub(self.offset)
     }
 
-    /// "byte N": where the next byte is.
+    /// The offset for errors: "byte N".
     pub fn place(&self) -> String {
         format!("byte {}", self.offset)
     }
 
-    /// Tells the visitor how far this is, now and then.
+    /// Reports progress to the visitor, once every 4 MiB.
     ///
     /// # Errors
     ///
-    /// The visitor's.
+    /// Those of the visitor.
     pub fn report(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         if self.offset < self.reported + REPORT_EVERY {
             return Ok(());
@@ -90,11 +90,11 @@ impl<'a> Input<'a> {
         visitor.progress(self.offset, self.len)
     }
 
-    /// Fills `bytes` with what comes next; `what` is what it is.
+    /// Fills `bytes` with the next bytes; `what` names them in errors.
     ///
     /// # Errors
     ///
-    /// If there is not so much left.
+    /// If fewer bytes are left.
     pub fn fill(&mut self, bytes: &mut [u8], what: &str) -> Result<(), Fault> {
         self.expect_left(bytes.len() as u64, what)?;
         self.source.read_exact(bytes)?;
@@ -102,11 +102,11 @@ impl<'a> Input<'a> {
         Ok(())
     }
 
-    /// Checks that so many bytes are left, before memory is set aside for them.
+    /// Checks that `bytes` bytes are left. Called before memory is allocated for them.
     ///
     /// # Errors
     ///
-    /// If they are not.
+    /// If fewer are left.
     pub fn expect_left(&self, bytes: u64, what: &str) -> Result<(), Fault> {
         if bytes <= self.left() {
             return Ok(());
@@ -118,15 +118,15 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// If there are not so many left.
+    /// If fewer are left.
     pub fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N], Fault> {
         let mut bytes = [0; N];
         self.fill(&mut bytes, what)?;
         Ok(bytes)
     }
 
-    /// The next line without its end, which is any of LF, CRLF and CR LF's lone LF; false at the end of the input. A line longer
-    /// than `most` bytes is an error, so that a file without line ends cannot fill the memory.
+    /// Reads the next line without its end, LF or CRLF. Returns false at the end of the input. The limit of `most` bytes keeps a
+    /// file without line ends from filling the memory.
     ///
     /// # Errors
     ///
@@ -142,11 +142,7 @@ impl<'a> Input<'a> {
         if line.last() == Some(&b'\n') {
             line.pop();
         } else if line.len() > most {
-            return Err(Fault::malformed(
-                format!("byte {place}"),
-                format!("a line of at most {most} bytes"),
-                "a longer one",
-            ));
+            return Err(Fault::invalid(format!("byte {place}"), format!("the line is longer than {most} bytes")));
         }
         if line.last() == Some(&b'\r') {
             line.pop();
@@ -154,11 +150,11 @@ impl<'a> Input<'a> {
         Ok(true)
     }
 
-    /// What comes next, without reading it: up to `most` bytes.
+    /// The next bytes, at most `most`, without moving the offset.
     ///
     /// # Errors
     ///
-    /// The system's.
+    /// Those of the system.
     pub fn peek(&mut self, most: usize) -> Result<Vec<u8>, Fault> {
         let most = (most as u64).min(self.left()) as usize;
         let mut bytes = vec![0; most];
@@ -167,17 +163,17 @@ impl<'a> Input<'a> {
         Ok(bytes)
     }
 
-    /// Goes to a place.
+    /// Moves to `offset`.
     ///
     /// # Errors
     ///
-    /// If it lies past the end.
+    /// If it lies beyond the end.
     pub fn go_to(&mut self, offset: u64) -> Result<(), Fault> {
         if offset > self.len {
             return Err(Fault::malformed(
                 format!("byte {offset}"),
-                "a place inside the file",
-                format!("{} bytes", self.len),
+                "an offset inside the file",
+                format!("a file of {} bytes", self.len),
             ));
         }
         self.source.seek_relative(offset as i64 - self.offset as i64)?;
@@ -191,7 +187,7 @@ pub(super) fn bytes_at<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
     std::array::from_fn(|n| record[at + n])
 }
 
-/// For libraries that read by themselves.
+/// For libraries that take a reader.
 impl Read for Input<'_> {
     fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
         let read = self.source.read(bytes)?;
@@ -200,7 +196,7 @@ impl Read for Input<'_> {
     }
 }
 
-/// For readers that look for ends in what is buffered.
+/// For readers that search the buffer for ends of words and lines.
 impl BufRead for Input<'_> {
     fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
         self.source.fill_buf()
@@ -213,14 +209,14 @@ impl BufRead for Input<'_> {
 }
 
 impl Seek for Input<'_> {
-    /// Keeps what is buffered where the place is near: readers of archives seek for every few bytes.
+    /// Keeps the buffer if the target lies in it: readers of archives seek every few bytes.
     fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
         let to = match to {
             SeekFrom::Start(to) => i128::from(to),
             SeekFrom::Current(by) => i128::from(self.offset) + i128::from(by),
             SeekFrom::End(by) => i128::from(self.len) + i128::from(by),
         };
-        let outside = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "a place outside the file");
+        let outside = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "an offset outside the file");
         let to = i64::try_from(to).ok().filter(|&to| to >= 0).ok_or_else(outside)?;
         self.source.seek_relative(to - self.offset as i64)?;
         self.offset = to as u64;

@@ -1,8 +1,7 @@
-//! Geometry from other programs' files: triangles, points and occupied cells, one after the other.
+//! Geometry from other programs' files: a stream of triangles, points and occupied cells.
 //!
-//! In: a file or a folder from anywhere, of which nothing is trusted. Out: calls of a [`Visitor`], so that nothing larger
-//! than a mesh's vertices is held in memory. [`crate::prior::build()`] makes a prior of them. One file a format;
-//! each reader takes an [`Input`], which may as well be bytes in memory, and checks lengths before it sets memory aside.
+//! In: an untrusted file or folder. Out: calls of a [`Visitor`], so that memory holds at most a mesh's vertices. There is one
+//! module per format. Each reader takes an [`Input`], a file or bytes in memory, and checks lengths before it allocates.
 
 mod archive;
 pub mod arrays;

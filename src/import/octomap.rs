@@ -1,7 +1,8 @@
-//! OctoMap's octrees: `.bt`, two bits a node, and `.ot`, a probability a node.
+//! OctoMap's octrees: `.bt` with two bits per node, and `.ot` with a probability per node.
 //!
-//! A tree of 16 levels below its root, which spans 2^16 smallest cells and is centerd at the origin. Nodes come depth first; child n
-//! of a node lies on the larger side of x, y and z where bits 0, 1 and 2 of n are set. Leaves of any level are cells.
+//! The tree has 16 levels below the root, which spans 2^16 smallest cells along each axis and is centered at the origin. Nodes are
+//! stored depth first. Child n of a node lies on the larger side of x, y and z if bits 0, 1 and 2 of n are set. Leaves of any level
+//! are cells.
 
 use glam::DVec3;
 
@@ -10,21 +11,21 @@ use crate::geometry::Aabb;
 
 /// Levels below the root.
 const DEPTH: u32 = 16;
-/// Lengths of a header's lines, and how many there may be.
+/// Bytes of a header's line, and number of lines.
 const MAX_LINE: usize = 1 << 12;
 const MAX_LINES: usize = 1 << 12;
 
 const BINARY: &[u8] = b"# Octomap OcTree binary file";
 const FULL: &[u8] = b"# Octomap OcTree file";
 
-/// What comes before the nodes.
+/// The header before the nodes.
 struct Header {
     binary: bool,
-    /// Whether nodes have colors, in files that are not binary.
+    /// True if the nodes of a file that is not binary have colors.
     colors: bool,
-    /// Nodes, as declared.
+    /// Declared number of nodes.
     nodes: u64,
-    /// Edge of a smallest cell.
+    /// Edge length of a smallest cell.
     resolution: f64,
 }
 
@@ -35,15 +36,16 @@ struct Frame {
     corner: [u32; 3],
     /// Levels below the root.
     depth: u32,
-    /// Children that are still to come, a bit each.
+    /// Children that have not been read, one bit each.
     to_come: u8,
 }
 
-/// Reads `input`. Leaves count whose probability exceeds [`ReadOptions::threshold`]; those of a binary tree that it calls occupied.
+/// Reads `input`. Cells are the occupied leaves of a binary tree, or the leaves whose probability exceeds
+/// [`ReadOptions::threshold`].
 ///
 /// # Errors
 ///
-/// If it is not what the format says, and those of `visitor`.
+/// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     let mut found = 0;
@@ -68,7 +70,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     if found != header.nodes {
         return Err(Fault::malformed(input.place(), format!("{} nodes, as the header says", header.nodes), found));
     }
-    // What follows is left, as OctoMap's own reader leaves it: pyoctomap keeps colors there.
+    // As OctoMap's own reader, ignore what follows: pyoctomap stores colors there.
     Ok(())
 }
 
@@ -81,7 +83,7 @@ impl Header {
             let found = String::from_utf8_lossy(&line[..line.len().min(40)]).into_owned();
             return Err(Fault::malformed(
                 "line 1",
-                "\"# Octomap OcTree file\" or \"# Octomap OcTree binary file\" (older trees: OctoMap's convert_octree renews them)",
+                "\"# Octomap OcTree file\" or \"# Octomap OcTree binary file\" (OctoMap's convert_octree converts older trees)",
                 format!("{found:?}"),
             ));
         }
@@ -89,10 +91,10 @@ impl Header {
         for number in 2..MAX_LINES {
             let place = || format!("line {number}");
             if !input.line(&mut line, MAX_LINE)? {
-                return Err(Fault::malformed(place(), "a line \"data\"", "the end"));
+                return Err(Fault::malformed(place(), "a line \"data\"", "the end of the file"));
             }
             let text =
-                std::str::from_utf8(&line).map_err(|_| Fault::malformed(place(), "text", "bytes that are none"))?;
+                std::str::from_utf8(&line).map_err(|_| Fault::malformed(place(), "UTF-8 text", "other bytes"))?;
             let (key, value) = text.trim().split_once(char::is_whitespace).unwrap_or((text.trim(), ""));
             let value = value.trim();
             match key {
@@ -104,10 +106,10 @@ impl Header {
                 }
                 "res" => {
                     let res = value.parse().ok().filter(|&r: &f64| r > 0.0 && (r * f64::from(1 << DEPTH)).is_finite());
-                    resolution = Some(res.ok_or_else(|| Fault::malformed(place(), "a finite edge above 0", value))?);
+                    resolution = Some(res.ok_or_else(|| Fault::malformed(place(), "a finite edge length above 0", value))?);
                 }
                 "data" => {
-                    let missing = |what: &str| Fault::malformed(place(), format!("a line \"{what}\" before"), "none");
+                    let missing = |what: &str| Fault::invalid(place(), format!("the header has no line \"{what}\""));
                     let id = id.ok_or_else(|| missing("id"))?;
                     let colors = match (id.as_str(), binary) {
                         ("OcTree", _) => false,
@@ -121,14 +123,15 @@ impl Header {
                     let resolution = resolution.ok_or_else(|| missing("res"))?;
                     return Ok(Self { binary, colors, nodes, resolution });
                 }
-                // Comments, and what later versions may add: OctoMap, too, passes over them.
+                // As OctoMap's own reader, ignore comments and unknown lines.
                 _ => {}
             }
         }
-        Err(Fault::malformed(format!("line {MAX_LINES}"), "a line \"data\" before", "none"))
+        Err(Fault::invalid(format!("line {MAX_LINES}"), "the header has no line \"data\""))
     }
 
-    /// Reads `node`; hands on its leaves, or itself; leaves on `path` what its children need. How many children are new.
+    /// Reads `node`, passes its occupied leaves to `visitor`, and pushes it to `path` for its children. Returns the number of
+    /// children.
     fn node(
         &self,
         node: Frame,
@@ -158,7 +161,7 @@ impl Header {
         } else {
             let value = f32::from_le_bytes(input.array("a node")?);
             if value.is_nan() {
-                return Err(Fault::malformed(place, "log odds", value));
+                return Err(Fault::malformed(place, "log odds that are a number", value));
             }
             let color = if self.colors { Some(input.array("a node's color")?) } else { None };
             let [children] = input.array("a node's children")?;
@@ -195,7 +198,7 @@ impl Frame {
     }
 }
 
-/// ln(p / (1 − p)): every value exceeds that of p ≤ 0, none that of p ≥ 1.
+/// ln(p / (1 − p)); −∞ for p ≤ 0 and ∞ for p ≥ 1.
 fn log_odds(probability: f64) -> f64 {
     let p = probability.clamp(0.0, 1.0);
     (p / (1.0 - p)).ln()

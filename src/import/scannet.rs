@@ -1,4 +1,4 @@
-//! ScanNet's scenes: which mesh, and the map that aligns it.
+//! The mesh of a ScanNet scene and its alignment.
 
 use std::path::{Path, PathBuf};
 
@@ -10,13 +10,13 @@ use crate::geometry::Aabb;
 
 /// A scan's mesh.
 pub(super) struct Scan {
-    /// `sceneXXXX_YY_vh_clean_2.ply`, or what there is of it.
+    /// `sceneXXXX_YY_vh_clean_2.ply`, or another mesh of the folder.
     pub(super) mesh: PathBuf,
-    /// From the mesh's space to the dataset's.
+    /// Map from the mesh's space to the dataset's.
     alignment: DMat4,
 }
 
-/// The scan that `path`, a folder or a mesh in one, belongs to, if it is one.
+/// The scan of `path`, its folder or a mesh in it; `None` if `path` belongs to no scan.
 pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
     let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::open(path).map_err(|e| refused(path, e))?
     else {
@@ -24,22 +24,22 @@ pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
     };
     match mesh {
         Some(mesh) => Ok(Some(Scan { mesh, alignment })),
-        None => Err(Fault::malformed("the folder", format!("the mesh {name}_vh_clean_2.ply"), "none").of(path)),
+        None => Err(Fault::invalid("the folder", format!("the mesh {name}_vh_clean_2.ply is missing")).of(path)),
     }
 }
 
-/// The scan of `path` is not what it should be.
+/// The error of the scan at `path`.
 fn refused(path: &Path, error: Error) -> ImportError {
     match error {
         Error::Read { path, source } => Fault::Io(source).of(&path),
         Error::Text { path, place, expected, found } => Fault::malformed(place, expected, found).of(&path),
         Error::TooLarge { path, what, limit, found } => Fault::Limit { what: what.into(), limit, found }.of(&path),
-        other => Fault::malformed("the scan", "a folder of ScanNet's", other).of(path),
+        other => Fault::invalid("the scan", other.to_string()).of(path),
     }
 }
 
 impl Scan {
-    /// Hands on to `visitor` what it is given, aligned.
+    /// A visitor that aligns geometry and passes it to `visitor`.
     pub(super) fn aligned<'a>(&'a self, visitor: &'a mut dyn Visitor) -> impl Visitor + 'a {
         Aligned { visitor, alignment: self.alignment }
     }
@@ -69,7 +69,7 @@ impl Visitor for Aligned<'_> {
     }
 
     fn cell(&mut self, _: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        // A turned box is none; meshes have none.
+        // A rotated cell is not a box. Meshes have no cells.
         Err(Fault::unsupported("a scan's grid", "use its mesh"))
     }
 
@@ -143,7 +143,7 @@ mod tests {
             fs::create_dir(folder.path().join(part)).unwrap();
         }
         let message = scan_of(folder.path()).err().unwrap().to_string();
-        assert!(message.contains("the folder: expected the mesh "), "{message}");
+        assert!(message.contains("the folder: the mesh ") && message.ends_with(" is missing"), "{message}");
         assert!(scan_of(&folder.path().join("absent")).unwrap().is_none());
     }
 }

@@ -1,9 +1,9 @@
-//! What a reader's tests look at: everything it handed over.
+//! A visitor for readers' tests that records all geometry.
 
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 use crate::geometry::Aabb;
 
-/// All that a visitor was given.
+/// The recorded geometry.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
     pub(crate) points: Vec<Point>,
@@ -40,7 +40,7 @@ impl Visitor for Seen {
 
 type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
 
-/// What `read` hands over of `bytes`.
+/// The geometry that `read` finds in `bytes`.
 pub(crate) fn seen_with(bytes: &[u8], options: &ReadOptions, read: Read) -> Result<Seen, Fault> {
     let mut seen = Seen::default();
     read(&mut Input::from_bytes(bytes), options, &mut seen)?;

@@ -1,25 +1,25 @@
-//! What readers hand over, and what they are told.
+//! The receiver of geometry, and the options of readers.
 
 use glam::DVec3;
 
 use super::Fault;
 use crate::geometry::Aabb;
 
-/// A place on a surface.
+/// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Where, in the file's own space. Finite: readers see to it.
+    /// In the file's space; finite.
     pub position: DVec3,
-    /// sRGB, where the file has colors.
+    /// sRGB; `None` if the file has no colors.
     pub color: Option<[u8; 3]>,
 }
 
 impl Point {
-    /// A point of the coordinates `position`, read at `place`.
+    /// A point at `position`; `place` names its origin in errors.
     ///
     /// # Errors
     ///
-    /// If they are not finite.
+    /// If `position` is not finite.
     pub fn new(position: DVec3, color: Option<[u8; 3]>, place: impl FnOnce() -> String) -> Result<Self, Fault> {
         if position.is_finite() {
             return Ok(Self { position, color });
@@ -28,54 +28,54 @@ impl Point {
     }
 }
 
-/// Takes geometry as it is read. Every method may end the reading with an error.
+/// Receives geometry while it is read. An error of any method ends the reading.
 pub trait Visitor {
     /// A point of a cloud.
     ///
     /// # Errors
     ///
-    /// To end the reading.
+    /// Any error ends the reading.
     fn point(&mut self, point: Point) -> Result<(), Fault>;
 
     /// A triangle of a mesh; it may be degenerate.
     ///
     /// # Errors
     ///
-    /// To end the reading.
+    /// Any error ends the reading.
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault>;
 
-    /// A cell of a grid or an octree that is occupied; its corners are finite. sRGB where it has a color.
+    /// An occupied cell of a grid or octree, with finite corners, and its sRGB color if it has one.
     ///
     /// # Errors
     ///
-    /// To end the reading.
+    /// Any error ends the reading.
     fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>) -> Result<(), Fault>;
 
-    /// Now and then: so many bytes of so many are read.
+    /// Reports progress: `done` of `total` bytes are read. Called at intervals.
     ///
     /// # Errors
     ///
-    /// To end the reading.
+    /// Any error ends the reading.
     fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault>;
 }
 
-/// Which parts of a file count.
+/// The parts of a file that are read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Of meshes, whether only their vertices count, as points (what the paper did).
+    /// Meshes: read only the vertices, as points, as the paper does.
     pub vertices: bool,
-    /// Points of a smaller confidence are left out, where the file has confidences.
+    /// Files with confidences: points of a smaller confidence are left out.
     pub min_confidence: f64,
-    /// COLMAP: points seen in fewer pictures are left out.
+    /// COLMAP: points seen in fewer images are left out.
     pub min_track: u64,
     /// COLMAP: points of a larger mean reprojection error, in pixels, are left out.
     pub max_reprojection_error: f64,
-    /// Density grids: cells are occupied from this opacity over one voxel edge on (DVGO's first stage: 1e-3 for its bounds,
-    /// 1e-4 here).
+    /// Density grids: cells of at least this opacity over one voxel edge are occupied. DVGO's configuration has 1e-3
+    /// (`bbox_thres` and `mask_cache_thres` in `configs/default.py`); the default of 1e-4 also keeps thin surfaces.
     pub min_alpha: f64,
-    /// Other grids of numbers, and octrees of probabilities: cells are occupied above this.
+    /// Other grids of numbers, and octrees of probabilities: cells above this are occupied.
     pub threshold: f64,
-    /// What a grid spans that does not say so itself.
+    /// Bounds of grids whose files have none.
     pub bounds: Option<Aabb>,
 }
 

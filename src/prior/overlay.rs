@@ -112,8 +112,8 @@ mod tests {
         let tree = SparseVoxelTree::new(&boxes);
         let camera = Camera::looking_at([2, 2], 2.0, DVec3::ZERO, DVec3::X, DVec3::Z);
         let error = overlay(&tree, &boxes, None, &camera, &[[0.0; 3]; 3]).unwrap_err();
-        assert_eq!(error.to_string(), "photograph: expected as many pixels as the camera has, found 3");
+        assert_eq!(error.to_string(), "`photograph` must be as many pixels as the camera has, found 3");
         let error = overlay(&tree, &boxes, Some(&[]), &camera, &[[0.0; 3]; 4]).unwrap_err();
-        assert_eq!(error.to_string(), "colors: expected as many as cells, found 0");
+        assert_eq!(error.to_string(), "`colors` must be as many as cells, found 0");
     }
 }

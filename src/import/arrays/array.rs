@@ -1,29 +1,29 @@
-//! Arrays of numbers, wherever their bytes are.
+//! Arrays of numbers, in files and in archives.
 
 use crate::import::{Fault, Visitor};
 use crate::npy::Header;
 
-/// Numbers between two reports of progress.
+/// Numbers or rows between two reports of progress.
 pub(super) const REPORT_EVERY: u64 = 1 << 20;
 
 /// An array that can be read more than once.
 pub(super) trait Array {
-    /// Its type and shape.
+    /// Type and shape.
     fn header(&self) -> &Header;
 
-    /// Visits its first `count` numbers, in the file's order.
+    /// Visits the first `count` numbers, in the order of the file.
     fn visit(&mut self, count: u64, visit: &mut dyn FnMut(u64, f64) -> Result<(), Fault>) -> Result<(), Fault>;
 }
 
-/// What describes the first `count` numbers alone.
+/// The header of the first `count` numbers.
 pub(super) fn first(header: &Header, count: u64) -> Header {
     Header { count: count.min(header.count), ..header.clone() }
 }
 
-/// Takes a visitor, a number's place and the number.
+/// Receives a visitor, a number's index and the number.
 pub(super) type VisitNumber<'v> = dyn FnMut(&mut dyn Visitor, u64, f64) -> Result<(), Fault> + 'v;
 
-/// Visits all numbers, and tells `visitor` how far this is.
+/// Visits all numbers and reports progress to `visitor`.
 pub(super) fn visit_all(
     array: &mut dyn Array,
     visitor: &mut dyn Visitor,

@@ -6,7 +6,8 @@ use crate::import::grid::{At, Grid, Order, bounds_given, three_axes};
 use crate::import::{Fault, ReadOptions, Visitor};
 use crate::npy::Number;
 
-/// Hands on the cells of a grid of `bounds` that are occupied: true, above 0, or, floats, above [`ReadOptions::threshold`].
+/// Passes the occupied cells of a grid over `bounds` to `visitor`: those that are true or above 0, or, for floats, above
+/// [`ReadOptions::threshold`].
 pub(super) fn occupancy(
     array: &mut dyn Array,
     order: Order,
@@ -18,7 +19,7 @@ pub(super) fn occupancy(
     occupied(array, order, At::Cells, bounds, options, visitor, &|value| value > threshold)
 }
 
-/// Hands on the boxes of those numbers of a grid that are `occupied`.
+/// Passes the boxes of the numbers that are `occupied` to `visitor`.
 pub(super) fn occupied(
     array: &mut dyn Array,
     order: Order,
@@ -30,7 +31,7 @@ pub(super) fn occupied(
 ) -> Result<(), Fault> {
     let shape = three_axes(&array.header().shape)?;
     let bounds = bounds.map_or_else(|| bounds_given(options), Ok)?;
-    // Axes of length 1 do not change which number is where, in either order.
+    // Dropped axes of length 1 do not change the position of a number in either order.
     let grid = Grid::new(shape, order, at, &bounds)?.fortran(array.header().fortran_order);
     visit_all(array, visitor, &mut |visitor, n, value| {
         if value.is_nan() {

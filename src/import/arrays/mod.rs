@@ -1,7 +1,7 @@
 //! NumPy arrays: points, and grids of booleans, numbers or densities.
 //!
-//! In: `.npy`, or `.npz`, which is told by its first bytes. Two axes are rows of x, y, z, three are a grid; a bare grid is
-//! \[z\]\[y\]\[x\], as this project's synthetic `occupancy`. What the arrays of an `.npz` are is told by their names (`npz`).
+//! In: `.npy` or `.npz`, distinguished by the first bytes. An array without a name has two axes if it holds rows of x, y, z, and
+//! three, \[z\]\[y\]\[x\], if it is a grid. The names of the arrays of an `.npz` determine their meaning (`npz`).
 
 mod array;
 mod grids;
@@ -23,7 +23,7 @@ use crate::npy::{Header, NpyError};
 ///
 /// # Errors
 ///
-/// If it is not what the format says, and those of `visitor`.
+/// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let start = input.peek(6)?;
     if start == b"\x93NUMPY" {
@@ -32,7 +32,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     if Archive::begins(&start) {
         return npz::read(Archive::open(input)?, options, visitor);
     }
-    Err(Fault::malformed("byte 0", "NumPy's .npy (\\x93NUMPY) or .npz (PK)", format!("{start:02x?}")))
+    Err(Fault::malformed("byte 0", "the beginning of an .npy (\\x93NUMPY) or .npz (PK) file", format!("{start:02x?}")))
 }
 
 /// An `.npy` file.
@@ -69,7 +69,7 @@ impl From<NpyError> for Fault {
     fn from(error: NpyError) -> Self {
         match error {
             NpyError::Io(error) if error.kind() == ErrorKind::UnexpectedEof => {
-                Self::malformed("the array", "all of it", "the end of the file")
+                Self::invalid("the array", "the file ends within it")
             }
             NpyError::Io(error) => reading("the array", error),
             NpyError::Malformed { place, expected, found } => Self::malformed(place, expected, found),

@@ -1,17 +1,17 @@
-//! Arrays with names.
+//! Archives of named arrays.
 //!
-//! The first of these that is there counts:
+//! The first row of this table whose arrays exist determines the contents:
 //!
-//! | arrays | what |
+//! | arrays | contents |
 //! |---|---|
-//! | `cells` (n, 3), `origin`, `pitch` | a prior of this project: occupied cells of a lattice |
-//! | `occupancy` \[z\]\[y\]\[x\], `bounds` (2, 3) | this project's synthetic scenes: what each cell is |
+//! | `cells` (n, 3), `origin`, `pitch` | occupied cells of a lattice, as `strivec prior` writes them |
+//! | `occupancy` \[z\]\[y\]\[x\], `bounds` (2, 3) | occupancy of this project's synthetic scenes |
 //! | `density` \[x\]\[y\]\[z\] with `act_shift` or `alpha_init`, and `voxel_size_ratio` | DVGO's densities at vertices |
 //! | `alpha` \[x\]\[y\]\[z\] | opacities at vertices, as DVGO exports them |
 //! | `points`, `xyz` or `positions` (n, 3 or more), `colors` or `rgb` | points |
-//! | any, alone | as an `.npy` file |
+//! | a single array of any name | as an `.npy` file |
 //!
-//! Grids span `bounds`, or `xyz_min` and `xyz_max`, or what the caller says.
+//! The bounds of a grid are `bounds`, else `xyz_min` and `xyz_max`, else [`ReadOptions::bounds`].
 
 use glam::DVec3;
 
@@ -24,10 +24,10 @@ use crate::import::grid::{At, Density, Order};
 use crate::import::{Fault, ReadOptions, Visitor};
 use crate::npy::{Header, Number};
 
-/// The largest index of a cell: beyond it, f64 skips some.
+/// 2^53: larger cell indices are not exact in f64.
 const MAX_INDEX: f64 = 9007199254740992.0;
 
-/// Reads the arrays that say where something is.
+/// Reads the arrays of an archive.
 pub(super) fn read(
     mut archive: Archive<'_, '_>,
     options: &ReadOptions,
@@ -102,11 +102,10 @@ impl<'z, 'a, 'b> Member<'z, 'a, 'b> {
         let entry = format!("{name}.npy");
         let mut bytes = archive.entry(&entry)?;
         let header = Header::read(&mut bytes).map_err(|error| within(name, error.into()))?;
-        // The length of the header itself is at most that of its text and 12 bytes, and every byte of it is accounted for where
-        // the numbers end the entry.
+        // The header's own bytes are not subtracted here: `check_end_of` checks later that the numbers end the entry.
         if header.bytes() > bytes.size() {
             let expected = format!("{} bytes of numbers", header.bytes());
-            return Err(Fault::malformed(name, expected, format!("{} bytes in all", bytes.size())));
+            return Err(Fault::malformed(name, expected, format!("{} bytes", bytes.size())));
         }
         drop(bytes);
         Ok(Self { archive, entry, header })
@@ -126,7 +125,7 @@ impl Array for Member<'_, '_, '_> {
     }
 }
 
-/// `fault`, in this array.
+/// `fault` with the array's name before its place.
 fn within(name: &str, fault: Fault) -> Fault {
     match fault {
         Fault::Malformed { place, problem } => Fault::Malformed { place: format!("{name}: {place}"), problem },
@@ -134,7 +133,7 @@ fn within(name: &str, fault: Fault) -> Fault {
     }
 }
 
-/// The N finite numbers of an array, whatever its shape.
+/// The N finite numbers of an array of any shape.
 fn numbers<const N: usize>(archive: &mut Archive<'_, '_>, name: &str) -> Result<[f64; N], Fault> {
     let mut array = Member::new(archive, name)?;
     if array.header.count != N as u64 {
@@ -152,7 +151,7 @@ fn numbers<const N: usize>(archive: &mut Archive<'_, '_>, name: &str) -> Result<
     Ok(numbers)
 }
 
-/// What the grid spans, if the archive says it.
+/// The bounds of the grid, if the archive has them.
 fn bounds<'n>(
     archive: &mut Archive<'_, '_>,
     one_of: &dyn Fn(&[&str]) -> Option<&'n str>,
@@ -168,7 +167,7 @@ fn bounds<'n>(
     Ok(Some(Aabb { min: DVec3::from_slice(&corners[..3]), max: DVec3::from_slice(&corners[3..]) }))
 }
 
-/// A prior of this project.
+/// Passes the occupied cells of a lattice to `visitor`.
 fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let origin = DVec3::from_array(numbers(archive, "origin")?);
     let pitch = DVec3::from_array(numbers(archive, "pitch")?);
@@ -180,7 +179,7 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
         None => None,
     };
     let array = &mut Member::new(archive, "cells")?;
-    let mut hand_on = |array: &mut Member<'_, '_, '_>| {
+    let mut read = |array: &mut Member<'_, '_, '_>| {
         let shape = points::rows_and_columns(array, "cells")?;
         let [count, columns] = shape;
         if columns != 3 || matches!(array.header.number, Number::Bool | Number::Float(_)) {
@@ -188,7 +187,7 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
             return Err(Fault::malformed("the array", "integers of shape (n, 3)", found));
         }
         if let Some(colors) = colors.as_ref().filter(|colors| colors.len() as u64 != count) {
-            return Err(Fault::malformed("the array", format!("{} rows, as colors has", colors.len()), count));
+            return Err(Fault::malformed("the array", format!("{} rows, one for each color", colors.len()), count));
         }
         points::rows(array, shape, 3, &mut |n, row| {
             if n % REPORT_EVERY == REPORT_EVERY - 1 {
@@ -197,10 +196,10 @@ fn cells(archive: &mut Archive<'_, '_>, colors: Option<&str>, visitor: &mut dyn 
             let cell = DVec3::from_slice(row);
             let at = Aabb { min: origin + cell * pitch, max: origin + (cell + 1.0) * pitch };
             if cell.abs().max_element() >= MAX_INDEX || !at.is_solid() {
-                return Err(Fault::malformed(format!("cell {n}"), "one with finite corners", cell));
+                return Err(Fault::malformed(format!("cell {n}"), "a cell with finite corners", cell));
             }
             visitor.cell(&at, colors.as_ref().map(|colors| colors[n as usize]))
         })
     };
-    hand_on(array).map_err(|fault| within("cells", fault))
+    read(array).map_err(|fault| within("cells", fault))
 }

@@ -1,4 +1,4 @@
-//! Rows of x, y, z, and of colors.
+//! Arrays of points, and of colors.
 
 use glam::DVec3;
 
@@ -6,14 +6,14 @@ use super::array::{Array, REPORT_EVERY};
 use crate::import::{Fault, Point, Visitor};
 use crate::npy::Number;
 
-/// The most columns of an array of points, of which six are looked at.
+/// Columns of an array of points; at most six are used.
 const MAX_COLUMNS: u64 = 1 << 12;
-/// The most numbers of an array in Fortran's order: all of x come first, so that the coordinates are held in memory (256 MiB).
+/// Numbers of an array in Fortran order, whose columns follow one another and are held in memory (256 MiB).
 const MAX_HELD: u64 = 1 << 25;
-/// The most colors that lie in an array of their own, and are held in memory (192 MiB).
+/// Colors of a separate array, held in memory (192 MiB).
 const MAX_COLORS: u64 = 1 << 26;
 
-/// How numbers stand for colors.
+/// Range of the numbers of a color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scale {
     /// 0 to 255.
@@ -29,7 +29,7 @@ impl Scale {
     }
 }
 
-/// Hands on the points of `array`, with `colors` or those of its own columns 3 to 6.
+/// Passes the points of `array` to `visitor`, with `colors` or those of its columns 3 to 5.
 pub(super) fn read(
     array: &mut dyn Array,
     colors: Option<Vec<[u8; 3]>>,
@@ -38,7 +38,7 @@ pub(super) fn read(
     let shape = rows_and_columns(array, "points")?;
     let [count, columns] = shape;
     if let Some(colors) = colors.as_ref().filter(|c| c.len() as u64 != count) {
-        return Err(Fault::malformed("the colors", format!("{count}, one a point"), colors.len()));
+        return Err(Fault::malformed("the colors", format!("{count}, one for each point"), colors.len()));
     }
     let scale = if columns >= 6 && colors.is_none() { scale_of(array, shape, 3)? } else { None };
     let used = if scale.is_some() { 6 } else { 3 };
@@ -55,12 +55,12 @@ pub(super) fn read(
     })
 }
 
-/// The colors of an array that holds nothing else.
+/// The colors of an array that holds only colors.
 pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     let shape = rows_and_columns(array, "colors")?;
     Fault::unless_within("colors", MAX_COLORS, shape[0])?;
     let Some(scale) = scale_of(array, shape, 0)? else {
-        return Err(Fault::malformed("the colors", "whole numbers within 0 to 255, or floats within 0 to 1", "others"));
+        return Err(Fault::invalid("the colors", "not all are whole numbers from 0 to 255, or floats from 0 to 1"));
     };
     let mut colors = Vec::new();
     rows(array, shape, 3, &mut |_, row| {
@@ -70,7 +70,7 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     Ok(colors)
 }
 
-/// Takes a row's number and the columns that are used.
+/// Receives a row's index and its used columns.
 type VisitRow<'v> = dyn FnMut(u64, &[f64]) -> Result<(), Fault> + 'v;
 
 /// Visits the first `used` columns of each row; the shape is that of [`rows_and_columns`].
@@ -117,8 +117,8 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
     }
 }
 
-/// How the three columns from `first` on stand for colors, if they do: that takes reading them once. Whole numbers up to 255
-/// are bytes, except floats that are all within 0 and 1.
+/// The range of the colors in the three columns from `first` on, `None` if they are no colors. Reads them once. Floats that are all
+/// within 0 and 1 are fractions; otherwise whole numbers up to 255 are bytes.
 fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Option<Scale>, Fault> {
     if array.header().number == Number::Unsigned(1) {
         return Ok(Some(Scale::Bytes));

@@ -1,11 +1,11 @@
-//! An array without a name: its shape tells what it is.
+//! Arrays without a name, whose shape determines their contents.
 
 use super::array::Array;
 use super::{grids, points};
 use crate::import::grid::Order;
 use crate::import::{Fault, ReadOptions, Visitor};
 
-/// Points or a grid, by the number of axes.
+/// Reads points or a grid, by the number of axes.
 pub(super) fn of_any_shape(
     array: &mut dyn Array,
     options: &ReadOptions,
@@ -15,7 +15,7 @@ pub(super) fn of_any_shape(
         2 => points::read(array, None, visitor),
         0 | 1 => {
             let found = format!("{:?}", array.header().shape);
-            Err(Fault::malformed("the array's shape", "(points, 3 or more) or three axes", found))
+            Err(Fault::malformed("the array's shape", "(rows, 3 or more) or three axes", found))
         }
         _ => grids::occupancy(array, Order::Zyx, None, options, visitor),
     }

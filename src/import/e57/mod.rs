@@ -1,8 +1,7 @@
-//! E57: all scans of a file, each in its pose.
+//! E57: all scans of a file, each in its pose. Points whose state marks them as a direction or as invalid are left out.
 //!
-//! `e57` reads the header and the XML section, which says what there is. The points are read here: the library holds what its
-//! streams are ahead of each other without a limit, and spends memory for ever on a scan whose fields need no bits. Points
-//! whose state says that they are a direction or nothing are left out.
+//! The crate `e57` reads the header and the XML section. The points are read here, because `e57` buffers without a limit if the
+//! streams of a scan advance at different rates, and allocates without end for a scan whose fields need no bits.
 
 mod packets;
 mod pages;
@@ -14,23 +13,24 @@ use ::e57::E57Reader;
 
 use self::pages::Pages;
 use self::scan::Scan;
+use super::error::excerpt;
 use super::input::bytes_at;
 use super::{Fault, Input, ReadOptions, Visitor};
 
-/// The longest XML section that is read, in bytes. It has some thousand of them for each scan.
+/// Bytes of the XML section. A scan takes some thousand of them.
 const MAX_XML: u64 = 1 << 24;
 
-/// The most attributes of an XML element: the time that XML takes grows with the square of them.
+/// Attributes of an XML element: the time of the XML parser grows with their square.
 const MAX_ATTRIBUTES: usize = 1000;
 
-/// The most namespaces in all: nested elements hold those around them, each its own.
+/// Namespaces of the XML section: each nested element copies those of the elements around it.
 const MAX_NAMESPACES: usize = 100;
 
 /// Reads `input`.
 ///
 /// # Errors
 ///
-/// If a page's checksum is wrong, if the XML section is none or promises more than there is, if a coordinate is not
+/// If a page's checksum is wrong, the XML section is invalid or declares more than the file holds, a coordinate is not
 /// finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut pages = Pages::of(input)?;
@@ -38,7 +38,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     let input = pages.input();
     input.go_to(0)?;
     let described =
-        E57Reader::new(input).map_err(|error| Fault::malformed("the XML section", "what E57 says", error))?;
+        E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", error.to_string()))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
         scans.push(Scan::new(described, format!("scan {at}"))?);
@@ -52,12 +52,12 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     Ok(())
 }
 
-/// Checks the file's header, and that nothing in the XML section makes a parser slow.
+/// Checks the header of the file, and limits what makes the XML parser slow.
 fn check_xml(pages: &mut Pages<'_, '_>) -> Result<(), Fault> {
     let mut header = [0; 48];
     pages.fill(&mut header, "a header")?;
     if &header[..8] != b"ASTM-E57" {
-        return Err(Fault::malformed("byte 0", "ASTM-E57", format!("{:?}", &header[..8])));
+        return Err(Fault::malformed("byte 0", "ASTM-E57", excerpt(&header[..8])));
     }
     let number = |at: usize| u64::from_le_bytes(bytes_at(&header, at));
     if number(40) != pages::PAGE {

@@ -1,17 +1,17 @@
-//! The packets of a scan: for each field a stream of bits, of which every packet has a piece.
+//! The packets of a scan. Each field is a stream of bits, and each packet holds a piece of every stream.
 
 use super::pages::Pages;
 use crate::import::Fault;
 
-/// The most bytes that streams may have ahead of what the slowest of them has.
+/// Bytes that streams may be ahead of the slowest one.
 const MAX_AHEAD: usize = 1 << 24;
 
-/// A field's numbers, one after the other without gaps.
+/// The numbers of a field, packed without gaps.
 pub(super) struct Stream {
-    /// Bits of a number; 0 where all are alike.
+    /// Bits of a number; 0 if all numbers are equal.
     bits: u32,
     bytes: Vec<u8>,
-    /// Bits of `bytes` that are done with.
+    /// Bits of `bytes` that have been read.
     done: usize,
 }
 
@@ -20,12 +20,12 @@ impl Stream {
         Self { bits, bytes: Vec::new(), done: 0 }
     }
 
-    /// Numbers that are there; None for any number of them.
+    /// Number of complete numbers; `None` if numbers have no bits.
     fn available(&self) -> Option<usize> {
         (8 * self.bytes.len() - self.done).checked_div(self.bits as usize)
     }
 
-    /// The number `at` of those that are there.
+    /// Number `at` of the available ones.
     pub(super) fn number(&self, at: usize) -> u64 {
         if self.bits == 0 {
             return 0;
@@ -51,14 +51,14 @@ impl Stream {
     }
 }
 
-/// Takes streams, and how many numbers all of them have.
+/// Receives the streams and how many numbers each of them has.
 type Sink<'a> = dyn FnMut(&[Stream], usize) -> Result<(), Fault> + 'a;
 
-/// Reads packets from where `pages` are until `records` are read; `sink` takes those that are there, and how many.
+/// Reads packets from the current offset until `records` records are read, and passes them to `sink` in batches.
 ///
 /// # Errors
 ///
-/// If a packet is none, if there are too few of them, and those of `sink`.
+/// If a packet is invalid, the packets end early, and those of `sink`.
 pub(super) fn read(
     pages: &mut Pages<'_, '_>,
     streams: &mut [Stream],
@@ -72,10 +72,10 @@ pub(super) fn read(
         pages.fill(&mut head, "a packet")?;
         let length = u64::from(u16::from_le_bytes([head[2], head[3]])) + 1;
         match head[0] {
-            // An index, or nothing.
+            // An index packet or an ignored one.
             0 | 2 if length >= 4 => pages.skip(length - 4, "a packet")?,
             1 => append(pages, streams, length, &place)?,
-            kind => return Err(Fault::malformed(place, "a packet", format!("kind {kind} of {length} bytes"))),
+            kind => return Err(Fault::malformed(place, "a packet of kind 0 to 2", format!("kind {kind} of {length} bytes"))),
         }
         let there = streams.iter().filter_map(Stream::available).min().unwrap_or(0);
         let taken = left.min(there as u64) as usize;
@@ -83,7 +83,8 @@ pub(super) fn read(
         sink(streams, taken)?;
         streams.iter_mut().for_each(|stream| stream.finish(taken));
         if left > 0 && streams.iter().map(|stream| stream.bytes.len() - stream.done / 8).sum::<usize>() > MAX_AHEAD {
-            return Err(Fault::malformed(place, "streams that keep step", format!("one {MAX_AHEAD} bytes ahead")));
+            let problem = format!("a stream is more than {MAX_AHEAD} bytes ahead of another one");
+            return Err(Fault::invalid(place, problem));
         }
     }
     Ok(())
@@ -101,7 +102,8 @@ fn append(pages: &mut Pages<'_, '_>, streams: &mut [Stream], length: u64, place:
     let sizes: Vec<usize> = sizes.chunks_exact(2).map(|s| u16::from_le_bytes([s[0], s[1]]).into()).collect();
     let used = 6 + 2 * streams.len() as u64 + sizes.iter().map(|size| *size as u64).sum::<u64>();
     if used > length {
-        return Err(Fault::malformed(place, format!("a packet of {length} bytes"), format!("streams of {used}")));
+        let problem = format!("the streams need {used} bytes, but the packet has {length}");
+        return Err(Fault::invalid(place, problem));
     }
     for (stream, size) in streams.iter_mut().zip(sizes) {
         stream.append(size, pages)?;

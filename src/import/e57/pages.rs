@@ -1,4 +1,4 @@
-//! The pages of an E57 file: 1020 bytes, and their checksum, which is a CRC-32C in the order that other machines have.
+//! The pages of an E57 file: 1020 bytes and their checksum, a CRC-32C with the most significant byte first.
 
 use crate::import::input::bytes_at;
 use crate::import::{Fault, Input};
@@ -6,10 +6,10 @@ use crate::import::{Fault, Input};
 /// Bytes of a page.
 pub(super) const PAGE: u64 = 1024;
 
-/// Those before its checksum.
+/// Bytes of a page before its checksum.
 const PAYLOAD: u64 = PAGE - 4;
 
-/// For each byte, what it does to the checksum.
+/// The step of the CRC for each byte.
 const TABLE: [u32; 256] = {
     let mut table = [0; 256];
     let mut byte = 0;
@@ -17,7 +17,7 @@ const TABLE: [u32; 256] = {
         let mut rest = byte as u32;
         let mut bit = 0;
         while bit < 8 {
-            // Castagnoli's polynomial, its bits reversed.
+            // Castagnoli's polynomial with reversed bits.
             rest = if rest & 1 == 1 { rest >> 1 ^ 0x82f6_3b78 } else { rest >> 1 };
             bit += 1;
         }
@@ -32,20 +32,20 @@ pub(super) fn checksum(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |sum: u32, byte| sum >> 8 ^ TABLE[usize::from(sum as u8 ^ byte)])
 }
 
-/// A file without its checksums, which are checked as it is read.
+/// A file without its checksums, which are checked while it is read.
 pub(super) struct Pages<'i, 'a> {
     input: &'i mut Input<'a>,
     page: [u8; PAGE as usize],
-    /// Which page that is.
+    /// Number of the loaded page.
     loaded: Option<u64>,
-    /// The next byte, checksums not counted.
+    /// Offset of the next byte, without checksums.
     offset: u64,
-    /// Bytes, checksums not counted.
+    /// Bytes of the file, without checksums.
     len: u64,
 }
 
 impl<'i, 'a> Pages<'i, 'a> {
-    /// Of a whole number of pages.
+    /// The pages of `input`, whose length must be a multiple of a page.
     pub(super) fn of(input: &'i mut Input<'a>) -> Result<Self, Fault> {
         let len = input.len();
         if len == 0 || !len.is_multiple_of(PAGE) {
@@ -54,32 +54,32 @@ impl<'i, 'a> Pages<'i, 'a> {
         Ok(Self { input, page: [0; PAGE as usize], loaded: None, offset: 0, len: len / PAGE * PAYLOAD })
     }
 
-    /// All of the file.
+    /// The file with its checksums.
     pub(super) fn input(&mut self) -> &mut Input<'a> {
         self.input
     }
 
-    /// Where the next byte is in the file.
+    /// The offset in the file, for errors.
     pub(super) fn place(&self) -> String {
         format!("byte {}", self.offset / PAYLOAD * PAGE + self.offset % PAYLOAD)
     }
 
-    /// Bytes, checksums not counted.
+    /// Bytes of the file, without checksums.
     pub(super) fn len(&self) -> u64 {
         self.len
     }
 
-    /// Goes to a byte of the file, where `what` is.
+    /// Moves to `offset` in the file, where `what` begins.
     pub(super) fn go_to(&mut self, offset: u64, what: &str) -> Result<(), Fault> {
         if offset >= self.input.len() || offset % PAGE >= PAYLOAD {
             let found = format!("byte {offset}");
-            return Err(Fault::malformed(what, format!("a place within {} bytes", self.input.len()), found));
+            return Err(Fault::malformed(what, format!("an offset within {} bytes", self.input.len()), found));
         }
         self.offset = offset / PAGE * PAYLOAD + offset % PAGE;
         Ok(())
     }
 
-    /// Checks that so many bytes are left.
+    /// Checks that `bytes` bytes are left.
     pub(super) fn expect_left(&self, bytes: u64, what: &str) -> Result<(), Fault> {
         let left = self.len - self.offset;
         if bytes <= left {
@@ -88,14 +88,14 @@ impl<'i, 'a> Pages<'i, 'a> {
         Err(Fault::malformed(self.place(), format!("{bytes} bytes of {what}"), format!("{left} bytes")))
     }
 
-    /// Leaves out the next bytes.
+    /// Skips the next bytes.
     pub(super) fn skip(&mut self, bytes: u64, what: &str) -> Result<(), Fault> {
         self.expect_left(bytes, what)?;
         self.offset += bytes;
         Ok(())
     }
 
-    /// Fills `bytes` with what comes next.
+    /// Fills `bytes` with the next bytes.
     pub(super) fn fill(&mut self, mut bytes: &mut [u8], what: &str) -> Result<(), Fault> {
         self.expect_left(bytes.len() as u64, what)?;
         while !bytes.is_empty() {

@@ -1,4 +1,4 @@
-//! A scan: its fields, its pose, and how its records become points.
+//! A scan: its fields, its pose, and the map from records to points.
 
 use e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
 use glam::{DMat3, DQuat, DVec3};
@@ -8,10 +8,10 @@ use super::pages::Pages;
 use crate::import::input::bytes_at;
 use crate::import::{Fault, Point, Visitor};
 
-/// The most fields of a scan.
+/// Fields of a scan.
 const MAX_FIELDS: u64 = 255;
 
-/// A field: in which stream, and how its bits become a number.
+/// A field: its stream and the type of its numbers.
 #[derive(Clone, Debug)]
 struct Field {
     stream: usize,
@@ -22,7 +22,7 @@ struct Field {
 enum Kind {
     Single,
     Double,
-    /// Counted from the smallest.
+    /// Stored as the difference from `min`.
     Integer {
         min: i64,
         scale: f64,
@@ -51,7 +51,7 @@ impl Field {
     }
 }
 
-/// Bits of a number of `record`.
+/// Bits of a number of the field `record`.
 fn bits(record: &Record) -> u32 {
     match record.data_type {
         RecordDataType::Single { .. } => 32,
@@ -62,7 +62,7 @@ fn bits(record: &Record) -> u32 {
     }
 }
 
-/// A channel of a color, and the numbers that stand for 0 and 255.
+/// A color channel, and its values for 0 and 255.
 #[derive(Clone, Debug)]
 struct Channel {
     field: Field,
@@ -71,8 +71,8 @@ struct Channel {
 }
 
 impl Channel {
-    /// By the scan's limits, or else by those of the field. Limits that are no range of up to 16 bits say nothing: then the
-    /// numbers are taken for bytes.
+    /// Takes the range from the scan's limits, else from the field's. Limits that are empty or exceed 16 bits are ignored, and
+    /// without limits the numbers are bytes.
     fn of(record: &Record, stream: usize, limits: Option<(&RecordValue, &RecordValue)>) -> Self {
         let field = Field::of(record, stream);
         let number = |value: &RecordValue| match (value, field.kind) {
@@ -96,40 +96,40 @@ impl Channel {
     }
 
     fn byte(&self, streams: &[Stream], at: usize) -> u8 {
-        // What is no number becomes 0.
+        // NaN becomes 0.
         (255.0 * (self.field.value(streams, at) - self.min) / (self.max - self.min)).round() as u8
     }
 }
 
-/// What is read of a scan.
+/// The parts of a scan that are read.
 pub(super) struct Scan {
     place: String,
     pub(super) records: u64,
     offset: u64,
     /// Bits of each stream's numbers.
     bits: Vec<u32>,
-    /// x, y and z, and whether they are valid.
+    /// x, y and z, and their state.
     cartesian: Option<([Field; 3], Option<Field>)>,
-    /// Range, azimuth and elevation, and whether they are valid.
+    /// Range, azimuth and elevation, and their state.
     spherical: Option<([Field; 3], Option<Field>)>,
     color: Option<([Channel; 3], Option<Field>)>,
-    /// To the file's space.
+    /// Map to the file's space: rotation, then translation.
     rotation: DMat3,
     translation: DVec3,
 }
 
 impl Scan {
-    /// What the XML section says of it.
+    /// The scan that the XML section describes; `place` names it in errors.
     ///
     /// # Errors
     ///
-    /// If its fields are none that points can be read from, or its pose is none.
+    /// If it has no coordinates or an invalid pose.
     pub(super) fn new(described: &PointCloud, place: String) -> Result<Self, Fault> {
         let prototype = &described.prototype;
         Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
         let bits: Vec<u32> = prototype.iter().map(bits).collect();
         if bits.iter().all(|bits| *bits == 0) {
-            return Err(Fault::malformed(place, "a field whose numbers differ", "none"));
+            return Err(Fault::invalid(place, "all numbers of every field are equal"));
         }
         let find = |name: &RecordName| prototype.iter().position(|record| record.name == *name);
         let field = |name: RecordName| find(&name).map(|at| Field::of(&prototype[at], at));
@@ -138,7 +138,7 @@ impl Scan {
         let cartesian = all([N::CartesianX, N::CartesianY, N::CartesianZ]);
         let spherical = all([N::SphericalRange, N::SphericalAzimuth, N::SphericalElevation]);
         if cartesian.is_none() && spherical.is_none() {
-            return Err(Fault::malformed(place, "Cartesian or spherical coordinates", "neither"));
+            return Err(Fault::invalid(place, "it has neither Cartesian nor spherical coordinates"));
         }
         let limits = described.color_limits.as_ref();
         let channel = |name: N, limits: Option<(&RecordValue, &RecordValue)>| {
@@ -155,10 +155,10 @@ impl Scan {
         let (rotation, translation) = (pose.rotation, pose.translation);
         let rotation = DQuat::from_xyzw(rotation.x, rotation.y, rotation.z, rotation.w);
         let translation = DVec3::new(translation.x, translation.y, translation.z);
-        // Writers round; a rotation far from length one is none.
+        // Writers round, so a length of exactly 1 is not required.
         if !(0.99..1.01).contains(&rotation.length()) || !translation.is_finite() {
             let found = format!("rotation {rotation}, translation {translation}");
-            return Err(Fault::malformed(place, "a pose", found));
+            return Err(Fault::malformed(place, "a pose of a unit quaternion and a finite translation", found));
         }
         Ok(Self {
             place,
@@ -173,11 +173,11 @@ impl Scan {
         })
     }
 
-    /// Gives its points to `visitor`; `progress` is told how many records are done.
+    /// Passes the points to `visitor`; `progress` receives the number of finished records.
     ///
     /// # Errors
     ///
-    /// If there are fewer points than it says, if one is not finite, and those of `visitor`.
+    /// If there are fewer points than declared, a point is not finite, and those of `visitor`.
     pub(super) fn read(
         &self,
         pages: &mut Pages<'_, '_>,
@@ -217,7 +217,7 @@ impl Scan {
         })
     }
 
-    /// Where the point `at` is in the scan's own space, if it is one. State 1 is a direction, 2 nothing.
+    /// Position of point `at` in the scan's space; `None` in state 1 (a direction) and 2 (invalid).
     fn position(&self, streams: &[Stream], at: usize) -> Option<DVec3> {
         let valid = |fields: &Option<([Field; 3], Option<Field>)>| {
             let (fields, state) = fields.as_ref()?;

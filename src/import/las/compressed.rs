@@ -1,11 +1,10 @@
-//! LAZ: which compression the file says it has, and its chunks.
+//! LAZ: the description of the compression, and its chunks.
 //!
-//! `laz` trusts what it reads: it sets memory aside for layers as long as they say they are, adds lengths without checks, and
-//! indexes tables with numbers out of the stream. So the description of the compression must be exactly what the point format
-//! asks for, each chunk's layers are added up before they are read, and the table of chunks, which only seeking needs, is
-//! not read at all. What is left are panics on streams that no encoder wrote (assertions and sums that overflow, in builds that
-//! check them); they cannot be foreseen without decoding, and
-//! [`std::panic::catch_unwind`] turns them into errors. Nothing of a decoder that panicked is used again.
+//! `laz` trusts its input: it allocates the declared lengths of layers, adds lengths without checks, and indexes tables with
+//! numbers from the stream. Therefore the description must be exactly that of the point format, the lengths of each chunk's
+//! layers are checked before they are read, and the table of chunks, which only seeking needs, is not read. On streams that no
+//! encoder writes, `laz` may still panic (assertions, and overflowing sums in builds that check them).
+//! [`std::panic::catch_unwind`] turns these panics into errors, and the decoder is dropped.
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,25 +19,25 @@ use crate::import::{Fault, Input};
 /// Bytes before the data of a variable length record.
 const RECORD_HEADER: u64 = 54;
 
-/// The most bytes of a chunk's layers, which are held in memory. Encoders write some 50 000 points a chunk.
+/// Bytes of a chunk's layers, which are held in memory. Encoders write some 50 000 points per chunk.
 const MAX_LAYERS: u64 = 1 << 28;
 
-/// How points are compressed.
+/// The layout of compressed points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// All in one go.
+    /// One stream.
     Whole,
-    /// In chunks of so many points.
+    /// Chunks of this number of points.
     Chunked(u64),
-    /// In chunks that say how many points they have, field by field.
+    /// Chunks with their own number of points, one layer per field.
     Layered,
 }
 
-/// Decompresses the points of `input` and gives batches of records to `sink`.
+/// Decompresses the points of `input` and passes batches of records to `sink`.
 ///
 /// # Errors
 ///
-/// If the compression is none that is known, if the points end early or are none, and those of `sink`.
+/// If the compression is unknown, the points end early or are invalid, and those of `sink`.
 pub(super) fn read(
     input: &mut Input<'_>,
     header: &Header,
@@ -47,7 +46,7 @@ pub(super) fn read(
     let description = find_description(input, header)?;
     let kind = check(&description, header)?;
     let description = LazVlr::from_buffer(&description)
-        .map_err(|error| Fault::malformed("the record of LAZ", "a known compression", error))?;
+        .map_err(|error| unknown(&error))?;
     input.go_to(header.offset_to_points)?;
     if header.points == 0 {
         return Ok(());
@@ -95,23 +94,22 @@ fn chunk<R>(
         left -= taken;
         records.resize(taken as usize * record, 0);
         let decoded = catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(&mut records)));
-        let bad =
-            |found: &str| Fault::malformed(format!("the chunk at {at}"), format!("{points} compressed points"), found);
+        let bad = |problem: &str| Fault::invalid(format!("the chunk at {at}"), problem);
         match decoded {
             Ok(Ok(())) => sink(&records)?,
-            Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => return Err(bad("fewer")),
+            Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => return Err(bad(&format!("it ends before its {points} points"))),
             Ok(Err(error)) => return Err(error.into()),
-            Err(_) => return Err(bad("bytes that are none")),
+            Err(_) => return Err(bad("its compressed points are damaged")),
         }
     }
     Ok(())
 }
 
 fn unknown(error: &laz::LasZipError) -> Fault {
-    Fault::malformed("the record of LAZ", "a known compression", error)
+    Fault::invalid("the record of LAZ", format!("unknown compression: {error}"))
 }
 
-/// The data of the record that describes the compression.
+/// The record that describes the compression.
 fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, Fault> {
     input.go_to(header.header)?;
     for _ in 0..header.records {
@@ -120,8 +118,8 @@ fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, F
             if input.offset() + bytes <= header.offset_to_points {
                 return Ok(());
             }
-            let expected = format!("a record before the points at byte {}", header.offset_to_points);
-            Err(Fault::malformed(place.clone(), expected, "a longer one"))
+            let problem = format!("the record reaches beyond the start of the points, byte {}", header.offset_to_points);
+            Err(Fault::invalid(place.clone(), problem))
         };
         before(input, RECORD_HEADER)?;
         let head: [u8; RECORD_HEADER as usize] = input.array("a record")?;
@@ -135,10 +133,10 @@ fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, F
         }
         input.go_to(input.offset() + u64::from(length))?;
     }
-    Err(Fault::malformed("the records before the points", "one that describes the compression", "none"))
+    Err(Fault::invalid("the records before the points", "none describes the compression"))
 }
 
-/// Checks that the description fits the point format.
+/// Checks that the description matches the point format.
 fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
     let bad = |expected: String, found: String| Fault::malformed("the record of LAZ", expected, found);
     let short = |at: usize| description.get(at..at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
@@ -177,7 +175,7 @@ fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
     Ok(kind)
 }
 
-/// The parts of the point format's records, as LAZ counts them: each one's kind and bytes.
+/// LAZ's items of the point format: (kind, bytes).
 fn items_of(header: &Header) -> Vec<(u16, u16)> {
     const POINT: (u16, u16) = (6, 20);
     const TIME: (u16, u16) = (7, 8);
@@ -207,7 +205,7 @@ fn items_of(header: &Header) -> Vec<(u16, u16)> {
     items
 }
 
-/// Layers in a chunk of `header`'s point format: nine of the point, one of each color and waveform, one of each extra byte.
+/// Layers in a chunk of the point format: nine for the point, one each for color and waveform, one for each extra byte.
 fn layers(header: &Header) -> u64 {
     let layers = match header.format {
         6 => 9,
@@ -218,8 +216,8 @@ fn layers(header: &Header) -> u64 {
     layers + u64::from(header.extra())
 }
 
-/// How many points the chunk has that comes next, if its layers are no longer than what is left. A chunk begins with a point as
-/// it is, the number of points, and the layers' lengths.
+/// The number of points of the next chunk, after a check that its layers fit into the file. A chunk begins with an
+/// uncompressed point, the number of points, and the lengths of the layers.
 fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
     let place = input.place();
     let start = input.offset();
@@ -234,7 +232,7 @@ fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
     input.expect_left(bytes, "layers")?;
     input.go_to(start)?;
     if points == 0 {
-        return Err(Fault::malformed(place, "a chunk of points", "one of none"));
+        return Err(Fault::invalid(place, "the chunk has no points"));
     }
     Ok(points.into())
 }

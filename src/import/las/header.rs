@@ -1,23 +1,24 @@
-//! The public header, and where things lie in a record.
+//! The public header, and the layout of records.
 
 use glam::DVec3;
 
+use crate::import::error::excerpt;
 use crate::import::input::bytes_at;
 use crate::import::{Fault, Input};
 
-/// Points that are read at once.
+/// Points of one read.
 pub(super) const BATCH: u64 = 4096;
 
 /// Classes of noise: low and high.
 const NOISE: [u8; 2] = [7, 18];
 
-/// The header of LAS 1.0 to 1.2; later ones add to it.
+/// Bytes of the header of LAS 1.0 to 1.2; later versions extend it.
 const HEADER_BYTES: usize = 227;
 
-/// The header of LAS 1.4.
+/// Bytes of the header of LAS 1.4.
 const LARGEST_HEADER: usize = 375;
 
-/// Of each point format: bytes of its record, and where red, green and blue begin.
+/// For each point format: bytes of a record, and offset of its color.
 const FORMATS: [(u16, Option<usize>); 11] = [
     (20, None),
     (28, None),
@@ -32,19 +33,18 @@ const FORMATS: [(u16, Option<usize>); 11] = [
     (67, Some(30)),
 ];
 
-/// From this point format on, classes have a byte of their own.
+/// From this point format on, the class has its own byte.
 const EXTENDED: u8 = 6;
 
-/// The most points that a byte of LAZ stands for. Scans have some three bytes a point; a file that says it has more than this
-/// would only keep its reader busy.
+/// Points per byte of LAZ. Scans take some three bytes per point; the limit bounds the time for a file of a few bytes.
 const MAX_POINTS_PER_BYTE: u64 = 100;
 
-/// What the header says.
+/// The header.
 #[derive(Debug)]
 pub(super) struct Header {
-    /// Whether the points are LAZ.
+    /// True for LAZ.
     pub(super) compressed: bool,
-    /// The point format, of which there are eleven.
+    /// Point format, 0 to 10.
     pub(super) format: u8,
     pub(super) points: u64,
     /// Bytes of a record.
@@ -58,12 +58,12 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads it, and checks that the file has as many points as it says.
+    /// Reads the header, and checks that the file holds the declared points.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut bytes = [0; LARGEST_HEADER];
         input.fill(&mut bytes[..HEADER_BYTES], "a LAS header")?;
         if &bytes[..4] != b"LASF" {
-            return Err(Fault::malformed("byte 0", "LASF", format!("{:?}", &bytes[..4])));
+            return Err(Fault::malformed("byte 0", "LASF", excerpt(&bytes[..4])));
         }
         let version = (bytes[24], bytes[25]);
         if version.0 != 1 || version.1 > 4 {
@@ -80,20 +80,20 @@ impl Header {
         }
         let offset_to_points = u64::from(word(&bytes, 96));
         if offset_to_points < header.into() || offset_to_points > input.len() {
-            let expected = format!("points from byte {header} to {}", input.len());
+            let expected = format!("an offset of the points from {header} to {}", input.len());
             return Err(Fault::malformed("byte 96", expected, offset_to_points));
         }
         let format = bytes[104] & 0x3f;
         let compressed = bytes[104] & 0x80 != 0;
         let Some((least, _)) = FORMATS.get(usize::from(format)).filter(|_| bytes[104] & 0x40 == 0) else {
-            return Err(Fault::malformed("byte 104", "a point format to 10", bytes[104]));
+            return Err(Fault::malformed("byte 104", "a point format from 0 to 10", bytes[104]));
         };
         let record = u16::from_le_bytes([bytes[105], bytes[106]]);
         if record < *least {
             let expected = format!("records of at least {least} bytes");
             return Err(Fault::malformed("byte 105", expected, record));
         }
-        // Since 1.4 the older number is zero where it is not kept in step; where it is not zero it counts.
+        // In 1.4, the older field is used unless it is 0.
         let points = match (word(&bytes, 107), version.1) {
             (0, 4) => u64::from_le_bytes(bytes_at(&bytes, 247)),
             (points, _) => points.into(),
@@ -131,7 +131,7 @@ impl Header {
         Err(Fault::malformed("the number of points", expected, self.points))
     }
 
-    /// Whether `record` is no point that counts.
+    /// True for withheld points and noise.
     pub(super) fn leaves_out(&self, record: &[u8]) -> bool {
         let (withheld, class) = match self.format {
             EXTENDED.. => (record[15] & 4 != 0, record[16]),
@@ -140,19 +140,19 @@ impl Header {
         withheld || NOISE.contains(&class)
     }
 
-    /// Where the point of `record` is.
+    /// Position of `record`.
     pub(super) fn position(&self, record: &[u8]) -> DVec3 {
         let axis = |at: usize| f64::from(word(record, at) as i32);
         DVec3::new(axis(0), axis(4), axis(8)) * self.scale + self.offset
     }
 
-    /// The color of `record`, in 16 bits.
+    /// Color of `record`, 16 bits per channel.
     pub(super) fn color(&self, record: &[u8]) -> Option<[u16; 3]> {
         let start = FORMATS[usize::from(self.format)].1?;
         Some([0, 2, 4].map(|channel| u16::from_le_bytes([record[start + channel], record[start + channel + 1]])))
     }
 
-    /// Bytes of a record that its format does not know.
+    /// Bytes of a record beyond those of its format.
     pub(super) fn extra(&self) -> u16 {
         self.record as u16 - FORMATS[usize::from(self.format)].0
     }

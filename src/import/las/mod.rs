@@ -1,8 +1,10 @@
-//! LAS 1.0 to 1.4, and LAZ, its compressed twin, through `laz`.
+//! LAS 1.0 to 1.4, and its compressed form LAZ, through `laz`.
 //!
-//! Points that are withheld are left out, and those of the classes 7 and 18, which are noise. Colors have 16 bits; where the
-//! first ten thousand stay below 256, their writer meant bytes, and they are taken for such. Waveforms, extra bytes and
-//! extended records are ignored.
+//! LAS has a reader of our own because its records are fixed and short, and because it checks every length before `laz`, which
+//! trusts its input, decompresses.
+//!
+//! Withheld points and those of the noise classes 7 and 18 are left out. Colors have 16 bits; if the first ten thousand are all
+//! below 256, they are read as bytes. Waveforms, extra bytes and extended records are ignored.
 
 mod compressed;
 mod header;
@@ -14,15 +16,15 @@ use glam::DVec3;
 use self::header::{BATCH, Header};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// Points that are held back until it is known what their colors are.
+/// Points that are held to find the range of their colors.
 const JUDGED: usize = 10_000;
 
 /// Reads `input`.
 ///
 /// # Errors
 ///
-/// If the header contradicts itself or promises more than there is, if compressed points are none, if a coordinate
-/// is not finite, and those of `visitor`.
+/// If the header contradicts itself or declares more than the file holds, compressed points are invalid, a coordinate is not
+/// finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     let mut points = Points { header: &header, held: Vec::new(), shift: None, done: 0 };
@@ -30,7 +32,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
         compressed::read(input, &header, &mut |records| points.take(records, visitor))?;
     } else {
         input.go_to(header.offset_to_points)?;
-        // Read has checked that all of them are there.
+        // `Header::read` has checked that the file holds all points.
         let mut left = header.points;
         let mut records = Vec::new();
         while left > 0 {
@@ -44,11 +46,11 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     points.finish(visitor)
 }
 
-/// Makes points of records.
+/// Converts records to points.
 struct Points<'a> {
     header: &'a Header,
     held: Vec<(DVec3, [u16; 3])>,
-    /// What turns colors into bytes, once it is known.
+    /// Right shift from 16-bit colors to bytes, once it is known.
     shift: Option<u32>,
     done: u64,
 }
@@ -78,7 +80,7 @@ impl Points<'_> {
         Ok(())
     }
 
-    /// Hands on the points that are still held.
+    /// Passes the held points to `visitor`.
     fn finish(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         if self.held.is_empty() {
             return Ok(());
@@ -91,7 +93,7 @@ impl Points<'_> {
     }
 }
 
-/// Later colors may be out of range: they are clamped.
+/// A point with its color as bytes; later colors may be out of range and are clamped.
 fn colored(position: DVec3, color: [u16; 3], shift: u32) -> Point {
     Point { position, color: Some(color.map(|channel| (channel >> shift).min(255) as u8)) }
 }

@@ -1,4 +1,4 @@
-//! What `tobj` is shown of an OBJ file: vertices and polygons that have been checked.
+//! The input of `tobj`: the vertices and polygons of an OBJ file, after checks.
 
 use std::io::{self, BufRead, Read, Write};
 
@@ -6,18 +6,18 @@ use super::super::error::excerpt;
 use super::super::{Fault, Visitor};
 use super::statements::Statements;
 
-/// Corners after which a new group begins. `tobj` sets about a hundred bytes aside for each face of a group.
+/// Corners of a group. `tobj` allocates about a hundred bytes for each face of a group.
 const GROUP: usize = 1 << 20;
 
 /// The checked statements as text.
 pub(super) struct Guard<'g, 'a> {
     statements: Statements<'g, 'a>,
     visitor: &'g mut dyn Visitor,
-    /// One statement as `tobj` is to see it, and how much of it has been read.
+    /// One statement for `tobj`, and the number of its bytes that have been read.
     text: Vec<u8>,
     read: usize,
     vertices: u64,
-    /// Whether the vertices have colors: the first one says.
+    /// True if the first vertex has a color; then all must.
     colored: bool,
     /// Corners since the last group.
     corners: usize,
@@ -30,12 +30,12 @@ impl<'g, 'a> Guard<'g, 'a> {
         Self { statements, visitor, text, read: 0, vertices: 0, colored: false, corners: 0, fault }
     }
 
-    /// What was wrong, if something was.
+    /// The fault that ended the reading, if any.
     pub(super) fn end(self) -> Option<Fault> {
         self.fault
     }
 
-    /// Puts the next statement that counts into the text; none at the end.
+    /// Sets the text to the next vertex or polygon; to nothing at the end.
     fn advance(&mut self) -> Result<(), Fault> {
         self.text.clear();
         self.read = 0;
@@ -54,10 +54,10 @@ impl<'g, 'a> Guard<'g, 'a> {
         if self.vertices == 0 {
             self.colored = colored;
         }
-        // tobj would give the colors to other vertices.
+        // `tobj` would assign the colors to wrong vertices.
         if colored != self.colored {
             let expected =
-                if self.colored { "a color, as the first vertex has" } else { "no color, as at the first vertex" };
+                if self.colored { "a vertex with a color, like the first one" } else { "a vertex without a color, like the first one" };
             return Err(self.statements.wrong(expected));
         }
         self.vertices += 1;
@@ -70,13 +70,13 @@ impl<'g, 'a> Guard<'g, 'a> {
         Ok(())
     }
 
-    /// Only the vertices of the corners, counted from 1; nothing of faces that are no polygons.
+    /// Sets the text to the face with vertex indices alone; to nothing if it has fewer than three corners.
     fn face(&mut self) -> Result<(), Fault> {
         self.text.push(b'f');
         let mut corners = 0;
         for word in self.statements.words() {
             let Some(vertex) = self.corner(word) else {
-                let expected = format!("corners of the {} vertices above", self.vertices);
+                let expected = format!("the index of one of the {} vertices above", self.vertices);
                 let place = format!("line {}", self.statements.line());
                 return Err(Fault::malformed(place, expected, excerpt(word)));
             };
@@ -96,7 +96,7 @@ impl<'g, 'a> Guard<'g, 'a> {
         Ok(())
     }
 
-    /// The vertex of a corner `vertex/texture/normal`, from 1.
+    /// The vertex index, from 1, of a corner `vertex/texture/normal`.
     fn corner(&self, word: &[u8]) -> Option<u64> {
         let vertex = word.split(|&b| b == b'/').next()?;
         let vertex: i64 = std::str::from_utf8(vertex).ok()?.parse().ok()?;

@@ -1,12 +1,12 @@
 //! OBJ: Wavefront's meshes, through `tobj`.
 //!
 //! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without polygons is a
-//! cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are passed over; `mtllib` opens no
-//! file. Faces may count vertices from either end, but only those above them; free-form surfaces are refused.
+//! point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are ignored; `mtllib` opens no
+//! file. Indices of faces may be positive or negative, but only of earlier vertices. Free-form surfaces are not supported.
 //!
-//! `tobj` overflows on some indices, shifts colors that are not at every vertex, wants UTF-8 and reports no lines. So a
-//! guard stands before it, which checks every statement and lets it see only vertices and polygons that are right.
-//! `tobj` holds the whole mesh in memory, up to about seven bytes for one of the file: hence [`MAX_BYTES`].
+//! `tobj` overflows on some indices, assigns colors to wrong vertices if some have none, requires UTF-8 and reports no line
+//! numbers. Therefore `guard` checks every statement and passes only valid vertices and polygons to it. `tobj` holds the whole
+//! mesh in memory, up to about seven times the file's size; this is the reason for [`MAX_BYTES`].
 
 mod guard;
 mod statements;
@@ -19,19 +19,19 @@ use super::{Fault, Input, Point, ReadOptions, Visitor};
 use guard::Guard;
 use statements::Statements;
 
-/// Bytes of a mesh's file; clouds may be of any size.
+/// Bytes of a file with polygons; point clouds may be of any size.
 pub const MAX_BYTES: u64 = 4 << 30;
-/// Triangles between two questions whether to go on.
-const ASK_EVERY: usize = 1 << 16;
+/// Triangles between two reports of progress.
+const REPORT_EVERY: usize = 1 << 16;
 
 /// Reads `input`.
 ///
 /// # Errors
 ///
-/// If it is not what the format says, and those of `visitor`.
+/// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     if options.vertices || !has_polygons(input, visitor)? {
-        return hand_over_vertices(input, visitor);
+        return read_vertices(input, visitor);
     }
     Fault::unless_within("bytes of an OBJ mesh", MAX_BYTES, input.len())?;
     let mut guard = Guard::new(Statements::from_start(input)?, visitor);
@@ -39,7 +39,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let (models, _) = match (guard.end(), loaded) {
         (Some(fault), _) => return Err(fault),
         (None, Ok(loaded)) => loaded,
-        (None, Err(error)) => return Err(Fault::malformed("the mesh", "vertices and faces", error)),
+        (None, Err(error)) => return Err(Fault::invalid("the mesh", error.to_string())),
     };
 
     let mut count = 0;
@@ -53,7 +53,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
         for corners in mesh.indices.chunks_exact(3) {
             visitor.triangle([corner(corners[0])?, corner(corners[1])?, corner(corners[2])?])?;
             count += 1;
-            if count % ASK_EVERY == 0 {
+            if count % REPORT_EVERY == 0 {
                 visitor.progress(input.len(), input.len())?;
             }
         }
@@ -61,7 +61,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     Ok(())
 }
 
-/// Whether there is a face that is no point and no line.
+/// True if there is a face of three or more corners.
 fn has_polygons(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<bool, Fault> {
     let mut statements = Statements::from_start(input)?;
     while statements.advance(visitor)? {
@@ -77,7 +77,7 @@ fn has_polygons(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<bool
     Ok(false)
 }
 
-fn hand_over_vertices(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn read_vertices(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut statements = Statements::from_start(input)?;
     let mut none = true;
     while statements.advance(visitor)? {
@@ -87,7 +87,7 @@ fn hand_over_vertices(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Resul
         }
     }
     if none {
-        return Err(Fault::malformed("the end of the file", "a vertex", "none"));
+        return Err(Fault::invalid("the file", "it has no vertices"));
     }
     Ok(())
 }

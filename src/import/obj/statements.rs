@@ -1,4 +1,4 @@
-//! The statements of an OBJ file: lines without comments, continued where they end in a backslash.
+//! The statements of an OBJ file: lines without comments; a backslash at the end of a line continues it.
 
 use glam::DVec3;
 
@@ -12,15 +12,15 @@ const MAX_BYTES: usize = 1 << 24;
 pub(super) struct Statements<'i, 'a> {
     input: &'i mut Input<'a>,
     text: Vec<u8>,
-    /// The next line, before it is joined to the text.
+    /// Buffer for a continuation line.
     more: Vec<u8>,
-    /// Where the statement begins, from 1, and lines read.
+    /// First line of the statement, from 1, and number of lines read.
     line: u64,
     lines: u64,
 }
 
 impl<'i, 'a> Statements<'i, 'a> {
-    /// All of `input`, from its beginning, but for a byte order mark.
+    /// The statements of `input` from its beginning, without a byte order mark.
     pub(super) fn from_start(input: &'i mut Input<'a>) -> Result<Self, Fault> {
         input.go_to(0)?;
         if input.peek(3)? == b"\xef\xbb\xbf" {
@@ -29,7 +29,7 @@ impl<'i, 'a> Statements<'i, 'a> {
         Ok(Self { input, text: Vec::new(), more: Vec::new(), line: 0, lines: 0 })
     }
 
-    /// Goes to the next statement, which may be blank; false at the end.
+    /// Reads the next statement, which may be blank. Returns false at the end.
     pub(super) fn advance(&mut self, visitor: &mut dyn Visitor) -> Result<bool, Fault> {
         self.input.report(visitor)?;
         if !self.input.line(&mut self.text, MAX_BYTES)? {
@@ -58,17 +58,17 @@ impl<'i, 'a> Statements<'i, 'a> {
         self.line
     }
 
-    /// What the statement is; empty where it is blank.
+    /// The keyword; empty if the statement is blank.
     pub(super) fn keyword(&self) -> &[u8] {
         words(&self.text).next().unwrap_or_default()
     }
 
-    /// What follows the keyword.
+    /// The words after the keyword.
     pub(super) fn words(&self) -> impl Iterator<Item = &[u8]> {
         words(&self.text).skip(1)
     }
 
-    /// The vertex that this statement is: three coordinates, then none, a weight that divides them, or a color.
+    /// The vertex of this statement: three coordinates, then nothing, a weight that divides them, or a color.
     pub(super) fn vertex(&self) -> Result<Point, Fault> {
         let mut values = [0.0; 6];
         let mut count = 0;
@@ -90,7 +90,7 @@ impl<'i, 'a> Statements<'i, 'a> {
         Point::new(position, color, || format!("line {}", self.line))
     }
 
-    /// The fault that something else than `expected` is here.
+    /// The fault that this statement is not `expected`.
     pub(super) fn wrong(&self, expected: impl Into<String>) -> Fault {
         Fault::malformed(format!("line {}", self.line), expected, excerpt(&self.text))
     }
@@ -106,7 +106,7 @@ fn cut_comment(line: &mut Vec<u8>) {
     }
 }
 
-/// A color from 0 to 1 as bytes.
+/// A color in \[0, 1\] as bytes.
 pub(super) fn color(channels: DVec3) -> [u8; 3] {
     channels.to_array().map(byte)
 }

@@ -1,18 +1,18 @@
-//! The lines before the points: which fields there are, and where they lie.
+//! The header: the fields, and the layout of records.
 
 use std::ops::Range;
 
 use crate::import::{Fault, Input};
 
-/// The longest record that is read, in bytes.
+/// Bytes of a record.
 const MAX_RECORD: u64 = 1 << 16;
 
-/// The longest line that is read, in bytes.
+/// Bytes of a line.
 pub(super) const MAX_LINE: usize = 1 << 16;
-/// The most header lines, so that comments end.
+/// Lines of the header, comments included.
 const MAX_LINES: u64 = 1000;
 
-/// How the points are written.
+/// Encoding of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Data {
     Ascii,
@@ -20,7 +20,7 @@ pub(super) enum Data {
     Compressed,
 }
 
-/// What a field's numbers are.
+/// Type of a field's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Float,
@@ -28,25 +28,25 @@ enum Kind {
     Unsigned,
 }
 
-/// A field of which the first number is read.
+/// A field. Only the first of its numbers is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Field {
     kind: Kind,
     /// Bytes of a number.
     pub(super) size: usize,
-    /// Bytes before it in a record.
+    /// Offset in a record.
     pub(super) start: usize,
-    /// Numbers before it in a line.
+    /// Index of its first number in a line.
     pub(super) column: usize,
 }
 
 impl Field {
-    /// Where it lies in a record.
+    /// Range in a record.
     pub(super) fn bytes(&self) -> Range<usize> {
         self.start..self.start + self.size
     }
 
-    /// The number in `bytes`, of which there are `size`.
+    /// The number in `bytes`, which are `size` long.
     pub(super) fn value(&self, bytes: &[u8]) -> f64 {
         match (self.kind, bytes) {
             (Kind::Float, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).into(),
@@ -59,12 +59,12 @@ impl Field {
         }
     }
 
-    /// The packed color in `bytes`: the bits of the number, whatever it is.
+    /// The packed color in `bytes`: the bits of the number, of any type.
     pub(super) fn packed(&self, bytes: &[u8]) -> u32 {
         unsigned(bytes) as u32
     }
 
-    /// The packed color in a line: an integer, or a float's digits, whose bits are the color.
+    /// The packed color in a line of text: an integer, or a float whose bits are the color.
     pub(super) fn packed_of_text(&self, text: &str) -> Option<u32> {
         match (text.parse::<i64>(), self.kind) {
             (Ok(packed), _) => Some(packed as u32),
@@ -78,7 +78,7 @@ fn unsigned(bytes: &[u8]) -> u64 {
     bytes.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
 }
 
-/// What the header says.
+/// The header.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) data: Data,
@@ -90,7 +90,7 @@ pub(super) struct Header {
     pub(super) position: [Field; 3],
     /// `rgb` or `rgba`.
     pub(super) color: Option<Field>,
-    /// How many lines it has.
+    /// Lines of the header.
     pub(super) lines: u64,
 }
 
@@ -99,13 +99,13 @@ impl Header {
     ///
     /// # Errors
     ///
-    /// If that is no number.
+    /// If the product overflows.
     pub(super) fn bytes(&self) -> Result<u64, Fault> {
         let bytes = self.points.checked_mul(self.record);
-        bytes.ok_or_else(|| Fault::malformed("POINTS", "a number of points", self.points))
+        bytes.ok_or_else(|| Fault::invalid("POINTS", format!("{} points of {} bytes overflow", self.points, self.record)))
     }
 
-    /// Reads it, up to the first byte of the points.
+    /// Reads the header, up to the first byte of the points.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut entries: Vec<(&str, Vec<String>)> = Vec::new();
         let mut line = Vec::new();
@@ -115,13 +115,13 @@ impl Header {
             let place = || format!("line {lines}");
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
             if !input.line(&mut line, MAX_LINE)? {
-                return Err(Fault::malformed(place(), "DATA", "the end of the file"));
+                return Err(Fault::malformed(place(), "a line DATA", "the end of the file"));
             }
             if line.starts_with(b"#") || line.trim_ascii().is_empty() {
                 continue;
             }
             let text = std::str::from_utf8(&line)
-                .map_err(|_| Fault::malformed(place(), "a header's line", "bytes that are no UTF-8 text"))?;
+                .map_err(|_| Fault::malformed(place(), "a header line", "bytes that are not UTF-8"))?;
             let mut words = text.split_ascii_whitespace();
             let key = words.next().unwrap_or_default();
             let key = match key {
@@ -133,11 +133,11 @@ impl Header {
                     .find(|known| **known == key)
                     .ok_or_else(|| {
                         let shown: String = key.chars().take(40).collect();
-                        Fault::malformed(place(), "a header's line", format!("{shown:?}"))
+                        Fault::malformed(place(), "a header line", format!("{shown:?}"))
                     })?,
             };
             if entries.iter().any(|(known, _)| *known == key) {
-                return Err(Fault::malformed(place(), format!("one {key}"), "a second one"));
+                return Err(Fault::invalid(place(), format!("a second line {key}")));
             }
             entries.push((key, words.map(String::from).collect()));
         };
@@ -165,7 +165,7 @@ impl Header {
                 ("U", 1 | 2 | 4 | 8) => Kind::Unsigned,
                 _ => {
                     let found: String = kind.chars().take(8).collect();
-                    let expected = "F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8";
+                    let expected = "F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes";
                     return Err(Fault::malformed("TYPE and SIZE", expected, format!("{found} of {size}")));
                 }
             };
@@ -177,7 +177,7 @@ impl Header {
         let find = |wanted: &str| {
             fields.iter().find(|(name, count, _)| *name == wanted && *count > 0).map(|(_, _, field)| field.clone())
         };
-        let axis = |wanted: &str| find(wanted).ok_or_else(|| Fault::malformed("FIELDS", "x, y and z", "others"));
+        let axis = |wanted: &str| find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")));
         let color = find("rgb").or_else(|| find("rgba")).filter(|field| field.size >= 4);
         Ok(Self {
             data,
@@ -203,13 +203,13 @@ fn data(word: &str, place: String) -> Result<Data, Fault> {
     }
 }
 
-/// The header's lines: a key and words.
+/// The lines of the header: a key and words.
 struct Entries<'a>(Vec<(&'a str, Vec<String>)>);
 
 impl Entries<'_> {
     fn words(&self, key: &str) -> Result<&[String], Fault> {
         let entry = self.0.iter().find(|(known, _)| *known == key);
-        entry.map(|(_, words)| &words[..]).ok_or_else(|| Fault::malformed("the header", key, "none"))
+        entry.map(|(_, words)| &words[..]).ok_or_else(|| Fault::invalid("the header", format!("the line {key} is missing")))
     }
 
     fn numbers(&self, key: &str, count: usize) -> Result<Vec<u64>, Fault> {
@@ -224,7 +224,7 @@ impl Entries<'_> {
         words.iter().map(number).collect()
     }
 
-    /// WIDTH times HEIGHT, which POINTS repeats.
+    /// The number of points: WIDTH times HEIGHT, or POINTS, which must be equal.
     fn points(&self) -> Result<u64, Fault> {
         let one = |key: &str| self.numbers(key, 1).map(|numbers| numbers[0]);
         let points = match self.words("POINTS") {
@@ -241,7 +241,7 @@ impl Entries<'_> {
             (Some(product), Some(points)) if product == points => Ok(points),
             _ => {
                 let expected = format!("WIDTH {width} times HEIGHT {height}");
-                Err(Fault::malformed("POINTS", expected, points.map_or("too many".into(), |p| p.to_string())))
+                Err(Fault::malformed("POINTS", expected, points.map_or("an overflow".into(), |p| p.to_string())))
             }
         }
     }

@@ -1,25 +1,25 @@
-//! LZF: bytes as they are, and copies of some of the last 8192.
+//! LZF decompression: literal bytes, and copies of some of the last 8192 bytes.
 //!
-//! A control byte below 32 stands before that many bytes and one, which are themselves. In any other, the upper three bits
-//! are a copy's length less two, with 7 meaning that a byte with the rest of the length follows; the lower five and the
-//! byte after that are how far back the copy begins, less one.
+//! A control byte n < 32 is followed by n + 1 literal bytes. Otherwise it is a copy. The upper three bits of the control byte are
+//! the length less 2; if they are 7, a byte follows and is added to the length. The lower five bits and the next byte are the
+//! distance less 1.
 
 use crate::import::{Fault, Input, Visitor};
 
-/// A copy of 264 bytes takes three.
+/// A copy of 264 bytes takes three bytes.
 pub(super) const MAX_EXPANSION: u64 = 264 / 3;
 
-/// How far back copies reach.
+/// Largest distance of a copy.
 const WINDOW: usize = 1 << 13;
 
-/// Decompressed bytes that are handed on at once.
+/// Decompressed bytes of one call of the sink.
 const BATCH: usize = 1 << 18;
 
-/// Decompresses the next `packed` bytes of `input`, which are to be `size`, and gives them to `sink` with their offset.
+/// Decompresses the next `packed` bytes of `input` to `size` bytes, and passes them to `sink` with their offset.
 ///
 /// # Errors
 ///
-/// If they are more or fewer, if a copy begins before the first byte, and those of `visitor`.
+/// If the decompressed size is not `size`, a copy begins before the first byte, and those of `visitor`.
 pub(super) fn decompress(
     input: &mut Input<'_>,
     packed: u64,
@@ -29,14 +29,14 @@ pub(super) fn decompress(
 ) -> Result<(), Fault> {
     let end = input.offset() + packed;
     let mut bytes: Vec<u8> = Vec::with_capacity(WINDOW + BATCH + 264);
-    // `bytes` begins with the `window` last bytes of what `sink` had.
+    // `bytes` begins with the last `window` bytes that `sink` received.
     let (mut sunk, mut window) = (0_u64, 0);
     while input.offset() < end {
         let place = input.place();
         let left = |input: &Input<'_>, bytes: u64| {
             let fits = input.offset() + bytes <= end;
             let expected = format!("{bytes} more compressed bytes");
-            if fits { Ok(()) } else { Err(Fault::malformed(input.place(), expected, "their end")) }
+            if fits { Ok(()) } else { Err(Fault::malformed(input.place(), expected, "the end")) }
         };
         let [control] = input.array("compressed points")?;
         if control < 32 {
@@ -55,16 +55,17 @@ pub(super) fn decompress(
             let [low] = input.array("a copy's place")?;
             let back = usize::from(control & 31) << 8 | usize::from(low);
             let Some(start) = bytes.len().checked_sub(back + 1) else {
-                return Err(Fault::malformed(place, "a copy of what was before", format!("{} bytes back", back + 1)));
+                let problem = format!("a copy begins {} bytes back, before the first byte", back + 1);
+                return Err(Fault::invalid(place, problem));
             };
-            // A copy may run into itself, which repeats it.
+            // A copy may overlap its own output, which repeats bytes.
             for at in start..start + length {
                 bytes.push(bytes[at]);
             }
         }
         let fresh = bytes.len() - window;
         if sunk + fresh as u64 > size {
-            return Err(Fault::malformed(place, format!("{size} bytes when decompressed"), "more"));
+            return Err(Fault::malformed(place, format!("{size} decompressed bytes"), "more"));
         }
         if fresh >= BATCH {
             sink(sunk, &bytes[window..]);
@@ -77,7 +78,7 @@ pub(super) fn decompress(
     sink(sunk, &bytes[window..]);
     sunk += (bytes.len() - window) as u64;
     if sunk < size {
-        return Err(Fault::malformed(input.place(), format!("{size} bytes when decompressed"), sunk));
+        return Err(Fault::malformed(input.place(), format!("{size} decompressed bytes"), sunk));
     }
     Ok(())
 }

@@ -1,7 +1,10 @@
-//! PCD: the Point Cloud Library's clouds, as text, binary and compressed.
+//! PCD: the Point Cloud Library's point clouds, as text, binary and compressed.
 //!
-//! A point with a coordinate that is not a number stands for "no point" in this format, and is left out. VIEWPOINT is where
-//! the sensor was; it does not move points, here as in PCL.
+//! The reader is our own: the format is a few lines of header and an array, and every declared length is checked before memory
+//! is allocated.
+//!
+//! In this format, a point with a NaN coordinate means "no point" and is left out. VIEWPOINT, the pose of the sensor, does not
+//! move points, as in PCL.
 
 mod header;
 mod lzf;
@@ -15,18 +18,18 @@ use glam::DVec3;
 use self::header::{Data, Field, Header, MAX_LINE};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// Bytes of records that are read at once.
+/// Bytes of one read.
 const BATCH_BYTES: u64 = 1 << 18;
 
-/// The most bytes of coordinates and colors that are held: those of a compressed file lie column by column.
+/// Bytes of coordinates and colors that are held for compressed files, whose columns follow one another.
 const MAX_COLUMNS: u64 = 1 << 31;
 
 /// Reads `input`.
 ///
 /// # Errors
 ///
-/// If the header contradicts itself or promises more than there is, if compressed bytes are none, if a coordinate
-/// is infinite, and those of `visitor`.
+/// If the header contradicts itself or declares more than the file holds, compressed bytes are invalid, a coordinate is
+/// infinite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     match header.data {
@@ -68,23 +71,23 @@ fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) 
         let text = |field: &Field| {
             let bytes = &line[fields[field.column].clone()];
             std::str::from_utf8(bytes)
-                .map_err(|_| Fault::malformed(place(), "a number", "bytes that are no UTF-8 text"))
+                .map_err(|_| Fault::malformed(place(), "a number", "bytes that are not UTF-8"))
         };
         let mut position = [0.0; 3];
         for (coordinate, field) in position.iter_mut().zip(&header.position) {
             let text = text(field)?;
-            *coordinate = text.parse().map_err(|_| none(place(), text))?;
+            *coordinate = text.parse().map_err(|_| no_number(place(), text))?;
         }
         let color = header.color.as_ref().map(|field| {
             let text = text(field)?;
-            field.packed_of_text(text).ok_or_else(|| none(place(), text))
+            field.packed_of_text(text).ok_or_else(|| no_number(place(), text))
         });
         point(position, color.transpose()?, place, visitor)?;
     }
     Ok(())
 }
 
-fn none(place: String, text: &str) -> Fault {
+fn no_number(place: String, text: &str) -> Fault {
     Fault::malformed(place, "a number", format!("{:?}", text.chars().take(40).collect::<String>()))
 }
 
@@ -123,7 +126,7 @@ fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
         let expected = format!("compressed points of at least {} bytes", size.div_ceil(lzf::MAX_EXPANSION));
         return Err(Fault::malformed(place, expected, format!("{packed} bytes")));
     }
-    // After decompression all of the first field comes, then all of the second: what is needed is kept.
+    // The decompressed bytes hold all of the first field, then all of the second. Keep the needed fields.
     let fields: Vec<_> = header.position.iter().chain(&header.color).collect();
     let kept = fields.iter().map(|field| header.points * field.size as u64).sum();
     Fault::unless_within("bytes of coordinates and colors in a compressed file", MAX_COLUMNS, kept)?;
@@ -152,7 +155,7 @@ fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
     Ok(())
 }
 
-/// Hands on a point, if it is one.
+/// Passes a point to `visitor`, unless a coordinate is NaN.
 fn point(
     position: [f64; 3],
     packed: Option<u32>,
