@@ -1,7 +1,7 @@
 //! Zip archives of NumPy and PyTorch, untrusted, through `zip`.
 //!
-//! `zip` searches for the directory byte by byte, over ranges that the file determines. Here the end of the directory is checked
-//! first, so that `zip` finds it at once and the number of entries is bounded.
+//! `zip` searches for the directory byte by byte, over ranges that the file determines. Here the end of the directory
+//! is checked first, so that `zip` finds it at once and the number of entries is bounded.
 
 use std::io::{ErrorKind, Read};
 

@@ -81,7 +81,8 @@ impl Format {
     }
 }
 
-/// Reads the geometry of the file or folder `path`. A folder holds a ScanNet scene, whose mesh is read, or COLMAP's points.
+/// Reads the geometry of the file or folder `path`. A folder holds a ScanNet scene, whose mesh is read, or COLMAP's
+/// points.
 ///
 /// # Errors
 ///
@@ -100,7 +101,10 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     let points = ["points3D.bin", "points3D.txt"].map(|name| path.join(name));
     match points.iter().find(|file| file.is_file()) {
         Some(file) => read_file(file, options, visitor),
-        None => Err(of(path)(Fault::invalid("the folder", "it has neither a ScanNet scene nor COLMAP's points3D.bin or points3D.txt"))),
+        None => Err(of(path)(Fault::invalid(
+            "the folder",
+            "it has neither a ScanNet scene nor COLMAP's points3D.bin or points3D.txt",
+        ))),
     }
 }
 

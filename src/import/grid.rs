@@ -10,8 +10,8 @@ use crate::geometry::Aabb;
 pub(super) enum At {
     /// At cells: n cells fill the box.
     Cells,
-    /// At vertices, the first and last on the faces of the box ("aligned corners"). A vertex's box reaches half a cell to each
-    /// side, so that the boxes of the outermost vertices reach beyond the grid.
+    /// At vertices, the first and last on the faces of the box ("aligned corners"). A vertex's box reaches half a cell
+    /// to each side, so that the boxes of the outermost vertices reach beyond the grid.
     Vertices,
 }
 
@@ -111,9 +111,9 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 ///
 /// If `options` has none either.
 pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
-    options.bounds.ok_or_else(|| {
-        Fault::unsupported("a grid without bounds", "give its smallest and largest corner as `bounds`")
-    })
+    options
+        .bounds
+        .ok_or_else(|| Fault::unsupported("a grid without bounds", "give its smallest and largest corner as `bounds`"))
 }
 
 /// The map from DVGO's densities to opacities.
@@ -151,7 +151,8 @@ impl Density {
         Ok((1.0 / (1.0 - alpha) - 1.0).ln())
     }
 
-    /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), computed without cancellation if it is small.
+    /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), computed without cancellation if it
+    /// is small.
     pub(super) fn alpha(&self, density: f64) -> f64 {
         let x = density + self.shift;
         let softplus = x.max(0.0) + (-x.abs()).exp().ln_1p();

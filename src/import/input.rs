@@ -125,8 +125,8 @@ impl<'a> Input<'a> {
         Ok(bytes)
     }
 
-    /// Reads the next line without its end, LF or CRLF. Returns false at the end of the input. The limit of `most` bytes keeps a
-    /// file without line ends from filling the memory.
+    /// Reads the next line without its end, LF or CRLF. Returns false at the end of the input. The limit of `most`
+    /// bytes keeps a file without line ends from filling the memory.
     ///
     /// # Errors
     ///

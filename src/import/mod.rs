@@ -1,7 +1,8 @@
 //! Geometry from other programs' files: a stream of triangles, points and occupied cells.
 //!
-//! In: an untrusted file or folder. Out: calls of a [`Visitor`], so that memory holds at most a mesh's vertices. There is one
-//! module per format. Each reader takes an [`Input`], a file or bytes in memory, and checks lengths before it allocates.
+//! In: an untrusted file or folder. Out: calls of a [`Visitor`], so that memory holds at most a mesh's vertices. There
+//! is one module per format. Each reader takes an [`Input`], a file or bytes in memory, and checks lengths before it
+//! allocates.
 
 mod archive;
 pub mod arrays;

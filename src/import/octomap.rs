@@ -1,8 +1,8 @@
 //! OctoMap's octrees: `.bt` with two bits per node, and `.ot` with a probability per node.
 //!
-//! The tree has 16 levels below the root, which spans 2^16 smallest cells along each axis and is centered at the origin. Nodes are
-//! stored depth first. Child n of a node lies on the larger side of x, y and z if bits 0, 1 and 2 of n are set. Leaves of any level
-//! are cells.
+//! The tree has 16 levels below the root, which spans 2^16 smallest cells along each axis and is centered at the
+//! origin. Nodes are stored depth first. Child n of a node lies on the larger side of x, y and z if bits 0, 1 and 2 of
+//! n are set. Leaves of any level are cells.
 
 use glam::DVec3;
 
@@ -106,7 +106,8 @@ impl Header {
                 }
                 "res" => {
                     let res = value.parse().ok().filter(|&r: &f64| r > 0.0 && (r * f64::from(1 << DEPTH)).is_finite());
-                    resolution = Some(res.ok_or_else(|| Fault::malformed(place(), "a finite edge length above 0", value))?);
+                    resolution =
+                        Some(res.ok_or_else(|| Fault::malformed(place(), "a finite edge length above 0", value))?);
                 }
                 "data" => {
                     let missing = |what: &str| Fault::invalid(place(), format!("the header has no line \"{what}\""));
@@ -130,8 +131,8 @@ impl Header {
         Err(Fault::invalid(format!("line {MAX_LINES}"), "the header has no line \"data\""))
     }
 
-    /// Reads `node`, passes its occupied leaves to `visitor`, and pushes it to `path` for its children. Returns the number of
-    /// children.
+    /// Reads `node`, passes its occupied leaves to `visitor`, and pushes it to `path` for its children. Returns the
+    /// number of children.
     fn node(
         &self,
         node: Frame,
@@ -233,7 +234,8 @@ mod tests {
 
     #[test]
     fn two_bits_a_child() {
-        // Child 0 is free (01), 1 occupied (10), 3 has children (11): its child 7 is occupied. The root is 65536 · 0.5 wide.
+        // Child 0 is free (01), 1 occupied (10), 3 has children (11): its child 7 is occupied. The root is 65536 · 0.5
+        // wide.
         let nodes = [0b1100_1001, 0b0000_0000, 0b0000_0000, 0b1000_0000];
         let bytes = tree(true, "id OcTree\nsize 5\nres 0.5", &nodes);
         let expected = [cube([0.0, -16384.0, -16384.0], 16384.0), cube([8192.0, 8192.0, -8192.0], 8192.0)];

@@ -1,4 +1,4 @@
-//! Whether the cameras see a prior at all, and if not, what is likely to be wrong with its axes, its unit or its place.
+//! The check that the cameras see a prior, and the likely error in its axes, unit or position if they do not.
 
 use std::fmt;
 
@@ -9,16 +9,15 @@ use super::{CameraBounds, SparseVoxelTree, VoxelBoxes};
 use crate::geometry::{Aabb, Camera, Ray};
 use crate::model::UpAxis;
 
-/// Rays along each side of a picture, and cameras at most, that a share is of.
+/// Rays along each side of a picture, and largest number of cameras, for the share that is reported.
 const RAYS: (u32, usize) = (32, 100);
-/// The same where a change is tried.
+/// The same for each tried change.
 const TRIED_RAYS: (u32, usize) = (16, 32);
-/// A smaller share is low: a scene that fills so little of its photographs would be an odd choice, and a prior beside what
-/// they show is met by next to none.
+/// A smaller share is low. Scenes rarely fill less of their photographs, and almost no ray meets a misplaced prior.
 const LOW: f64 = 0.05;
-/// A change is worth a word where it multiplies the share by at least so much.
+/// Smallest factor of the share for a change to be reported.
 const GAIN: f64 = 3.0;
-/// What a prior may have to be multiplied by, in words.
+/// Scales that convert a prior of another unit, with a description of that unit.
 const UNITS: [(f64, &str); 5] = [
     (0.001, "a thousandth of the dataset's, as millimeters are of meters"),
     (0.01, "a hundredth of the dataset's, as centimeters are of meters"),
@@ -26,42 +25,44 @@ const UNITS: [(f64, &str); 5] = [
     (100.0, "a hundred times the dataset's"),
     (1000.0, "a thousand times the dataset's"),
 ];
-/// All that can point up.
+/// All directions that can point up.
 const UPS: [UpAxis; 6] = [UpAxis::Z, UpAxis::Y, UpAxis::X, UpAxis::MinusY, UpAxis::MinusX, UpAxis::MinusZ];
 
-/// How much of a prior the cameras see.
+/// The share of a prior that the cameras see.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PriorVisibility {
-    /// The share of rays that meet an occupied cell in front of their camera, in \[0, 1\]. A camera in a cell sees nothing.
+    /// Share of rays that meet an occupied cell in front of their camera, in \[0, 1\]. A camera inside a cell sees
+    /// nothing.
     pub share: f64,
-    /// What would make them meet it, where the share is less than 0.05 and something would.
+    /// If the share is less than 0.05: the change that raises it, if any does.
     pub advice: Option<AlignmentHint>,
 }
 
-/// A change of a prior after which the cameras see it. Its display is the likely cause and its cure.
+/// A change of a prior after which the cameras see it. It is displayed as the likely error and its remedy, with option
+/// fields in backticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlignmentHint {
     /// The prior's axis that should point up.
     pub up: UpAxis,
-    /// Quarter turns about z after that, counterclockwise seen from above.
+    /// Quarter turns about z after that, counterclockwise as seen from above.
     pub quarter_turns: u32,
-    /// Two axes that are exchanged, which mirrors the prior; then nothing is turned.
+    /// Two axes that are exchanged, which mirrors the prior; then there is no rotation.
     pub exchanged: Option<[usize; 2]>,
-    /// What its coordinates are multiplied by after that.
+    /// Factor of the coordinates after that.
     pub scale: f64,
-    /// Added last.
+    /// Translation after that, in dataset units.
     pub shift: DVec3,
-    /// The share of rays that would meet it.
+    /// Share of rays that would meet the changed prior.
     pub share: f64,
 }
 
-/// How much of `boxes`, which are in the dataset's space, the cameras see, by 32×32 rays of at most 100 of them.
+/// Casts 32×32 rays from each of at most 100 cameras at `boxes`, which are in the dataset's space.
 ///
-/// Where that is little, the 24 ways to turn the prior by quarter turns are tried, exchanges of two axes, usual units, both
-/// together, and a shift of its middle to the point that the cameras look at; the change that raises the share most is
-/// named, where it is at least 0.05 and threefold. Simpler changes go before others that do little better. Units count only
-/// where they bring the prior's size nearer to that of the cameras' surroundings: a small thing that is made a thousand
-/// times larger would always be seen.
+/// If few rays meet them, this tries the 24 rotations by quarter turns, exchanges of two axes, usual units,
+/// combinations of these, and a shift of the prior's center to the point that the cameras look at. It returns the
+/// change that raises the share most, if the share becomes at least 0.05 and three times as large. Weights prefer
+/// simpler changes if the shares are similar. Units are tried only if they bring the prior's size closer to the extent
+/// of the cameras: a small prior scaled by a thousand would always be seen.
 pub fn check_alignment(boxes: &VoxelBoxes, cameras: &[Camera]) -> PriorVisibility {
     let tree = SparseVoxelTree::new(boxes);
     let share = AlignmentHint::NOTHING.share(&tree, &rays(cameras, RAYS));
@@ -69,7 +70,7 @@ pub fn check_alignment(boxes: &VoxelBoxes, cameras: &[Camera]) -> PriorVisibilit
     PriorVisibility { share, advice }
 }
 
-/// A grid of rays through the pictures of cameras that are evenly chosen.
+/// A grid of rays through the pictures of evenly selected cameras.
 fn rays(cameras: &[Camera], (side, most): (u32, usize)) -> Vec<Ray> {
     let count = cameras.len().min(most);
     let chosen = (0..count).map(|i| &cameras[i * cameras.len() / count]);
@@ -98,10 +99,10 @@ fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<A
     let better = |scale: f64| (ratio * scale).ln().abs() + 2_f64.ln() < ratio.ln().abs();
     let fits = |scale: f64| (0.05..20.0).contains(&(ratio * scale));
     let scales = UNITS.iter().map(|unit| unit.0).filter(|&scale| better(scale));
-    // Of a prior that is far too large some part is in sight whichever way it is turned.
+    // Some part of a prior that is far too large is visible under any rotation, so such scales are left out.
     let scales = [1.0].into_iter().chain(scales).filter(|&scale| fits(scale));
 
-    // Each with what its share is multiplied by when changes are compared.
+    // Each change with the weight of its share in the comparison.
     let mut turns: Vec<(f64, AlignmentHint)> = Vec::new();
     for (up, quarter_turns) in UPS.iter().flat_map(|&up| (0..4).map(move |turns| (up, turns))) {
         turns.push((
@@ -126,7 +127,7 @@ fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<A
         change.share = change.share(tree, &rays);
         let worth = weight * change.share;
         let good = change.share >= LOW.max(GAIN * before);
-        // The first of equal ones: they begin with the simplest.
+        // Among equal changes the first one wins, which is the simplest.
         if good && best.as_ref().is_none_or(|(most, _)| worth > *most) {
             best = Some((worth, change));
         }
@@ -135,11 +136,11 @@ fn advice(tree: &SparseVoxelTree, bounds: &Aabb, cameras: &[Camera]) -> Option<A
 }
 
 impl AlignmentHint {
-    /// The change that changes nothing.
+    /// The identity.
     const NOTHING: Self =
         Self { up: UpAxis::Z, quarter_turns: 0, exchanged: None, scale: 1.0, shift: DVec3::ZERO, share: 0.0 };
 
-    /// Turns the prior's axes: `up` to z by the shortest way (x to the other end for −z), then about z.
+    /// Rotation or exchange of the prior's axes: `up` to z by the shortest way (x to −x for −z), then turns about z.
     fn turn(&self) -> DMat3 {
         if let Some([a, b]) = self.exchanged {
             let mut axes = DVec3::AXES;
@@ -151,12 +152,12 @@ impl AlignmentHint {
         (0..self.quarter_turns).fold(self.up.z_up_from(), |turned, _| quarter * turned)
     }
 
-    /// Where a point of the prior goes.
+    /// The changed position of a point of the prior.
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.scale * (self.turn() * point) + self.shift
     }
 
-    /// The share of `rays` that meet the changed prior: the rays are brought to where it is unchanged.
+    /// Share of `rays` that meet the changed prior. The rays are mapped to the space of the unchanged one.
     fn share(&self, tree: &SparseVoxelTree, rays: &[Ray]) -> f64 {
         let back = self.turn().transpose();
         let meets = |ray: &Ray| {
@@ -189,7 +190,9 @@ impl fmt::Display for AlignmentHint {
         }
         if self.shift != DVec3::ZERO {
             let DVec3 { x, y, z } = self.shift;
-            causes.push(format!("it lies beside what the cameras look at, which is ({x:.3}, {y:.3}, {z:.3}) away"));
+            causes.push(format!(
+                "it lies beside the point that the cameras look at, which is ({x:.3}, {y:.3}, {z:.3}) away"
+            ));
         }
         write!(f, "{}", causes.join(", and "))?;
         if !cures.is_empty() {
@@ -303,7 +306,7 @@ mod tests {
         let aside = changed(&scene(), |p| p + DVec3::new(20.0, -11.0, 3.0));
         let found = check_alignment(&aside, &cameras()).advice.unwrap();
         assert!((found.shift + DVec3::new(20.0, -11.0, 3.0)).length() < 0.6, "{found}");
-        assert!(found.to_string().contains("beside what the cameras look at, which is (-20."), "{found}");
+        assert!(found.to_string().contains("beside the point that the cameras look at, which is (-20."), "{found}");
     }
 
     #[test]

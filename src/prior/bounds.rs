@@ -1,4 +1,4 @@
-//! Where the scene can be, as far as the cameras tell: near and far distances and the box of all frusta.
+//! Bounds of the scene from the cameras: near and far distances, and the box of all frusta.
 
 use glam::{DMat3, DVec3};
 
@@ -6,31 +6,31 @@ use crate::geometry::{Aabb, Camera};
 
 /// Near and far as multiples of the mean distance between the cameras and the point they look at.
 const NEAR_FAR: (f64, f64) = (0.5, 1.5);
-/// Optical axes count as parallel when the point nearest to all of them is this badly determined: the smallest
+/// Optical axes count as parallel if the point nearest to all of them is ill-conditioned: a bound on the smallest
 /// eigenvalue of the mean of I − a·aᵀ, which is the mean squared sine to the best common direction (about 0.6°).
 const PARALLEL: f64 = 1e-4;
-/// Picture points along columns and rows that stand for a frustum. Points at the distance far form a spherical cap, so
-/// corners alone would not bound it.
+/// Sampled points of a frustum along columns and rows. Points at the distance far form a spherical cap, which its
+/// corners alone do not bound.
 const FRUSTUM_POINTS: u32 = 9;
 
-/// What the cameras look at, and where rays begin and end.
+/// The point that the cameras look at, and the range of distances along rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraBounds {
     /// The point nearest, in the least squares sense, to all optical axes.
     pub focus: DVec3,
-    /// Where rays begin: a distance along unit directions, in dataset units.
+    /// Distance at which rays begin, in dataset units.
     pub near: f64,
-    /// Where rays end.
+    /// Distance at which rays end, in dataset units.
     pub far: f64,
 }
 
 impl CameraBounds {
     /// Derives all three from the cameras (at least one): near and far are 0.5 and 1.5 of their mean distance to the
-    /// focus. For cameras on a sphere about the scene, as in NeRF-synthetic, that is what its papers set by hand.
+    /// focus. For NeRF-synthetic, whose cameras lie on a sphere, these are the usual 2 and 6.
     ///
     /// Parallel axes, a single camera, or cameras that look away from one another determine no focus in front of them.
-    /// Then the focus lies on the mean axis: abreast of the origin where that is in front of the cameras, else as far
-    /// ahead as the cameras are apart, else 1 unit ahead.
+    /// Then the focus lies on the mean axis: at the foot of the perpendicular from the origin if that is in front of
+    /// the cameras, else ahead by the extent of the cameras, else 1 unit ahead.
     pub fn from_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
         let count = cameras.clone().count().max(1) as f64;
         let focus = nearest_to_axes(cameras.clone(), count).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
@@ -39,7 +39,7 @@ impl CameraBounds {
     }
 }
 
-/// The box of everything any camera sees between `near` and `far`; [`Aabb::EMPTY`] for no cameras.
+/// The box of all frusta between `near` and `far`; [`Aabb::EMPTY`] without cameras.
 pub fn frusta_box<'a>(cameras: impl Iterator<Item = &'a Camera>, near: f64, far: f64) -> Aabb {
     let steps = || (0..FRUSTUM_POINTS).map(|i| f64::from(i) / f64::from(FRUSTUM_POINTS - 1));
     Aabb::from_points(cameras.flat_map(|camera| {
@@ -58,7 +58,7 @@ fn axis(camera: &Camera) -> DVec3 {
 
 /// The least-squares nearest point to all axes, if it is determined and lies in front of most cameras.
 fn nearest_to_axes<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> Option<DVec3> {
-    // Relative to the mean position, so that a scene far from the origin loses no digits.
+    // Relative to the mean position, to avoid cancellation far from the origin.
     let center = cameras.clone().map(|c| c.position).sum::<DVec3>() / count;
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras.clone() {
@@ -67,7 +67,7 @@ fn nearest_to_axes<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count:
         normal += across * (1.0 / count);
         right += across * (camera.position - center) / count;
     }
-    // The eigenvalues lie in [0, 1] and add up to 2, so where the smallest is ε the others are at least 1 − ε and the
+    // The eigenvalues lie in [0, 1] and add up to 2, so if the smallest is ε the others are at least 1 − ε and the
     // determinant is ε within a factor (1 − ε)².
     let determinant = normal.determinant();
     if determinant.is_nan() || determinant <= PARALLEL {
@@ -83,7 +83,7 @@ fn nearest_to_axes<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count:
 fn focus_ahead<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> DVec3 {
     let center = cameras.clone().map(|c| c.position).sum::<DVec3>() / count;
     let mean_axis = cameras.clone().map(axis).sum::<DVec3>();
-    // Axes that cancel out leave no mean: any camera's will do.
+    // Axes that cancel out have no mean; use that of the first camera.
     let ahead = mean_axis.try_normalize().or_else(|| cameras.clone().next().map(axis)).unwrap_or(DVec3::NEG_Z);
     let to_origin = -center.dot(ahead);
     let apart = Aabb::from_points(cameras.map(|c| c.position)).size().length();

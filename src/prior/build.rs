@@ -1,7 +1,7 @@
-//! From files of geometry to occupied cells in the dataset's space.
+//! Occupied cells in the dataset's space from files of geometry.
 //!
-//! In: files, and [`BuildOptions`]. Out: a [`Built`]. Files are read from front to back, twice where the size of cells follows
-//! from what is in them, and never held; memory grows with the cells, and with the points where outliers are to be found.
+//! In: files, and [`BuildOptions`]. Out: a [`Built`]. Files are streamed, twice if the size of the cells is derived
+//! from the geometry. Memory grows with the number of cells, and with the number of points if outliers are removed.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -17,32 +17,32 @@ use super::{BuildError, Error, VoxelBoxes, coarse};
 use crate::geometry::{Aabb, Lattice};
 use crate::import::{self, Fault, Point, ReadOptions, Visitor};
 
-/// The most points among which outliers are looked for; each takes some 50 bytes.
+/// Points among which outliers are searched; each takes some 50 bytes.
 const MAX_SEARCHED: usize = 1 << 27;
-/// No default makes cells smaller than this share of the longest extent, however flat the geometry is.
+/// Smallest default size of a cell as a share of the longest extent, for flat geometry.
 const MIN_SHARE: f64 = 1.0 / 1024.0;
 
-/// What becomes of files' geometry.
+/// Options of [`build`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
-    /// Which parts of the files count.
+    /// The parts of the files that are read.
     pub read: ReadOptions,
-    /// From the files' space to the dataset's.
+    /// Map from the files' space to the dataset's.
     pub transform: DAffine3,
-    /// In the dataset's space: what is outside is left out.
+    /// Geometry outside this box, in the dataset's space, is left out.
     pub crop: Option<Aabb>,
-    /// Edge of a cell, in the dataset's units. Where absent, grids keep their own, and all else is divided into about as many
-    /// cells as the coarse reconstruction has.
+    /// Edge length of a cell, in dataset units. `None` keeps the cells of grids, and divides other geometry into about
+    /// as many cells as the coarse trainer has.
     pub voxel: Option<f64>,
-    /// Surfaces and points are so thick, in the dataset's units.
+    /// Thickness of surfaces and points, in dataset units.
     pub thickness: f64,
-    /// Which points are outliers; none where absent.
+    /// The rule for outliers; `None` keeps all points.
     pub outliers: Option<Outliers>,
     /// Cells with fewer points are left out.
     pub min_points: u32,
-    /// Holes of up to this radius are filled, in the dataset's units.
+    /// Radius of the largest holes that are filled, in dataset units.
     pub close: f64,
-    /// By what cells are grown to all sides, in the dataset's units.
+    /// Radius by which cells are grown, in dataset units.
     pub dilate: f64,
 }
 
@@ -62,18 +62,18 @@ impl Default for BuildOptions {
     }
 }
 
-/// Occupied cells, and what they are made of.
+/// Occupied cells and their colors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Built {
-    /// In the dataset's space.
+    /// The cells, in the dataset's space.
     pub boxes: VoxelBoxes,
-    /// sRGB of each cell, where any file has colors; gray where it is not known.
+    /// sRGB color of each cell, gray if unknown; `None` if no file has colors.
     pub colors: Option<Vec<[u8; 3]>>,
-    /// What was read.
+    /// The geometry that was read.
     pub counts: Counts,
 }
 
-/// How much was read.
+/// Amounts of geometry that were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Points, outliers included.
@@ -82,26 +82,26 @@ pub struct Counts {
     pub outliers: u64,
     /// Triangles.
     pub triangles: u64,
-    /// Of these, those without an area.
+    /// Triangles without an area.
     pub degenerate: u64,
     /// Cells of grids and octrees.
     pub cells: u64,
 }
 
-/// How far the reading is: which file, and bytes of it.
+/// Progress of the reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildProgress {
-    /// The file's number.
+    /// Index of the file, counted over all passes.
     pub file: usize,
     /// Files in all passes.
     pub files: usize,
-    /// Bytes done of this file.
+    /// Bytes read of this file.
     pub done: u64,
-    /// Its bytes.
+    /// Bytes of this file.
     pub total: u64,
 }
 
-/// The cells that the geometry of `files`, all together, occupies.
+/// The cells that the geometry of all `files` together occupies.
 ///
 /// # Errors
 ///
@@ -124,7 +124,7 @@ pub fn build(
     };
     let mut filling = Filling::new(lattice, options);
     let read = run.pass(&mut filling);
-    // What the cells refuse reaches the reader as an interruption.
+    // An error of the cells reaches the reader as `Fault::Stopped`; the error itself is in `failure`.
     if let Some(error) = filling.failure.take() {
         return Err(error);
     }
@@ -157,7 +157,7 @@ impl BuildOptions {
     }
 }
 
-/// Reading all files, once or twice.
+/// The passes over all files.
 struct Run<'a> {
     files: &'a [PathBuf],
     options: &'a BuildOptions,
@@ -183,14 +183,14 @@ impl Run<'_> {
     }
 }
 
-/// Takes shapes in the dataset's space.
+/// Receives shapes in the dataset's space.
 trait Shapes {
     fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault>;
     fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault>;
     fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault>;
 }
 
-/// Maps what a file holds to the dataset's space.
+/// Maps the geometry of a file to the dataset's space.
 struct Placed<'a> {
     transform: DAffine3,
     shapes: &'a mut dyn Shapes,
@@ -226,16 +226,17 @@ fn mean_color(colors: [Option<[u8; 3]>; 3]) -> Option<[u8; 3]> {
     Some([0, 1, 2].map(|i| ((u32::from(a[i]) + u32::from(b[i]) + u32::from(c[i]) + 1) / 3) as u8))
 }
 
-/// Whether `map` brings upright boxes to upright boxes.
+/// True if `map` keeps boxes axis-aligned.
 fn keeps_upright(map: &DAffine3) -> bool {
     map.matrix3.to_cols_array_2d().iter().all(|column| column.iter().filter(|v| **v != 0.0).count() == 1)
 }
 
-/// What is there, before the size of cells is known.
+/// The first pass: bounds, and the cells of grids.
 struct Survey {
     bounds: Aabb,
-    /// The first cell, and the smallest size of any; none where something else is there, too, or turned.
+    /// Smallest corner of the first cell, and the smallest size of any cell.
     grid: Option<(DVec3, DVec3)>,
+    /// True if all geometry is cells that the map keeps axis-aligned.
     all_grid: bool,
 }
 
@@ -274,7 +275,10 @@ impl Survey {
         if bounds.min.cmpgt(bounds.max).any() {
             let why = match options.crop {
                 Some(_) if self.bounds.min.cmple(self.bounds.max).all() => {
-                    format!(" within the crop: the files' geometry spans {} to {}", self.bounds.min, self.bounds.max)
+                    format!(
+                        " within the `crop`: the geometry of the files spans {} to {}",
+                        self.bounds.min, self.bounds.max
+                    )
                 }
                 _ => String::new(),
             };
@@ -299,12 +303,12 @@ impl Survey {
     }
 }
 
-/// Cells being filled.
+/// The last pass: the occupied cells.
 struct Filling<'a> {
     options: &'a BuildOptions,
     lattice: Lattice,
     voxels: Voxels,
-    /// Points, where outliers are to be found first.
+    /// Points, if outliers are removed.
     searched: Vec<DVec3>,
     searched_colors: Vec<Option<[u8; 3]>>,
     colored: bool,
@@ -326,7 +330,7 @@ impl<'a> Filling<'a> {
         }
     }
 
-    /// Ends the reading where the cells refuse.
+    /// Keeps an error of the cells and ends the reading.
     fn held(&mut self, added: Result<(), BuildError>) -> Result<(), Fault> {
         added.map_err(|error| {
             self.failure = Some(error);
@@ -354,7 +358,7 @@ impl<'a> Filling<'a> {
                     ": {} points ({} of them outliers), {} triangles, {} cells of grids",
                     self.counts.points, self.counts.outliers, self.counts.triangles, self.counts.cells
                 ),
-                _ => format!(": of {all} cells none has {} points", self.options.min_points),
+                _ => format!(": none of {all} cells has {} points, the value of `min_points`", self.options.min_points),
             };
             return Err(BuildError::Nothing { why });
         };
@@ -371,7 +375,7 @@ impl Shapes for Filling<'_> {
             let added = self.voxels.add_point(at, color, self.options.thickness);
             return self.held(added);
         }
-        // What is cropped has no say in what is an outlier.
+        // Points outside the crop do not influence which points are outliers.
         if self.options.crop.is_some_and(|crop| !crop.contains(at)) {
             return Ok(());
         }
@@ -405,7 +409,7 @@ impl Shapes for Filling<'_> {
     }
 }
 
-/// Holes filled, then cells grown.
+/// Fills holes, then grows the cells.
 fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
     let too_large = |name, length: f64| Error::Option {
         name,
@@ -421,7 +425,7 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
     }
     let radius = options.dilate / pitch;
     if radius.max_element() >= 1.0 {
-        // Runs are joined only after all have been collected.
+        // The runs of all rows of the ball are collected before they are joined.
         let ball = 4.19 * (radius + 1.0).element_product();
         if ball * runs.len() as f64 > 16.0 * MAX_CELLS as f64 {
             return Err(too_large("dilate", options.dilate).into());
@@ -434,7 +438,7 @@ fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: D
     Ok(runs)
 }
 
-/// The color of each of `cells`; gray where `known`, which ascends as `cells` do, has none.
+/// The color of each of `cells`, gray if `known` has none. Both ascend by (z, y, x).
 fn colors_of(known: &[(IVec3, Option<[u8; 3]>)], cells: impl Iterator<Item = IVec3>) -> Vec<[u8; 3]> {
     let key = |c: IVec3| [c.z, c.y, c.x];
     let of = |cell: IVec3| {

@@ -5,17 +5,17 @@ use glam::DQuat;
 use super::Error;
 use crate::geometry::{Aabb, Similarity};
 
-/// Half the largest extent of a mapped scene, in model units: that of the scenes that most presets were made for.
+/// Half the largest extent of a mapped scene, in model units. Most presets are made for this size.
 pub const CANONICAL_HALF_EXTENT: f64 = 1.2;
-/// A scene is left where it is if it already fits the canonical box within this factor.
+/// A scene is not mapped if it fits the canonical box within this factor.
 pub const CANONICAL_TOLERANCE: f64 = 1.5;
 
-/// The map that brings `bounds`, those of a prior in the dataset's space, to the canonical box: center 0, largest half
-/// extent `half_extent`. It scales all axes alike and never rotates, so lattices stay upright.
+/// The map from `bounds`, those of a prior in the dataset's space, to the canonical box: center 0, largest half extent
+/// `half_extent`. It scales all axes equally and never rotates, so lattices stay axis-aligned.
 ///
-/// It is the identity exactly where `bounds` lies within ±1.5 `half_extent` on every axis and its largest half extent is at
-/// least `half_extent`/1.5 (for 1.2: ±1.8 and 0.8): pitches are per model unit, so a scene that was made for them keeps its own units. Outside
-/// that band the model does not depend on the dataset's unit or origin.
+/// It is the identity exactly if `bounds` lies within ±1.5 `half_extent` on every axis and its largest half extent is
+/// at least `half_extent`/1.5 (for 1.2: ±1.8 and 0.8): pitches are per model unit, so a scene that was made for them
+/// keeps its own units. Outside that band the model does not depend on the dataset's unit or origin.
 ///
 /// # Errors
 ///
@@ -26,7 +26,7 @@ pub fn canonical_map(bounds: &Aabb, half_extent: f64) -> Result<Similarity, Erro
     }
     let half = 0.5 * bounds.size().max_element();
     if !bounds.is_solid() || !half.is_finite() {
-        return Err(Error::option("bounds of the prior", "a finite box of positive size", bounds));
+        return Err(Error::option("prior_bounds", "a finite box of positive size", bounds));
     }
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
     if reach <= half_extent * CANONICAL_TOLERANCE && half >= half_extent / CANONICAL_TOLERANCE {
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scenes_of_the_canonical_size_stay_and_others_are_centerd_and_scaled() {
+    fn scenes_of_the_canonical_size_stay_and_others_are_centered_and_scaled() {
         let near = Aabb { min: DVec3::new(-0.7, -1.2, -0.5), max: DVec3::new(0.7, 1.2, 1.1) };
         let canonical_map = |bounds: &Aabb| canonical_map(bounds, CANONICAL_HALF_EXTENT);
         assert_eq!(canonical_map(&near).unwrap(), Similarity::IDENTITY);
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn the_canonical_size_is_the_caller_s() {
+    fn the_caller_sets_the_canonical_size() {
         let room = Aabb::around(DVec3::ONE, DVec3::new(2.4, 2.0, 1.0));
         let map = canonical_map(&room, 4.8).unwrap();
         assert_eq!((map.scale, map.point(DVec3::ONE)), (2.0, DVec3::ZERO));

@@ -1,17 +1,18 @@
-//! A prior as a file that NumPy opens.
+//! A prior as an NPZ file.
 
 use std::io::{self, Cursor};
 
 use super::Built;
 use crate::npy::NpzWriter;
 
-/// `prior` as an NPZ file: `cells` (N, 3), uint32, as x, y, z, ascending by (z, y, x); `origin` and `pitch` (3,), float64: cell
-/// (i, j, k) spans origin + (i, j, k)·pitch to origin + (i+1, j+1, k+1)·pitch in the dataset's space; where there are
-/// colors, `colors` (N, 3), uint8, sRGB. The same prior gives the same bytes. [`crate::import`] reads it back.
+/// `prior` as an NPZ file: `cells` (N, 3), uint32, as x, y, z, ascending by (z, y, x); `origin` and `pitch` (3,),
+/// float64; and, if the prior has colors, `colors` (N, 3), uint8, sRGB. Cell (i, j, k) spans origin + (i, j, k)·pitch
+/// to origin + (i+1, j+1, k+1)·pitch in the dataset's space. The same prior gives the same bytes. [`crate::import`]
+/// reads the file.
 ///
 /// # Errors
 ///
-/// If the archive cannot be written, which memory alone can cause.
+/// If the archive cannot be written. It is in memory, so only its size can cause this.
 pub fn to_npz(prior: &Built) -> io::Result<Vec<u8>> {
     let mut archive = NpzWriter::new(Cursor::new(Vec::new()), true);
     let cells = &prior.boxes.cells;

@@ -1,19 +1,20 @@
-//! Holes in surfaces, filled.
+//! Filling of holes in surfaces.
 //!
-//! A scan's surface is a cell thin, and a closing by a ball of the hole's radius would leave the hole: the ball dips into it.
-//! It stays out, within half a cell, if it is so large that it hardly dips: a ball of radius R dips into a hole of radius h by
-//! R − √(R² − h²) ≈ h²/2R. So cells are grown by h² + ½ and shrunk by h² (in cells), and of what that fills, all that is within h
-//! of a cell is kept, and next to what is no cell's neighbor; thus a hole in a flat surface is filled exactly if it is two cells wide,
-//! and concave corners by no more than h. Both steps are thresholds on exact Euclidean distances (Felzenszwalb and
-//! Huttenlocher, "Distance Transforms of Sampled Functions", 2012).
+//! A scanned surface is one cell thin, so a closing by a ball of the hole's radius does not fill the hole: the ball
+//! sinks through it. A ball of radius R sinks into a hole of radius h by R − √(R² − h²) ≈ h²/2R, which is less than
+//! half a cell if R exceeds h². Therefore cells are grown by h² + ½ and shrunk by h² (in cells). Of the cells that this
+//! adds, those within h of an occupied cell that are not its neighbors are kept, and the neighbors of these. A hole in
+//! a flat surface is thus filled exactly if it is two cells wide, and concave corners are filled by at most h. Both
+//! steps are thresholds on exact Euclidean distances (Felzenszwalb and Huttenlocher, "Distance Transforms of Sampled
+//! Functions", 2012).
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
-/// The most cells of the box that distances are found in; they take 8 bytes each.
+/// Cells of the box for the distance transform; each takes 8 bytes.
 pub(super) const MAX_BLOCK: u64 = 1 << 27;
 
-/// Distance of where there is nothing; sums of it stay finite.
+/// Squared distance if there is no occupied cell; sums of it stay finite.
 const FAR: f32 = 1e30;
 
 /// A box of cells, x fastest.
@@ -24,8 +25,9 @@ struct Block {
     aspect: DVec3,
 }
 
-/// `cells`, ascending by (z, y, x), and those that fill holes of up to `radius`, a multiple of the shortest edge of a cell, in the
-/// same order. `aspect`: edge lengths over the shortest. `None` where the box around is larger than [`MAX_BLOCK`].
+/// `cells`, ascending by (z, y, x), and the cells that fill holes of up to `radius`, in the same order. The unit of
+/// `radius` is the shortest edge of a cell; `aspect` are the edge lengths in this unit. `None` if the box around the
+/// cells is larger than [`MAX_BLOCK`].
 pub(super) fn filled(cells: &[IVec3], radius: f64, aspect: DVec3) -> Option<Vec<IVec3>> {
     let ball = radius * radius;
     let margin = ((ball + 1.5) / aspect).ceil().as_ivec3() + 1;
@@ -47,7 +49,8 @@ pub(super) fn filled(cells: &[IVec3], radius: f64, aspect: DVec3) -> Option<Vec<
     block.transform(&mut outside);
     let near = (radius * radius * (1.0 + 1e-6)) as f32;
     let shrunk = (ball * ball * (1.0 + 1e-6)) as f32;
-    // Farther from all cells than neighbors are: shrinking by half a cell less than was grown also lays a skin on slopes.
+    // Farther from all cells than their neighbors: shrinking by half a cell less than growing also adds a layer on
+    // slopes.
     let deep = |n: usize| distances[n] > beside && distances[n] <= near && outside[n] > shrunk;
     let kept = |&n: &usize| {
         distances[n] == 0.0 || deep(n) || (distances[n] <= beside && outside[n] > shrunk && block.around(n).any(deep))
@@ -67,7 +70,7 @@ impl Block {
         self.first + IVec3::new(x, y, z)
     }
 
-    /// The up to 26 cells around one.
+    /// The up to 26 neighbors of a cell.
     fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         let at = self.cell(index) - self.first;
         let size = IVec3::from_array(self.size.map(|n| n as i32));
@@ -76,7 +79,7 @@ impl Block {
         offsets.map(move |o| at + o).filter(inside).map(|c| self.index(self.first + c))
     }
 
-    /// From 0 at some cells and [`FAR`] elsewhere to squared distances from these cells.
+    /// Replaces values, 0 at some cells and [`FAR`] elsewhere, by squared distances from these cells.
     fn transform(&self, values: &mut [f32]) {
         let [width, height, depth] = self.size;
         let squared = (self.aspect * self.aspect).as_vec3();
@@ -90,7 +93,7 @@ impl Block {
                 envelope.distances(squared.y, |y, d| layer[y * width + x] = d);
             }
         });
-        // Columns along z, gathered a plane of (x, z) at a time so that each task owns what it writes.
+        // Columns along z, one plane of (x, z) per task, so that each task owns its output.
         let planes: Vec<Vec<f32>> = (0..height)
             .into_par_iter()
             .map_init(Envelope::default, |envelope, y| {
@@ -109,18 +112,18 @@ impl Block {
     }
 }
 
-/// The lower envelope of parabolas, one at each place of a line.
+/// The lower envelope of parabolas, one at each position of a line.
 #[derive(Default)]
 struct Envelope {
     count: usize,
-    /// (place, height) of the parabolas on it.
+    /// (position, height) of the parabolas of the envelope.
     parabolas: Vec<(usize, f32)>,
-    /// From where on each is the lowest.
+    /// Position from which on each parabola is the lowest.
     from: Vec<f32>,
 }
 
 impl Envelope {
-    /// Of parabolas weight·(i − place)² + height(place).
+    /// Computes the envelope of the parabolas weight·(i − place)² + height(place).
     fn lower(&mut self, count: usize, weight: f32, height: impl Fn(usize) -> f32) {
         self.count = count;
         self.parabolas.clear();
@@ -146,7 +149,7 @@ impl Envelope {
         }
     }
 
-    /// Its height at each place.
+    /// Calls `set` with the height of the envelope at each position.
     fn distances(&self, weight: f32, mut set: impl FnMut(usize, f32)) {
         let mut n = 0;
         for place in 0..self.count {

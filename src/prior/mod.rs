@@ -1,8 +1,8 @@
-//! Where a scene is, before anything is known about it: occupied space from photographs, and tensors placed there.
+//! Geometry priors: occupied space from photographs or files, and the placement of tensors there.
 //!
-//! In: posed photographs, or occupied boxes and points from elsewhere. Out: [`VoxelBoxes`] in the dataset's space, the
-//! map from there to the model's canonical box ([`canonical_map`]), and tensor clouds without numbers
-//! ([`placement`]). What the tensors hold is left to training.
+//! In: posed photographs ([`coarse`]) or files of geometry ([`build()`]). Out: [`VoxelBoxes`] in the dataset's space,
+//! the map to the model's canonical box ([`canonical_map`]), and tensor clouds without values ([`placement`]), which
+//! training initializes.
 #![forbid(unsafe_code)]
 
 mod alignment;

@@ -1,7 +1,8 @@
-//! Cells grown by a radius: morphology with balls, on runs of cells along x.
+//! Dilation of cells by a ball, on runs of cells along x.
 //!
-//! A ball of radius r (in cells, measured between centers) is, for each offset (dy, dz), a run of cells along x. So is
-//! every row of a set. Growing joins the rows around, each made longer by its run; so it takes no more for being sparse.
+//! A ball of radius r (in cells, between centers) is a run of cells along x for each offset (dy, dz). Dilation joins
+//! the runs of neighboring rows, each extended by the ball's run, so its cost does not depend on the extent of a sparse
+//! set.
 
 use std::collections::BTreeMap;
 
@@ -48,12 +49,12 @@ impl Runs {
         })
     }
 
-    /// How many cells.
+    /// Number of cells.
     pub(super) fn len(&self) -> u64 {
         self.0.values().flatten().map(|&(first, last)| (i64::from(last) - i64::from(first) + 1) as u64).sum()
     }
 
-    /// Every cell whose center is within `radius` (in cells, per axis) of a cell's center.
+    /// All cells whose center is within `radius` (in cells, per axis) of the center of a cell.
     pub(super) fn grown(&self, radius: DVec3) -> Self {
         let mut rows: BTreeMap<_, Vec<(i32, i32)>> = BTreeMap::new();
         for (dy, dz, half) in ball(radius) {

@@ -1,4 +1,4 @@
-//! Points that lie apart from all others: statistical outlier removal (Rusu et al., "Towards 3D Point Cloud Based Object Maps",
+//! Statistical outlier removal (Rusu et al., "Towards 3D Point Cloud Based Object Maps",
 //! 2008).
 
 use glam::DVec3;
@@ -6,36 +6,37 @@ use rayon::prelude::*;
 
 use crate::geometry::Aabb;
 
-/// Which points count as outliers.
+/// The rule for outliers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outliers {
-    /// Neighbors whose mean distance is looked at, at least 1.
+    /// Number of nearest neighbors whose mean distance is taken, at least 1.
     pub neighbors: usize,
-    /// A point is an outlier whose mean distance exceeds that of all points by more than so many standard deviations.
+    /// A point is an outlier if its mean distance exceeds the mean over all points by more than this number of standard
+    /// deviations.
     pub deviations: f64,
 }
 
-/// Points of a leaf of the tree.
+/// Points in a leaf of the tree.
 const LEAF: usize = 16;
 
-/// Whether each of `points` is kept. Memory: 21 bytes a point besides them.
+/// \[point\]: true if the point is kept. Takes 21 bytes per point besides `points`.
 pub(super) fn inliers(points: &[DVec3], rule: &Outliers) -> Vec<bool> {
     let neighbors = rule.neighbors.min(points.len().saturating_sub(1));
     if neighbors == 0 {
         return vec![true; points.len()];
     }
     let tree = Tree::new(points);
-    // In the tree's order, so that one search finds in the cache what the last one read.
+    // In the tree's order, so that consecutive searches share cache lines.
     let ordered: Vec<f64> = (tree.order.par_iter())
         .map_with(Vec::new(), |nearest, &n| {
-            // The point itself is the nearest.
+            // The nearest point is the point itself.
             tree.nearest(points[n as usize], neighbors + 1, nearest);
             nearest.iter().map(|d| d.sqrt()).sum::<f64>() / neighbors as f64
         })
         .collect();
     let mut distances = vec![0.0; points.len()];
     tree.order.iter().zip(ordered).for_each(|(&n, distance)| distances[n as usize] = distance);
-    // In order, so that no thread changes a digit.
+    // In order, so that the sum does not depend on the number of threads.
     let count = distances.len() as f64;
     let mean = distances.iter().sum::<f64>() / count;
     let variance = distances.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / count;
@@ -43,13 +44,13 @@ pub(super) fn inliers(points: &[DVec3], rule: &Outliers) -> Vec<bool> {
     distances.into_iter().map(|d| d <= most).collect()
 }
 
-/// A k-d tree in place: the middle of a part divides it, along the axis where it is longest. (Libraries' trees limit how many
-/// points may share a coordinate, and scans from elsewhere keep to no limit.)
+/// A k-d tree in place: each part is split at its median along its longest axis. The trees of crates limit how many
+/// points may share a coordinate; scans have no such limit.
 struct Tree<'a> {
     points: &'a [DVec3],
-    /// Numbers of points, ordered.
+    /// Indices of points, in the order of the tree.
     order: Vec<u32>,
-    /// For the middle of each part, its axis.
+    /// Split axis, at the index of the median of each part.
     axes: Vec<u8>,
 }
 
@@ -79,14 +80,14 @@ impl<'a> Tree<'a> {
         let (lower, upper) = (part.start..middle, middle + 1..part.end);
         let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
         self.search(near, at, count, nearest);
-        // Where all are in one place this is an equality, and there is no need to look at all of them.
+        // Strict, so that points at equal positions are not all searched.
         if nearest.len() < count || beyond * beyond < nearest[count - 1] {
             self.search(far, at, count, nearest);
         }
     }
 }
 
-/// Puts a distance where it belongs among the `count` smallest.
+/// Inserts a distance into the `count` smallest ones, which ascend.
 fn insert(nearest: &mut Vec<f64>, count: usize, distance: f64) {
     if nearest.len() == count {
         if distance >= nearest[count - 1] {

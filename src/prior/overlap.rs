@@ -1,4 +1,4 @@
-//! Whether convex bodies have a point in common with an upright box, decided by separating axes (Gottschalk, Lin and Manocha,
+//! The intersection test of convex bodies with axis-aligned boxes, by separating axes (Gottschalk, Lin and Manocha,
 //! "OBBTree", SIGGRAPH 1996; for triangles Akenine-Möller, "Fast 3D Triangle-Box Overlap Testing", 2001).
 
 use glam::{DAffine3, DVec3};
@@ -24,13 +24,13 @@ pub(super) trait Convex {
     /// Its corners.
     fn corners(&self) -> &[DVec3];
 
-    /// The smallest upright box that contains it.
+    /// The smallest axis-aligned box that contains it.
     fn bounds(&self) -> Aabb {
         Aabb::from_points(self.corners().iter().copied())
     }
 
-    /// Calls `test` with directions, of which one separates it from any upright box that it has no point in common with, the
-    /// box's own axes left out; ends at the first for which `test` holds, and tells whether there was one.
+    /// Calls `test` with candidates for separating axes, apart from the box's own. Returns true at the first for which
+    /// `test` holds.
     fn any_axis(&self, test: impl FnMut(DVec3) -> bool) -> bool;
 }
 
@@ -75,7 +75,7 @@ fn across(edge: DVec3) -> [DVec3; 3] {
     [DVec3::new(0.0, -edge.z, edge.y), DVec3::new(edge.z, 0.0, -edge.x), DVec3::new(-edge.y, edge.x, 0.0)]
 }
 
-/// Whether `body` and the closed box `cell` have a point in common. A touch counts, within rounding.
+/// True if `body` and the closed box `cell` intersect. Touching counts, within rounding.
 pub(super) fn meets(body: &impl Convex, cell: &Aabb) -> bool {
     let bounds = body.bounds();
     if !(bounds.min.cmple(cell.max).all() && cell.min.cmple(bounds.max).all()) {
@@ -83,7 +83,7 @@ pub(super) fn meets(body: &impl Convex, cell: &Aabb) -> bool {
     }
     let (center, half) = (cell.center(), 0.5 * cell.size());
     !body.any_axis(|axis| {
-        // Directions of no length (degenerate bodies) separate nothing: all numbers here are 0 then.
+        // Zero directions of degenerate bodies separate nothing: all numbers here are 0 then.
         let reach = half.dot(axis.abs());
         let along = body.corners().iter().map(|&p| (p - center).dot(axis));
         let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), d| (l.min(d), m.max(d)));

@@ -1,30 +1,31 @@
-//! What a camera sees of a prior, over the photograph that it took.
+//! Pictures of a prior over a photograph.
 
 use rayon::prelude::*;
 
 use super::{Error, FirstHit, SparseVoxelTree, VoxelBoxes};
 use crate::geometry::{Camera, Ray};
 
-/// Near and far cells that have no colors of their own.
+/// Colors of near and far cells without colors of their own, linear in the distance.
 const NEAR_COLOR: [f32; 3] = [1.0, 0.55, 0.1];
 const FAR_COLOR: [f32; 3] = [0.15, 0.35, 1.0];
-/// How bright faces across x, y and z are, z from above; from below they are as dark as can be.
+/// Brightness of faces perpendicular to x, y and z, z from above, and of faces seen from below.
 const FACES: [f32; 3] = [0.7, 0.85, 1.0];
 const FROM_BELOW: f32 = 0.5;
-/// What is left of a color on the edge of a face.
+/// Factor of the brightness at the edges of a face.
 const EDGE: f32 = 0.4;
-/// Edges show where a cell spans at least so many pixels.
+/// Edges are drawn if a cell spans at least this number of pixels.
 const EDGE_PIXELS: f64 = 6.0;
-/// How much of a pixel the prior takes where it is.
+/// Opacity of the prior.
 const OPACITY: f32 = 0.5;
 
-/// The colors \[height\]\[width\] of `photograph`, which `camera` took, half covered by the first cells of `boxes` along
-/// each ray: in `colors` (one a cell), or from orange to blue with their distance; darker on faces that point sideways and
-/// down, and at edges where cells are large. `tree` is that of `boxes`, both in the camera's space.
+/// Blends the first cell of `boxes` along each ray of `camera` over `photograph`, colors \[height\]\[width\], and
+/// returns the same layout. Cells have `colors` (one for each cell), or colors from orange to blue by distance. Faces
+/// that point sideways or down are darker, as are the edges of large cells. `tree` is the tree of `boxes`; both are in
+/// the camera's space.
 ///
 /// # Errors
 ///
-/// If `photograph` has not as many pixels as the camera or `colors` not as many as there are cells.
+/// If the number of pixels of `photograph` is not the camera's, or `colors` has another length than the cells.
 pub fn overlay(
     tree: &SparseVoxelTree,
     boxes: &VoxelBoxes,
@@ -34,10 +35,10 @@ pub fn overlay(
 ) -> Result<Vec<[f32; 3]>, Error> {
     let pixels = camera.width as usize * camera.height as usize;
     if photograph.len() != pixels {
-        return Err(Error::option("photograph", "as many pixels as the camera has", photograph.len()));
+        return Err(Error::option("photograph", "one color for each pixel of the camera", photograph.len()));
     }
     if let Some(colors) = colors.filter(|colors| colors.len() != boxes.cells.len()) {
-        return Err(Error::option("colors", "as many as cells", colors.len()));
+        return Err(Error::option("colors", "one color for each cell", colors.len()));
     }
     let ray = |pixel: usize| camera.ray((pixel % camera.width as usize) as u32, (pixel / camera.width as usize) as u32);
     let hits: Vec<Option<FirstHit>> = (0..pixels).into_par_iter().map(|pixel| tree.cast_ray(&ray(pixel))).collect();
@@ -64,12 +65,12 @@ pub fn overlay(
     Ok(photograph.par_iter().enumerate().map(blended).collect())
 }
 
-/// How bright the cell is where `ray` meets it.
+/// Brightness of the cell where `ray` meets it.
 fn light(boxes: &VoxelBoxes, camera: &Camera, ray: &Ray, hit: &FirstHit) -> f32 {
     let below = hit.axis == 2 && ray.direction.z > 0.0;
     let face = if below { FROM_BELOW } else { FACES[hit.axis] };
     let cell = boxes.cell_box(hit.cell);
-    // What a pixel spans there.
+    // Size of a pixel at this distance.
     let pixel = hit.t / camera.focal[0].max(camera.focal[1]);
     let at = ray.at(hit.t);
     let across = (0..3).filter(|&axis| axis != hit.axis);
@@ -112,8 +113,8 @@ mod tests {
         let tree = SparseVoxelTree::new(&boxes);
         let camera = Camera::looking_at([2, 2], 2.0, DVec3::ZERO, DVec3::X, DVec3::Z);
         let error = overlay(&tree, &boxes, None, &camera, &[[0.0; 3]; 3]).unwrap_err();
-        assert_eq!(error.to_string(), "`photograph` must be as many pixels as the camera has, found 3");
+        assert_eq!(error.to_string(), "`photograph` must be one color for each pixel of the camera, found 3");
         let error = overlay(&tree, &boxes, Some(&[]), &camera, &[[0.0; 3]; 4]).unwrap_err();
-        assert_eq!(error.to_string(), "`colors` must be as many as cells, found 0");
+        assert_eq!(error.to_string(), "`colors` must be one color for each cell, found 0");
     }
 }

@@ -1,4 +1,4 @@
-//! Tensors on occupied space: one lattice a scale (paper, "Distributing local tensors").
+//! Tensors in occupied space, on one lattice per scale (paper, "Distributing local tensors").
 //!
 //! In: occupied boxes or points in the model's space, and a [`ScaleShape`]. Out: a [`TensorCloud`] in canonical order.
 //! Boxes are rasterized as boxes: every lattice cell that shares volume with one gets a tensor. Their centers alone
@@ -11,12 +11,12 @@ use super::{Error, VoxelBoxes};
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{Placement, TensorCloud};
 
-/// How far, in cells, a box may reach into a cell, or a point lie before a face, and still count as rounding.
+/// Distance in cells that counts as rounding: for a box that reaches into a cell, or a point before a face.
 const FUZZ: f64 = 1e-6;
-/// The most (box, cell) pairs that are visited: 12 bytes each are held at once.
+/// (box, cell) pairs; each takes 12 bytes.
 const MAX_VISITS: u64 = 1 << 27;
 
-/// The tensors of one scale before they have numbers.
+/// Shape and spacing of the tensors of one scale.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub struct ScaleShape {
@@ -29,7 +29,7 @@ pub struct ScaleShape {
 }
 
 impl ScaleShape {
-    /// The same on all axes.
+    /// The same values on all axes.
     pub fn cubic(pitch: f64, edge: f64, resolution: u32) -> Self {
         Self { pitch: [pitch; 3], edge: [edge; 3], resolution: [resolution; 3] }
     }
@@ -58,7 +58,7 @@ impl ScaleShape {
 ///
 /// # Errors
 ///
-/// On a shape out of range, no boxes, boxes that are not finite, and more cells than memory should hold.
+/// If the shape is out of range, there are no boxes, a box is not finite, or there are too many cells.
 pub fn place_on_boxes(boxes: &VoxelBoxes, shape: &ScaleShape) -> Result<TensorCloud, Error> {
     rasterize("occupied box", boxes.boxes(), boxes.cells.len(), shape)
 }
@@ -68,16 +68,16 @@ pub fn place_on_boxes(boxes: &VoxelBoxes, shape: &ScaleShape) -> Result<TensorCl
 ///
 /// # Errors
 ///
-/// On a shape out of range, no points, points that are not finite, and cells out of range.
+/// If the shape is out of range, there are no points, a point is not finite, or there are too many cells.
 pub fn place_on_points(points: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
     rasterize("point", points.iter().map(|&p| Aabb { min: p, max: p }), points.len(), shape)
 }
 
-/// A tensor at each of `centers`, sorted; equal ones once. The pitch of `shape` says nothing here.
+/// A tensor at each of `centers`, sorted and without duplicates. The pitch of `shape` is not used.
 ///
 /// # Errors
 ///
-/// On a shape out of range, no centers, and centers that are not finite.
+/// If the shape is out of range, there are no centers, or a center is not finite.
 pub fn place_at(centers: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
     shape.check()?;
     refuse_nothing("center", centers.len())?;
@@ -139,8 +139,8 @@ fn rasterize(
     Ok(shape.cloud(Placement::Lattice { lattice, cells }))
 }
 
-/// The first and the last cell that `b` shares volume with, or that contains it where it is a point or thinner than
-/// the fuzz; `None` past 2^31 cells. The lattice's origin is nowhere larger than the box.
+/// The first and the last cell that `b` shares volume with, or that contains it if it is a point or thinner than
+/// [`FUZZ`]; `None` past 2^31 cells. The origin of the lattice must not exceed the box.
 fn touched(lattice: &Lattice, b: &Aabb) -> Option<(UVec3, UVec3)> {
     let first = ((b.min - lattice.origin) / lattice.pitch + FUZZ).floor().max(DVec3::ZERO);
     let last = (((b.max - lattice.origin) / lattice.pitch - FUZZ).ceil() - 1.0).max(first);

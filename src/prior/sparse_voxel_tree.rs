@@ -1,7 +1,8 @@
-//! Which cell a ray meets first, however many cells there are and however far apart.
+//! The first cell that a ray meets, in time that grows little with the number and distance of cells.
 //!
-//! A tree of 4×4×4 children a node, each node one 64-bit mask: the ray walks through a node's children (Amanatides and Woo)
-//! and goes down where there is something. Empty space costs as little as its largest empty child.
+//! Each node has 4×4×4 children in one 64-bit mask. The ray traverses the children of a node (Amanatides and Woo, "A
+//! Fast Voxel Traversal Algorithm", 1987) and descends into occupied ones. Empty space is skipped by its largest empty
+//! nodes.
 
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
@@ -9,23 +10,24 @@ use rayon::prelude::*;
 use super::VoxelBoxes;
 use crate::geometry::{Lattice, Ray, morton};
 
-/// Levels of 2 bits an axis that reach every 32-bit cell.
+/// Levels of 2 bits per axis for 32-bit cells.
 const MAX_LEVELS: u32 = 16;
 
-/// The occupied cells of a [`VoxelBoxes`], ready for rays.
+/// A tree of the occupied cells of a [`VoxelBoxes`].
 #[derive(Clone, Debug)]
 pub struct SparseVoxelTree {
     /// Its origin is the smallest corner of the cells' bounds; the space is that of the boxes.
     lattice: Lattice,
     /// Levels of nodes below the root, which spans 4^levels cells along each axis.
     levels: u32,
-    /// The root first; the children of a node follow one another.
+    /// The root first; the children of a node are adjacent.
     nodes: Vec<Node>,
-    /// Numbers of the boxes' cells, in the order of the lowest nodes' children.
+    /// Indices of cells of the boxes, in the order of the children of the lowest nodes.
     cells: Vec<u32>,
 }
 
-/// Children that are there, by 16·z + 4·y + x, and where they begin: among nodes, or on the lowest level among cells.
+/// Mask of the occupied children, bit 16·z + 4·y + x, and index of the first one among the nodes, on the lowest level
+/// among the cells.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     mask: u64,
@@ -35,16 +37,17 @@ struct Node {
 /// Where a ray meets a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstHit {
-    /// Distance from the ray's origin; 0 where it starts in the cell.
+    /// Distance from the ray's origin, as a multiple of the length of its direction; 0 if the ray starts in the cell.
     pub t: f64,
-    /// Number of the cell in [`VoxelBoxes::cells`].
+    /// Index of the cell in [`VoxelBoxes::cells`].
     pub cell: usize,
-    /// The axis across which the ray enters it; the one it mostly follows where it starts in the cell.
+    /// Normal axis of the face through which the ray enters; if it starts in the cell, the axis of its largest
+    /// component.
     pub axis: usize,
 }
 
 impl SparseVoxelTree {
-    /// The tree of the cells of `boxes`; of at most 2³² of them.
+    /// The tree of the cells of `boxes`, at most 2³² of them.
     pub fn new(boxes: &VoxelBoxes) -> Self {
         let smallest = boxes.cells.iter().copied().reduce(UVec3::min).unwrap_or_default();
         let largest = boxes.cells.iter().copied().reduce(UVec3::max).unwrap_or_default();
@@ -85,8 +88,7 @@ impl SparseVoxelTree {
         Self { lattice, levels, nodes, cells }
     }
 
-    /// The first cell that `ray` meets at its origin or after it. Its direction may have any length; distances are multiples
-    /// of it.
+    /// The first cell that `ray` meets at its origin or after it. The direction may have any length.
     pub fn cast_ray(&self, ray: &Ray) -> Option<FirstHit> {
         self.nodes.first()?;
         // In cells from the smallest corner.
@@ -118,8 +120,8 @@ impl SparseVoxelTree {
         self.descend(0, self.levels, DVec3::ZERO, origin, direction, enter)
     }
 
-    /// The first hit in node number `node` of height `height` (its children span 4^(height−1) cells) whose smallest corner
-    /// is `corner`, which the ray enters at the distance and across the axis `enter`. All in cells.
+    /// The first hit in node `node` of height `height`, whose children span 4^(height−1) cells. `corner` is its
+    /// smallest corner, and `enter` the distance and the axis at which the ray enters it. The unit is the cell.
     fn descend(
         &self,
         node: u32,

@@ -1,4 +1,4 @@
-//! Occupied boxes on a lattice: what a prior is.
+//! Occupied boxes on a lattice, the form of every prior.
 
 use glam::{DQuat, UVec3};
 
@@ -7,7 +7,7 @@ use crate::geometry::{Aabb, Lattice, Similarity};
 /// Occupied space as whole cells of a lattice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VoxelBoxes {
-    /// The lattice, in the dataset's space until [`VoxelBoxes::mapped`].
+    /// The lattice, in the dataset's space unless mapped by [`VoxelBoxes::mapped`].
     pub lattice: Lattice,
     /// Occupied cells, strictly ascending by (z, y, x).
     pub cells: Vec<UVec3>,
@@ -33,13 +33,14 @@ impl VoxelBoxes {
         self.boxes().fold(Aabb::EMPTY, |bounds, b| bounds.union(&b))
     }
 
-    /// The same boxes in the space that `map` leads to.
+    /// The boxes mapped by `map`.
     ///
     /// # Panics
     ///
-    /// If `map` rotates: turned boxes are not cells of an upright lattice. [`super::canonical_map`] never does.
+    /// If `map` rotates: rotated boxes are not cells of an axis-aligned lattice. [`super::canonical_map`] never
+    /// rotates.
     pub fn mapped(&self, map: &Similarity) -> Self {
-        assert_eq!(map.rotation, DQuat::IDENTITY, "voxel boxes can be scaled and moved, not turned");
+        assert_eq!(map.rotation, DQuat::IDENTITY, "voxel boxes can be scaled and moved, not rotated");
         let lattice = Lattice { origin: map.point(self.lattice.origin), pitch: map.scale * self.lattice.pitch };
         Self { lattice, cells: self.cells.clone() }
     }

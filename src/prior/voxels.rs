@@ -1,4 +1,4 @@
-//! A lattice's cells, filled by points, triangles and boxes, one after the other.
+//! The cells of a lattice that points, triangles and boxes occupy.
 
 use std::collections::HashMap;
 
@@ -8,30 +8,30 @@ use super::overlap::{Convex, Triangle, meets};
 use super::{BuildError, Error, VoxelBoxes};
 use crate::geometry::{Aabb, Lattice};
 
-/// The most cells that are held; each takes about 50 bytes.
+/// Occupied cells; each takes about 50 bytes.
 pub const MAX_CELLS: u64 = 1 << 25;
-/// The most blocks of cells that all triangles and boxes together may be compared with: some minutes of work.
+/// Tests of a triangle or box against a block of cells, over all geometry: some minutes of work.
 const MAX_VISITS: u64 = 1 << 32;
-/// How far, in cells, an upright box may reach into a cell and still count as rounding.
+/// Distance in cells by which an axis-aligned box may reach into a cell as rounding.
 const FUZZ: f64 = 1e-6;
-/// Colors of a cell beyond so many points are left out of its mean, so that sums fit.
+/// Colors per cell that enter its mean, so that sums do not overflow.
 const MAX_COLORED: u32 = 1 << 24;
 
-/// Cells of a lattice that geometry was found in.
+/// The occupied cells of a lattice.
 #[derive(Clone, Debug)]
 pub(super) struct Voxels {
     lattice: Lattice,
-    /// What is outside counts for nothing.
+    /// Geometry outside is ignored.
     within: Option<Aabb>,
     cells: HashMap<[i32; 3], Tally>,
     visits: u64,
 }
 
-/// What was found in a cell.
+/// The geometry in a cell.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     points: u32,
-    /// Whether a triangle or a box was: then no number of points is asked for.
+    /// True if a triangle or box meets the cell; then the smallest number of points does not apply.
     solid: bool,
     colored: u32,
     color_sums: [u32; 3],
@@ -52,17 +52,17 @@ impl Tally {
 }
 
 impl Voxels {
-    /// None yet, on `lattice`; only what is in `within` will count.
+    /// No cells, on `lattice`. Geometry outside `within` will be ignored.
     pub(super) fn new(lattice: Lattice, within: Option<Aabb>) -> Self {
         Self { lattice, within, cells: HashMap::new(), visits: 0 }
     }
 
-    /// Cells so far.
+    /// Number of cells.
     pub(super) fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Adds a point, as a cube of the edge `thickness` around it.
+    /// Adds a point as a cube of edge `thickness`.
     pub(super) fn add_point(&mut self, at: DVec3, color: Option<[u8; 3]>, thickness: f64) -> Result<(), BuildError> {
         if self.within.is_some_and(|within| !within.contains(at)) {
             return Ok(());
@@ -85,7 +85,7 @@ impl Voxels {
         Ok(())
     }
 
-    /// Adds every cell that has a point in common with the triangle, grown by half of `thickness` along every axis.
+    /// Adds all cells that intersect the triangle, grown by half of `thickness` along every axis.
     pub(super) fn add_triangle(
         &mut self,
         triangle: &Triangle,
@@ -95,11 +95,11 @@ impl Voxels {
         self.add_convex(triangle, color, 0.5 * thickness)
     }
 
-    /// Adds every cell that shares volume with the upright box `body`, or contains it where it is thinner than rounding.
+    /// Adds all cells that share volume with `body`, or contain it if it is thinner than rounding.
     pub(super) fn add_box(&mut self, body: &Aabb, color: Option<[u8; 3]>) -> Result<(), BuildError> {
         let whole = body;
         let body = self.within.map_or(*body, |within| within.intersection(body));
-        // A face that only touches the crop is no part of it.
+        // A box that only touches the crop lies outside.
         if body.min.cmpgt(body.max).any() || (body != *whole && !body.is_solid()) {
             return Ok(());
         }
@@ -115,7 +115,7 @@ impl Voxels {
         })
     }
 
-    /// Adds every cell that has a point in common with `body`, grown by `margin` along every axis.
+    /// Adds all cells that intersect `body`, grown by `margin` along every axis.
     pub(super) fn add_convex(
         &mut self,
         body: &impl Convex,
@@ -142,8 +142,8 @@ impl Voxels {
         )
     }
 
-    /// Adds the cells from `first` to `last` for which `test` holds, halving blocks for which it holds; so a large triangle costs as
-    /// much as the cells along it, not those around it.
+    /// Adds the cells from `first` to `last` for which `test` holds. Blocks for which it holds are halved, so the cost
+    /// of a large triangle grows with its area, not with its bounding box.
     fn descend(
         &mut self,
         first: IVec3,
@@ -151,7 +151,7 @@ impl Voxels {
         test: &mut impl FnMut(&Self, &Aabb) -> bool,
         color: Option<[u8; 3]>,
     ) -> Result<(), BuildError> {
-        // At most one pending half a level, 32 levels an axis.
+        // At most one pending half per level, 32 levels per axis.
         let mut pending = vec![(first, last)];
         while let Some((first, last)) = pending.pop() {
             self.count_visits(1)?;
@@ -207,7 +207,7 @@ impl Voxels {
     /// The cell that contains `at`.
     fn cell_of(&self, at: DVec3) -> Result<IVec3, BuildError> {
         let cell = ((at - self.lattice.origin) / self.lattice.pitch).floor();
-        // One to spare at either end.
+        // Leave one cell at either end, for neighbors.
         let reach = f64::from(i32::MAX - 1);
         if cell.abs().max_element() < reach { Ok(cell.as_ivec3()) } else { Err(self.too_many()) }
     }
@@ -239,7 +239,7 @@ pub(super) fn too_many_cells(pitch: DVec3) -> Error {
     Error::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS, remedy: "choose a larger `voxel`, or a `crop`" }
 }
 
-/// `cells` of `lattice`, ascending by (z, y, x), as boxes whose lattice begins where they do.
+/// `cells` of `lattice`, ascending by (z, y, x), as boxes on a lattice whose origin is their smallest corner.
 pub(super) fn boxes_of(lattice: &Lattice, cells: impl Iterator<Item = IVec3> + Clone) -> Option<VoxelBoxes> {
     let first = cells.clone().reduce(IVec3::min)?;
     let origin = lattice.origin + first.as_dvec3() * lattice.pitch;
@@ -269,8 +269,8 @@ mod tests {
             .flat_map(|y| (0..4).filter(move |x| x + y <= 4).map(move |x| [x, y, 0]))
             .filter(|c| {
                 c[0] + c[1] < 4 || {
-                    // The edge x + y = 4 passes through cells whose lower corner has x + y of at most 3, and touches the corners of
-                    // those with 4.
+                    // The edge x + y = 4 passes through cells whose lower corner has x + y of at most 3, and touches
+                    // the corners of those with 4.
                     c[0] + c[1] == 4 && c[0] > 0 && c[1] > 0
                 }
             })

@@ -6,8 +6,8 @@ use crate::import::grid::{At, Grid, Order, bounds_given, three_axes};
 use crate::import::{Fault, ReadOptions, Visitor};
 use crate::npy::Number;
 
-/// Passes the occupied cells of a grid over `bounds` to `visitor`: those that are true or above 0, or, for floats, above
-/// [`ReadOptions::threshold`].
+/// Passes the occupied cells of a grid over `bounds` to `visitor`: those that are true or above 0, or, for floats,
+/// above [`ReadOptions::threshold`].
 pub(super) fn occupancy(
     array: &mut dyn Array,
     order: Order,

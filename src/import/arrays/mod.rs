@@ -1,7 +1,8 @@
 //! NumPy arrays: points, and grids of booleans, numbers or densities.
 //!
-//! In: `.npy` or `.npz`, distinguished by the first bytes. An array without a name has two axes if it holds rows of x, y, z, and
-//! three, \[z\]\[y\]\[x\], if it is a grid. The names of the arrays of an `.npz` determine their meaning (`npz`).
+//! In: `.npy` or `.npz`, distinguished by the first bytes. An array without a name has two axes if it holds rows of x,
+//! y, z, and three, \[z\]\[y\]\[x\], if it is a grid. The names of the arrays of an `.npz` determine their meaning
+//! (`npz`).
 
 mod array;
 mod grids;

@@ -117,8 +117,8 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
     }
 }
 
-/// The range of the colors in the three columns from `first` on, `None` if they are no colors. Reads them once. Floats that are all
-/// within 0 and 1 are fractions; otherwise whole numbers up to 255 are bytes.
+/// The range of the colors in the three columns from `first` on, `None` if they are no colors. Reads them once. Floats
+/// that are all within 0 and 1 are fractions; otherwise whole numbers up to 255 are bytes.
 fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Option<Scale>, Fault> {
     if array.header().number == Number::Unsigned(1) {
         return Ok(Some(Scale::Bytes));

@@ -1,7 +1,8 @@
 //! E57: all scans of a file, each in its pose. Points whose state marks them as a direction or as invalid are left out.
 //!
-//! The crate `e57` reads the header and the XML section. The points are read here, because `e57` buffers without a limit if the
-//! streams of a scan advance at different rates, and allocates without end for a scan whose fields need no bits.
+//! The crate `e57` reads the header and the XML section. The points are read here, because `e57` buffers without a
+//! limit if the streams of a scan advance at different rates, and allocates without end for a scan whose fields need no
+//! bits.
 
 mod packets;
 mod pages;
@@ -37,8 +38,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     check_xml(&mut pages)?;
     let input = pages.input();
     input.go_to(0)?;
-    let described =
-        E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", error.to_string()))?;
+    let described = E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", error.to_string()))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
         scans.push(Scan::new(described, format!("scan {at}"))?);

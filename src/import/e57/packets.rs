@@ -75,7 +75,13 @@ pub(super) fn read(
             // An index packet or an ignored one.
             0 | 2 if length >= 4 => pages.skip(length - 4, "a packet")?,
             1 => append(pages, streams, length, &place)?,
-            kind => return Err(Fault::malformed(place, "a packet of kind 0 to 2", format!("kind {kind} of {length} bytes"))),
+            kind => {
+                return Err(Fault::malformed(
+                    place,
+                    "a packet of kind 0 to 2",
+                    format!("kind {kind} of {length} bytes"),
+                ));
+            }
         }
         let there = streams.iter().filter_map(Stream::available).min().unwrap_or(0);
         let taken = left.min(there as u64) as usize;

@@ -71,8 +71,8 @@ struct Channel {
 }
 
 impl Channel {
-    /// Takes the range from the scan's limits, else from the field's. Limits that are empty or exceed 16 bits are ignored, and
-    /// without limits the numbers are bytes.
+    /// Takes the range from the scan's limits, else from the field's. Limits that are empty or exceed 16 bits are
+    /// ignored, and without limits the numbers are bytes.
     fn of(record: &Record, stream: usize, limits: Option<(&RecordValue, &RecordValue)>) -> Self {
         let field = Field::of(record, stream);
         let number = |value: &RecordValue| match (value, field.kind) {

@@ -1,4 +1,4 @@
-//! Numbers of an accessor, after every bound has been checked.
+//! The numbers of an accessor, with all bounds checked.
 
 use gltf::json::accessor::{ComponentType, Type, sparse};
 use gltf::json::buffer::View;
@@ -9,10 +9,10 @@ use super::super::Fault;
 use super::buffers::Buffers;
 use super::document::{Budget, get};
 
-/// Elements of an accessor that no bytes stand behind: they are zeros.
+/// Elements of an accessor without a buffer view, which are zeros.
 const MAX_ZEROS: u64 = 1 << 24;
 
-/// The elements of an accessor, in place.
+/// The elements of an accessor, in the buffer.
 pub(super) struct Values<'b> {
     pub(super) count: u64,
     pub(super) shape: Type,
@@ -23,7 +23,7 @@ pub(super) struct Values<'b> {
     sparse: Option<Sparse<'b>>,
 }
 
-/// Elements at even distances.
+/// Elements at a constant stride.
 #[derive(Clone, Copy)]
 struct Strided<'b> {
     bytes: &'b [u8],
@@ -31,7 +31,7 @@ struct Strided<'b> {
     size: usize,
 }
 
-/// Elements that replace others: `indices` ascend.
+/// Sparse replacements of elements; `indices` ascend.
 struct Sparse<'b> {
     count: usize,
     indices: Strided<'b>,
@@ -54,8 +54,8 @@ impl<'b> Strided<'b> {
         let start = view.byte_offset.unwrap_or_default().0;
         let part = start.checked_add(view.byte_length.0).and_then(|end| bytes.get(start as usize..end as usize));
         let part = part.ok_or_else(|| {
-            let found = format!("{} from byte {start} on", view.byte_length.0);
-            wrong(format!("bytes of the {} of its buffer", bytes.len()), found)
+            let found = format!("{} bytes from byte {start} on", view.byte_length.0);
+            wrong(format!("a range within the {} bytes of its buffer", bytes.len()), found)
         })?;
         let stride = view.byte_stride.map_or(size, |stride| stride.0);
         if stride < size {
@@ -93,7 +93,7 @@ impl<'b> Sparse<'b> {
         budget: &mut Budget,
     ) -> Result<Self, Fault> {
         let Checked::Valid(gltf::json::accessor::IndexComponentType(index)) = json.indices.component_type else {
-            return Err(Fault::malformed(place(), "sparse indices of a known type", "others"));
+            return Err(Fault::invalid(place(), "unknown type of sparse indices"));
         };
         let n = json.count.0;
         let indices = Strided::of(buffers, json.indices.buffer_view, json.indices.byte_offset, index.size(), n)?;
@@ -116,7 +116,7 @@ impl<'b> Sparse<'b> {
         number(self.index, self.indices.element(n)) as u64
     }
 
-    /// What replaces the element `n`, if something does.
+    /// The replacement of element `n`, if any.
     fn element(&self, n: usize) -> Option<&'b [u8]> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -128,16 +128,16 @@ impl<'b> Sparse<'b> {
 }
 
 impl<'b> Values<'b> {
-    /// Those of the accessor `index`.
+    /// The elements of accessor `index`.
     ///
     /// # Errors
     ///
-    /// If they reach past their buffers, or there is nothing behind too many of them.
+    /// If elements lie outside their buffers, or too many have no buffer.
     pub(super) fn of(buffers: &'b Buffers<'_>, index: Index<Accessor>, budget: &mut Budget) -> Result<Self, Fault> {
         let accessor = get(&buffers.document.accessors, index, "accessor")?;
         let place = || format!("accessor {index}");
         let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_) else {
-            return Err(Fault::malformed(place(), "a known type of numbers", "another"));
+            return Err(Fault::invalid(place(), "unknown type of numbers"));
         };
         let (count, component) = (accessor.count.0, component.0);
         let size = component.size() * shape.multiplicity();
@@ -157,7 +157,7 @@ impl<'b> Values<'b> {
         Ok(Self { count, shape, component, normalized: accessor.normalized, base, sparse })
     }
 
-    /// The first `N` numbers of the element `n`, which is below the count; the shape has so many.
+    /// The first `N` numbers of element `n`, which must be below the count; the shape must have at least `N`.
     pub(super) fn vector<const N: usize>(&self, n: usize) -> [f64; N] {
         let replaced = self.sparse.as_ref().and_then(|sparse| sparse.element(n));
         let Some(bytes) = replaced.or_else(|| self.base.map(|base| base.element(n))) else { return [0.0; N] };
@@ -175,7 +175,7 @@ impl<'b> Values<'b> {
     }
 }
 
-/// The number that `bytes` begin with.
+/// The number at the beginning of `bytes`.
 #[inline]
 fn number(component: ComponentType, bytes: &[u8]) -> f64 {
     match component {

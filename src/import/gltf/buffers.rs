@@ -1,4 +1,4 @@
-//! The bytes of a document's buffers, loaded when they are first asked for.
+//! The bytes of a document's buffers, loaded on first use.
 
 use std::cell::{Cell, OnceCell};
 use std::fs::File;
@@ -13,14 +13,14 @@ use super::super::Fault;
 use super::super::error::excerpt;
 use super::document::{Document, get};
 
-/// Bytes of the files beside a glTF file, of one and of all.
+/// Bytes of the separate files of a glTF file, of one and of all together.
 const MAX_BESIDE: u64 = 8 << 30;
 
 pub(super) struct Buffers<'a> {
     pub(super) document: &'a Document,
     blob: Option<Vec<u8>>,
     beside: &'a dyn Fn(&str) -> Result<Vec<u8>, Fault>,
-    /// One for each buffer.
+    /// \[buffer\]
     loaded: Vec<OnceCell<Vec<u8>>>,
     bytes_beside: Cell<u64>,
 }
@@ -35,14 +35,17 @@ impl<'a> Buffers<'a> {
         Self { document, blob, beside, loaded, bytes_beside: Cell::new(0) }
     }
 
-    /// The bytes of the buffer `index`, as many as it declares.
+    /// The bytes of buffer `index`, of the declared length.
     pub(super) fn bytes(&self, index: Index<Buffer>) -> Result<&[u8], Fault> {
         let buffer = get(&self.document.buffers, index, "buffer")?;
         let bytes: &[u8] = match (&buffer.uri, &self.blob) {
             (None, Some(blob)) if index.value() == 0 => blob,
             (None, _) => {
                 self.document.unless_compressed()?;
-                return Err(Fault::malformed(format!("buffer {index}"), "a URI, or the GLB's chunk BIN", "neither"));
+                return Err(Fault::invalid(
+                    format!("buffer {index}"),
+                    "it has no URI, and there is no chunk BIN for it",
+                ));
             }
             (Some(uri), _) => {
                 let cell = &self.loaded[index.value()];
@@ -57,7 +60,7 @@ impl<'a> Buffers<'a> {
         };
         let declared = usize::try_from(buffer.byte_length.0).ok();
         declared.and_then(|length| bytes.get(..length)).ok_or_else(|| {
-            let expected = format!("{} bytes, as declared", buffer.byte_length.0);
+            let expected = format!("the declared {} bytes", buffer.byte_length.0);
             Fault::malformed(format!("buffer {index}"), expected, format!("{} bytes", bytes.len()))
         })
     }
@@ -68,48 +71,54 @@ impl<'a> Buffers<'a> {
             let Some((_, data)) = data.split_once(";base64,") else {
                 return Err(wrong("a data URI in base64", excerpt(uri.as_bytes())));
             };
-            return STANDARD.decode(data).map_err(|error| wrong("a data URI in base64", error.to_string()));
+            return STANDARD
+                .decode(data)
+                .map_err(|error| wrong("a data URI in base64", format!("another one: {error}")));
         }
         let name = percent_decoded(uri).ok_or_else(|| wrong("a URI", excerpt(uri.as_bytes())))?;
         check_name(&name)?;
         let bytes = (self.beside)(&name)?;
         self.bytes_beside.set(self.bytes_beside.get().saturating_add(bytes.len() as u64));
-        Fault::unless_within("bytes of buffers beside the file", MAX_BESIDE, self.bytes_beside.get())?;
+        Fault::unless_within("bytes of separate buffers", MAX_BESIDE, self.bytes_beside.get())?;
         Ok(bytes)
     }
 }
 
-/// The bytes of the file that the glTF file `path` calls `name`.
+/// The bytes of the file `name` in the folder of the glTF file `path`.
 ///
 /// # Errors
 ///
-/// If it cannot be read, or lies outside the folder of `path`.
+/// If the file cannot be read or lies outside the folder.
 pub fn beside(path: &Path, name: &str) -> Result<Vec<u8>, Fault> {
     check_name(name)?;
-    let wrong = |found: &dyn ToString| Fault::malformed(format!("the buffer \"{name}\""), "a file", found.to_string());
+    let wrong = |problem: &str| Fault::invalid(format!("the buffer \"{name}\""), problem);
+    let unreadable = |error: std::io::Error| wrong(&format!("cannot read the file: {error}"));
     let path = path.parent().unwrap_or(Path::new("")).join(name);
-    // Not opened before it is known to be a file: a pipe would wait.
-    let metadata = path.metadata().map_err(|error| wrong(&error))?;
+    // Check that it is a file before opening it: opening a pipe would block.
+    let metadata = path.metadata().map_err(unreadable)?;
     if !metadata.is_file() {
-        return Err(wrong(&"something else"));
+        return Err(wrong("it is not a regular file"));
     }
-    Fault::unless_within("bytes of a buffer beside the file", MAX_BESIDE, metadata.len())?;
+    Fault::unless_within("bytes of a separate buffer", MAX_BESIDE, metadata.len())?;
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    File::open(path).map_err(|error| wrong(&error))?.take(MAX_BESIDE).read_to_end(&mut bytes)?;
+    File::open(path).map_err(unreadable)?.take(MAX_BESIDE).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// Checks that `name` is relative and stays in its folder, on every system.
+/// Checks that `name` is relative and stays in its folder on every system.
 fn check_name(name: &str) -> Result<(), Fault> {
     let leaves = name.starts_with('/') || name.contains(['\\', ':', '\0']) || name.split('/').any(|part| part == "..");
     if name.is_empty() || leaves {
         let what = format!("a buffer at {}", excerpt(name.as_bytes()));
-        return Err(Fault::unsupported(what, "put it into the folder of the glTF file, under a relative name"));
+        return Err(Fault::unsupported(
+            what,
+            "move it into the folder of the glTF file and name it by a relative path",
+        ));
     }
     Ok(())
 }
 
-/// `uri` with its %XX as bytes, if that is UTF-8.
+/// `uri` with its %XX decoded; `None` if the result is not UTF-8.
 fn percent_decoded(uri: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

@@ -1,14 +1,14 @@
-//! The two forms of a glTF file: JSON alone, or a GLB of chunks.
+//! The two forms of a glTF file: JSON, or a GLB of chunks.
 
 use super::super::input::bytes_at;
 use super::super::{Fault, Input};
 
-/// Bytes of JSON. Only data URIs make it large; a GLB is the better form then.
+/// Bytes of JSON. Only data URIs make it large.
 const MAX_JSON: u64 = 256 << 20;
 
 pub(super) struct Container {
     pub(super) json: Vec<u8>,
-    /// The GLB's chunk BIN.
+    /// Chunk BIN of a GLB.
     pub(super) blob: Option<Vec<u8>>,
 }
 
@@ -16,7 +16,7 @@ pub(super) struct Container {
 ///
 /// # Errors
 ///
-/// If a GLB's lengths are not those of the file, or it is too much JSON.
+/// If the lengths of a GLB contradict the file, or the JSON is too long.
 pub(super) fn read(input: &mut Input<'_>) -> Result<Container, Fault> {
     if input.peek(4)? == b"glTF" {
         return glb(input);
@@ -44,13 +44,13 @@ fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
         }
         match kind {
             b"JSON" if json.is_none() => json = Some(part(input, size, MAX_JSON, "JSON")?),
-            _ if json.is_none() => return Err(Fault::malformed(place, "a chunk JSON", "another")),
+            _ if json.is_none() => return Err(Fault::malformed(place, "a chunk JSON", "another chunk")),
             b"BIN\0" if blob.is_none() => blob = Some(part(input, size, u64::MAX, "BIN")?),
             // Chunks of extensions.
             _ => input.go_to(input.offset() + size)?,
         }
     }
-    let json = json.ok_or_else(|| Fault::malformed("byte 12", "a chunk JSON", "none"))?;
+    let json = json.ok_or_else(|| Fault::invalid("byte 12", "there is no chunk JSON"))?;
     Ok(Container { json, blob })
 }
 

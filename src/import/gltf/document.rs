@@ -1,4 +1,4 @@
-//! The JSON of a glTF file: what concerns geometry, in lists of bounded lengths.
+//! The JSON of a glTF file: the parts about geometry, in lists of bounded length.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -11,19 +11,19 @@ use serde::{Deserialize, Deserializer};
 use super::super::Fault;
 use super::super::error::excerpt;
 
-/// Entries of one of the document's lists. Two letters of JSON may become hundreds of bytes here.
+/// Entries of one list. Two characters of JSON may become hundreds of bytes in memory.
 const MAX_ENTRIES: usize = 1 << 20;
-/// What all instances of all meshes may cost, in corners.
+/// Corners of all instances of all meshes.
 const MAX_CORNERS: u64 = 1 << 32;
 
-/// Extensions that change neither where vertices are nor how they are written, by the beginnings of their names; and the one
-/// that allows smaller types, which are all read.
+/// Prefixes of extensions that change neither the vertices nor their encoding, and the extension that allows smaller
+/// types, all of which are supported.
 const HARMLESS: [&str; 6] =
     ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_punctual", "KHR_mesh_quantization"];
 const COMPRESSION: [&str; 3] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// What is known before the rest is looked at: other versions have other types there.
+/// The part that is parsed first: in other versions, the rest has other types.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Preamble {
@@ -56,7 +56,7 @@ pub(super) struct Document {
     #[serde(default, deserialize_with = "few")]
     pub(super) scenes: Vec<Scene>,
     pub(super) scene: Option<Index<Scene>>,
-    /// The compression that is used, if not required: there may be uncompressed meshes, too.
+    /// The used compression, if it is not required: uncompressed meshes may exist as well.
     #[serde(skip)]
     pub(super) compression: Option<&'static str>,
 }
@@ -66,10 +66,10 @@ impl Document {
     ///
     /// # Errors
     ///
-    /// If it is no glTF 2, or uses what is not read.
+    /// If it is not glTF 2, or uses unsupported extensions.
     pub(super) fn parse(json: &[u8]) -> Result<Self, Fault> {
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-        let wrong = |error| Fault::malformed("the JSON", "a glTF document", error);
+        let wrong = |error| Fault::invalid("the JSON", format!("not a glTF document: {error}"));
         let preamble: Preamble = serde_json::from_slice(json).map_err(wrong)?;
         let version = preamble.asset.map(|asset| asset.version).unwrap_or_else(|| "unknown".into());
         if version != "2" && !version.starts_with("2.") {
@@ -94,7 +94,7 @@ impl Document {
         Ok(document)
     }
 
-    /// Refuses what is missing as compressed, where the file uses compression.
+    /// The error for missing data: if the file uses compression, the data is compressed.
     pub(super) fn unless_compressed(&self) -> Result<(), Fault> {
         match self.compression {
             Some(name) => Err(Fault::unsupported(format!("the extension \"{name}\""), "export the file without it")),
@@ -103,9 +103,9 @@ impl Document {
     }
 }
 
-/// The entry `index` of `list`, which is one of `what`.
+/// Entry `index` of `list`; `what` names an entry in errors.
 pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, Fault> {
-    let missing = || Fault::malformed("the JSON", format!("an index below {}", list.len()), format!("{what} {index}"));
+    let missing = || Fault::invalid("the JSON", format!("{what} {index} is missing: there are {}", list.len()));
     list.get(index.value()).ok_or_else(missing)
 }
 
@@ -133,14 +133,14 @@ fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>
     list.deserialize_seq(Few(PhantomData))
 }
 
-/// What is left of [`MAX_CORNERS`]: a few bytes of JSON can ask for one large mesh a million times.
+/// The spent part of [`MAX_CORNERS`]: a few bytes of JSON can instantiate one large mesh a million times.
 #[derive(Default)]
 pub(super) struct Budget {
     spent: u64,
 }
 
 impl Budget {
-    /// Spends `corners`.
+    /// Adds `corners` and checks the limit.
     pub(super) fn spend(&mut self, corners: u64) -> Result<(), Fault> {
         self.spent = self.spent.saturating_add(corners);
         Fault::unless_within("corners of all instances", MAX_CORNERS, self.spent)

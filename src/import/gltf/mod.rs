@@ -1,13 +1,13 @@
-//! glTF 2 and GLB: the document's parts as `gltf` describes them, their numbers read here.
+//! glTF 2 and GLB. The crate `gltf` provides the types of the JSON; the numbers are read here.
 //!
-//! Read: the default scene, else all root nodes, with their transforms; triangles, strips and fans as triangles, points as
-//! points; `COLOR_0`, which is linear, as sRGB; sparse, normalized and quantized accessors; buffers in the GLB, in data URIs
-//! and in files beside. Lines, materials, textures, cameras, lights, animations, morph targets and skins are passed over (a
-//! skinned mesh is read as it stands in the file). Compressed meshes, `EXT_mesh_gpu_instancing` and whatever else the file
-//! requires are refused by name. Geometry is handed over in glTF's own space, in which y is up: turning it is the caller's.
+//! Read: the default scene, else all root nodes, with their transforms; triangles, strips and fans as triangles, points
+//! as points; `COLOR_0`, which is linear, as sRGB; sparse, normalized and quantized accessors; buffers in the GLB, in
+//! data URIs and in separate files. Lines, materials, textures, cameras, lights, animations, morph targets and skins
+//! are ignored: a skinned mesh is read in the pose of the file. Compressed meshes, `EXT_mesh_gpu_instancing` and other
+//! required extensions are errors. Geometry keeps glTF's space, in which y is up; the caller rotates it.
 //!
-//! Of `gltf` only the types of the JSON are used: its own reading panics or sets memory aside on a header's word, its
-//! validation panics on a wrong index and refuses attributes of one's own. Held in memory: the JSON and the buffers used.
+//! Only the JSON types of `gltf` are used: its readers panic on invalid files or allocate what a header declares, and
+//! its validation panics on a wrong index and rejects custom attributes. Memory holds the JSON and the used buffers.
 
 mod accessor;
 mod buffers;
@@ -24,11 +24,11 @@ pub use buffers::beside;
 use document::{Budget, Document};
 use primitive::Primitive;
 
-/// Reads `input`; `beside` finds the files that it names.
+/// Reads `input`; `beside` returns the bytes of the files that it names.
 ///
 /// # Errors
 ///
-/// If it is not what the format says, and those of `visitor`.
+/// If the file breaks the format, and those of `visitor`.
 pub fn read(
     input: &mut Input<'_>,
     beside: &dyn Fn(&str) -> Result<Vec<u8>, Fault>,
@@ -47,13 +47,13 @@ pub fn read(
             let place = || format!("primitive {n} of mesh {index}");
             let Some(primitive) = Primitive::of(primitive, &place, &buffers, &mut budget)? else { continue };
             none = false;
-            primitive.hand_over(world, options.vertices, &place, &mut budget, input.len(), visitor)?;
+            primitive.read(world, options.vertices, &place, &mut budget, input.len(), visitor)?;
             visitor.progress(input.len(), input.len())?;
         }
         Ok(())
     })?;
     if none {
-        return Err(Fault::malformed("the scene", "a mesh of triangles or points", "none"));
+        return Err(Fault::invalid("the scene", "it has no mesh of triangles or points"));
     }
     Ok(())
 }

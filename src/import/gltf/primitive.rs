@@ -1,4 +1,4 @@
-//! A mesh's primitive: its vertices, how they join, and their colors.
+//! A mesh's primitive: its vertices, their topology and their colors.
 
 use std::sync::LazyLock;
 
@@ -13,10 +13,10 @@ use super::accessor::Values;
 use super::buffers::Buffers;
 use super::document::Budget;
 
-/// What a primitive costs that has no corners, in corners.
+/// Corners charged for a primitive itself, so that empty ones are limited too.
 const PRIMITIVE_COST: u64 = 64;
-/// Corners between two questions whether to go on.
-const ASK_EVERY: u64 = 1 << 17;
+/// Corners between two reports of progress.
+const REPORT_EVERY: u64 = 1 << 17;
 
 pub(super) struct Primitive<'b> {
     mode: Mode,
@@ -26,11 +26,11 @@ pub(super) struct Primitive<'b> {
 }
 
 impl<'b> Primitive<'b> {
-    /// The primitive `json` at `place`; none where it has no positions, or is of lines.
+    /// The primitive `json` at `place`; `None` if it has no positions or consists of lines.
     ///
     /// # Errors
     ///
-    /// If its accessors are not of the types that the format says.
+    /// If an accessor has another type than the format allows.
     pub(super) fn of(
         json: &Json,
         place: &dyn Fn() -> String,
@@ -42,7 +42,7 @@ impl<'b> Primitive<'b> {
         let mode = match json.mode {
             Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => return Ok(None),
             Checked::Valid(mode) => mode,
-            Checked::Invalid => return wrong("a mode from 0 to 6", "another".into()),
+            Checked::Invalid => return wrong("a mode from 0 to 6", "another one".into()),
         };
         let mut attribute = |semantic| {
             let accessor = json.attributes.get(&Checked::Valid(semantic));
@@ -78,8 +78,9 @@ impl<'b> Primitive<'b> {
         Ok(Some(Self { mode, positions, colors, indices }))
     }
 
-    /// Hands over the triangles or points where `world` places them, or only the vertices. The file's `bytes` are all read.
-    pub(super) fn hand_over(
+    /// Passes the triangles or points, or only the vertices, to `visitor`, transformed by `world`. `bytes` is the
+    /// length of the file, for progress.
+    pub(super) fn read(
         &self,
         world: &DMat4,
         only_vertices: bool,
@@ -104,7 +105,7 @@ impl<'b> Primitive<'b> {
         if only_vertices || self.mode == Mode::Points {
             for n in 0..count {
                 visitor.point(corner(n)?)?;
-                if n % ASK_EVERY == ASK_EVERY - 1 {
+                if n % REPORT_EVERY == REPORT_EVERY - 1 {
                     visitor.progress(bytes, bytes)?;
                 }
             }
@@ -118,7 +119,7 @@ impl<'b> Primitive<'b> {
                 _ => [3 * n, 3 * n + 1, 3 * n + 2],
             };
             visitor.triangle([corner(a)?, corner(b)?, corner(c)?])?;
-            if n % ASK_EVERY == ASK_EVERY - 1 {
+            if n % REPORT_EVERY == REPORT_EVERY - 1 {
                 visitor.progress(bytes, bytes)?;
             }
         }
@@ -132,12 +133,12 @@ impl<'b> Primitive<'b> {
     }
 }
 
-/// What an accessor holds, for messages.
+/// The type of an accessor, for errors.
 fn types(values: &Values<'_>) -> String {
     format!("{}{:?} of {:?}", if values.normalized { "normalized " } else { "" }, values.shape, values.component)
 }
 
-/// The sRGB byte of a linear value from 0 to 1. The table is finer than a byte's steps everywhere.
+/// The sRGB byte of a linear value in \[0, 1\]. The table is finer than the steps of a byte everywhere.
 fn srgb(linear: f64) -> u8 {
     static BYTES: LazyLock<Vec<u8>> = LazyLock::new(|| {
         let encoded = |x: f64| if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };

@@ -1,4 +1,4 @@
-//! The nodes of a scene: which meshes stand where.
+//! The nodes of a scene: the meshes and their transforms.
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use gltf::json::{Index, Mesh, Node};
@@ -6,12 +6,13 @@ use gltf::json::{Index, Mesh, Node};
 use super::super::Fault;
 use super::document::{Document, get};
 
-/// Gives `each` every mesh of the default scene, or of all root nodes where there is none, with the transform from the mesh's
-/// space to the scene's. A node stands at one place only, as the format says: so cycles end, and no node is visited twice.
+/// Calls `each` for every mesh of the default scene, or of all root nodes if there is none, with the transform from the
+/// mesh's space to the scene's. The format allows one parent per node, so a second visit of a node is an error, and
+/// cycles end.
 ///
 /// # Errors
 ///
-/// If the nodes are no trees or a transform is none, and those of `each`.
+/// If the nodes are not trees, a transform is invalid, and those of `each`.
 pub(super) fn walk(
     document: &Document,
     mut each: impl FnMut(Index<Mesh>, &DMat4) -> Result<(), Fault>,
@@ -23,7 +24,7 @@ pub(super) fn walk(
     while let Some((index, parent)) = waiting.pop() {
         let node = get(&document.nodes, index, "node")?;
         if std::mem::replace(&mut visited[index.value()], true) {
-            return Err(Fault::malformed(format!("node {index}"), "one place in the scene", "another, or a cycle"));
+            return Err(Fault::invalid(format!("node {index}"), "it has two parents or is part of a cycle"));
         }
         let world = parent * local(node, index)?;
         if let Some(mesh) = node.mesh {
@@ -31,7 +32,7 @@ pub(super) fn walk(
         }
         for &child in node.children.iter().flatten().rev() {
             waiting.push((child, world));
-            // More than there are nodes are waiting only where one waits twice.
+            // More nodes can wait than exist only if one waits twice.
             Fault::unless_within("children", document.nodes.len() as u64, waiting.len() as u64)?;
         }
     }
@@ -64,7 +65,7 @@ fn local(node: &Node, index: Index<Node>) -> Result<DMat4, Fault> {
     }
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
     let rotation = DQuat::from_array(node.rotation.unwrap_or_default().0.map(f64::from));
-    // Files hold them in few digits, so that they are not of length 1 precisely.
+    // Files round quaternions, so a length of exactly 1 is not required.
     if !(0.5..2.0).contains(&rotation.length()) {
         return wrong("a rotation of length 1", &rotation);
     }

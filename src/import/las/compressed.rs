@@ -1,10 +1,10 @@
 //! LAZ: the description of the compression, and its chunks.
 //!
-//! `laz` trusts its input: it allocates the declared lengths of layers, adds lengths without checks, and indexes tables with
-//! numbers from the stream. Therefore the description must be exactly that of the point format, the lengths of each chunk's
-//! layers are checked before they are read, and the table of chunks, which only seeking needs, is not read. On streams that no
-//! encoder writes, `laz` may still panic (assertions, and overflowing sums in builds that check them).
-//! [`std::panic::catch_unwind`] turns these panics into errors, and the decoder is dropped.
+//! `laz` trusts its input: it allocates the declared lengths of layers, adds lengths without checks, and indexes tables
+//! with numbers from the stream. Therefore the description must be exactly that of the point format, the lengths of
+//! each chunk's layers are checked before they are read, and the table of chunks, which only seeking needs, is not
+//! read. On streams that no encoder writes, `laz` may still panic (assertions, and overflowing sums in builds that
+//! check them). [`std::panic::catch_unwind`] turns these panics into errors, and the decoder is dropped.
 
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -45,8 +45,7 @@ pub(super) fn read(
 ) -> Result<(), Fault> {
     let description = find_description(input, header)?;
     let kind = check(&description, header)?;
-    let description = LazVlr::from_buffer(&description)
-        .map_err(|error| unknown(&error))?;
+    let description = LazVlr::from_buffer(&description).map_err(|error| unknown(&error))?;
     input.go_to(header.offset_to_points)?;
     if header.points == 0 {
         return Ok(());
@@ -97,7 +96,9 @@ fn chunk<R>(
         let bad = |problem: &str| Fault::invalid(format!("the chunk at {at}"), problem);
         match decoded {
             Ok(Ok(())) => sink(&records)?,
-            Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => return Err(bad(&format!("it ends before its {points} points"))),
+            Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => {
+                return Err(bad(&format!("it ends before its {points} points")));
+            }
             Ok(Err(error)) => return Err(error.into()),
             Err(_) => return Err(bad("its compressed points are damaged")),
         }
@@ -118,7 +119,8 @@ fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, F
             if input.offset() + bytes <= header.offset_to_points {
                 return Ok(());
             }
-            let problem = format!("the record reaches beyond the start of the points, byte {}", header.offset_to_points);
+            let problem =
+                format!("the record reaches beyond the start of the points, byte {}", header.offset_to_points);
             Err(Fault::invalid(place.clone(), problem))
         };
         before(input, RECORD_HEADER)?;

@@ -1,10 +1,10 @@
 //! LAS 1.0 to 1.4, and its compressed form LAZ, through `laz`.
 //!
-//! LAS has a reader of our own because its records are fixed and short, and because it checks every length before `laz`, which
-//! trusts its input, decompresses.
+//! LAS has a reader of our own because its records are fixed and short, and because it checks every length before
+//! `laz`, which trusts its input, decompresses.
 //!
-//! Withheld points and those of the noise classes 7 and 18 are left out. Colors have 16 bits; if the first ten thousand are all
-//! below 256, they are read as bytes. Waveforms, extra bytes and extended records are ignored.
+//! Withheld points and those of the noise classes 7 and 18 are left out. Colors have 16 bits; if the first ten thousand
+//! are all below 256, they are read as bytes. Waveforms, extra bytes and extended records are ignored.
 
 mod compressed;
 mod header;
@@ -23,8 +23,8 @@ const JUDGED: usize = 10_000;
 ///
 /// # Errors
 ///
-/// If the header contradicts itself or declares more than the file holds, compressed points are invalid, a coordinate is not
-/// finite, and those of `visitor`.
+/// If the header contradicts itself or declares more than the file holds, compressed points are invalid, a coordinate
+/// is not finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     let mut points = Points { header: &header, held: Vec::new(), shift: None, done: 0 };

@@ -56,8 +56,11 @@ impl<'g, 'a> Guard<'g, 'a> {
         }
         // `tobj` would assign the colors to wrong vertices.
         if colored != self.colored {
-            let expected =
-                if self.colored { "a vertex with a color, like the first one" } else { "a vertex without a color, like the first one" };
+            let expected = if self.colored {
+                "a vertex with a color, like the first one"
+            } else {
+                "a vertex without a color, like the first one"
+            };
             return Err(self.statements.wrong(expected));
         }
         self.vertices += 1;

@@ -1,12 +1,13 @@
 //! OBJ: Wavefront's meshes, through `tobj`.
 //!
-//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without polygons is a
-//! point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are ignored; `mtllib` opens no
-//! file. Indices of faces may be positive or negative, but only of earlier vertices. Free-form surfaces are not supported.
+//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without
+//! polygons is a point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are
+//! ignored; `mtllib` opens no file. Indices of faces may be positive or negative, but only of earlier vertices.
+//! Free-form surfaces are not supported.
 //!
-//! `tobj` overflows on some indices, assigns colors to wrong vertices if some have none, requires UTF-8 and reports no line
-//! numbers. Therefore `guard` checks every statement and passes only valid vertices and polygons to it. `tobj` holds the whole
-//! mesh in memory, up to about seven times the file's size; this is the reason for [`MAX_BYTES`].
+//! `tobj` overflows on some indices, assigns colors to wrong vertices if some have none, requires UTF-8 and reports no
+//! line numbers. Therefore `guard` checks every statement and passes only valid vertices and polygons to it. `tobj`
+//! holds the whole mesh in memory, up to about seven times the file's size; this is the reason for [`MAX_BYTES`].
 
 mod guard;
 mod statements;

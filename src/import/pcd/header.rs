@@ -102,7 +102,9 @@ impl Header {
     /// If the product overflows.
     pub(super) fn bytes(&self) -> Result<u64, Fault> {
         let bytes = self.points.checked_mul(self.record);
-        bytes.ok_or_else(|| Fault::invalid("POINTS", format!("{} points of {} bytes overflow", self.points, self.record)))
+        bytes.ok_or_else(|| {
+            Fault::invalid("POINTS", format!("{} points of {} bytes overflow", self.points, self.record))
+        })
     }
 
     /// Reads the header, up to the first byte of the points.
@@ -177,7 +179,9 @@ impl Header {
         let find = |wanted: &str| {
             fields.iter().find(|(name, count, _)| *name == wanted && *count > 0).map(|(_, _, field)| field.clone())
         };
-        let axis = |wanted: &str| find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")));
+        let axis = |wanted: &str| {
+            find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")))
+        };
         let color = find("rgb").or_else(|| find("rgba")).filter(|field| field.size >= 4);
         Ok(Self {
             data,
@@ -209,7 +213,9 @@ struct Entries<'a>(Vec<(&'a str, Vec<String>)>);
 impl Entries<'_> {
     fn words(&self, key: &str) -> Result<&[String], Fault> {
         let entry = self.0.iter().find(|(known, _)| *known == key);
-        entry.map(|(_, words)| &words[..]).ok_or_else(|| Fault::invalid("the header", format!("the line {key} is missing")))
+        entry
+            .map(|(_, words)| &words[..])
+            .ok_or_else(|| Fault::invalid("the header", format!("the line {key} is missing")))
     }
 
     fn numbers(&self, key: &str, count: usize) -> Result<Vec<u64>, Fault> {

@@ -1,8 +1,8 @@
 //! LZF decompression: literal bytes, and copies of some of the last 8192 bytes.
 //!
-//! A control byte n < 32 is followed by n + 1 literal bytes. Otherwise it is a copy. The upper three bits of the control byte are
-//! the length less 2; if they are 7, a byte follows and is added to the length. The lower five bits and the next byte are the
-//! distance less 1.
+//! A control byte n < 32 is followed by n + 1 literal bytes. Otherwise it is a copy. The upper three bits of the
+//! control byte are the length less 2; if they are 7, a byte follows and is added to the length. The lower five bits
+//! and the next byte are the distance less 1.
 
 use crate::import::{Fault, Input, Visitor};
 

@@ -1,10 +1,10 @@
 //! PCD: the Point Cloud Library's point clouds, as text, binary and compressed.
 //!
-//! The reader is our own: the format is a few lines of header and an array, and every declared length is checked before memory
-//! is allocated.
+//! The reader is our own: the format is a few lines of header and an array, and every declared length is checked before
+//! memory is allocated.
 //!
-//! In this format, a point with a NaN coordinate means "no point" and is left out. VIEWPOINT, the pose of the sensor, does not
-//! move points, as in PCL.
+//! In this format, a point with a NaN coordinate means "no point" and is left out. VIEWPOINT, the pose of the sensor,
+//! does not move points, as in PCL.
 
 mod header;
 mod lzf;
@@ -70,8 +70,7 @@ fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) 
         points += 1;
         let text = |field: &Field| {
             let bytes = &line[fields[field.column].clone()];
-            std::str::from_utf8(bytes)
-                .map_err(|_| Fault::malformed(place(), "a number", "bytes that are not UTF-8"))
+            std::str::from_utf8(bytes).map_err(|_| Fault::malformed(place(), "a number", "bytes that are not UTF-8"))
         };
         let mut position = [0.0; 3];
         for (coordinate, field) in position.iter_mut().zip(&header.position) {

@@ -1,4 +1,4 @@
-//! The values after a PLY header, in either encoding: records of an element, with the numbers that are wanted.
+//! The values after a PLY header, in any encoding: the selected properties of each record of an element.
 
 use std::fmt;
 use std::io::BufRead;
@@ -7,12 +7,12 @@ use super::super::error::excerpt;
 use super::super::{Fault, Input, Visitor};
 use super::header::{Element, Encoding, Kind, Scalar};
 
-/// Bytes that are decoded at once; more than the largest record without lists.
+/// Bytes of one read; more than the largest record without lists.
 const CHUNK: usize = 1 << 16;
 /// Bytes of one number of an ASCII file.
 const MAX_TOKEN: usize = 1024;
 
-/// Where something is in the file.
+/// A position in the file, for errors.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Place {
     Line(u64),
@@ -28,7 +28,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A place to go back to.
+/// A position in the file to return to.
 pub(super) struct Mark {
     offset: u64,
     line: u64,
@@ -37,14 +37,14 @@ pub(super) struct Mark {
 pub(super) struct Body<'i, 'a> {
     input: &'i mut Input<'a>,
     encoding: Encoding,
-    /// The number of the line that is read, from 1.
+    /// Number of the current line, from 1.
     line: u64,
     token: Vec<u8>,
     chunk: Vec<u8>,
 }
 
 impl<'i, 'a> Body<'i, 'a> {
-    /// What follows the `lines` lines of a header.
+    /// The body after a header of `lines` lines.
     pub(super) fn new(input: &'i mut Input<'a>, encoding: Encoding, lines: u64) -> Self {
         Self { input, encoding, line: lines + 1, token: Vec::new(), chunk: vec![0; CHUNK] }
     }
@@ -58,7 +58,7 @@ impl<'i, 'a> Body<'i, 'a> {
         self.input.go_to(mark.offset)
     }
 
-    /// Gives `each` the values of the properties `wanted`, in their order, record after record, with the record's place.
+    /// Calls `each` for each record with the values of the properties `wanted`, in that order, and the record's place.
     pub(super) fn records(
         &mut self,
         element: &Element,
@@ -126,7 +126,7 @@ impl<'i, 'a> Body<'i, 'a> {
         Ok(())
     }
 
-    /// Gives `each` the items of the list property `list`, one by one, with whether an item is its list's first.
+    /// Calls `each` for each item of the list property `list`; the flag is true for the first item of a list.
     pub(super) fn items(
         &mut self,
         element: &Element,
@@ -178,11 +178,11 @@ impl<'i, 'a> Body<'i, 'a> {
         Ok(())
     }
 
-    /// Passes over all records of `element`.
+    /// Skips all records of `element`.
     pub(super) fn skip(&mut self, element: &Element, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         match element.record_size() {
             Some(size) if self.encoding != Encoding::Ascii => {
-                // The header's check has seen that all of it fits.
+                // `check_counts` has checked that all records fit into the file.
                 self.skip_bytes(element.count.saturating_mul(size as u64), &element.name)?;
                 self.input.report(visitor)
             }
@@ -190,7 +190,7 @@ impl<'i, 'a> Body<'i, 'a> {
         }
     }
 
-    /// Gives `value` the place and kind of each property of the next record, and returns where that is.
+    /// Calls `value` with the index and kind of each property of the next record. Returns the place of the record.
     fn record(
         &mut self,
         element: &Element,
@@ -223,18 +223,18 @@ impl<'i, 'a> Body<'i, 'a> {
         self.input.go_to(self.input.offset() + bytes)
     }
 
-    /// The length of a list, which the rest of the file can hold.
+    /// The length of a list, checked against the rest of the file.
     fn length(&mut self, count: Scalar, item: Scalar) -> Result<u64, Fault> {
         let mut place = self.place();
         let length = self.number(count)?;
         if self.encoding == Encoding::Ascii {
-            // Blank lines may have come before.
+            // Blank lines may have preceded it.
             place = self.place();
         }
-        // Of text, an item is a blank and a digit at least.
+        // An item of text takes at least a blank and a digit.
         let room = self.input.left() / if self.encoding == Encoding::Ascii { 2 } else { item.size() as u64 };
         if length < 0.0 || length > room as f64 {
-            return Err(Fault::malformed(place.to_string(), format!("a list's length from 0 to {room}"), length));
+            return Err(Fault::malformed(place.to_string(), format!("a list length from 0 to {room}"), length));
         }
         Ok(length as u64)
     }
@@ -254,12 +254,12 @@ impl<'i, 'a> Body<'i, 'a> {
         }
         self.token()?;
         scalar.parse(&self.token).ok_or_else(|| {
-            let expected = format!("a number of the type {scalar:?}");
+            let expected = format!("a number of type {scalar:?}");
             Fault::malformed(self.place().to_string(), expected, excerpt(&self.token))
         })
     }
 
-    /// Reads the next word, of this line or a later one.
+    /// Reads the next word, on this line or a later one.
     fn token(&mut self) -> Result<(), Fault> {
         self.token.clear();
         loop {
@@ -275,11 +275,8 @@ impl<'i, 'a> Body<'i, 'a> {
             let (length, at_end) = (word.iter().position(u8::is_ascii_whitespace), bytes.is_empty());
             let taken = length.unwrap_or(word.len());
             if self.token.len() + taken > MAX_TOKEN {
-                return Err(Fault::malformed(
-                    self.place().to_string(),
-                    format!("a number of at most {MAX_TOKEN} characters"),
-                    "a longer one",
-                ));
+                let problem = format!("the number is longer than {MAX_TOKEN} characters");
+                return Err(Fault::invalid(self.place().to_string(), problem));
             }
             self.token.extend_from_slice(&word[..taken]);
             self.input.consume(blank + taken);
@@ -293,7 +290,8 @@ impl<'i, 'a> Body<'i, 'a> {
         }
     }
 
-    /// Passes over the end of the line after a record: what else stood there would be taken for the next record.
+    /// Skips the end of the line after a record. More values on the line are an error: they would be read as the next
+    /// record.
     fn end_line(&mut self, what: &str) -> Result<(), Fault> {
         loop {
             let bytes = self.input.fill_buf()?;
@@ -311,11 +309,8 @@ impl<'i, 'a> Body<'i, 'a> {
                     return Ok(());
                 }
                 Some(_) => {
-                    return Err(Fault::malformed(
-                        self.place().to_string(),
-                        format!("the end of the line after the last property of {what}"),
-                        "more",
-                    ));
+                    let problem = format!("there are more values after the last property of {what}");
+                    return Err(Fault::invalid(self.place().to_string(), problem));
                 }
             }
         }

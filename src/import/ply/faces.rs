@@ -1,27 +1,27 @@
-//! The elements `face` and `tristrips`: lists of vertices, cut into triangles as they are read.
+//! The elements `face` and `tristrips`: lists of vertices, cut into triangles while they are read.
 
 use super::super::{Fault, Visitor};
 use super::body::Body;
 use super::header::{Element, Kind};
 use super::vertices::Vertices;
 
-/// An element of which each record is a list of corners.
+/// An element whose records are lists of corners.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surface {
-    /// Which property the list is.
+    /// Index of the list property.
     list: usize,
     shape: Shape,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
-    /// Polygons: every corner makes a triangle with the one before it and the first.
+    /// Polygons: each corner forms a triangle with the previous and the first corner.
     Fan,
-    /// Every corner makes a triangle with the two before it; every other one is turned round. −1 begins anew.
+    /// Each corner forms a triangle with the previous two, alternately reversed. −1 begins a new strip.
     Strip,
 }
 
-/// The corners so far of one polygon or strip.
+/// The last corners of a polygon or strip, and the number of corners so far.
 #[derive(Default)]
 struct Corners {
     kept: [usize; 2],
@@ -29,11 +29,11 @@ struct Corners {
 }
 
 impl Surface {
-    /// The surface that `element` holds; none where it is no such element, or an empty one.
+    /// The surface of `element`; `None` if it is another element or empty.
     ///
     /// # Errors
     ///
-    /// If it should be one and has no list of corners.
+    /// If it is a surface without a list of corners.
     pub(super) fn of(element: &Element) -> Result<Option<Self>, Fault> {
         let (shape, names): (_, &[&str]) = match element.name.as_str() {
             "face" => (Shape::Fan, &["vertex_indices", "vertex_index"]),
@@ -47,8 +47,8 @@ impl Surface {
             .iter()
             .find_map(|name| element.property(name))
             .filter(|&list| matches!(element.properties[list].kind, Kind::List { item, .. } if item.is_integer()));
-        let expected = || format!("a list of integers {} of the element {}", names.join(" or "), element.name);
-        let list = list.ok_or_else(|| Fault::malformed("the header", expected(), "none"))?;
+        let problem = || format!("the element {} needs a list of integers {}", element.name, names.join(" or "));
+        let list = list.ok_or_else(|| Fault::invalid("the header", problem()))?;
         Ok(Some(Self { list, shape }))
     }
 
@@ -71,7 +71,11 @@ impl Surface {
                 return Ok(());
             }
             if index < 0.0 || index >= count as f64 {
-                return Err(Fault::malformed(place.to_string(), format!("a vertex from 0 to below {count}"), index));
+                return Err(Fault::malformed(
+                    place.to_string(),
+                    format!("a vertex index of at least 0 and below {count}"),
+                    index,
+                ));
             }
             match corners.add(index as usize, self.shape) {
                 Some(triangle) => visitor.triangle(triangle.map(|corner| vertices.point(corner))),
@@ -82,7 +86,7 @@ impl Surface {
 }
 
 impl Corners {
-    /// The triangle that `corner` completes, if it does.
+    /// Adds `corner` and returns the triangle that it completes, if any.
     fn add(&mut self, corner: usize, shape: Shape) -> Option<[usize; 3]> {
         self.count += 1;
         if self.count < 3 {

@@ -1,16 +1,16 @@
-//! What a PLY file declares: its encoding, and its elements with their properties.
+//! The header: the encoding, and the elements with their properties.
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input};
 
-/// Lines, elements and properties of one element that a header may have. The headers of splats have about 70 properties.
+/// Lines, elements, and properties of one element. The headers of Gaussian splats have about 70 properties.
 const MAX_LINES: u64 = 10_000;
 const MAX_ELEMENTS: u64 = 256;
 const MAX_PROPERTIES: u64 = 1024;
-/// Bytes of a header's line: comments are sometimes long.
+/// Bytes of a line; comments may be long.
 const MAX_LINE: usize = 1 << 16;
 
-/// How the values after the header are written.
+/// Encoding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -18,7 +18,7 @@ pub(super) enum Encoding {
     BigEndian,
 }
 
-/// A number's type.
+/// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -31,7 +31,7 @@ pub(super) enum Scalar {
     F64,
 }
 
-/// What one property of an element is.
+/// Type of a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Scalar(Scalar),
@@ -54,12 +54,12 @@ pub(super) struct Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Lines up to the data.
+    /// Lines of the header.
     pub(super) lines: u64,
 }
 
 impl Scalar {
-    /// By either of its names.
+    /// The type of either of its names.
     fn of(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -74,7 +74,7 @@ impl Scalar {
         })
     }
 
-    /// In bytes.
+    /// Bytes of a number.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -88,12 +88,12 @@ impl Scalar {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// Whether an f32 holds each of its values.
+    /// True if f32 represents all values exactly.
     pub(super) fn fits_f32(self) -> bool {
         !matches!(self, Self::I32 | Self::U32 | Self::F64)
     }
 
-    /// The number that `bytes` begin with. An f64 holds every value of every type.
+    /// The number at the beginning of `bytes`; f64 represents all values of all types exactly.
     #[inline]
     pub(super) fn decode(self, bytes: &[u8], big_endian: bool) -> f64 {
         macro_rules! number {
@@ -115,7 +115,7 @@ impl Scalar {
         }
     }
 
-    /// The number that `token` is, if it is one of this type.
+    /// `token` as a number of this type, if it is one.
     pub(super) fn parse(self, token: &[u8]) -> Option<f64> {
         let token = std::str::from_utf8(token).ok()?;
         match self {
@@ -132,12 +132,12 @@ impl Scalar {
 }
 
 impl Element {
-    /// The place of the property `name`.
+    /// Index of the property `name`.
     pub(super) fn property(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|property| property.name == name)
     }
 
-    /// Bytes of one record, where all have as many.
+    /// Bytes of one record; `None` if the element has lists.
     pub(super) fn record_size(&self) -> Option<usize> {
         self.properties.iter().try_fold(0, |size, property| match property.kind {
             Kind::Scalar(scalar) => Some(size + scalar.size()),
@@ -145,7 +145,7 @@ impl Element {
         })
     }
 
-    /// The least that one record takes: a character and what ends it for each number, or its bytes; lists may be empty.
+    /// Smallest number of bytes of a record: two for each number in text, else its size; lists may be empty.
     fn least_record(&self, encoding: Encoding) -> u64 {
         let least = |property: &Property| match (encoding, property.kind) {
             (Encoding::Ascii, _) => 2,
@@ -156,17 +156,17 @@ impl Element {
 }
 
 impl Header {
-    /// Reads everything up to the data.
+    /// Reads the header.
     ///
     /// # Errors
     ///
-    /// If it is no header, declares more than is read, or more than the rest of the file can hold.
+    /// If it is invalid, exceeds a limit, or declares more than the rest of the file can hold.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let (mut encoding, mut elements, mut lines) = (None, Vec::<Element>::new(), 0);
         let mut bytes = Vec::new();
         loop {
             if !input.line(&mut bytes, MAX_LINE)? {
-                return Err(Fault::malformed(input.place(), "end_header", "the end of the file"));
+                return Err(Fault::malformed(input.place(), "a line end_header", "the end of the file"));
             }
             lines += 1;
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
@@ -190,31 +190,32 @@ impl Header {
                     });
                 }
                 ["element", name, count] => {
-                    let count = count.parse().map_err(|_| wrong("element, a name and a count"))?;
+                    let count = count.parse().map_err(|_| wrong("\"element NAME COUNT\""))?;
                     if elements.iter().any(|element| element.name == name) {
-                        return Err(wrong("an element of another name"));
+                        return Err(wrong("an element with another name"));
                     }
                     elements.push(Element { name: name.into(), count, properties: Vec::new() });
                     Fault::unless_within("elements of a header", MAX_ELEMENTS, elements.len() as u64)?;
                 }
                 ["property", ref what @ .., name] => {
-                    let kind = kind(what).ok_or_else(|| wrong("property, a type of number or of list, and a name"))?;
+                    let kind = kind(what)
+                        .ok_or_else(|| wrong("\"property TYPE NAME\" or \"property list TYPE TYPE NAME\""))?;
                     let element = elements.last_mut().ok_or_else(|| wrong("an element before its properties"))?;
                     element.properties.push(Property { name: name.into(), kind });
                     let count = element.properties.len() as u64;
                     Fault::unless_within("properties of an element", MAX_PROPERTIES, count)?;
                 }
                 ["end_header"] => break,
-                _ => return Err(wrong("a line of a header")),
+                _ => return Err(wrong("a header line")),
             }
         }
-        let encoding = encoding.ok_or_else(|| Fault::malformed("the header", "a line format", "none"))?;
+        let encoding = encoding.ok_or_else(|| Fault::invalid("the header", "the line format is missing"))?;
         check_counts(&elements, encoding, input)?;
         Ok(Self { encoding, elements, lines })
     }
 }
 
-/// A property's kind, by what stands between `property` and its name.
+/// The type of a property, from the words between `property` and its name.
 fn kind(words: &[&str]) -> Option<Kind> {
     match *words {
         [scalar] => Scalar::of(scalar).map(Kind::Scalar),
@@ -226,24 +227,23 @@ fn kind(words: &[&str]) -> Option<Kind> {
     }
 }
 
-/// Checks that what is left of the file can hold all that is declared.
+/// Checks that the rest of the file can hold all declared records.
 fn check_counts(elements: &[Element], encoding: Encoding, input: &Input<'_>) -> Result<(), Fault> {
     // The last line of an ASCII file may lack its end.
     let left = input.left() + u64::from(encoding == Encoding::Ascii);
     let mut least = 0_u64;
     for Element { name, count, properties } in elements {
         if properties.is_empty() && *count > 0 {
-            return Err(Fault::malformed("the header", format!("properties of the element {name}"), "none"));
+            return Err(Fault::invalid("the header", format!("the element {name} has no properties")));
         }
     }
     for element in elements {
         least = least.saturating_add(element.count.saturating_mul(element.least_record(encoding)));
         if least > left {
-            return Err(Fault::malformed(
-                input.place(),
-                format!("{least} bytes or more up to the last of {} × {}", element.count, element.name),
-                format!("{} bytes", input.left()),
-            ));
+            let (Element { count, name, .. }, left) = (element, input.left());
+            let problem =
+                format!("{count} x {name} is declared, which needs at least {least} bytes, but {left} are left");
+            return Err(Fault::invalid(input.place(), problem));
         }
     }
     Ok(())

@@ -1,12 +1,15 @@
-//! PLY: Stanford's polygon files, meshes and clouds.
+//! PLY: Stanford's polygon files, meshes and point clouds.
 //!
-//! Read: ASCII and binary of both byte orders, elements in any order, properties in any order and of any type. `vertex` needs
-//! `x`, `y` and `z`; its colors are `red`, `green`, `blue` (or `r`…, or `diffuse_red`…) as bytes, or as floats from 0 to 1;
-//! other colors are left out. `face` needs a list `vertex_indices` or `vertex_index`, whose polygons are cut into fans;
-//! `tristrips` has a list `vertex_indices`, in which −1 ends a strip. A file without faces and strips is a cloud, whose points
-//! `confidence` or `quality` may sort out. Everything else is skipped.
+//! The reader is our own, because it streams the body and checks every declared count against the length of the file
+//! before it allocates; PLY crates build lists of properties in memory.
 //!
-//! Held in memory: of meshes the vertices, as exactly as the file has them; of clouds nothing.
+//! Read: ASCII and binary of both byte orders, elements in any order, properties in any order and of any type. `vertex`
+//! needs `x`, `y` and `z`; its colors are `red`, `green`, `blue` (or `r`…, or `diffuse_red`…) as bytes, or as floats
+//! from 0 to 1; other colors are ignored. `face` needs a list `vertex_indices` or `vertex_index`, whose polygons are
+//! cut into fans; `tristrips` has a list `vertex_indices`, in which −1 ends a strip. A file without faces and strips is
+//! a point cloud, filtered by `confidence` or `quality`. Everything else is skipped.
+//!
+//! Memory holds the vertices of meshes, at the precision of the file, and nothing of point clouds.
 
 mod body;
 mod faces;
@@ -25,12 +28,12 @@ use vertices::{Columns, Vertices};
 ///
 /// # Errors
 ///
-/// If it is not what the format says, and those of `visitor`.
+/// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
     let elements = &header.elements;
     let vertex = elements.iter().position(|element| element.name == "vertex");
-    let vertex = vertex.ok_or_else(|| Fault::malformed("the header", "an element vertex", "none"))?;
+    let vertex = vertex.ok_or_else(|| Fault::invalid("the header", "the element vertex is missing"))?;
     let columns = Columns::of(&elements[vertex])?;
     let mut surfaces = Vec::with_capacity(elements.len());
     for element in elements {
@@ -42,10 +45,10 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
         for element in &elements[..vertex] {
             body.skip(element, visitor)?;
         }
-        return columns.hand_over(&mut body, &elements[vertex], options.min_confidence, visitor);
+        return columns.read_points(&mut body, &elements[vertex], options.min_confidence, visitor);
     };
 
-    // Faces that come before the vertices wait until these are read.
+    // Faces stored before the vertices are read after them.
     let (mut vertices, mut waiting) = (None, Vec::new());
     for (n, element) in elements[..=last.max(vertex)].iter().enumerate() {
         match (&surfaces[n], &vertices) {
@@ -60,7 +63,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     }
     for (surface, element, mark) in waiting {
         body.go_back(&mark)?;
-        // The loop has passed the vertices.
+        // The loop above has read the vertices.
         let Some(vertices) = &vertices else { break };
         surface.read(&mut body, element, vertices, visitor)?;
     }

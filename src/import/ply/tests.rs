@@ -46,8 +46,8 @@ fn fans() -> Vec<[[f64; 3]; 3]> {
     [[0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 2, 0]].map(|corners| corners.map(|n| CORNERS[n])).to_vec()
 }
 
-/// A mesh with colors between the coordinates, an unknown element with lists of two kinds, and a face with more than its
-/// corners. `faces_first` puts the faces before the vertices.
+/// A mesh with colors between the coordinates, an unknown element with lists of two kinds, and a face with more than
+/// its corners. `faces_first` puts the faces before the vertices.
 fn mesh(format: &str, faces_first: bool) -> Vec<u8> {
     let vertex = "element vertex 5\nproperty float y\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
                   property double x\nproperty list uchar short more\nproperty float z\n";

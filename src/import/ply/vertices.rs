@@ -1,4 +1,4 @@
-//! The element `vertex`: handed over as points, or held for the faces that refer to it.
+//! The element `vertex`: passed on as points, or held for the faces that refer to it.
 
 use glam::{DVec3, Vec3};
 
@@ -11,18 +11,18 @@ use crate::color::byte;
 const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
-/// Which properties of a vertex count.
+/// The used properties of a vertex.
 pub(super) struct Columns {
-    /// x, y, z, the three colors if any, the confidence if any.
+    /// Indices of x, y, z, then of the colors and of the confidence, if there are any.
     wanted: Vec<usize>,
     color: Option<Scalar>,
     has_confidence: bool,
-    /// Whether f32 holds the coordinates exactly.
+    /// True if f32 represents the coordinates exactly.
     narrow: bool,
 }
 
 impl Columns {
-    /// Those of `element`.
+    /// The used properties of `element`.
     ///
     /// # Errors
     ///
@@ -37,7 +37,7 @@ impl Columns {
         };
         let numbers = |names: &[&str; 3]| Some([number(names[0])?, number(names[1])?, number(names[2])?]);
         let position = numbers(&["x", "y", "z"])
-            .ok_or_else(|| Fault::malformed("the header", "properties x, y and z of the element vertex", "others"))?;
+            .ok_or_else(|| Fault::invalid("the header", "the element vertex needs the numbers x, y and z"))?;
         let color = CHANNELS.iter().filter_map(numbers).find(|channels| {
             let known = matches!(channels[0].1, Scalar::U8 | Scalar::F32 | Scalar::F64);
             known && channels.iter().all(|channel| channel.1 == channels[0].1)
@@ -57,21 +57,21 @@ impl Columns {
         Point::new(DVec3::new(values[0], values[1], values[2]), color, || place.to_string())
     }
 
-    /// Hands over every vertex as a point, but not those of a confidence below `min_confidence`. At 0 all are: what is called
-    /// quality may be negative.
-    pub(super) fn hand_over(
+    /// Passes the vertices on as points, without those of a confidence below `min_confidence`. At 0 all are kept,
+    /// because a `quality` may be negative.
+    pub(super) fn read_points(
         &self,
         body: &mut Body<'_, '_>,
         element: &Element,
         min_confidence: f64,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {
-        let sorts_out = self.has_confidence && min_confidence > 0.0;
+        let filters = self.has_confidence && min_confidence > 0.0;
         body.records(element, &self.wanted, visitor, |visitor, values, place| {
             let point = self.point(values, place)?;
             let confidence = values[values.len() - 1];
-            // An unknown confidence, NaN, is none.
-            if sorts_out && (confidence < min_confidence || confidence.is_nan()) {
+            // NaN is an unknown confidence.
+            if filters && (confidence < min_confidence || confidence.is_nan()) {
                 return Ok(());
             }
             visitor.point(point)
@@ -92,12 +92,12 @@ enum Positions {
 /// All vertices of a mesh.
 pub(super) struct Vertices {
     positions: Positions,
-    /// As many as positions, or none.
+    /// One for each position, or none.
     colors: Vec<[u8; 3]>,
 }
 
 impl Vertices {
-    /// Reads `element`, whose count the header's check has seen to fit the file.
+    /// Reads `element`, whose count `check_counts` has checked against the file.
     pub(super) fn read(
         columns: &Columns,
         body: &mut Body<'_, '_>,
@@ -123,7 +123,7 @@ impl Vertices {
         Ok(Self { positions, colors })
     }
 
-    /// How many there are.
+    /// Number of vertices.
     pub(super) fn len(&self) -> usize {
         match &self.positions {
             Positions::Narrow(positions) => positions.len(),
@@ -131,7 +131,7 @@ impl Vertices {
         }
     }
 
-    /// Number `n`, which is below [`Vertices::len`].
+    /// Vertex `n`, which must be below [`Vertices::len`].
     pub(super) fn point(&self, n: usize) -> Point {
         let position = match &self.positions {
             Positions::Narrow(positions) => positions[n].as_dvec3(),

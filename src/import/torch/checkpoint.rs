@@ -1,4 +1,4 @@
-//! A checkpoint's values, and the numbers of its tensors and arrays.
+//! The values of a checkpoint, and the numbers of its tensors and arrays.
 
 use std::io::Read;
 
@@ -7,26 +7,26 @@ use crate::import::archive::{Archive, check_end_of, reading};
 use crate::import::{Fault, Input};
 use crate::npy::{Header, Number, number_of};
 
-/// The longest pickle. A TensoRF alpha mask lies in it, at a bit and a half a voxel.
+/// Bytes of a pickle. It includes TensoRF's alpha mask, at one and a half bits per voxel.
 const MAX_PICKLE: u64 = 1 << 26;
-/// The most numbers that are held in memory where a tensor's do not follow each other in the file (128 MiB).
+/// Numbers of a tensor that is not contiguous in the file, held in memory (128 MiB).
 const MAX_HELD: u64 = 1 << 24;
 
 /// A checkpoint.
 pub(super) struct Checkpoint<'a, 'b> {
     archive: Archive<'a, 'b>,
-    /// The folder in the archive, with a slash.
+    /// Folder in the archive, with a slash.
     folder: String,
-    /// What it says, but for the numbers of tensors.
+    /// All values but the numbers of tensors.
     pub(super) pickle: Pickle,
 }
 
 impl<'a, 'b> Checkpoint<'a, 'b> {
-    /// Reads what `input` says.
+    /// Reads the pickle of `input`.
     ///
     /// # Errors
     ///
-    /// If it is no archive with one pickle, or that is none.
+    /// If it is not an archive with one pickle, or the pickle is invalid.
     pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         const PICKLE: &str = "data.pkl";
         let mut archive = Archive::open(input)?;
@@ -34,7 +34,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
         let is_pickle = |name: &&String| name.as_str() == PICKLE || name.ends_with("/data.pkl");
         let pickles: Vec<&String> = names.iter().filter(is_pickle).collect();
         let [name] = pickles[..] else {
-            return Err(Fault::malformed("the archive", "one data.pkl", pickles.len()));
+            return Err(Fault::malformed("the archive", "one entry data.pkl", pickles.len()));
         };
         let folder = name[..name.len() - PICKLE.len()].to_owned();
         let order = format!("{folder}byteorder");
@@ -45,7 +45,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
         Ok(Self { archive, folder, pickle: Pickle::parse(bytes, name)? })
     }
 
-    /// The tensor that is the value `id`, if it is one.
+    /// The value `id`, if it is a tensor.
     pub(super) fn tensor(&self, id: Id) -> Option<&Tensor> {
         match self.pickle.value(id) {
             Value::Tensor(tensor) => Some(tensor),
@@ -57,7 +57,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// If its storage is not there or not so long as it should be, and those of `visit`.
+    /// If the storage is missing or of another length than declared, and those of `visit`.
     pub(super) fn for_each(
         &mut self,
         tensor: &Tensor,
@@ -86,7 +86,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
             let skipped = tensor.offset * width;
             let passed = std::io::copy(&mut bytes.by_ref().take(skipped), &mut std::io::sink());
             if passed.map_err(|e| reading(&name, e))? != skipped {
-                return Err(Fault::malformed(name, "more bytes", "the end"));
+                return Err(Fault::invalid(name, "it ends early"));
             }
             header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)))?;
             return if tensor.offset + count == storage.count { check_end_of(&mut bytes, &name) } else { Ok(()) };
@@ -108,11 +108,11 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
         Ok(())
     }
 
-    /// The N finite numbers that `id` is: of a tensor, an array, a list, or, where N is 1, a number.
+    /// The N finite numbers of the tensor, array or list `id`, or, if N is 1, of a number.
     ///
     /// # Errors
     ///
-    /// If it is something else; `name` is what it is called.
+    /// If it is something else; `name` names it in errors.
     pub(super) fn numbers<const N: usize>(&mut self, id: Id, name: &str) -> Result<[f64; N], Fault> {
         let mut found = Vec::new();
         match self.pickle.value(id) {
@@ -139,7 +139,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
         }
         let wrong = format!("{found:?}");
         let numbers: Option<[f64; N]> = found.try_into().ok().filter(|f: &[f64; N]| f.iter().all(|n| n.is_finite()));
-        numbers.ok_or_else(|| Fault::malformed(name, format!("finite numbers: {N}"), wrong))
+        numbers.ok_or_else(|| Fault::malformed(name, format!("{N} finite numbers"), wrong))
     }
 
     fn number(&self, id: Id) -> Option<f64> {
@@ -150,11 +150,11 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
         }
     }
 
-    /// A NumPy array's header, and its bytes, which are as many as that says.
+    /// Header and bytes of the NumPy array `id`; the length of the bytes is that of the header.
     ///
     /// # Errors
     ///
-    /// If it is none.
+    /// If it is something else.
     pub(super) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
         let (pickle, none) = (&self.pickle, || Fault::malformed(name, "an array of numbers", "something else"));
         let Value::Array(array) = pickle.value(id) else { return Err(none()) };
@@ -173,7 +173,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     }
 }
 
-/// Whether numbers follow each other in the file as in the tensor. The stride of an axis of length 1 means nothing.
+/// True if numbers follow one another in the file as in the tensor. The stride of an axis of length 1 is ignored.
 fn is_contiguous(tensor: &Tensor) -> bool {
     let mut step = 1_u64;
     for (&length, &stride) in tensor.shape.iter().zip(&tensor.strides).rev() {

@@ -1,9 +1,9 @@
 //! DVGO's checkpoints: `coarse_last.tar`, `fine_last.tar`.
 //!
-//! `model_state_dict` holds `density.grid` (1, 1, X, Y, Z), or `density` before the grids had classes. Its opacity is
-//! 1 − (1 + exp(density + `act_shift`))^(−`voxel_size_ratio`). Fine models have a mask as well: `mask_cache.mask`, of a size of its own
-//! and looked up at the nearest voxel, or, in the oldest, `nonempty_mask`. (The oldest also have `mask_cache.density`, which tells
-//! nothing more: density is −100 where that is empty.)
+//! `model_state_dict` holds `density.grid` (1, 1, X, Y, Z), in older checkpoints `density`. The opacity is 1 − (1 +
+//! exp(density + `act_shift`))^(−`voxel_size_ratio`). Fine models also have a mask: `mask_cache.mask`, which has its
+//! own size and is sampled at the nearest voxel, or, in the oldest checkpoints, `nonempty_mask`. The
+//! `mask_cache.density` of the oldest checkpoints is redundant: the density is −100 where it is empty.
 
 use glam::DVec3;
 
@@ -13,12 +13,12 @@ use crate::geometry::Aabb;
 use crate::import::grid::{At, Density, Grid, Order, three_axes};
 use crate::import::{Fault, ReadOptions, Visitor};
 
-/// The most voxels of a mask, a bit each (128 MiB).
+/// Voxels of a mask, one bit each (128 MiB).
 const MAX_MASK: u64 = 1 << 30;
 /// Voxels between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 20;
 
-/// Hands on the voxels that are not empty.
+/// Passes the occupied voxels to `visitor`.
 pub(super) fn read(
     checkpoint: &mut Checkpoint<'_, '_>,
     options: &ReadOptions,
@@ -30,11 +30,15 @@ pub(super) fn read(
     let corner = |name| parts.state(checkpoint, name).or_else(|| parts.setting(checkpoint, name));
     let (min, max) = (corner("xyz_min"), corner("xyz_max"));
     let (Some(min), Some(max)) = (min, max) else {
-        return Err(Fault::malformed("model_kwargs", "xyz_min and xyz_max", checkpoint.pickle.keys(parts.kwargs)));
+        return Err(Fault::malformed(
+            "the keys of model_kwargs",
+            "xyz_min and xyz_max",
+            checkpoint.pickle.keys(parts.kwargs),
+        ));
     };
     let bounds =
         Aabb { min: checkpoint.numbers(min, "xyz_min")?.into(), max: checkpoint.numbers(max, "xyz_max")?.into() };
-    let not_a_tensor = || Fault::malformed("density", "a tensor", "something else");
+    let not_a_tensor = || Fault::invalid("density", "it is not a tensor");
     let tensor = checkpoint.tensor(density).ok_or_else(not_a_tensor)?.clone();
     let shape = three_axes(&tensor.shape)?;
     let grid = Grid::new(shape, Order::Xyz, At::Vertices, &bounds)?;
@@ -60,7 +64,7 @@ pub(super) fn read(
 struct Parts {
     state: Id,
     kwargs: Id,
-    /// Of the oldest checkpoints.
+    /// Settings of the mask, in the oldest checkpoints.
     mask_kwargs: Option<Id>,
 }
 
@@ -79,7 +83,7 @@ impl Parts {
         if parts.setting(checkpoint, "mpi_depth").is_some() {
             return Err(Fault::unsupported(
                 "a DVGO checkpoint of forward-facing photographs",
-                "its grid is no box in space; use points, a mesh or another reconstruction",
+                "its grid is not a box in space; use points, a mesh or another reconstruction",
             ));
         }
         if parts.state(checkpoint, "scene_radius").is_some() || parts.setting(checkpoint, "contracted_norm").is_some() {
@@ -96,7 +100,7 @@ impl Parts {
         checkpoint.pickle.get(self.state, name)
     }
 
-    /// What the model was made with.
+    /// A setting of the model.
     fn setting(&self, checkpoint: &Checkpoint<'_, '_>, name: &str) -> Option<Id> {
         let of_mask = || checkpoint.pickle.get(self.mask_kwargs?, name);
         checkpoint.pickle.get(self.kwargs, name).or_else(of_mask)
@@ -114,7 +118,7 @@ impl Parts {
             ));
         }
         let found = checkpoint.pickle.keys(self.state);
-        Err(Fault::malformed("model_state_dict", "density.grid or density", found))
+        Err(Fault::malformed("the keys of model_state_dict", "density.grid or density", found))
     }
 
     fn activation(&self, checkpoint: &mut Checkpoint<'_, '_>) -> Result<Density, Fault> {
@@ -124,7 +128,7 @@ impl Parts {
             (None, Some(alpha)) => Density::shift_of(checkpoint.numbers::<1>(alpha, "alpha_init")?[0])?,
             (None, None) => {
                 let found = checkpoint.pickle.keys(self.kwargs);
-                return Err(Fault::malformed("model_kwargs", "act_shift or alpha_init", found));
+                return Err(Fault::malformed("the keys of model_kwargs", "act_shift or alpha_init", found));
             }
         };
         let counts = ["num_voxels_base", "num_voxels"].map(|name| self.setting(checkpoint, name));
@@ -141,10 +145,10 @@ impl Parts {
     }
 }
 
-/// Where a fine model looks at all.
+/// The voxels outside which a fine model is empty.
 struct Mask {
     shape: [u64; 3],
-    /// A voxel is at `scale` · position + `shift`, to the nearest one.
+    /// The voxel of a position is `scale` · position + `shift`, rounded.
     scale: DVec3,
     shift: DVec3,
     bits: Vec<u64>,
@@ -155,23 +159,23 @@ impl Mask {
         let own_size = parts.state(checkpoint, "mask_cache.mask").is_some();
         let (mask, scale, shift) = if let Some(mask) = parts.state(checkpoint, "mask_cache.mask") {
             let [scale, shift] = ["mask_cache.xyz2ijk_scale", "mask_cache.xyz2ijk_shift"].map(|name| {
-                let missing = || Fault::malformed("model_state_dict", name, "none");
+                let missing = || Fault::invalid("model_state_dict", format!("the key {name} is missing"));
                 parts.state(checkpoint, name).ok_or_else(missing).map(|id| (id, name))
             });
             let ((scale, scale_name), (shift, shift_name)) = (scale?, shift?);
             (mask, checkpoint.numbers(scale, scale_name)?.into(), checkpoint.numbers(shift, shift_name)?.into())
         } else if let Some(mask) = parts.state(checkpoint, "nonempty_mask") {
-            // On the same voxels as the density.
+            // It has the voxels of the density.
             let pitch = grid.cell(0).size();
             (mask, 1.0 / pitch, -grid.center(0) / pitch)
         } else {
             return Ok(None);
         };
-        let not_a_tensor = || Fault::malformed("the mask", "a tensor", "something else");
+        let not_a_tensor = || Fault::invalid("the mask", "it is not a tensor");
         let tensor = checkpoint.tensor(mask).ok_or_else(not_a_tensor)?.clone();
         let shape = three_axes(&tensor.shape)?;
         if !own_size && shape != grid.shape {
-            let expected = format!("as many voxels as the density, {:?}", grid.shape);
+            let expected = format!("the shape of the density, {:?}", grid.shape);
             return Err(Fault::malformed("nonempty_mask", expected, format!("{shape:?}")));
         }
         Fault::unless_within("voxels of the mask", MAX_MASK, shape.iter().product())?;

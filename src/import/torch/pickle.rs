@@ -1,8 +1,8 @@
 //! Pickles as PyTorch and NumPy write them, as plain values.
 //!
-//! Nothing is imported or called: a pickle names its functions, and those few that stand for tensors, arrays and dictionaries are
-//! known here as what they make. Values refer to each other by number, so that neither depth nor circles matter, and texts and bytes
-//! stay where they are in the pickle, so that repeating them costs nothing.
+//! Nothing is imported or called. A pickle names functions; the few that create tensors, arrays and dictionaries are
+//! mapped to values (`globals`), all others are errors. Values refer to each other by index, so that neither depth nor
+//! cycles matter. Texts and bytes stay in the pickle, so that repeating them takes no memory.
 
 mod globals;
 mod machine;
@@ -17,16 +17,16 @@ pub(super) use value::{Array, Id, Storage, Tensor, Value};
 pub(super) struct Pickle {
     bytes: Vec<u8>,
     values: Vec<Value>,
-    /// What it is of.
+    /// The value that the pickle stores.
     pub(super) root: Id,
 }
 
 impl Pickle {
-    /// Parses `bytes`, all of them; `name` is what they are called in errors.
+    /// Parses all of `bytes`; `name` names them in errors.
     ///
     /// # Errors
     ///
-    /// If they are no pickle, or one that names a function that is not known here.
+    /// If they are not a pickle of supported instructions and functions.
     pub(super) fn parse(bytes: Vec<u8>, name: &str) -> Result<Self, Fault> {
         let (values, root) = machine::run(&bytes, name)?;
         Ok(Self { bytes, values, root })
@@ -36,18 +36,18 @@ impl Pickle {
         &self.values[id as usize]
     }
 
-    /// The value of `key` in a dictionary, if there are both; the last one, as Python has it.
+    /// The value of `key`, if `dict` is a dictionary with this key; the last one, as in Python.
     pub(super) fn get(&self, dict: Id, key: &str) -> Option<Id> {
         let Value::Dict(pairs) = self.value(dict) else { return None };
         pairs.iter().rev().find(|&&(k, _)| self.text(k) == Some(key)).map(|&(_, value)| value)
     }
 
-    /// The first keys of a dictionary, for people.
+    /// The first keys of a dictionary, for errors.
     pub(super) fn keys(&self, dict: Id) -> String {
         let Value::Dict(pairs) = self.value(dict) else { return "no dictionary".into() };
         let keys = pairs.iter().filter_map(|&(k, _)| self.text(k)).take(20);
         let keys: Vec<_> = keys.map(|key| key.chars().take(40).collect::<String>()).collect();
-        if keys.is_empty() { "no names".into() } else { keys.join(", ") }
+        if keys.is_empty() { "no keys".into() } else { keys.join(", ") }
     }
 
     pub(super) fn text(&self, id: Id) -> Option<&str> {
@@ -55,7 +55,7 @@ impl Pickle {
         std::str::from_utf8(&self.bytes[range.clone()]).ok()
     }
 
-    /// The bytes of a value that has any, decoded where need be.
+    /// The decoded bytes of a value, if it has bytes.
     pub(super) fn bytes(&self, id: Id) -> Option<Vec<u8>> {
         match self.value(id) {
             Value::Bytes(range) => Some(self.bytes[range.clone()].to_vec()),

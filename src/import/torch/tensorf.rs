@@ -1,9 +1,9 @@
 //! TensoRF's alpha mask.
 //!
-//! `alphaMask.mask` packs a bit a vertex, most significant first, in the order \[z\]\[y\]\[x\] of `alphaMask.shape`, whose first and last
-//! vertices lie on the faces of `alphaMask.aabb`. TensoRF samples it trilinearly and looks where that is positive: up to one voxel from a
-//! set vertex. The boxes here reach half a voxel, as DVGO's: the mask was grown by one voxel when it was made (`max_pool3d` of 3), so
-//! that what it adds beyond is known to be empty, and a prior is not to grow twice.
+//! `alphaMask.mask` has one bit per vertex, most significant first, in the order \[z\]\[y\]\[x\] of `alphaMask.shape`.
+//! The first and last vertices lie on the faces of `alphaMask.aabb`. TensoRF interpolates the mask trilinearly and
+//! samples where it is positive, up to one voxel from a set vertex. The boxes here reach half a voxel, as DVGO's do:
+//! TensoRF has already grown the mask by one voxel (`max_pool3d` of 3), so the outer half is known to be empty.
 
 use glam::DVec3;
 
@@ -13,11 +13,11 @@ use crate::import::grid::{At, Grid, Order, three_axes};
 use crate::import::{Fault, Visitor};
 use crate::npy::Number;
 
-/// Hands on the boxes around set vertices.
+/// Passes the boxes around set vertices to `visitor`.
 pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let part = |name: &'static str| {
         let pickle = &checkpoint.pickle;
-        let missing = || Fault::malformed("the checkpoint", name, pickle.keys(pickle.root));
+        let missing = || Fault::malformed("the keys of the checkpoint", name, pickle.keys(pickle.root));
         pickle.get(pickle.root, name).ok_or_else(missing)
     };
     let (mask, shape, aabb) = (part("alphaMask.mask")?, part("alphaMask.shape")?, part("alphaMask.aabb")?);
@@ -28,8 +28,12 @@ pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visito
     let (header, bytes) = checkpoint.array(mask, "alphaMask.mask")?;
     let count = grid.shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
     if header.number != Number::Unsigned(1) || count.map(|count| count.div_ceil(8)) != Some(bytes.len() as u64) {
-        let expected = format!("a bit for each of {:?} vertices", grid.shape);
-        return Err(Fault::malformed("alphaMask.mask", expected, format!("{} of {:?}", bytes.len(), header.number)));
+        let expected = format!("one bit for each of {:?} vertices", grid.shape);
+        return Err(Fault::malformed(
+            "alphaMask.mask",
+            expected,
+            format!("{} bytes of type {:?}", bytes.len(), header.number),
+        ));
     }
     for n in 0..count.unwrap_or(0) {
         let byte = n / 8;

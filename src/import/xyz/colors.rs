@@ -1,43 +1,43 @@
-//! Colors in columns of numbers, whose scale only the numbers tell.
+//! Colors in columns of numbers, whose range is derived from the numbers.
 
 use crate::import::{Fault, Point, Visitor};
 
-/// Points that are held back until the scale is known.
+/// Points that are held until the range is known.
 const JUDGED: usize = 1000;
 
-/// How numbers become colors.
+/// Range of the numbers of a color.
 #[derive(Clone, Copy)]
 enum Scale {
-    /// They are bytes.
+    /// 0 to 255.
     Bytes,
-    /// They are shares of one.
+    /// 0 to 1.
     Shares,
-    /// They have 16 bits.
+    /// 0 to 65535.
     Words,
-    /// They are none: a normal.
+    /// The columns are a normal, not a color.
     None,
 }
 
-/// Gives points their colors.
+/// Assigns colors to points.
 pub(super) struct Colors {
     scale: Option<Scale>,
-    /// Whether names say that the columns are colors.
+    /// True if the columns are named as colors.
     named: bool,
     held: Vec<(Point, [f64; 3])>,
 }
 
 impl Colors {
-    /// Of columns that `exist` or not.
+    /// `exist`: the columns exist. `named`: they are named as colors.
     pub(super) fn new(exist: bool, named: bool) -> Self {
         Self { scale: (!exist).then_some(Scale::None), named, held: Vec::new() }
     }
 
-    /// Whether numbers are needed.
+    /// True if [`Colors::point`] needs the numbers.
     pub(super) fn wanted(&self) -> bool {
         !matches!(self.scale, Some(Scale::None))
     }
 
-    /// Hands on `point`, at once or later; `numbers` are there where they are wanted.
+    /// Passes `point` to `visitor`, now or after the range is known. `numbers` must be given if they are wanted.
     pub(super) fn point(
         &mut self,
         point: Point,
@@ -54,7 +54,7 @@ impl Colors {
         }
     }
 
-    /// Hands on the points that are still held.
+    /// Passes the held points to `visitor`.
     pub(super) fn finish(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         if self.held.is_empty() {
             return Ok(());
@@ -78,16 +78,15 @@ impl Colors {
         if all(|n| n.fract() == 0.0 && (0.0..=65535.0).contains(&n)) {
             return Ok(Scale::Words);
         }
-        Err(Fault::malformed(
+        Err(Fault::invalid(
             "the columns red, green and blue",
-            "integers to 255 or to 65535, or numbers to 1",
-            "something else in the first thousand lines",
+            "the first thousand lines are neither integers up to 255 or 65535, nor numbers up to 1",
         ))
     }
 }
 
 impl Scale {
-    /// Later numbers may be out of range: they are clamped.
+    /// `point` with its color; later numbers may be out of range and are clamped.
     fn colored(self, point: Point, numbers: [f64; 3]) -> Point {
         let color = match self {
             Self::None => return point,

@@ -1,8 +1,8 @@
-//! What separates columns, and which of them is what.
+//! Separators and meanings of columns.
 
 use std::ops::Range;
 
-/// What stands between columns.
+/// The separator of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Separator {
     /// One of `;`, `,` and `|`, between columns that may be empty.
@@ -12,13 +12,14 @@ pub(super) enum Separator {
 }
 
 impl Separator {
-    /// That of `line`. The marks' order matters: with semicolons a comma is a decimal one.
+    /// The separator of `line`. Semicolons come first, because with them a comma is a decimal one.
     pub(super) fn of(line: &[u8]) -> Self {
         let mark = b";,|".iter().find(|mark| line.contains(mark));
         mark.map_or(Self::Blanks, |mark| Self::Mark(*mark))
     }
 
-    /// Where the fields of `line` are, without the blanks around them. Nothing after a last mark is no field.
+    /// Sets `fields` to the ranges of the fields of `line`, without blanks around them. An empty field at the end is
+    /// dropped.
     pub(super) fn split(self, line: &[u8], fields: &mut Vec<Range<usize>>) {
         fields.clear();
         let mut start = 0;
@@ -67,13 +68,13 @@ pub(super) fn unquoted(field: &[u8]) -> &[u8] {
     field.strip_prefix(b"\"").and_then(|field| field.strip_suffix(b"\"")).unwrap_or(field)
 }
 
-/// Whether the first field of `line` is a number, be it one with a decimal comma.
+/// True if the first field of `line` is a number; with a decimal comma, its integer part counts.
 pub(super) fn starts_with_a_number(line: &[u8]) -> bool {
     let end = line.iter().position(|b| b.is_ascii_whitespace() || b";,|".contains(b)).unwrap_or(line.len());
     std::str::from_utf8(unquoted(&line[..end])).is_ok_and(|field| field.parse::<f64>().is_ok())
 }
 
-/// The names of columns that `line` has in lower case, if x, y and z are among them.
+/// The names of columns in `line`, in lower case, if x, y and z are among them.
 pub(super) fn names(line: &[u8]) -> Option<Vec<String>> {
     let line = line.trim_ascii();
     let mut fields = Vec::new();
@@ -83,18 +84,18 @@ pub(super) fn names(line: &[u8]) -> Option<Vec<String>> {
     Columns::named(&names).is_some().then_some(names)
 }
 
-/// Which columns are what.
+/// Indices of the used columns.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Columns {
     /// x, y and z.
     pub(super) position: [usize; 3],
-    /// Red, green and blue, or what may be.
+    /// Red, green and blue, or a normal.
     pub(super) color: Option<[usize; 3]>,
     pub(super) confidence: Option<usize>,
 }
 
 impl Columns {
-    /// By their names in lower case; None without x, y and z.
+    /// The columns with these names, which are in lower case; `None` without x, y and z.
     pub(super) fn named(names: &[String]) -> Option<Self> {
         let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
         let color = || Some([find(&["red", "r"])?, find(&["green", "g"])?, find(&["blue", "b"])?]);
@@ -105,8 +106,8 @@ impl Columns {
         })
     }
 
-    /// By how many there are. PTS has an intensity before the color; other files of seven columns may as well have an opacity
-    /// after it.
+    /// The columns of a file without names, by their number. PTS has an intensity before the color; in other files of
+    /// seven columns, an opacity may follow the color, so no color is read.
     pub(super) fn unnamed(width: usize, pts: bool) -> Self {
         let color = match (width, pts) {
             (6, _) => Some([3, 4, 5]),
@@ -116,7 +117,7 @@ impl Columns {
         Self { position: [0, 1, 2], color, confidence: None }
     }
 
-    /// How many columns a line must have.
+    /// Smallest number of columns of a line.
     pub(super) fn needed(&self) -> usize {
         let all = self.position.into_iter().chain(self.color.into_iter().flatten()).chain(self.confidence);
         all.max().map_or(0, |last| last + 1)

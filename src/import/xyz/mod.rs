@@ -1,10 +1,9 @@
 //! Lines of numbers: XYZ, TXT, CSV, PTS, ASC.
 //!
-//! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else blanks, of which a run
-//! counts as one. Names, if a line or a comment before the numbers has them, say which column is what; without names the
-//! first three columns are x, y and z, and the last three of six, or of a PTS file's seven, are red, green and blue where they
-//! are bytes in each of the first thousand lines (else they are a normal, which is ignored). Columns that are not needed may
-//! hold anything.
+//! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else runs of blanks. A
+//! line or comment before the numbers may name the columns. Without names, the first three columns are x, y and z. The
+//! last three of six columns, or of a PTS file's seven, are red, green and blue if they are bytes in each of the first
+//! thousand lines; otherwise they are a normal, which is ignored. Unused columns may hold anything.
 
 mod colors;
 mod columns;
@@ -19,15 +18,15 @@ use self::colors::Colors;
 use self::columns::{Columns, Separator};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// The longest line that is read, in bytes.
+/// Bytes of a line.
 const MAX_LINE: usize = 1 << 16;
 
 /// Reads `input`.
 ///
 /// # Errors
 ///
-/// If a line is too long or has other columns than the first one, if a number that is needed is none or not finite,
-/// where there are fewer points than a PTS file says, or none, and those of `visitor`.
+/// If a line is too long or has another number of columns than the first one, a used number is invalid or not finite,
+/// there are no points or fewer than a PTS file declares, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut text = Vec::new();
     let mut line = Line { number: 0, bytes: &[] };
@@ -53,10 +52,10 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     }
     match before.count {
         Some(count) if points < count => {
-            let expected = format!("{count} points, as the first line says");
+            let expected = format!("{count} points, as declared in the first line");
             Err(Fault::malformed(format!("line {}", line.number), expected, points))
         }
-        _ if points == 0 => Err(Fault::malformed("the file", "lines of numbers", "none")),
+        _ if points == 0 => Err(Fault::invalid("the file", "it has no lines of numbers")),
         _ => Ok(()),
     }
 }
@@ -87,7 +86,7 @@ impl<'a> Line<'a> {
         self.bytes.is_empty()
     }
 
-    /// What follows `#` or `//`.
+    /// The comment after `#` or `//`, if the line is one.
     fn comment(&self) -> Option<&'a [u8]> {
         self.bytes.strip_prefix(b"//").or_else(|| self.bytes.strip_prefix(b"#"))
     }
@@ -108,25 +107,25 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What a message shows of some text.
+/// The beginning of a text, for errors.
 fn shown(text: &[u8]) -> String {
     match std::str::from_utf8(&text[..text.len().min(40)]) {
         Ok(text) => format!("{text:?}"),
-        Err(_) => "bytes that are no UTF-8 text".into(),
+        Err(_) => "bytes that are not UTF-8".into(),
     }
 }
 
-/// What came before the first line of numbers.
+/// The lines before the first line of numbers.
 #[derive(Default)]
 struct Before {
-    /// Names of columns, and whether a comment had them: then they may be something else.
+    /// Names of columns, and true if they are from a comment, which may be something else.
     names: Option<(Vec<String>, bool)>,
-    /// PTS: the first line is how many points there are.
+    /// PTS: the number of points in the first line.
     count: Option<u64>,
 }
 
 impl Before {
-    /// Whether `line` is none of numbers.
+    /// Takes `line` and returns true, unless it is a line of numbers.
     fn takes(&mut self, line: &Line<'_>) -> Result<bool, Fault> {
         if line.is_blank() {
             return Ok(true);
@@ -158,13 +157,13 @@ impl Before {
     }
 }
 
-/// The lines of numbers: what is alike in all of them, and the fields of the last one.
+/// The lines of numbers: their common layout, and the fields of the current line.
 struct Table {
     separator: Separator,
     columns: Columns,
-    /// How many columns there are.
+    /// Number of columns.
     width: usize,
-    /// The line that said so.
+    /// Number of the first line.
     first: u64,
     fields: Vec<Range<usize>>,
     colors: Colors,
@@ -176,7 +175,7 @@ impl Table {
         let mut fields = Vec::new();
         separator.split(line.bytes, &mut fields);
         let width = fields.len();
-        // A comment of another number of words is but a comment.
+        // A comment with another number of words does not name the columns.
         let names = before.names.as_ref().filter(|(names, comment)| !comment || names.len() == width);
         let columns = names
             .and_then(|(names, _)| Columns::named(names))
@@ -209,7 +208,7 @@ impl Table {
         if let Some(column) = self.columns.confidence {
             let confidence = of(column)?;
             if confidence.is_nan() {
-                return Err(Fault::malformed(line.place(), "a confidence", confidence));
+                return Err(Fault::malformed(line.place(), "a confidence that is a number", confidence));
             }
             if confidence < options.min_confidence {
                 return Ok(());

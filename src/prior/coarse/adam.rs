@@ -1,5 +1,6 @@
 //! Adam on the grid: one task for each plane of vertices sums the gradients of the samples in a fixed order and updates
-//! the plane. It needs no atomics and no copy of the gradients per thread, and gives the same bits on any number of threads.
+//! the plane. It needs no atomics and no copy of the gradients per thread, and gives the same bits on any number of
+//! threads.
 
 use rayon::prelude::*;
 

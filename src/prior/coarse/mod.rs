@@ -1,5 +1,5 @@
-//! The trainer of coarse voxel grids: DVGO's first stage, on the CPU (Sun et al., "Direct Voxel Grid Optimization", CVPR
-//! 2022, section 4).
+//! The trainer of coarse voxel grids: DVGO's first stage, on the CPU (Sun et al., "Direct Voxel Grid Optimization",
+//! CVPR 2022, section 4).
 //!
 //! In: posed photographs and [`CoarseOptions`]. Out: the occupied voxels. A dense grid of densities and colors over the
 //! box of all frusta is trained through volume rendering, first with large voxels, then with small ones inside the box

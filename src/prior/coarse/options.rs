@@ -11,7 +11,8 @@ pub struct CoarseOptions {
     /// Approximate number of vertices of the finest grid over the box of all frusta.
     pub voxels: u32,
     /// Steps on each grid, coarsest first. The last grid has `voxels` vertices, each one before it an eighth of the
-    /// next. A finer grid covers only the box of the voxels that the coarser one occupies. (DVGO: one grid, 5000 steps.)
+    /// next. A finer grid covers only the box of the voxels that the coarser one occupies. (DVGO: one grid, 5000
+    /// steps.)
     pub steps: Vec<u32>,
     /// Rays per step. (DVGO: 8192.)
     pub rays: u32,
@@ -90,9 +91,9 @@ impl CoarseOptions {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let weight = |v: f64| v >= 0.0 && v.is_finite();
         let counts = [
-            ("voxels", self.voxels, (64..=1 << 27).contains(&self.voxels), "64 to 134217728"),
-            ("rays", self.rays, (1..=1 << 20).contains(&self.rays), "1 to 1048576"),
-            ("visibility_stride", self.visibility_stride, self.visibility_stride > 0, "at least 1"),
+            ("coarse.voxels", self.voxels, (64..=1 << 27).contains(&self.voxels), "an integer from 64 to 134217728"),
+            ("coarse.rays", self.rays, (1..=1 << 20).contains(&self.rays), "an integer from 1 to 1048576"),
+            ("coarse.visibility_stride", self.visibility_stride, self.visibility_stride > 0, "at least 1"),
         ];
         for (name, found, valid, expected) in counts {
             if !valid {
@@ -100,24 +101,29 @@ impl CoarseOptions {
             }
         }
         if self.steps.is_empty() || self.steps.len() > 4 || self.steps.contains(&0) {
-            return Err(Error::option("steps", "1 to 4 positive numbers", &self.steps));
+            return Err(Error::option("coarse.steps", "1 to 4 positive integers", &self.steps));
         }
         for (name, found, valid, expected) in [
-            ("step_size", self.step_size, positive(self.step_size), "a positive number"),
-            ("initial_alpha", self.initial_alpha, fraction(self.initial_alpha), "a number between 0 and 1"),
-            ("learning_rate", self.learning_rate, positive(self.learning_rate), "a positive number"),
-            ("adam_epsilon", self.adam_epsilon, positive(self.adam_epsilon), "a positive number"),
-            ("background_entropy", self.background_entropy, weight(self.background_entropy), "at least 0"),
-            ("point_color", self.point_color, weight(self.point_color), "at least 0"),
-            ("skip_alpha", self.skip_alpha, fraction(self.skip_alpha), "a number between 0 and 1"),
-            ("min_transmittance", self.min_transmittance, fraction(self.min_transmittance), "a number between 0 and 1"),
+            ("coarse.step_size", self.step_size, positive(self.step_size), "a positive number"),
+            ("coarse.initial_alpha", self.initial_alpha, fraction(self.initial_alpha), "a number between 0 and 1"),
+            ("coarse.learning_rate", self.learning_rate, positive(self.learning_rate), "a positive number"),
+            ("coarse.adam_epsilon", self.adam_epsilon, positive(self.adam_epsilon), "a positive number"),
+            ("coarse.background_entropy", self.background_entropy, weight(self.background_entropy), "at least 0"),
+            ("coarse.point_color", self.point_color, weight(self.point_color), "at least 0"),
+            ("coarse.skip_alpha", self.skip_alpha, fraction(self.skip_alpha), "a number between 0 and 1"),
             (
-                "min_visibility_weight",
+                "coarse.min_transmittance",
+                self.min_transmittance,
+                fraction(self.min_transmittance),
+                "a number between 0 and 1",
+            ),
+            (
+                "coarse.min_visibility_weight",
                 self.min_visibility_weight,
                 (0.0..1.0).contains(&self.min_visibility_weight),
                 "a number in [0, 1)",
             ),
-            ("occupied_alpha", self.occupied_alpha, fraction(self.occupied_alpha), "a number between 0 and 1"),
+            ("coarse.occupied_alpha", self.occupied_alpha, fraction(self.occupied_alpha), "a number between 0 and 1"),
         ] {
             if !valid {
                 return Err(Error::option(name, expected, found));

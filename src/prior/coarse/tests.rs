@@ -2,9 +2,9 @@
 
 use glam::{DVec3, UVec3};
 
+use super::adam::{SortedSamples, gradient};
 use super::grid::{Channels, Grid, Live};
 use super::ray_loss::{Medium, Segment, Shading, activate, density_of_alpha, trace};
-use super::adam::{SortedSamples, gradient};
 use crate::geometry::{Aabb, Ray};
 use crate::random::Random;
 

@@ -1,5 +1,5 @@
-//! Any bytes as a LAS file. What `laz` decompresses is left out: it panics on some bytes, which the reader catches and a fuzzer
-//! does not.
+//! Any bytes as a LAS file. What `laz` decompresses is left out: it panics on some bytes, which the reader catches and
+//! a fuzzer does not.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -91,8 +91,8 @@ fuzz_target!(|bytes: &[u8]| {
             let lost = before.iter().zip(after).map(|(b, a)| (f64::from(*b) - f64::from(*a)).abs()).fold(0.0, f64::max);
             assert!(lost <= declared, "{kind} of scale {n}: {lost} lost, {declared} declared");
             let largest = before.iter().fold(0f64, |m, v| m.max(f64::from(v.abs())));
-            // A step of the coarsest grid is below a third of the largest number, and an eighth of an octave to spare; the smallest
-            // step is 2^-24.
+            // A step of the coarsest grid is below a third of the largest number, and an eighth of an octave to spare;
+            // the smallest step is 2^-24.
             assert!(declared <= 0.25 * largest + 6e-8, "{kind} of scale {n}: {declared} declared, {largest} at most there");
         }
     }

@@ -1,5 +1,5 @@
-//! Of changed files: the same scene or error however the bytes come: at once, sought, or in ranges of which each is an allocation of
-//! its own. Of a part of the file, the same or an error.
+//! Of changed files: the same scene or error however the bytes come: at once, sought, or in ranges of which each is an
+//! allocation of its own. Of a part of the file, the same or an error.
 #![no_main]
 
 mod mutation;

@@ -1,8 +1,8 @@
-//! What pickles may name.
+//! The functions and classes that pickles may name.
 
 use crate::npy::Number;
 
-/// What a tensor's numbers are.
+/// Type of a tensor's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import::torch) enum Element {
     Number(Number),
@@ -10,22 +10,22 @@ pub(in crate::import::torch) enum Element {
     Bfloat16,
 }
 
-/// A function or class that is known as what it makes.
+/// A known function or class, by the value it creates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Global {
     /// A dictionary, from no arguments.
     Dict,
-    /// Its one argument.
+    /// Its first argument.
     Same,
-    /// Something of which nothing is needed.
+    /// An unused value.
     Ignored,
     /// A tensor from a storage, its offset, shape and strides.
     Tensor,
     /// A class of storages.
     Storage(Element),
-    /// NumPy's empty array, to be filled.
+    /// NumPy's empty array, filled later by BUILD.
     Reconstruct,
-    /// An array from bytes, type, shape and order.
+    /// An array from bytes, type, shape and memory order.
     FromBuffer,
     /// The class of arrays.
     Ndarray,
@@ -39,7 +39,7 @@ pub(in super::super) enum Global {
     Bytes,
 }
 
-/// What `module` calls `name`, if that is known.
+/// The function or class `name` of `module`, if it is known.
 pub(super) fn known(module: &str, name: &str) -> Option<Global> {
     use Global::{
         Bytes, Dict, Dtype, Encode, FromBuffer, Ignored, Ndarray, Reconstruct, Same, Scalar, Storage, Tensor,
@@ -49,7 +49,7 @@ pub(super) fn known(module: &str, name: &str) -> Option<Global> {
         ("torch._utils", "_rebuild_tensor_v2") => Some(Tensor),
         ("torch._utils", "_rebuild_parameter") | ("torch", "Size") => Some(Same),
         ("torch", "device") => Some(Ignored),
-        // Where a model's settings came from a file, they are of the settings' own class of dictionaries.
+        // Settings read from a file have a dictionary class of their own.
         ("collections", "OrderedDict")
         | ("mmcv.utils.config" | "mmengine.config.config", "ConfigDict")
         | ("addict.addict", "Dict") => Some(Dict),

@@ -1,34 +1,34 @@
-//! The values that a pickle makes.
+//! The values of a pickle.
 
 use std::ops::Range;
 
 use super::globals::{Element, Global};
 
-/// A value's number.
+/// Index of a value.
 pub(in crate::import::torch) type Id = u32;
 
-/// What a pickle holds.
+/// A value of a pickle.
 #[derive(Clone, Debug)]
 pub(in crate::import::torch) enum Value {
-    /// Something of which nothing is needed.
+    /// An unused value.
     Opaque,
     Bool(bool),
     Int(i64),
     Float(f64),
-    /// UTF-8, in the pickle.
+    /// Range of UTF-8 text in the pickle.
     Text(Range<usize>),
-    /// In the pickle.
+    /// Range of bytes in the pickle.
     Bytes(Range<usize>),
-    /// Bytes, one each of the characters of this text.
+    /// Bytes stored as a text, one character each.
     Latin1(Range<usize>),
     /// A tuple or a list.
     Items(Vec<Id>),
-    /// A dictionary, in its order.
+    /// Pairs of a dictionary, in order.
     Dict(Vec<(Id, Id)>),
     Global(Global),
     Storage(Storage),
     Tensor(Tensor),
-    /// NumPy's `dtype`: its name, and its order of bytes where it has one.
+    /// NumPy's `dtype`: its name, and its byte order if it has one.
     Dtype {
         name: Id,
         order: Option<Id>,
@@ -40,13 +40,13 @@ pub(in crate::import::torch) enum Value {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::import::torch) struct Storage {
     pub(in crate::import::torch) element: Element,
-    /// Text: the file's name.
+    /// Text: name of the file.
     pub(in crate::import::torch) key: Id,
-    /// Numbers.
+    /// Number of numbers.
     pub(in crate::import::torch) count: u64,
 }
 
-/// A tensor: all of its numbers lie inside its storage.
+/// A tensor, whose numbers all lie inside its storage.
 #[derive(Clone, Debug)]
 pub(in crate::import::torch) struct Tensor {
     pub(in crate::import::torch) storage: Storage,
@@ -55,12 +55,12 @@ pub(in crate::import::torch) struct Tensor {
     pub(in crate::import::torch) strides: Vec<u64>,
 }
 
-/// A NumPy array, or one number of its kind.
+/// A NumPy array or scalar.
 #[derive(Clone, Debug)]
 pub(in crate::import::torch) struct Array {
     pub(in crate::import::torch) shape: Vec<u64>,
     pub(in crate::import::torch) dtype: Id,
     pub(in crate::import::torch) fortran_order: bool,
-    /// Bytes.
+    /// Value of the bytes.
     pub(in crate::import::torch) data: Id,
 }

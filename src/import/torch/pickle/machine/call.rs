@@ -1,4 +1,4 @@
-//! What calls of known functions would make, from their arguments.
+//! The values that calls of known functions create.
 
 use std::ops::Range;
 
@@ -7,11 +7,11 @@ use super::super::{Array, Id, Storage, Tensor, Value};
 use super::{MAX_NAME, Machine};
 use crate::import::Fault;
 
-/// The most axes of a tensor or an array (NumPy's own limit).
+/// Axes of a tensor or an array (NumPy's own limit).
 const MAX_AXES: usize = 64;
 
 impl Machine<'_> {
-    /// What a call of `function` would make.
+    /// Pushes the value that a call of `function` creates.
     pub(super) fn call(&mut self, function: Id, arguments: Id) -> Result<(), Fault> {
         let Value::Global(global) = *self.value(function) else {
             return Err(self.malformed("a function to call", "something else"));
@@ -41,20 +41,20 @@ impl Machine<'_> {
             (Global::Encode, &[text, encoding]) => {
                 let encoding = self.range_of_text(encoding)?;
                 if !matches!(&self.bytes[encoding], b"latin1" | b"latin-1") {
-                    return Err(self.malformed("bytes as latin1", "another encoding"));
+                    return Err(self.malformed("the encoding latin1", "another one"));
                 }
                 Value::Latin1(self.range_of_text(text)?)
             }
             (Global::Bytes, []) => Value::Bytes(0..0),
             (global, arguments) => {
-                let found = format!("{} for {global:?}", arguments.len());
-                return Err(self.malformed("the arguments of a known function", found));
+                let found = format!("{} arguments of {global:?}", arguments.len());
+                return Err(self.malformed("the arguments that torch passes", found));
             }
         };
         self.push(made)
     }
 
-    /// Gives the value on top of the stack its state.
+    /// Sets the state of the value on top of the stack.
     pub(super) fn build(&mut self, state: Id) -> Result<(), Fault> {
         let on = self.top()?;
         match self.value(on).clone() {
@@ -84,7 +84,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// ("storage", class, key, where it was, numbers)
+    /// The storage of the tuple `id`: ("storage", class, key, device, length).
     pub(super) fn storage(&mut self, id: Id) -> Result<Value, Fault> {
         let parts = self.items(id)?;
         if let &[_, class, key, _, count, ..] = parts.as_slice()
@@ -103,7 +103,7 @@ impl Machine<'_> {
         };
         let (shape, strides) = (self.lengths(shape)?, self.lengths(strides)?);
         let count = storage.count;
-        // One past the last number, if there is any.
+        // One past the last number.
         let end = || {
             let steps = shape.iter().zip(&strides).map(|(n, stride)| (n - 1).checked_mul(*stride));
             let last = steps.into_iter().try_fold(0_u64, |sum, step| sum.checked_add(step?))?;

@@ -157,7 +157,11 @@ impl Machine<'_> {
             MEMOIZE => self.memo.len() as u32,
             _ => return Ok(false),
         };
-        if matches!(code, BINGET | LONG_BINGET) { self.recall(key)? } else { self.memoize(key)? }
+        if matches!(code, BINGET | LONG_BINGET) {
+            self.recall(key)?
+        } else {
+            self.memoize(key)?
+        }
         Ok(true)
     }
 
