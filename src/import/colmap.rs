@@ -173,11 +173,11 @@ mod tests {
         assert_eq!(error(&[0; 7]), "byte 0: expected 8 bytes of the number of points, found 7 bytes");
         assert_eq!(
             error(&changed(0, &u64::MAX.to_le_bytes())),
-            "byte 0: expected points of at least 51 bytes, found 18446744073709551615 of them in 134 bytes"
+            "byte 0: 18446744073709551615 points of at least 51 bytes are declared, but 134 bytes are left"
         );
         assert_eq!(
             error(&changed(51, &u64::MAX.to_le_bytes())),
-            "byte 51: expected a track within the 83 bytes that are left, found 18446744073709551615 pictures"
+            "byte 51: a track of 18446744073709551615 images is declared, but 83 bytes are left"
         );
         assert_eq!(
             error(&changed(16, &f64::NAN.to_le_bytes())),
@@ -195,14 +195,14 @@ mod tests {
             ("1 2 3\n", "line 1: expected a coordinate, found the end of the line"),
             ("\n1 2 3 x 0 0 0 1\n", "line 2: expected a coordinate, found \"x\""),
             ("1 2 3 inf 0 0 0 1\n", "line 1: expected finite coordinates, found [2, 3, inf]"),
-            ("1 2 3 4 0 0 256 1\n", "line 1: expected a color to 255, found \"256\""),
-            ("1 2 3 4 0 0 0 1 5\n", "line 1: expected pairs of a picture and a keypoint, found 1 numbers"),
+            ("1 2 3 4 0 0 256 1\n", "line 1: expected a color from 0 to 255, found \"256\""),
+            ("1 2 3 4 0 0 0 1 5\n", "line 1: expected pairs of an image and a keypoint, found 1 numbers"),
             ("-1 2 3 4 0 0 0 1\n", "line 1: expected the point's number, found \"-1\""),
         ] {
             assert_eq!(seen_with(text.as_bytes(), &all(), read_text).unwrap_err().to_string(), expected);
         }
         let bytes = b"1 2 3 \xff 0 0 0 1\n";
-        let expected = "line 1: expected a coordinate, found bytes that are no UTF-8 text";
+        let expected = "line 1: expected a coordinate, found bytes that are not UTF-8";
         assert_eq!(seen_with(bytes, &all(), read_text).unwrap_err().to_string(), expected);
     }
 }

@@ -279,20 +279,20 @@ mod tests {
     #[test]
     fn headers_that_are_none_are_refused() {
         assert!(message(b"").starts_with("line 1: expected \"# Octomap OcTree file\""));
-        assert!(
-            message(&tree(true, "id OcTree\nsize 1", &[]))
-                .ends_with("line 6: expected a line \"res\" before, found none")
-        );
+        assert!(message(&tree(true, "id OcTree\nsize 1", &[])).ends_with("line 6: the header has no line \"res\""));
         for res in ["0", "-1", "NaN", "inf", "1e308", "x"] {
             let error = message(&tree(true, &format!("id OcTree\nres {res}"), &[]));
-            assert_eq!(error, format!("line 5: expected a finite edge above 0, found {res}"));
+            assert_eq!(error, format!("line 5: expected a finite edge length above 0, found {res}"));
         }
         assert_eq!(
             message(&tree(false, "id CountingOcTree\nsize 1\nres 1", &[])),
             "OctoMap's \"CountingOcTree\" is not supported: convert it to an OcTree or a ColorOcTree"
         );
         assert_eq!(message(&tree(true, "size -4", &[])), "line 4: expected a number of nodes, found -4");
-        assert!(message(&[FULL, b"\n#\n"].concat()).ends_with("line 3: expected a line \"data\", found the end"));
+        assert!(
+            message(&[FULL, b"\n#\n"].concat())
+                .ends_with("line 3: expected a line \"data\", found the end of the file")
+        );
         assert!(message(&[FULL, b"\n", &[b'#'; 5000]].concat()).contains("a line of at most 4096 bytes"));
         assert!(message(&[FULL, b"\n", "#\n".repeat(5000).as_bytes()].concat()).starts_with("line 4096"));
     }
@@ -308,7 +308,7 @@ mod tests {
         let followed = tree(true, "id OcTree\nsize 2\nres 1", &[2, 0, 9]);
         assert_eq!(seen(&followed).unwrap().cells.len(), 1, "what follows is not the tree's");
         let bad = message(&tree(false, "id OcTree\nsize 1\nres 1", &node(f32::NAN, 0)));
-        assert!(bad.ends_with("expected log odds, found NaN"), "{bad}");
+        assert!(bad.ends_with("expected log odds that are a number, found NaN"), "{bad}");
         assert_eq!(seen(&tree(true, "id OcTree\nsize 0\nres 1", &[])).unwrap().cells, []);
     }
 }

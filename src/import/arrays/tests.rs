@@ -147,7 +147,7 @@ fn densities_are_dvgos_and_lie_at_vertices() {
 
 #[test]
 fn what_numpy_does_not_write_is_refused() {
-    assert_eq!(message(b""), "byte 0: expected NumPy's .npy (\\x93NUMPY) or .npz (PK), found []");
+    assert_eq!(message(b""), "byte 0: expected the beginning of an .npy (\\x93NUMPY) or .npz (PK) file, found []");
     assert_eq!(
         message(&npy("<f8", false, "(1000000000, 3)", &[0; 24])),
         "byte 79: expected 24000000000 bytes of numbers, found 24 bytes"
@@ -183,7 +183,7 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let good = npz(std::slice::from_ref(&points));
     assert_eq!(seen(&good).unwrap().points.len(), 1);
 
-    assert_eq!(message(&good[..good.len() - 30]), "the archive's end: expected a zip directory, found none");
+    assert_eq!(message(&good[..good.len() - 30]), "the archive's end: there is no zip directory");
     assert_eq!(
         message(&npz(&[])),
         "the archive: expected cells, occupancy, density, alpha, points, xyz, positions or a single array, found no array"
@@ -194,18 +194,18 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let mut flipped = good.clone();
     let at = flipped.windows(8).position(|w| w == 3.0_f64.to_le_bytes()).unwrap();
     flipped[at] ^= 1;
-    assert_eq!(message(&flipped), "xyz: the array: expected whole bytes, found Invalid checksum");
+    assert_eq!(message(&flipped), "xyz: the array: its bytes are damaged: Invalid checksum");
 
     let short = npz(&[("xyz", npy("<f8", false, "(2, 3)", &f64s(&[1.0, 2.0, 3.0])))]);
-    assert_eq!(message(&short), "xyz: the array: expected all of it, found the end of the file");
+    assert_eq!(message(&short), "xyz: the array: the file ends within it");
     let bomb = npz(&[("xyz", npy("<f8", false, "(1000000, 3)", &f64s(&[1.0, 2.0, 3.0])))]);
-    assert_eq!(message(&bomb), "xyz: expected 24000000 bytes of numbers, found 100 bytes in all");
+    assert_eq!(message(&bomb), "xyz: expected 24000000 bytes of numbers, found 100 bytes");
     let long = npz(&[("xyz", npy("<f8", false, "(1, 3)", &f64s(&[1.0, 2.0, 3.0, 4.0])))]);
-    assert_eq!(message(&long), "xyz: the array: expected its end, found more bytes");
+    assert_eq!(message(&long), "xyz: the array: it has more bytes than it declares");
 
     let cells = ("cells", npy("<f8", false, "(1, 3)", &f64s(&[0.0; 3])));
     let origin = ("origin", npy("<f8", false, "(3,)", &f64s(&[0.0; 3])));
-    assert_eq!(message(&npz(&[cells.clone(), origin.clone()])), "the archive: expected pitch.npy, found none");
+    assert_eq!(message(&npz(&[cells.clone(), origin.clone()])), "the archive: the entry pitch.npy is missing");
     let flat = ("pitch", npy("<f8", false, "(3,)", &f64s(&[1.0, 0.0, 1.0])));
     assert_eq!(
         message(&npz(&[cells.clone(), origin.clone(), flat])),
@@ -214,7 +214,7 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let pitch = ("pitch", npy("<f8", false, "(3,)", &f64s(&[1.0; 3])));
     assert!(message(&npz(&[cells, origin, pitch])).contains("integers of shape (n, 3)"));
     let colors = ("colors", npy("|u1", false, "(2, 3)", &[0; 6]));
-    assert_eq!(message(&npz(&[points, colors])), "xyz: the colors: expected 1, one a point, found 2");
+    assert_eq!(message(&npz(&[points, colors])), "xyz: the colors: expected 1, one for each point, found 2");
 }
 
 #[test]

@@ -38,7 +38,8 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     check_xml(&mut pages)?;
     let input = pages.input();
     input.go_to(0)?;
-    let described = E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", error.to_string()))?;
+    let described =
+        E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", format!("not valid E57: {error}")))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
         scans.push(Scan::new(described, format!("scan {at}"))?);

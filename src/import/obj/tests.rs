@@ -97,8 +97,8 @@ fn of_a_mesh_the_vertices_alone_can_be_had() {
 fn what_is_no_obj() {
     let wrong = |found: &str| format!("line 2: expected v and 3, 4 or 6 numbers, found \"{found}\"");
     let cases = [
-        ("", "the end of the file: expected a vertex, found none".into()),
-        ("PK\u{3}\u{4}\0\0", "the end of the file: expected a vertex, found none".into()),
+        ("", "the file: it has no vertices".into()),
+        ("PK\u{3}\u{4}\0\0", "the file: it has no vertices".into()),
         ("# a\nv 1 2\n", wrong("v 1 2")),
         ("# a\nv 1 2 3 4 5\n", wrong("v 1 2 3 4 5")),
         ("# a\nv 1 2 3 4 5 6 7\n", wrong("v 1 2 3 4 5 6 7")),
@@ -110,11 +110,11 @@ fn what_is_no_obj() {
         ("v 1 2 3 0\nf 1 1 1\n", "line 1: expected finite coordinates, found [inf, inf, inf]".into()),
         (
             "v 1 2 3\nv 1 2 3 0 0 0\nf 1 1 1\n",
-            "line 2: expected no color, as at the first vertex, found \"v 1 2 3 0 0 0\"".into(),
+            "line 2: expected a vertex without a color, like the first one, found \"v 1 2 3 0 0 0\"".into(),
         ),
         (
             "v 1 2 3 0 0 0\nv 1 2 3\nf 1 1 1\n",
-            "line 2: expected a color, as the first vertex has, found \"v 1 2 3\"".into(),
+            "line 2: expected a vertex with a color, like the first one, found \"v 1 2 3\"".into(),
         ),
         (
             "v 0 0 0\ncstype bezier\nsurf 0 1 0 1 1 1 1 1\n",
@@ -131,7 +131,7 @@ fn corners_that_are_no_vertices_above() {
     for corner in
         ["0", "2", "-2", "x", "/1/1", "1.0", "-9223372036854775808", "9223372036854775807", "99999999999999999999"]
     {
-        let message = format!("line 2: expected corners of the 1 vertices above, found \"{corner}\"");
+        let message = format!("line 2: expected the index of one of the 1 vertices above, found \"{corner}\"");
         assert_eq!(fault(format!("v 0 0 0\nf 1 1 {corner}\nv 1 1 1\n")), message);
     }
 }
@@ -146,7 +146,7 @@ fn textures_and_normals_may_be_nonsense() {
 #[test]
 fn statements_end() {
     let line = format!("v {}", "1".repeat(17 << 20));
-    assert_eq!(fault(&line), "byte 0: expected a line of at most 16777216 bytes, found a longer one");
+    assert_eq!(fault(&line), "byte 0: the line is longer than 16777216 bytes");
     let joined = format!("v {}", "11111111\\\n".repeat(2 << 20));
     assert!(fault(joined).starts_with("bytes of a statement: at most 16777216 are read, found 1677"));
 }

@@ -125,18 +125,18 @@ fn hostile_headers_are_named() {
     };
     assert_eq!(error(b""), "line 1: expected DATA, found the end of the file");
     assert_eq!(error(b"ply\n"), "line 1: expected a header's line, found \"ply\"");
-    assert_eq!(error(b"\xff\xfe\n"), "line 1: expected a header's line, found bytes that are no UTF-8 text");
+    assert_eq!(error(b"\xff\xfe\n"), "line 1: expected a header's line, found bytes that are not UTF-8");
     assert_eq!(error("#\n".repeat(2000).as_bytes()), "lines of a header: at most 1000 are read, found 1001");
-    assert_eq!(of("FIELDS", "WIDTH 1\nFIELDS"), "line 8: expected one WIDTH, found a second one");
-    assert_eq!(of("label x", "label w"), "FIELDS: expected x, y and z, found others");
+    assert_eq!(of("FIELDS", "WIDTH 1\nFIELDS"), "line 8: a second line WIDTH");
+    assert_eq!(of("label x", "label w"), "FIELDS: the field x is missing");
     assert_eq!(of("SIZE 4 ", "SIZE "), "SIZE: expected 6 numbers, found 5");
     assert_eq!(
         of("SIZE 4 ", "SIZE 3 "),
-        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found F of 3"
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes, found F of 3"
     );
     assert_eq!(
         of("TYPE F ", "TYPE Q "),
-        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8, found Q of 4"
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes, found Q of 4"
     );
     assert_eq!(of("TYPE F ", "TYPE "), "TYPE: expected 6 letters, found 5");
     assert_eq!(
@@ -145,7 +145,7 @@ fn hostile_headers_are_named() {
     );
     assert_eq!(of("COUNT 3", "COUNT -1"), "COUNT: expected a number, found \"-1\"");
     assert_eq!(of("POINTS 3", "POINTS 4"), "POINTS: expected WIDTH 3 times HEIGHT 1, found 4");
-    assert_eq!(of("HEIGHT 1\n", ""), "the header: expected HEIGHT, found none");
+    assert_eq!(of("HEIGHT 1\n", ""), "the header: the line HEIGHT is missing");
     assert_eq!(
         of("DATA binary", "DATA zip"),
         "line 11: expected DATA ascii, binary or binary_compressed, found \"zip\""
@@ -172,7 +172,7 @@ fn hostile_points_are_named() {
     assert_eq!(text(b"1 2 3\n"), "line 12: expected 9 numbers, found 3");
     assert_eq!(text(b"0 0 0 z 0 1 1 1 1\n"), "line 12: expected a number, found \"z\"");
     assert_eq!(text(b"0 0 0 1 c 1 1 1 1\n"), "line 12: expected a number, found \"c\"");
-    assert_eq!(text(b"0 0 0 \xff 0 1 1 1 1\n"), "line 12: expected a number, found bytes that are no UTF-8 text");
+    assert_eq!(text(b"0 0 0 \xff 0 1 1 1 1\n"), "line 12: expected a number, found bytes that are not UTF-8");
 }
 
 #[test]
@@ -192,22 +192,22 @@ fn hostile_compression_is_named() {
     let first = start + 8;
     assert_eq!(
         error(&compressed(&[0x20, 0, 0], 102)),
-        format!("byte {first}: expected a copy of what was before, found 1 bytes back")
+        format!("byte {first}: a copy begins 1 bytes back, before the first byte")
     );
     assert_eq!(
         error(&compressed(&[5, 1], 102)),
-        format!("byte {}: expected 6 more compressed bytes, found their end", first + 1)
+        format!("byte {}: expected 6 more compressed bytes, found the end", first + 1)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0], 102)),
-        format!("byte {}: expected 1 more compressed bytes, found their end", first + 3)
+        format!("byte {}: expected 1 more compressed bytes, found the end", first + 3)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0, 255, 0], 102)),
-        format!("byte {}: expected 102 bytes when decompressed, found more", first + 2)
+        format!("byte {}: expected 102 decompressed bytes, found more", first + 2)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0, 50, 0], 102)),
-        format!("byte {}: expected 102 bytes when decompressed, found 60", first + 5)
+        format!("byte {}: expected 102 decompressed bytes, found 60", first + 5)
     );
 }

@@ -178,7 +178,7 @@ fn faces_of_fewer_than_three_corners_are_no_triangles_but_checked() {
     let data = "0 0 0\n1 0 0\n2 0 0\n0\n1 2\n2 0 1\n";
     assert!(seen(ascii("float", 3, faces, data).as_bytes()).triangles.is_empty());
     let wrong = ascii("float", 3, faces, &data.replace("1 2\n", "1 3\n"));
-    assert_eq!(fault(wrong), "line 14: expected a vertex from 0 to below 3, found 3");
+    assert_eq!(fault(wrong), "line 14: expected a vertex index of at least 0 and below 3, found 3");
 }
 
 #[test]
@@ -232,41 +232,41 @@ fn an_empty_cloud_is_a_cloud() {
 fn headers_that_are_none() {
     let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
     let cases = [
-        ("", "byte 0: expected end_header, found the end of the file"),
+        ("", "byte 0: expected a line end_header, found the end of the file"),
         ("PK\u{3}\u{4}", "line 1: expected ply, found \"PK\\u{3}\\u{4}\""),
-        ("ply\nformat ascii 1.0\n", "byte 21: expected end_header, found the end of the file"),
-        ("ply\nend_header\n", "the header: expected a line format, found none"),
+        ("ply\nformat ascii 1.0\n", "byte 21: expected a line end_header, found the end of the file"),
+        ("ply\nend_header\n", "the header: the line format is missing"),
         (
             "ply\nformat ascii 2.0\n",
             "line 2: expected format ascii, binary_little_endian or binary_big_endian, and 1.0, found \"format ascii 2.0\"",
         ),
-        ("ply\nformat ascii 1.0\nend_header\n", "the header: expected an element vertex, found none"),
-        ("ply\nwhatever\n", "line 2: expected a line of a header, found \"whatever\""),
-        ("ply\nelement vertex -1\n", "line 2: expected element, a name and a count, found \"element vertex -1\""),
+        ("ply\nformat ascii 1.0\nend_header\n", "the header: the element vertex is missing"),
+        ("ply\nwhatever\n", "line 2: expected a header line, found \"whatever\""),
+        ("ply\nelement vertex -1\n", "line 2: expected \"element NAME COUNT\", found \"element vertex -1\""),
         (
             "ply\nelement vertex 99999999999999999999\n",
-            "line 2: expected element, a name and a count, found \"element vertex 99999999999999999999\"",
+            "line 2: expected \"element NAME COUNT\", found \"element vertex 99999999999999999999\"",
         ),
         ("ply\nproperty float x\n", "line 2: expected an element before its properties, found \"property float x\""),
         (
             "ply\nelement vertex 1\nproperty long x\n",
-            "line 3: expected property, a type of number or of list, and a name, found \"property long x\"",
+            "line 3: expected \"property TYPE NAME\" or \"property list TYPE TYPE NAME\", found \"property long x\"",
         ),
         (
             "ply\nelement face 1\nproperty list float int vertex_indices\n",
-            "line 3: expected property, a type of number or of list, and a name, found \"property list float int vertex_indices\"",
+            "line 3: expected \"property TYPE NAME\" or \"property list TYPE TYPE NAME\", found \"property list float int vertex_indices\"",
         ),
         (
             "ply\nelement vertex 1\nelement vertex 1\n",
-            "line 3: expected an element of another name, found \"element vertex 1\"",
+            "line 3: expected an element with another name, found \"element vertex 1\"",
         ),
         (
             "ply\nformat ascii 1.0\nelement vertex 1\nend_header\n0\n",
-            "the header: expected properties of the element vertex, found none",
+            "the header: the element vertex has no properties",
         ),
         (
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n",
-            "the header: expected properties x, y and z of the element vertex, found others",
+            "the header: the element vertex needs the numbers x, y and z",
         ),
     ];
     for (file, message) in cases {
@@ -274,8 +274,7 @@ fn headers_that_are_none() {
     }
     let no_list =
         format!("ply\nformat ascii 1.0\n{vertex}element face 1\nproperty int vertex_indices\nend_header\n0 0 0\n0\n");
-    let message =
-        "the header: expected a list of integers vertex_indices or vertex_index of the element face, found none";
+    let message = "the header: the element face needs a list of integers vertex_indices or vertex_index";
     assert_eq!(fault(no_list), message);
 }
 
@@ -284,7 +283,7 @@ fn endless_headers_are_not_read_to_their_end() {
     let comments = format!("ply\n{}", "comment\n".repeat(20_000));
     assert_eq!(fault(comments), "lines of a header: at most 10000 are read, found 10001");
     let line = format!("ply\ncomment {}", "x".repeat(100_000));
-    assert_eq!(fault(line), "byte 4: expected a line of at most 65536 bytes, found a longer one");
+    assert_eq!(fault(line), "byte 4: the line is longer than 65536 bytes");
     let elements: String = (0..300).map(|n| format!("element e{n} 0\n")).collect();
     assert_eq!(fault(format!("ply\n{elements}")), "elements of a header: at most 256 are read, found 257");
     let properties: String = (0..1100).map(|n| format!("property char p{n}\n")).collect();
@@ -296,14 +295,14 @@ fn endless_headers_are_not_read_to_their_end() {
 fn counts_that_the_file_cannot_hold_are_refused_before_anything_is_set_aside() {
     let vertex = "property float x\nproperty float y\nproperty float z\n";
     let binary = format!("ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\n{vertex}end_header\n");
-    let message = "byte 124: expected 48000000000 bytes or more up to the last of 4000000000 × vertex, found 0 bytes";
+    let message = "byte 124: 4000000000 x vertex is declared, which needs at least 48000000000 bytes, but 0 are left";
     assert_eq!(fault(binary), message);
     let most = format!("ply\nformat ascii 1.0\nelement vertex 18446744073709551615\n{vertex}end_header\n0 0 0\n");
     let message =
-        "expected 18446744073709551615 bytes or more up to the last of 18446744073709551615 × vertex, found 6 bytes";
+        "18446744073709551615 x vertex is declared, which needs at least 18446744073709551615 bytes, but 6 are left";
     assert!(fault(most).ends_with(message));
     let faces = "element face 1000000\nproperty list uchar int vertex_indices\n";
-    let message = "expected 2000006 bytes or more up to the last of 1000000 × face, found 13 bytes";
+    let message = "1000000 x face is declared, which needs at least 2000006 bytes, but 13 are left";
     assert!(fault(ascii("float", 1, faces, "0 0 0\n3 0 0 0")).ends_with(message));
 }
 
@@ -314,38 +313,35 @@ fn lists_longer_than_the_file_or_negative_are_refused() {
     let start = header.len() + 12;
     let mut file = [header.as_bytes(), &[0; 12]].concat();
     file.extend(bytes(&[('i', 3.0), ('i', 0.0), ('i', 0.0)], false));
-    assert_eq!(fault(&file), format!("byte {start}: expected a list's length from 0 to 2, found 3"));
+    assert_eq!(fault(&file), format!("byte {start}: expected a list length from 0 to 2, found 3"));
     file.truncate(start);
     file.extend(bytes(&[('i', -1.0), ('i', 0.0)], false));
-    assert_eq!(fault(&file), format!("byte {start}: expected a list's length from 0 to 1, found -1"));
+    assert_eq!(fault(&file), format!("byte {start}: expected a list length from 0 to 1, found -1"));
     let text = |data: &str| ascii("float", 1, "element face 1\nproperty list int int vertex_indices\n", data);
-    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 11: expected a list's length from 0 to 3, found 4");
-    assert_eq!(fault(text("0 0 0\n3 0 0 -1\n")), "line 11: expected a vertex from 0 to below 1, found -1");
+    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 11: expected a list length from 0 to 3, found 4");
+    assert_eq!(
+        fault(text("0 0 0\n3 0 0 -1\n")),
+        "line 11: expected a vertex index of at least 0 and below 1, found -1"
+    );
 }
 
 #[test]
 fn data_that_are_none() {
     let cases = [
-        (
-            "0 0 0\n1 0\n0 1 0\n3 0 1 2\n",
-            "line 12: expected the end of the line after the last property of vertex, found more",
-        ),
-        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11: expected a number of the type F32, found \"zero\""),
-        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11: expected a number of the type F32, found \"é\""),
+        ("0 0 0\n1 0\n0 1 0\n3 0 1 2\n", "line 12: there are more values after the last property of vertex"),
+        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"zero\""),
+        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"é\""),
         ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [1, 0, NaN]"),
         ("0 0 0\n1e99 0 0\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [inf, 0, 0]"),
         ("0 0 0\n1 0 0\n0 1 0\n3 0 1\n         ", "line 14: expected a number, found the end of the file"),
-        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 13: expected a number of the type U8, found \"256\""),
+        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 13: expected a number of type U8, found \"256\""),
     ];
     for (data, message) in cases {
         let file = ascii("float", 3, TRIANGLE, data);
         assert_eq!(fault(&file), message, "{data}");
     }
     let long = format!("0 0 {}", "1".repeat(2000));
-    assert_eq!(
-        fault(ascii("float", 1, "", &long)),
-        "line 8: expected a number of at most 1024 characters, found a longer one"
-    );
+    assert_eq!(fault(ascii("float", 1, "", &long)), "line 8: the number is longer than 1024 characters");
     let header = "ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
     let values = bytes(&[('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', f64::INFINITY), ('f', 0.0)], true);
     let message = format!("byte {}: expected finite coordinates, found [0, inf, 0]", header.len() + 12);

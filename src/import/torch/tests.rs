@@ -101,11 +101,11 @@ fn other_files_are_told_what_to_do() {
         message(b"other"),
         "byte 0: expected a checkpoint of PyTorch 1.6 or later, a zip archive, found [6f, 74, 68, 65, 72]"
     );
-    assert_eq!(message(&zip(&[])), "the archive: expected one data.pkl, found 0");
+    assert_eq!(message(&zip(&[])), "the archive: expected one entry data.pkl, found 0");
     let other = zip(&[("x/data.pkl", b"\x80\x02}X\x01\0\0\0aK\x01s.")]);
     assert_eq!(
         message(&other),
-        "the checkpoint: expected DVGO's model_state_dict and model_kwargs, or TensoRF's alphaMask.mask, found a"
+        "the keys of the checkpoint: expected DVGO's model_state_dict and model_kwargs, or TensoRF's alphaMask.mask, found a"
     );
     let tensorf = zip(&[("x/data.pkl", b"\x80\x02}(X\x06\0\0\0kwargs}X\x0a\0\0\0state_dict}u.")]);
     assert!(message(&tensorf).starts_with("a TensoRF checkpoint without alphaMask is not supported"));
@@ -133,7 +133,7 @@ fn checkpoints_that_contradict_themselves_are_refused() {
         bytes
     };
     let wrong = message(&replaced(b"num_voxels", b"mpi_depth\0"));
-    assert!(wrong.contains("whole bytes, found Invalid checksum"), "{wrong}");
+    assert!(wrong.contains("its bytes are damaged: Invalid checksum"), "{wrong}");
     assert!(message(&FINE[..FINE.len() / 2]).contains("zip directory"));
 }
 
@@ -164,7 +164,7 @@ fn pickles_that_torch_does_not_write_are_refused() {
         (b"I1\n.", "byte 0 of x: expected an instruction of torch's pickles, found 0x49"),
         (b"N.N", "byte 1 of x: expected the end of the pickle, found 1 more bytes"),
         (b"NQ.", "byte 1 of x: expected a tuple, found something else"),
-        (b"ctorch\nSize\n)R.", "byte 13 of x: expected the arguments of a known function, found 0 for Same"),
+        (b"ctorch\nSize\n)R.", "byte 13 of x: expected the arguments that torch passes, found 0 arguments of Same"),
     ] {
         assert_eq!(parse_error(pickle), error);
     }

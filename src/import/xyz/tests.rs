@@ -62,8 +62,8 @@ fn colors_are_bytes_shares_or_words() {
     assert_eq!(color("x,y,z,red,green,blue\n1,2,3,65535,0,1791\n"), Some([255, 0, 6]));
     assert_eq!(
         error(b"x,y,z,r,g,b\n1,2,3,-4,0,0\n"),
-        "the columns red, green and blue: expected integers to 255 or to 65535, or numbers to 1, \
-         found something else in the first thousand lines"
+        "the columns red, green and blue: the first thousand lines are neither integers up to 255 or 65535, \
+         nor numbers up to 1"
     );
 }
 
@@ -88,28 +88,28 @@ fn points_of_little_confidence_are_left_out() {
 #[test]
 fn hostile_lines_are_named() {
     for (text, expected) in [
-        (&b""[..], "the file: expected lines of numbers, found none"),
-        (b"# nothing\n\n", "the file: expected lines of numbers, found none"),
+        (&b""[..], "the file: it has no lines of numbers"),
+        (b"# nothing\n\n", "the file: it has no lines of numbers"),
         (b"1 2 3\n1 2\n", "line 2: expected 3 columns, as in line 1, found 2"),
         (b"1 2 3\n1 2 3 4\n", "line 2: expected 3 columns, as in line 1, found 4"),
         (b"1 2\n", "line 1: expected at least 3 columns, found 2"),
         (b"x y z\n1 2\n", "line 2: expected at least 3 columns, found 2"),
         (b"1 2 x\n", "line 1: expected a number, found \"x\""),
-        (b"1 2 \xff\n", "line 1: expected a number, found bytes that are no UTF-8 text"),
+        (b"1 2 \xff\n", "line 1: expected a number, found bytes that are not UTF-8"),
         (b"1 2 3\nnan 2 3\n", "line 2: expected finite coordinates, found [NaN, 2, 3]"),
         (b"1 inf 3\n", "line 1: expected finite coordinates, found [1, inf, 3]"),
         (b"1 1e999 3\n", "line 1: expected finite coordinates, found [1, inf, 3]"),
         (b"1,5;2;3\n", "line 1: a decimal comma is not supported: write numbers with a decimal point"),
         (b"a b c\n1 2 3\n", "line 1: expected numbers, or the names of columns with x, y and z, found \"a b c\""),
         (b"x y z\nx y z\n", "line 2: expected a number, found \"x\""),
-        (b"3\n1 2 3\n", "line 2: expected 3 points, as the first line says, found 1"),
+        (b"3\n1 2 3\n", "line 2: expected 3 points, as declared in the first line, found 1"),
         (b"99999999999999999999\n", "line 1: expected a number of points, found \"99999999999999999999\""),
         (b"\xff\xfe1\0", "text in UTF-16 is not supported: save it as UTF-8"),
     ] {
         assert_eq!(error(text), expected);
     }
     let endless = vec![b'1'; MAX_LINE + 2];
-    assert_eq!(error(&endless), "byte 0: expected a line of at most 65536 bytes, found a longer one");
+    assert_eq!(error(&endless), "byte 0: the line is longer than 65536 bytes");
 }
 
 #[test]
