@@ -1,4 +1,4 @@
-//! Bytes from anyone: a valid scene or an error, in bounded memory.
+//! Untrusted bytes must give a valid scene or an error, in bounded memory.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

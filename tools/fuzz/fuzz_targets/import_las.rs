@@ -1,11 +1,11 @@
-//! Any bytes as a LAS file. What `laz` decompresses is left out: it panics on some bytes, which the reader catches and
-//! a fuzzer does not.
+//! Any bytes as a LAS file. Compressed points are left out: `laz` panics on some bytes, which the reader catches, but a
+//! fuzzer reports.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use strivec::import::las;
 
-/// Where the header says which format points have, and what says that they are compressed.
+/// Offset of the point format in the header, and the bit that marks compressed points.
 const POINT_FORMAT: usize = 104;
 const COMPRESSED: u8 = 0xC0;
 

@@ -1,4 +1,4 @@
-//! Of changed files: a valid scene, which can be written and read again, or an error.
+//! Changed files must give a valid scene, which can be written and read again, or an error.
 #![no_main]
 
 mod mutation;

@@ -1,4 +1,4 @@
-//! Valid files with changes behind checksums that are right, so that what lies behind those is reached.
+//! Valid files with changes and correct checksums, so that fuzzing reaches the code behind the checksums.
 
 #[path = "../../../tests/container/surgery.rs"]
 #[allow(dead_code, reason = "a part is used")]
@@ -7,7 +7,7 @@ mod surgery;
 use arbitrary::Arbitrary;
 use surgery::{File, seal};
 
-/// Every feature of the format in one at least.
+/// Files that together use every feature of the format.
 const FILES: [&[u8]; 12] = [
     include_bytes!("../../../fixtures/v1/smallest.strivec"),
     include_bytes!("../../../fixtures/v1/everything.strivec"),
@@ -29,7 +29,7 @@ pub struct Input {
     changes: Vec<Change>,
 }
 
-/// A change of the section number `section`, modulo what there is.
+/// A change of section `section`, modulo the number of sections.
 #[derive(Debug, Arbitrary)]
 pub struct Change {
     section: u8,

@@ -1,5 +1,5 @@
-//! Scenes and options from anyone: what can be written reads back, exactly where numbers are exact, within the declared
-//! error elsewhere; and is written again as the same bytes.
+//! Arbitrary scenes and options: a written scene reads back exactly if its numbers are stored exactly, else within the
+//! declared error, and is written again as the same bytes.
 #![no_main]
 
 #[path = "../../../tests/container/surgery.rs"]
@@ -20,7 +20,7 @@ struct RenderSettings {
     networks: u8,
     chunk_tensors: u8,
     level: u8,
-    /// What numbers are overwritten with, and how far apart these are.
+    /// Values that overwrite numbers, and the stride between them.
     stride: u8,
     numbers: Vec<f32>,
 }

@@ -1,5 +1,5 @@
-//! Of changed files: the same scene or error however the bytes come: at once, sought, or in ranges of which each is an
-//! allocation of its own. Of a part of the file, the same or an error.
+//! Changed files must give the same scene or error whether the bytes are read at once, by seeking, or in ranges with an
+//! allocation each. A part of the file must give the same or an error.
 #![no_main]
 
 mod mutation;

@@ -1,19 +1,19 @@
-//! What the targets of readers of geometry share: a visitor that believes nothing.
+//! A visitor that checks the guarantees of geometry readers, shared by their targets.
 
 use strivec::geometry::Aabb;
 use strivec::import::{Fault, Input, Point, ReadOptions, Visitor};
 
-/// The most points, triangles and cells that one input may lead to before the reading is ended.
+/// Points, triangles and cells after which the visitor ends the reading.
 const MOST: u64 = 1 << 16;
 
-/// Checks what readers promise: finite numbers, and an end when one is asked for.
+/// Checks that numbers are finite and that the reader stops after an error of the visitor.
 #[derive(Default)]
-struct Doubting {
+struct CheckingVisitor {
     seen: u64,
     ended: bool,
 }
 
-impl Doubting {
+impl CheckingVisitor {
     fn see(&mut self, finite: bool) -> Result<(), Fault> {
         assert!(finite, "a number that is not finite");
         assert!(!self.ended, "more after the end");
@@ -23,7 +23,7 @@ impl Doubting {
     }
 }
 
-impl Visitor for Doubting {
+impl Visitor for CheckingVisitor {
     fn point(&mut self, point: Point) -> Result<(), Fault> {
         self.see(point.position.is_finite())
     }
@@ -42,7 +42,7 @@ impl Visitor for Doubting {
     }
 }
 
-/// Reads `bytes` by `read`, with two settings; whatever is in them, it must end in a result.
+/// Calls `read` on `bytes` with two sets of options. It must return without a panic.
 pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>) {
     let usual = ReadOptions::default();
     let filtered = ReadOptions {
@@ -54,6 +54,6 @@ pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn
         ..usual
     };
     for options in [usual, filtered] {
-        let _ = read(&mut Input::from_bytes(bytes), &options, &mut Doubting::default());
+        let _ = read(&mut Input::from_bytes(bytes), &options, &mut CheckingVisitor::default());
     }
 }
