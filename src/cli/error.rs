@@ -167,7 +167,7 @@ const RENAMED: [(&str, &str); 5] = [
     ("files", "--prior"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 21] = [
+const SAME: [&str; 20] = [
     "background",
     "bounds",
     "close",
@@ -185,7 +185,6 @@ const SAME: [&str; 21] = [
     "steps",
     "thickness",
     "threshold",
-    "top_k",
     "transform",
     "up",
     "voxel",
@@ -230,7 +229,7 @@ mod tests {
         assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
         assert_eq!(with_flags("`factor_learning_rate` is 0"), "`factor_learning_rate` is 0");
         assert_eq!((flag_of("step_scale"), flag_of("top_k")), ("--step-scale".into(), "--top-k".into()));
-        assert_eq!(with_flags("`top_k` of 5"), "--top-k of 5");
+        assert_eq!(with_flags("`top_k` is 0"), "`top_k` is 0", "training has no such flag");
         assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
         assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");
     }

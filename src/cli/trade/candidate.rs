@@ -53,8 +53,8 @@ impl Candidate {
         if step_scale != 1.0 {
             parts.push(format!("step x{step_scale}"));
         }
-        parts.extend(min_weight.map(|w| format!("color > {w}")));
-        parts.extend(min_transmittance.map(|t| format!("end < {t}")));
+        parts.extend(min_weight.map(|w| format!("weight > {w}")));
+        parts.extend(min_transmittance.map(|t| format!("T < {t}")));
         parts.extend(decoder.map(|mode| format!("decoder {}", mode.name())));
         parts.extend(density_cache.map(|cells| format!("cache {cells}")));
         if self.settings.divisor != 1 {

@@ -45,7 +45,7 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
         ),
         approximations("step", [1.5, 2.0, 3.0, 4.0].map(|by| Approximation { step_scale: by, ..exact }).into()),
         approximations(
-            "color threshold",
+            "smallest weight",
             [1e-3, 3e-3, 1e-2, 3e-2].map(|w| Approximation { min_weight: Some(w), ..exact }).into(),
         ),
         approximations(
@@ -213,7 +213,7 @@ mod tests {
         let knob = |name, approximation| Knob { name, candidates: vec![with(approximation)] };
         let knobs = [
             knob("step", Approximation { step_scale: 2.0, ..exact }),
-            knob("color threshold", Approximation { min_weight: Some(0.01), ..exact }),
+            knob("smallest weight", Approximation { min_weight: Some(0.01), ..exact }),
             knob("neighbors", Approximation { top_k: Some(1), ..exact }),
         ];
         let measured = |ratio, error| Measured {

@@ -1,4 +1,4 @@
-//! `strivec trade --train`: short trainings with the settings of the paper's ablation tables, next to the paper's numbers.
+//! `strivec trade --train`: short trainings with the settings of the paper's ablation tables, next to its numbers.
 
 use std::fs;
 use std::path::{Path, PathBuf};
