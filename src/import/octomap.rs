@@ -293,7 +293,7 @@ mod tests {
             message(&[FULL, b"\n#\n"].concat())
                 .ends_with("line 3: expected a line \"data\", found the end of the file")
         );
-        assert!(message(&[FULL, b"\n", &[b'#'; 5000]].concat()).contains("a line of at most 4096 bytes"));
+        assert!(message(&[FULL, b"\n", &[b'#'; 5000]].concat()).contains("longer than 4096 bytes"));
         assert!(message(&[FULL, b"\n", "#\n".repeat(5000).as_bytes()].concat()).starts_with("line 4096"));
     }
 

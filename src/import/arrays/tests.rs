@@ -91,7 +91,7 @@ fn bare_grids_are_slowest_in_z_and_span_what_is_given() {
     let error = seen_with(&floats, &ReadOptions::default(), read).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "a grid that does not say what it spans is not supported: give its smallest and largest corner as `bounds`"
+        "a grid without bounds is not supported: give its smallest and largest corner as `bounds`"
     );
 }
 
@@ -172,7 +172,7 @@ fn what_numpy_does_not_write_is_refused() {
         assert!(message(&npy("|u1", false, shape, &vec![0; count])).contains("shape"), "{shape}");
     }
     assert!(message(&npy("|u1", false, "(2, 2, 3, 2)", &[0; 24])).contains("three axes"));
-    assert!(message(&npy("|u1", false, "(0, 2, 3)", &[])).contains("axes of 1 or more"));
+    assert!(message(&npy("|u1", false, "(0, 2, 3)", &[])).contains("axes of length 1 or more"));
     assert_eq!(seen(&npy("<f8", false, "(0, 3)", &[])).unwrap().points, []);
     assert!(message(&npy("<f8", false, "(0, 18446744073709551615)", &[])).contains("(rows, 3 to 4096)"));
 }

@@ -82,7 +82,7 @@ fn points_of_little_confidence_are_left_out() {
     let options = ReadOptions { min_confidence: 0.5, ..ReadOptions::default() };
     let seen = seen_with(b"x,y,z,conf\n1,2,3,0.4\n4,5,6,0.5\n", &options, read).unwrap();
     assert_eq!(seen.positions(), [[4.0, 5.0, 6.0]]);
-    assert_eq!(error(b"x,y,z,conf\n1,2,3,nan\n"), "line 2: expected a confidence, found NaN");
+    assert_eq!(error(b"x,y,z,conf\n1,2,3,nan\n"), "line 2: expected a confidence that is a number, found NaN");
 }
 
 #[test]
