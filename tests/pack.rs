@@ -243,7 +243,9 @@ fn converting_there_and_back_changes_no_byte() {
     succeed(folder.path(), &["convert", "b.strivec", "-o", "c.strivec"]);
     let bytes = |name| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read(folder.path(), "a.strivec"), read(folder.path(), "b.strivec"));
-    assert_eq!(bytes("b.strivec"), bytes("c.strivec"));
+    // The same but for the stated error: nothing is lost a second time.
+    assert_eq!(bytes("a.strivec").len(), bytes("b.strivec").len());
+    assert!(bytes("b.strivec") == bytes("c.strivec"));
     fail(
         folder.path(),
         &["convert", "a.strivec", "-o", "d.strivec", "--target-version", "0.9"],

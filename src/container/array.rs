@@ -102,7 +102,7 @@ pub(super) fn read_body(
     lengths: impl Iterator<Item = usize> + Clone,
     budget: &mut Budget,
 ) -> Result<Vec<f32>, Error> {
-    let (encoding, _) = head.options(body.section)?;
+    let encoding = head.options(body.section)?.encoding;
     let (groups, numbers) = count(lengths.clone());
     // The numbers, and the integers in another arrangement.
     budget.spend(body.section, 8 * numbers)?;
@@ -122,7 +122,7 @@ pub(super) fn read(
     body: &[u8],
     lengths: impl Iterator<Item = usize> + Clone,
 ) -> Result<Vec<f32>, Error> {
-    let (encoding, filter) = head.options(place)?;
+    let ArrayOptions { encoding, filter } = head.options(place)?;
     let groups = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
     let (steps, numbers) = body.split_at(groups);
     let numbers: std::borrow::Cow<[u8]> = match filter {
@@ -175,7 +175,7 @@ pub(super) fn read(
 
 impl ArrayHead {
     /// The encoding and filter of these codes.
-    pub(super) fn options(&self, place: &dyn Display) -> Result<(Encoding, Filter), Error> {
+    pub(super) fn options(&self, place: &dyn Display) -> Result<ArrayOptions, Error> {
         let encoding = self.encoding(place)?;
         let filter = match self.filter {
             0 => Filter::None,
@@ -189,7 +189,7 @@ impl ArrayHead {
         if !valid {
             return Err(Error::malformed(format!("{place} error"), "a finite number from 0, 0 for f32", self.error));
         }
-        Ok((encoding, filter))
+        Ok(ArrayOptions { encoding, filter })
     }
 
     fn encoding(&self, place: &dyn Display) -> Result<Encoding, Error> {

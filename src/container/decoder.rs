@@ -59,7 +59,7 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOption
     writer.compressed(Place::whole(SectionKind::Decoder), record::write(&"DECODER", &record)?, &written.body)
 }
 
-pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder, Error> {
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions), Error> {
     let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
     let numbers = array::read_body(&body, &record.head, group_lengths(&record.layers), budget)?;
     let mut rest = numbers.as_slice();
@@ -76,7 +76,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder
             bias: take(outputs as usize),
         })
         .collect();
-    Ok(Decoder {
+    let decoder = Decoder {
         mode: match record.mode {
             0 => DecoderMode::PerSample,
             1 => DecoderMode::PerRay,
@@ -86,7 +86,8 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Decoder
         feature_frequencies: record.feature_frequencies,
         direction_frequencies: record.direction_frequencies,
         layers,
-    })
+    };
+    Ok((decoder, record.head.options(payload.section)?))
 }
 
 /// The lengths of the array's groups: each row of weights, then the bias, layer by layer.

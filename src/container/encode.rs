@@ -1,5 +1,7 @@
 //! From a scene to bytes.
 
+use half::f16;
+
 use super::encoding::{ArrayOptions, Encoding, Filter};
 use super::error::Error;
 use super::metadata::Metadata;
@@ -40,6 +42,14 @@ impl FactorOptions {
     pub fn new(encoding: Encoding) -> Self {
         Self { array: ArrayOptions::best(encoding), steps: None }
     }
+
+    /// Drops the step codes of all but the `kept` of a scale's `tensors`.
+    pub fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
+        if let Some(steps) = &mut self.steps {
+            let of_tensor = steps.len() / tensors.max(1);
+            *steps = kept.iter().flat_map(|n| &steps[n * of_tensor..][..of_tensor]).copied().collect();
+        }
+    }
 }
 
 impl EncodeOptions {
@@ -47,6 +57,13 @@ impl EncodeOptions {
     pub fn uniform(encoding: Encoding) -> Self {
         let factors = vec![FactorOptions::new(encoding)];
         Self { density: factors.clone(), appearance: factors, ..Self::default() }
+    }
+
+    /// Floats: 16 bits where that loses nothing of `scene`, else 32 bits.
+    pub fn lossless(scene: &Scene) -> Self {
+        let factors = scene.scales.iter().flat_map(|scale| [&scale.factors.density, &scale.factors.appearance]);
+        let is_half = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
+        Self::uniform(if factors.flatten().all(is_half) { Encoding::F16 } else { Encoding::F32 })
     }
 }
 

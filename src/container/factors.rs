@@ -1,7 +1,7 @@
 //! DENSITY and APPEARANCE: the factors of a chunk's tensors (spec 3.10).
 
 use super::array::{self, ArrayHead};
-use super::encoding::{ArrayOptions, Encoding};
+use super::encoding::ArrayOptions;
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::{Body, Payload};
@@ -124,21 +124,34 @@ pub(super) fn write(
 /// The factors of a chunk.
 pub(super) struct Chunk {
     layout: Layout,
-    by_group: bool,
+    options: ArrayOptions,
+    /// \[group\] step codes, in the file's order; empty for floats.
+    steps: Vec<u8>,
     /// In the file's order.
     numbers: Vec<f32>,
 }
 
 impl Chunk {
-    /// Copies them into `values`, the factors of the scale; `places` are the numbers of the chunk's tensors there.
-    pub(super) fn put(self, places: &[u32], values: &mut [f32]) {
-        let mut next = self.numbers.into_iter();
-        let tensor_len = self.layout.tensor_len();
-        self.layout.for_each(self.by_group, |t, at| {
+    /// Copies the numbers into `values`, the factors of the scale, and the step codes into `steps`,
+    /// \[tensor\]\[component\]\[axis\]; `places` are the numbers of the chunk's tensors in the scale.
+    pub(super) fn put(self, places: &[u32], values: &mut [f32], steps: &mut [u8]) {
+        let Self { layout, options, steps: codes, numbers } = self;
+        let mut next = numbers.into_iter();
+        let tensor_len = layout.tensor_len();
+        layout.for_each(options.encoding.is_by_group(), |t, at| {
             if let Some(value) = next.next() {
                 values[places[t] as usize * tensor_len + at] = value;
             }
         });
+        let components = layout.components.iter().enumerate().flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)));
+        for ((t, c), codes) in components.zip(codes.as_chunks::<3>().0) {
+            steps[3 * (places[t] as usize * layout.rank + c)..][..3].copy_from_slice(codes);
+        }
+    }
+
+    /// Encoding and filter of the numbers.
+    pub(super) fn options(&self) -> ArrayOptions {
+        self.options
     }
 }
 
@@ -146,7 +159,7 @@ impl Chunk {
 pub(super) struct Opened<'a> {
     head: ArrayHead,
     body: Body<'a>,
-    encoding: Encoding,
+    options: ArrayOptions,
     /// Bytes of a tensor's mask of components.
     mask_bytes: usize,
     rank: usize,
@@ -164,7 +177,8 @@ pub(super) fn open<'a>(
     let name = payload.section;
     let (record, body): (FactorsRecord, _) = payload.record_and_body()?;
     Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
-    let (encoding, _) = record.head.options(name)?;
+    let options = record.head.options(name)?;
+    let encoding = options.encoding;
     let mask_bytes = match record.is_ragged {
         0 => 0,
         1 => rank.div_ceil(8),
@@ -177,19 +191,20 @@ pub(super) fn open<'a>(
         let expected = format!("{masks} to {}", masks + all);
         return Err(Error::malformed(format!("{name} body length"), expected, body.length));
     }
-    Ok(Opened { head: record.head, body, encoding, mask_bytes, rank, resolution, tensors })
+    Ok(Opened { head: record.head, body, options, mask_bytes, rank, resolution, tensors })
 }
 
 impl Opened<'_> {
     /// The most memory that [`Self::read`] takes.
     pub(super) fn max_memory(&self) -> u64 {
-        let numbers = self.body.length / self.encoding.width() as u64;
+        let numbers = self.body.length / self.options.encoding.width() as u64;
         self.body.length + NUMBER_BYTES * numbers
     }
 
     /// Reads the factors.
     pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
-        let &Self { ref head, ref body, encoding, mask_bytes, rank, resolution, tensors } = self;
+        let &Self { ref head, ref body, options, mask_bytes, rank, resolution, tensors } = self;
+        let encoding = options.encoding;
         let name = body.section;
         let bytes = body.decode(body.length, budget)?;
         let (masks, array) = bytes.split_at(mask_bytes * tensors);
@@ -205,7 +220,8 @@ impl Opened<'_> {
         Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
         budget.spend(name, NUMBER_BYTES * numbers)?;
         let numbers = array::read(name, head, array, layout.group_lengths())?;
-        Ok(Chunk { layout, by_group: encoding.is_by_group(), numbers })
+        let steps = if encoding.is_by_group() { array[..groups as usize].to_vec() } else { Vec::new() };
+        Ok(Chunk { layout, options, steps, numbers })
     }
 }
 

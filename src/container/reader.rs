@@ -1,5 +1,7 @@
 //! From bytes to a scene, whole or in part (spec 2.4).
 
+use super::encode::{EncodeOptions, FactorOptions};
+use super::encoding::{ArrayOptions, Encoding};
 use super::error::Error;
 use super::fetch::{Fetched, fetch};
 use super::limits::{Budget, Limits};
@@ -26,6 +28,9 @@ pub struct SceneFile {
     pub scene: Scene,
     /// The ancillary parts.
     pub metadata: Metadata,
+    /// How the file stores the scene's numbers: writing with these options gives the same numbers again.
+    /// `chunk_tensors` and `zstd_level` are the defaults.
+    pub encoding: EncodeOptions,
 }
 
 /// Decodes the scene of a whole `.strivec` file (spec 2.4). The scene passes [`Scene::check`].
@@ -112,11 +117,20 @@ impl<S: Source> Reader<S> {
 
         let count = part.scales.map_or(head.scales, |s| s.clamp(1, head.scales));
         let mut scales: Vec<Scale> = Vec::with_capacity(count);
+        let mut encoding = EncodeOptions {
+            density: Vec::new(),
+            appearance: Vec::new(),
+            networks: head.networks,
+            ..EncodeOptions::default()
+        };
         let mut metadata = Metadata::default();
         for index in 0..head.scales {
             let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
             if index < count {
-                scales.push(self.read_scale(&sections, part.within, &mut budget)?);
+                let (scale, [density, appearance]) = self.read_scale(&sections, part.within, &mut budget)?;
+                scales.push(scale);
+                encoding.density.push(density);
+                encoding.appearance.push(appearance);
                 metadata.prefixes.push(self.read_prefix(&sections, &scales, &mut budget)?);
             }
         }
@@ -138,7 +152,7 @@ impl<S: Source> Reader<S> {
             scene.bounds = scene.bounds.intersection(&within);
         }
         scene.check()?;
-        Ok(SceneFile { scene, metadata })
+        Ok(SceneFile { scene, metadata, encoding })
     }
 
     /// Reads FRAME, RULES, PROVENANCE, DECODER and OCCUPANCY.
@@ -153,12 +167,12 @@ impl<S: Source> Reader<S> {
             Some(section) => provenance::read(&bytes.payload(section)?)?,
             None => Provenance::default(),
         };
-        let decoder = decoder::read(&bytes.payload(decoder)?, budget)?;
+        let (decoder, networks) = decoder::read(&bytes.payload(decoder)?, budget)?;
         let occupancy = match occupancy {
             Some(section) => Some(occupancy::read(&bytes.payload(section)?, budget)?),
             None => None,
         };
-        Ok(Head { frame, rules, bounds, scales: usize::from(scales), provenance, decoder, occupancy })
+        Ok(Head { frame, rules, bounds, scales: usize::from(scales), provenance, decoder, networks, occupancy })
     }
 
     /// The correction of the scene of `scales`, if the last of them has one.
@@ -196,13 +210,14 @@ impl<S: Source> Reader<S> {
         Ok(())
     }
 
-    /// Reads the scale of these sections, or only its chunks that reach into `within`.
+    /// Reads the scale of these sections, or only its chunks that reach into `within`; and how its density and its
+    /// appearance factors are stored.
     fn read_scale(
         &self,
         sections: &ScaleSections<'_>,
         within: Option<Aabb>,
         budget: &mut Budget,
-    ) -> Result<Scale, Error> {
+    ) -> Result<(Scale, [FactorOptions; 2]), Error> {
         let name = sections.scale;
         let mut wanted = vec![sections.scale, sections.matrix];
         if within.is_none() {
@@ -226,7 +241,8 @@ impl<S: Source> Reader<S> {
         // Within the limits: 2^24 tensors, 2^12 rows, 2^9 components.
         let [density, appearance] =
             [record.density_rank, record.appearance_rank].map(|rank| tensors * rows * u64::from(rank));
-        budget.spend(name, 4 * (density + appearance) + 64 * tensors)?;
+        let step_codes = 3 * tensors * (u64::from(record.density_rank) + u64::from(record.appearance_rank));
+        budget.spend(name, 4 * (density + appearance) + step_codes + 64 * tensors)?;
         let mut centers = Vec::with_capacity(chunks.len());
         for &n in &chunks {
             centers.push(placement::read(&bytes.payload(sections.chunks[n][0])?, &shape, n, budget)?);
@@ -242,14 +258,14 @@ impl<S: Source> Reader<S> {
             density: vec![0.0; density as usize],
             appearance: vec![0.0; appearance as usize],
         };
-        read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
+        let stored = read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
         let cloud = TensorCloud { placement, half_edge: shape.half_edge(), resolution: record.resolution };
-        Ok(Scale { cloud, top_k: record.top_k, factors, appearance_matrix })
+        Ok((Scale { cloud, top_k: record.top_k, factors, appearance_matrix }, stored))
     }
 }
 
 /// Reads the factors of these `chunks` into those of their scale; `numbers` are the numbers of each chunk's tensors
-/// in the scale.
+/// in the scale. Returns how density and appearance are stored.
 fn read_factors(
     bytes: &Fetched<'_>,
     sections: &ScaleSections<'_>,
@@ -258,9 +274,12 @@ fn read_factors(
     factors: &mut Factors,
     resolution: [u32; 3],
     budget: &mut Budget,
-) -> Result<(), Error> {
+) -> Result<[FactorOptions; 2], Error> {
     let ranks = [factors.density_rank, factors.appearance_rank].map(|rank| rank as usize);
     let all: Vec<_> = chunks.iter().zip(numbers).collect();
+    let tensors: usize = numbers.iter().map(Vec::len).sum();
+    let mut steps = ranks.map(|rank| vec![0; 3 * tensors * rank]);
+    let mut options: [Option<ArrayOptions>; 2] = [None; 2];
     for some in all.chunks(PARALLEL_CHUNKS) {
         // In the order of the file, so that the first error does not depend on threads.
         let mut parts = Vec::with_capacity(2 * some.len());
@@ -274,14 +293,21 @@ fn read_factors(
         let read = parallel::map(parts, |(part, mut budget)| part.read(&mut budget));
         let mut read = read.into_iter();
         for (_, numbers) in some {
-            for values in [&mut factors.density, &mut factors.appearance] {
-                if let Some(chunk) = read.next() {
-                    chunk?.put(numbers, values);
-                }
+            let parts = [&mut factors.density, &mut factors.appearance].into_iter().zip(&mut steps).zip(&mut options);
+            for (((values, steps), options), chunk) in parts.zip(&mut read) {
+                let chunk = chunk?;
+                // The options of a scale hold for all its chunks; 32-bit floats lose nothing of any.
+                let mixed = options.is_some_and(|options| options != chunk.options());
+                *options = Some(if mixed { ArrayOptions::best(Encoding::F32) } else { chunk.options() });
+                chunk.put(numbers, values, steps);
             }
         }
     }
-    Ok(())
+    let [density, appearance] = steps;
+    Ok([(options[0], density), (options[1], appearance)].map(|(options, steps)| {
+        let array = options.unwrap_or(ArrayOptions::best(Encoding::F32));
+        FactorOptions { array, steps: array.encoding.is_by_group().then_some(steps) }
+    }))
 }
 
 /// The sections before the scales.
@@ -317,5 +343,7 @@ struct Head {
     scales: usize,
     provenance: Provenance,
     decoder: Decoder,
+    /// How DECODER stores its numbers.
+    networks: ArrayOptions,
     occupancy: Option<Occupancy>,
 }

@@ -4,16 +4,20 @@
 //! not needed: the scene's own pictures from cameras around it are the reference. Photographs can be that, too.
 #![forbid(unsafe_code)]
 
+mod crop;
 mod distortion;
+mod lossless;
 mod lossy;
 mod prefix;
 mod prune;
 mod search;
 mod views;
 
+pub use crop::crop;
 pub use distortion::Distortion;
+pub use lossless::lossless;
 pub use lossy::{Lossy, lossy};
 pub use prefix::fit_prefix;
-pub use prune::{crop, prune};
+pub use prune::prune;
 pub use search::{Candidate, Goal, MAX_TRIED, search};
 pub use views::{Views, probe_views};

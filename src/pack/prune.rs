@@ -1,9 +1,6 @@
-//! Pruning of unimportant components, and cropping to a box.
+//! Pruning of unimportant components.
 
-use glam::DVec3;
-
-use crate::geometry::Aabb;
-use crate::model::{BrokenInvariant, Factors, Scene};
+use crate::model::{Factors, Scene};
 use crate::train::FactorImportance;
 
 /// Writes zeros over the components whose absence adds at most `max_error` each to the mean squared error of pictures.
@@ -34,25 +31,4 @@ pub fn prune(scene: &mut Scene, importance: &FactorImportance, max_error: f64) -
         }
     }
     pruned as f64 / all.max(1) as f64
-}
-
-/// The part of `scene` inside `within`, in model units: the tensors that reach into the box, and the intersection of
-/// the bounds. Inside, pictures stay the same.
-///
-/// # Errors
-///
-/// If nothing is left.
-pub fn crop(scene: &Scene, within: &Aabb) -> Result<Scene, BrokenInvariant> {
-    let mut cropped = scene.clone();
-    cropped.bounds = scene.bounds.intersection(within);
-    for scale in &mut cropped.scales {
-        let reaches = |center: DVec3| {
-            let covered = Aabb::around(center, scale.cloud.half_edge).intersection(&cropped.bounds);
-            covered.min.cmple(covered.max).all()
-        };
-        let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();
-        scale.keep_tensors(&kept);
-    }
-    cropped.check()?;
-    Ok(cropped)
 }

@@ -21,7 +21,7 @@ pub(super) struct Args {
     /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// Encoding of the factors; matrices and decoder stay lossless [default: f16 if it is lossless, else f32]
+    /// Encoding of the factors; matrices and decoder stay lossless [default: the file's]
     #[arg(long, value_enum)]
     encoding: Option<Plain>,
     #[command(flatten)]
@@ -68,7 +68,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         if let Some(name) = &args.quality {
             bake(&mut document, path, name, session)?;
         }
-        let options = args.layout.apply(options_for(args.encoding, &document.scene, &args.layout))?;
+        let options = options_for(args.encoding, &document).map_err(|e| Error::container(path, e))?;
+        let options = args.layout.apply(options)?;
         let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options);
         bytes.map_err(|e| Error::container(path, e))
     })

@@ -23,7 +23,7 @@ struct Target {
     /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// Encoding of the factors [default: f16 if it is lossless, else f32]
+    /// Encoding of the factors [default: the file's; floats for numbers that the edit changes]
     #[arg(long, value_enum)]
     encoding: Option<Plain>,
     #[command(flatten)]
@@ -43,7 +43,8 @@ impl Target {
         rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
             let mut changed = change(document, path)?;
             forget_measurements(&mut changed.metadata);
-            let options = self.layout.apply(options_for(self.encoding, &changed.scene, &self.layout))?;
+            let options = options_for(self.encoding, &changed).map_err(|e| Error::container(path, e))?;
+            let options = self.layout.apply(options)?;
             container::encode_scene_file(&changed.scene, &changed.metadata, &options)
                 .map_err(|e| Error::container(path, e))
         })
@@ -115,7 +116,7 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
                 let message = format!("{}: the box holds nothing of the scene (bounds {bounds})", path.display());
                 return Err(Error::Usage(message));
             }
-            document.scene = pack::crop(&document.scene, &within).map_err(|e| Error::container(path, e.into()))?;
+            document = pack::crop(document, &within).map_err(|e| Error::container(path, e.into()))?;
         }
         Ok(document)
     })

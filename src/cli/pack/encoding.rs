@@ -1,11 +1,9 @@
 //! Options of encodings.
 
-use clap::ValueEnum;
-use half::f16;
-
 use crate::cli::Error;
-use crate::container::{ArrayOptions, EncodeOptions, Encoding, Filter};
-use crate::model::Scene;
+use crate::container::{self, EncodeOptions, Encoding, Filter, SceneFile};
+use crate::pack;
+use clap::ValueEnum;
 
 /// Encodings that depend on the numbers alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -60,37 +58,24 @@ impl LayoutArgs {
         Ok(())
     }
 
-    /// `options` with this level and chunk size.
+    /// `options` with this level and chunk size, and floats arranged for them.
     pub(super) fn apply(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
         self.check()?;
         let zstd_level = (self.level > 0).then_some(i32::from(self.level));
-        Ok(EncodeOptions { zstd_level, chunk_tensors: self.chunk_tensors as usize, ..options })
+        let mut options = EncodeOptions { zstd_level, chunk_tensors: self.chunk_tensors as usize, ..options };
+        // Floats in the arrangement that compresses best or, without compression, that can be mapped.
+        let filter = if zstd_level.is_some() { Filter::Planes } else { Filter::None };
+        let factors = options.density.iter_mut().chain(&mut options.appearance).map(|factors| &mut factors.array);
+        for array in factors.chain([&mut options.networks]) {
+            if matches!(array.encoding, Encoding::F32 | Encoding::F16) {
+                array.filter = filter;
+            }
+        }
+        Ok(options)
     }
 }
 
-/// `encoding`, or the smallest floating-point encoding that loses nothing of `scene`.
-pub(super) fn options_for(encoding: Option<Plain>, scene: &Scene, layout: &LayoutArgs) -> EncodeOptions {
-    match encoding {
-        None => lossless(scene, layout),
-        Some(Plain::F32) => floats(Encoding::F32, layout),
-        Some(other) => EncodeOptions::uniform(other.encoding()),
-    }
-}
-
-/// The smallest floating-point encoding that loses nothing: 16 bits for scenes read from 16-bit files, else 32 bits.
-pub(super) fn lossless(scene: &Scene, layout: &LayoutArgs) -> EncodeOptions {
-    let is_half = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
-    let factors = scene.scales.iter().flat_map(|scale| [&scale.factors.density, &scale.factors.appearance]);
-    let encoding = if factors.flatten().all(is_half) { Encoding::F16 } else { Encoding::F32 };
-    floats(encoding, layout)
-}
-
-/// Floats in the arrangement that compresses best or, without compression, that can be mapped.
-fn floats(encoding: Encoding, layout: &LayoutArgs) -> EncodeOptions {
-    let filter = if layout.level > 0 { Filter::Planes } else { Filter::None };
-    let networks = ArrayOptions { encoding: Encoding::F32, filter };
-    let mut options = EncodeOptions { networks, ..EncodeOptions::uniform(encoding) };
-    let factors = options.density.iter_mut().chain(&mut options.appearance);
-    factors.for_each(|factors| factors.array = ArrayOptions { encoding, filter });
-    options
+/// `encoding` for all factors, or options that lose nothing of `file`: its own where they fit.
+pub(super) fn options_for(encoding: Option<Plain>, file: &SceneFile) -> Result<EncodeOptions, container::Error> {
+    encoding.map_or_else(|| pack::lossless(file), |encoding| Ok(EncodeOptions::uniform(encoding.encoding())))
 }

@@ -13,7 +13,7 @@ use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::table::plural;
 use crate::cli::{Error, Session};
-use crate::container::{self, Metadata, SceneFile, TrainingCamera, Views};
+use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{
     AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
@@ -132,7 +132,8 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
 pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let document = Folder(&args.input).document()?;
-    let options = args.layout.apply(options_for(args.encoding, &document.scene, &args.layout))?;
+    let options = options_for(args.encoding, &document).map_err(|e| Error::container(&args.input, e))?;
+    let options = args.layout.apply(options)?;
     let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;
     let output = outputs.write(&args.input, &bytes)?;
@@ -146,7 +147,7 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
 
 /// Names and contents.
 fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
-    let SceneFile { scene, metadata } = document;
+    let SceneFile { scene, metadata, .. } = document;
     let mut files = BTreeMap::new();
     let mut add = |name: String, bytes: Result<Vec<u8>, Error>| bytes.map(|bytes| drop(files.insert(name, bytes)));
     for (s, scale) in scene.scales.iter().enumerate() {
@@ -248,7 +249,8 @@ impl Folder<'_> {
         let Description { frame, bounds, rules, provenance, license, views, cameras, notes, .. } = d;
         let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
         scene.check().map_err(|e| Error::Malformed(format!("{}: {e}", self.0.display())))?;
-        Ok(SceneFile { scene, metadata: Metadata { license, views, cameras, notes, ..Metadata::default() } })
+        let encoding = EncodeOptions::lossless(&scene);
+        Ok(SceneFile { scene, metadata: Metadata { license, views, cameras, notes, ..Metadata::default() }, encoding })
     }
 
     fn scale(&self, s: usize, scale: ScaleDescription) -> Result<Scale, Error> {

@@ -6,19 +6,19 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::convert::warn_of_growth;
-use super::encoding::{LayoutArgs, lossless};
+use super::encoding::LayoutArgs;
 use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
 use crate::cli::table::plural;
 use crate::cli::{Error, Session, quantity, training};
-use crate::container::{self, Limits, Metadata, Quality, SceneFile, TrainingCamera};
+use crate::container::{self, EncodeOptions, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
 use crate::measure::make_probes;
 use crate::model::Scene;
-use crate::pack::{Candidate, Distortion, Goal, MAX_TRIED, Views, fit_prefix, probe_views, search};
+use crate::pack::{self, Candidate, Distortion, Goal, MAX_TRIED, Views, fit_prefix, probe_views, search};
 use crate::psnr::psnr_of_mse;
 use crate::train::FactorImportance;
 
@@ -118,7 +118,7 @@ impl DataArgs {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 struct GoalArgs {
-    /// Lossless: f16 if the factors are exact in it, else f32
+    /// Lossless: keep the file's encoding
     #[arg(long)]
     lossless: bool,
     /// Target PSNR to the scene's own pictures [default: balanced]
@@ -247,7 +247,8 @@ fn read_trained(path: &Path, limits: Limits) -> Result<(SceneFile, u64), Error> 
     if path.extension().is_some_and(|e| e == "state") {
         let (_, scene) = training::read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
-        return Ok((SceneFile { scene, metadata: Metadata::default() }, bytes));
+        let encoding = EncodeOptions::lossless(&scene);
+        return Ok((SceneFile { scene, metadata: Metadata::default(), encoding }, bytes));
     }
     let (document, bytes) = input::read(path, limits)?;
     Ok((document, bytes.len() as u64))
@@ -261,7 +262,9 @@ fn pack(
     session: &Session,
     path: &Path,
 ) -> Result<(Vec<u8>, Quality), Error> {
-    let SceneFile { scene, mut metadata } = document;
+    let lossless = args.goal.lossless.then(|| pack::lossless(&document)).transpose();
+    let lossless = lossless.map_err(|e| Error::container(path, e))?;
+    let SceneFile { scene, mut metadata, .. } = document;
     if args.with_cameras {
         metadata.cameras = args.data.training_cameras(&scene)?;
     }
@@ -282,8 +285,8 @@ fn pack(
         session,
         smallest: Cell::new(None),
     };
-    if args.goal.lossless {
-        let options = args.layout.apply(lossless(&packing.scene, &args.layout))?;
+    if let Some(options) = lossless {
+        let options = args.layout.apply(options)?;
         let scene = packing.scene.clone();
         let whole = Candidate { bytes: 0, error: 0.0, decoded: scene.clone(), scene, options };
         return packing.finish(&whole, path);

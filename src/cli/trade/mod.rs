@@ -125,7 +125,7 @@ fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
 /// Measures render settings of the scene in `file`, reports, and stores the front if asked to.
 fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let console = &session.console;
-    let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(file)?;
+    let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(file)?;
     let views = match &args.data {
         Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
         None => Views::own(&scene, &metadata.cameras, args.views.into(), args.size, console)?,
@@ -173,7 +173,7 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
 fn sources(own: Source, checksum: u32, args: &Args, session: &Session) -> Result<(Vec<Source>, Vec<u32>), Error> {
     let (mut sources, mut checksums) = (vec![own], vec![checksum]);
     for path in &args.also {
-        let (SceneFile { scene, metadata }, bytes) = scene_file::read_scene_file(path)?;
+        let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(path)?;
         checksums.push(crc32fast::hash(&bytes));
         let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });

@@ -1,0 +1,33 @@
+//! Cropping to a box.
+
+use glam::DVec3;
+
+use crate::container::SceneFile;
+use crate::geometry::Aabb;
+use crate::model::BrokenInvariant;
+
+/// The part of `file` inside `within`, in model units: the tensors that reach into the box, and the intersection of
+/// the bounds. Inside, pictures stay the same.
+///
+/// # Errors
+///
+/// If nothing is left.
+pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, BrokenInvariant> {
+    let SceneFile { scene, encoding, .. } = &mut file;
+    scene.bounds = scene.bounds.intersection(within);
+    for (s, scale) in scene.scales.iter_mut().enumerate() {
+        let reaches = |center: DVec3| {
+            let covered = Aabb::around(center, scale.cloud.half_edge).intersection(&scene.bounds);
+            covered.min.cmple(covered.max).all()
+        };
+        let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();
+        for factors in [&mut encoding.density, &mut encoding.appearance] {
+            if let Some(factors) = factors.get_mut(s) {
+                factors.keep_tensors(&kept, scale.cloud.len());
+            }
+        }
+        scale.keep_tensors(&kept);
+    }
+    scene.check()?;
+    Ok(file)
+}

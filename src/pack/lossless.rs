@@ -1,0 +1,52 @@
+//! Encoding without loss.
+
+use crate::container::{
+    ArrayOptions, EncodeOptions, Encoding, Error, FactorOptions, Limits, SceneFile, decode_scene_file,
+    encode_scene_file,
+};
+use crate::model::Scene;
+
+/// Options that lose nothing of `file`: its own, and floats where an edit has left numbers that its own would round.
+///
+/// # Errors
+///
+/// If the scene cannot be encoded.
+pub fn lossless(file: &SceneFile) -> Result<EncodeOptions, Error> {
+    let trial = EncodeOptions { zstd_level: None, ..file.encoding.clone() };
+    let read = match encode_scene_file(&file.scene, &file.metadata, &trial) {
+        Ok(bytes) => Some(decode_scene_file(&bytes, Limits { memory: u64::MAX })?),
+        // A number that the encoding cannot hold.
+        Err(Error::Overflow { .. }) => None,
+        Err(error) => return Err(error),
+    };
+    let mut options = EncodeOptions { density: Vec::new(), appearance: Vec::new(), ..file.encoding.clone() };
+    let floats = EncodeOptions::lossless(&file.scene);
+    for (s, scale) in file.scene.scales.iter().enumerate() {
+        let read = read.as_ref().map(|read| &read.scene.scales[s].factors);
+        let fits = |read: Option<&Vec<f32>>, values: &[f32]| read.is_some_and(|read| same_bits(read, values));
+        let choose = |fits: bool, own: &[FactorOptions], floats: &[FactorOptions]| {
+            let options = if fits { own.get(s).or(own.last()) } else { floats.last() };
+            options.cloned().unwrap_or_else(|| FactorOptions::new(Encoding::F32))
+        };
+        let factors = &scale.factors;
+        let (density, appearance) =
+            (fits(read.map(|r| &r.density), &factors.density), fits(read.map(|r| &r.appearance), &factors.appearance));
+        options.density.push(choose(density, &file.encoding.density, &floats.density));
+        options.appearance.push(choose(appearance, &file.encoding.appearance, &floats.appearance));
+    }
+    let networks = |scene: &Scene| {
+        let matrices: Vec<_> = scene.scales.iter().map(|scale| scale.appearance_matrix.clone()).collect();
+        (scene.decoder.clone(), matrices)
+    };
+    let same = |read: &SceneFile| {
+        networks(&read.scene) == networks(&file.scene) && read.metadata.prefixes == file.metadata.prefixes
+    };
+    if !read.as_ref().is_some_and(same) {
+        options.networks = ArrayOptions::best(Encoding::F32);
+    }
+    Ok(options)
+}
+
+fn same_bits(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
