@@ -62,7 +62,7 @@ export function levels() {
   const [data, trained, file] = ["photographs", "trained.strivec", "levels.strivec"].map((name) => join(out, name));
   const config = join(import.meta.dirname, "levels.toml");
   run(strivec, "synth", data, "--views", "12", "--test-views", "2", "--size", "48x48");
-  run(strivec, "train", data, "-o", trained, "--config", config, "--prior", join(data, "mesh.ply"), "--keep-unused");
+  run(strivec, "train", data, "-o", trained, "--config", config, "--prior", join(data, "mesh.ply"), "--keep-dead");
   const options = ["--lossless", "--level", "0", "--effort", "0.1", "--data", data, "--with-cameras"];
   run(pack, "pack", trained, "-o", file, ...options);
   return (made = { file, data });
