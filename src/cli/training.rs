@@ -16,7 +16,7 @@ use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::prior::{CoarseProgress, VoxelBoxes};
-use crate::psnr::psnr_of_mse;
+use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
 
 /// The cameras of `dataset`'s photographs.
@@ -125,33 +125,17 @@ pub(super) struct Meter<'a> {
     progress: Progress<'a>,
     begun: Instant,
     first_step: u64,
-    error: RecentError,
-}
-
-/// The squared error of the last steps, smoothed exponentially.
-#[derive(Default)]
-pub(super) struct RecentError(Option<f64>);
-
-impl RecentError {
-    pub(super) fn add(&mut self, report: &StepReport) {
-        const KEPT: f64 = 0.98;
-        let error = report.mean_squared_error;
-        self.0 = Some(self.0.map_or(error, |before| KEPT * before + (1.0 - KEPT) * error));
-    }
-
-    pub(super) fn psnr(&self) -> f64 {
-        psnr_of_mse(self.0.unwrap_or(f64::NAN))
-    }
+    error: RunningMse,
 }
 
 impl<'a> Meter<'a> {
     pub(super) fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
         let progress = Progress::start(console, "train", trainer.config().steps);
-        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RecentError::default() }
+        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RunningMse::default() }
     }
 
     pub(super) fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
-        self.error.add(report);
+        self.error.add(report.mean_squared_error);
         let rays = (report.step - self.first_step) * trainer.config().batch_rays as u64;
         self.progress.set(report.step, || {
             let rate = rays as f64 / self.begun.elapsed().as_secs_f64();

@@ -27,7 +27,7 @@ pub use bounds::{CameraBounds, frusta_box};
 pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
-pub(crate) use coarse::{RunningMse, check_views, near_and_far};
+pub(crate) use coarse::{check_views, near_and_far};
 pub use error::{BuildError, Error};
 pub use file::to_npz;
 pub use outliers::Outliers;

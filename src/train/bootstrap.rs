@@ -17,7 +17,8 @@ use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
 use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
-use crate::prior::{self, CoarseProgress, RunningMse, VoxelBoxes};
+use crate::prior::{self, CoarseProgress, VoxelBoxes};
+use crate::psnr::RunningMse;
 
 /// Share of its cells, rounded up, by which a tensor reaches past each of its faces into its neighbors. Without it, the
 /// planes between tensors, in the middle of the scene, show in pictures.

@@ -15,12 +15,13 @@ use super::console::Console;
 use super::output::check_scene_name;
 use super::progress::Progress;
 use super::settings::{Basics, Precision, Preset};
-use super::training::{RecentError, interrupts};
+use super::training::interrupts;
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
 use crate::container::{self, EncodeOptions, Metadata};
 use crate::dataset;
 use crate::measure::color_png;
 use crate::model::Scene;
+use crate::psnr::RunningMse;
 use crate::train::{ResizeStep, ShrinkGoal, TrainConfig, Tuning, grow, shrink};
 
 const SHRINK_EXAMPLES: &str = "\
@@ -109,17 +110,17 @@ fn loss(text: &str) -> Result<f64, String> {
 struct Meter<'a> {
     progress: Progress<'a>,
     round: usize,
-    error: RecentError,
+    error: RunningMse,
 }
 
 impl<'a> Meter<'a> {
     fn start(step: &ResizeStep, console: &'a Console) -> Self {
         let progress = Progress::start(console, &format!("round {}", step.round + 1), step.steps[1]);
-        Self { progress, round: step.round, error: RecentError::default() }
+        Self { progress, round: step.round, error: RunningMse::default() }
     }
 
     fn add(&mut self, step: &ResizeStep) {
-        self.error.add(&step.report);
+        self.error.add(step.report.mean_squared_error);
         self.progress.set(step.steps[0], || format!("train {:.2} dB", self.error.psnr()));
     }
 

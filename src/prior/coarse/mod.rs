@@ -33,7 +33,7 @@ use self::trainer::CoarseTrainer;
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice, cell_at};
-use crate::psnr::psnr_of_mse;
+use crate::psnr::RunningMse;
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,23 +135,4 @@ fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
     let cells = (0..grid.values.len()).filter(|&n| grid.values[n][0] > threshold).map(vertex).collect();
     let lattice = Lattice { origin: grid.origin - 0.5 * grid.voxel, pitch: DVec3::splat(grid.voxel) };
     VoxelBoxes { lattice, cells }
-}
-
-/// Exponentially weighted mean of the squared error.
-#[derive(Default)]
-pub(crate) struct RunningMse {
-    squared: f64,
-    weight: f64,
-}
-
-impl RunningMse {
-    pub(crate) fn add(&mut self, squared: f64) {
-        const KEPT: f64 = 0.95;
-        self.squared = KEPT * self.squared + squared;
-        self.weight = KEPT * self.weight + 1.0;
-    }
-
-    pub(crate) fn psnr(&self) -> f64 {
-        psnr_of_mse((self.squared / self.weight).max(1e-12))
-    }
 }
