@@ -3,8 +3,9 @@
 //! Layers, each importing only from those above it in this list (`tests/import_order` checks it):
 //!
 //! 0. [`geometry`]: boxes, rays, cameras, lattices, the map between a dataset's space and the model's.
-//!    [`color`]: colors as bytes. [`digits`]: numbers as text. [`psnr`]: decibels of an error. [`random`]: counter-based
-//!    random numbers. [`version`](mod@version): the text of `--version`. `npy`: NumPy arrays from untrusted files.
+//!    [`color`]: colors as bytes. [`digits`]: numbers as text. [`escape`]: untrusted texts. [`psnr`]: decibels of an
+//!    error. [`random`]: counter-based random numbers. [`version`](mod@version): the text of `--version`. `npy`: NumPy
+//!    arrays from untrusted files.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `import`: readers of other
 //!    programs' geometry files. `prior`: where the scene is, and placing tensors there. `field`: the fast field that
@@ -37,6 +38,7 @@
 pub mod color;
 pub mod container;
 pub mod digits;
+pub mod escape;
 pub mod geometry;
 pub mod model;
 pub mod psnr;

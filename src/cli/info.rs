@@ -9,6 +9,7 @@ use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
 use crate::digits::grouped;
+use crate::escape::escaped;
 use crate::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\
@@ -107,6 +108,11 @@ impl Info {
         }
     }
 
+    fn made_by(&self) -> String {
+        let [tool, preset] = [&self.tool, &self.preset].map(|text| escaped(text));
+        format!("{tool}, preset {preset}, {}, seed {}", plural(self.steps as usize, "step"), self.seed)
+    }
+
     pub(super) fn text(&self) -> String {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
         let occupancy = match &self.occupancy {
@@ -116,17 +122,8 @@ impl Info {
         let [near, far] = self.near_far;
         let lines = [
             ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
-            (
-                "made by",
-                format!(
-                    "{}, preset {}, {}, seed {}",
-                    self.tool,
-                    self.preset,
-                    plural(self.steps as usize, "step"),
-                    self.seed
-                ),
-            ),
-            ("dataset", self.dataset.clone()),
+            ("made by", self.made_by()),
+            ("dataset", escaped(&self.dataset)),
             ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
             ("scale", format!("{} model units per dataset unit", short(self.scale))),
             (

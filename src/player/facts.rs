@@ -1,15 +1,16 @@
-//! What a file holds, in words.
+//! Facts about a file, as text for the panel.
 
 use crate::container::{Contents, SceneFile};
 use crate::digits::grouped;
+use crate::escape::escaped;
 use crate::model::Coverage;
 
 /// A line of the panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// What it is about.
+    /// Its subject.
     pub name: String,
-    /// What the file says.
+    /// Its text; untrusted texts are escaped.
     pub value: String,
 }
 
@@ -66,10 +67,8 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
 }
 
 fn fact(name: &str, value: String) -> Fact {
-    // What a file says may be long, and may hold anything.
-    const MOST: usize = 200;
-    let value: String = value.chars().map(|c| if c.is_control() { ' ' } else { c }).take(MOST).collect();
-    Fact { name: name.to_owned(), value }
+    const MAX_CHARACTERS: usize = 200;
+    Fact { name: name.to_owned(), value: escaped(&value).chars().take(MAX_CHARACTERS).collect() }
 }
 
 fn millions(count: u64) -> String {

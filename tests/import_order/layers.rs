@@ -6,6 +6,7 @@ use crate::tree::{File, Name, Tree};
 const LAYERS: [(&str, u32); 20] = [
     ("color", 0),
     ("digits", 0),
+    ("escape", 0),
     ("psnr", 0),
     ("geometry", 0),
     ("random", 0),

@@ -11,6 +11,7 @@ use crate::cli::table::Table;
 use crate::cli::{Error, Session};
 use crate::container::{self, Limits, Metadata};
 use crate::digits::grouped;
+use crate::escape::escaped;
 
 /// Arguments of `strivec-pack info`.
 #[derive(Debug, clap::Args)]
@@ -99,7 +100,7 @@ impl Row {
             budget.row([kind.clone(), grouped(*bytes), format!("{:.2} %", 100.0 * share)]);
         }
         let mut lines = vec![format!("version     {}", self.version)];
-        lines.extend(self.license.iter().map(|l| format!("license     {l}")));
+        lines.extend(self.license.iter().map(|l| format!("license     {}", escaped(l))));
         lines.extend(self.psnr_to_before.map(|p| format!("encoded     {p:.1} dB to the pictures before")));
         lines.extend(self.test_psnr.map(|p| format!("test        {p:.2} dB")));
         if !self.psnr_of_prefixes.is_empty() {
@@ -107,7 +108,7 @@ impl Row {
             lines.push(format!("prefixes    {} dB to the whole", each.join(", ")));
         }
         lines.push(format!("probes      {}", self.probes));
-        lines.extend(self.notes.iter().map(|(key, value)| format!("note        {key}: {value}")));
+        lines.extend(self.notes.iter().map(|(key, value)| format!("note        {}: {}", escaped(key), escaped(value))));
         lines.extend(self.unknown_sections.iter().map(|name| format!("unknown     {name}")));
         format!("{}\n{}\n\n{}", self.info.text(), lines.join("\n"), budget.text())
     }
