@@ -17,8 +17,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use strivec::container::{
-    ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, GRID_BITS, Limits, Metadata, Part, decode_scene_file,
-    encode_scene_file, step_code,
+    ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, GRID_BITS, Limits, Metadata, Part, Prefix,
+    decode_scene_file, encode_scene_file, step_code,
 };
 use strivec::measure::{check_probes, make_probes, probe_density_error};
 use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
@@ -169,6 +169,17 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     newer.minor = 9;
     newer.sections.insert(2, Section::ancillary("X-FUTURE", b"something that a reader skips"));
     add("newer-minor", newer.bytes());
+
+    let made = made::metadata();
+    let prefix = Prefix { gain: 1.0, offset: 0.0, features: 5, matrices: vec![vec![0.5; 20]] };
+    let metadata = Metadata { prefixes: vec![Some(prefix), None], ..made };
+    let mut newer = File::of(&file(&ball(), metadata, &plain));
+    newer.minor = 9;
+    newer.part("PROVENANCE").codec = 2;
+    newer.part("THUMBNAIL").patch(0, &[7]);
+    newer.part("PREFIX").patch(24, &[9]);
+    newer.part("NOTES").codec = 2;
+    add("newer-codes", newer.bytes());
     files
 }
 
@@ -288,6 +299,20 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             seal_header(&mut bytes);
             bytes
         }),
+        ("malformed-codec-thumbnail", changed(&|f| f.part("THUMBNAIL").compress(64))),
+        ("malformed-codec-probes", changed(&|f| f.part("PROBES").compress(64))),
+        ("malformed-cosine-decoder", patched("DECODER", 33, &[3, 16])),
+        ("malformed-cosine-matrix", patched("MATRIX", 8, &[3, 16])),
+        ("malformed-cosine-prefix", patched("PREFIX", 24, &[3, 16])),
+        (
+            "malformed-quality",
+            changed(&|f| {
+                let quality = f.part("QUALITY");
+                let payload = [&quality.payload[..24], &1u64.to_le_bytes(), &quality.payload[40..]].concat();
+                // One number of two is left, and the string.
+                quality.set(payload);
+            }),
+        ),
         ("malformed-extra-byte", [base.as_slice(), &[0]].concat()),
         ("scene-nan", patched("RULES", 72, &f64::NAN.to_le_bytes())),
         ("scene-infinite-factor", patched("DENSITY", 64, &f32::INFINITY.to_le_bytes())),
@@ -368,6 +393,26 @@ fn hostile_vectors_are_refused_as_written() {
         let found = decode_scene_file(&bytes, HOSTILE_LIMITS).expect_err(name).to_string();
         assert_eq!(found, error, "{name}");
     }
+}
+
+#[test]
+fn ancillary_sections_with_codes_of_a_later_version_are_skipped() {
+    let bytes = fs::read(folder("v1").join("newer-codes.strivec")).unwrap();
+    let file = decode_scene_file(&bytes, Limits::default()).unwrap();
+    let without = fs::read(folder("v1").join("f32.strivec")).unwrap();
+    assert_eq!(file.scene.scales, decode_scene_file(&without, Limits::default()).unwrap().scene.scales);
+    let Metadata { license, thumbnail, prefixes, notes, cameras, skipped, .. } = file.metadata;
+    assert!(thumbnail.is_none() && notes.is_empty() && prefixes == [None, None]);
+    assert!(license.is_some() && cameras.len() == 1, "other sections are read");
+    assert_eq!(
+        skipped,
+        [
+            "PROVENANCE: codec 2 is not supported",
+            "PREFIX of scale 0 encoding: code 9 is not supported",
+            "THUMBNAIL format: code 7 is not supported",
+            "NOTES: codec 2 is not supported",
+        ]
+    );
 }
 
 #[test]

@@ -95,14 +95,26 @@ pub(super) fn write(
     Ok(written)
 }
 
-/// The numbers of the array that is the whole of `body`.
-pub(super) fn read_body(
+/// [`write`] of the numbers of a network (DECODER, MATRIX and PREFIX), in the finest steps.
+pub(super) fn write_network(
+    place: &dyn Display,
+    values: &[f32],
+    lengths: impl Iterator<Item = usize> + Clone,
+    options: ArrayOptions,
+) -> Result<Written, Error> {
+    check_network_encoding(place, options.encoding)?;
+    write(place, values, lengths, options, None)
+}
+
+/// The numbers of a network (DECODER, MATRIX and PREFIX), whose array is the whole of `body`.
+pub(super) fn read_network(
     body: &Body<'_>,
     head: &ArrayHead,
     lengths: impl Iterator<Item = usize> + Clone,
     budget: &mut Budget,
 ) -> Result<Vec<f32>, Error> {
     let encoding = head.options(body.section)?.encoding;
+    check_network_encoding(body.section, encoding)?;
     let (groups, numbers) = count(lengths.clone());
     // The numbers, and the integers in another arrangement.
     budget.spend(body.section, 8 * numbers)?;
@@ -163,7 +175,7 @@ pub(super) fn read(
                 coefficients
                     .extend(integers[at..at + length].iter().map(|&b| step * from_zigzag(u16::from_le_bytes(b))));
                 if code == 0 && integers[at..at + length].iter().any(|b| *b != [0; 2]) {
-                    return Err(Error::malformed(format!("{place} integers of group {n}"), 0, "others"));
+                    return Err(Error::malformed(format!("{place} integers of group {n}"), "zeros", "another number"));
                 }
                 values.extend_from_slice(cosines.inverse(&coefficients));
                 at += length;
@@ -187,7 +199,7 @@ impl ArrayHead {
         Error::unless_equal(format!("{place} reserved field"), 0, self.reserved)?;
         let valid = self.error.is_finite() && self.error >= 0.0 && (encoding != Encoding::F32 || self.error == 0.0);
         if !valid {
-            return Err(Error::malformed(format!("{place} error"), "a finite number from 0, 0 for f32", self.error));
+            return Err(Error::invalid(format!("{place} error"), "finite, at least 0, and 0 for f32", self.error));
         }
         Ok(ArrayOptions { encoding, filter })
     }
@@ -217,16 +229,21 @@ fn finest_steps<'a>(encoding: Encoding, groups: impl Iterator<Item = &'a [f32]>)
     groups.map(step_of).map(step_code).collect()
 }
 
-fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Result<(), Error> {
-    let fits = match filter {
-        Filter::None => true,
-        Filter::Planes => encoding.width() > 1,
-        Filter::Differences => matches!(encoding, Encoding::Grid(_)),
-    };
-    if fits {
-        return Ok(());
+/// The arrays of networks have no cosine encoding (spec 3.5, 3.8 and 3.11).
+fn check_network_encoding(place: &dyn Display, encoding: Encoding) -> Result<(), Error> {
+    match encoding {
+        Encoding::F32 | Encoding::F16 | Encoding::Grid(_) => Ok(()),
+        Encoding::Cosine => Err(Error::malformed(format!("{place} encoding"), "f32, f16 or grid", "cosine")),
     }
-    Err(Error::malformed(format!("{place} filter"), "one that fits its encoding", format!("{filter:?}")))
+}
+
+fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Result<(), Error> {
+    let (fits, name) = match filter {
+        Filter::None => (true, "none"),
+        Filter::Planes => (encoding.width() > 1, "planes"),
+        Filter::Differences => (matches!(encoding, Encoding::Grid(_)), "differences"),
+    };
+    if fits { Ok(()) } else { Err(Error::malformed(format!("{place} filter"), "one of its encoding", name)) }
 }
 
 /// Transforms of the lengths used so far.

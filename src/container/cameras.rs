@@ -43,7 +43,7 @@ impl Record for CameraRecord {
             return Ok(());
         }
         let found = format!("{:?}, {:?}, {:?}", self.focal, self.principal, self.size);
-        Err(Error::malformed(place, "positive focal lengths and sizes, finite principal point", found))
+        Err(Error::invalid(place, "positive focal lengths and sizes and a finite principal point", found))
     }
 }
 

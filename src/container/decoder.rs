@@ -44,7 +44,7 @@ struct LayerRecord {
 pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOptions) -> Result<(), Error> {
     let layers: Vec<_> = decoder.layers.iter().map(|l| LayerRecord { inputs: l.inputs, outputs: l.outputs }).collect();
     let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
-    let written = array::write(&"DECODER", &numbers, group_lengths(&layers), options, None)?;
+    let written = array::write_network(&"DECODER", &numbers, group_lengths(&layers), options)?;
     let record = DecoderRecord {
         mode: match decoder.mode {
             DecoderMode::PerSample => 0,
@@ -61,7 +61,7 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOption
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions), Error> {
     let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
-    let numbers = array::read_body(&body, &record.head, group_lengths(&record.layers), budget)?;
+    let numbers = array::read_network(&body, &record.head, group_lengths(&record.layers), budget)?;
     let mut rest = numbers.as_slice();
     let mut take = |count: usize| {
         let (values, after) = rest.split_at(count);

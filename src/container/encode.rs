@@ -108,7 +108,7 @@ pub fn encode_scene_file(scene: &Scene, metadata: &Metadata, options: &EncodeOpt
     writer.record(Place::whole(SectionKind::Frame), frame::write(&scene.frame)?);
     writer.record(Place::whole(SectionKind::Rules), rules::write(scene)?);
     writer.record(Place::whole(SectionKind::Provenance), provenance::write(&scene.provenance)?);
-    metadata.write_head(&mut writer)?;
+    metadata.write_head(&mut writer, scene.scales.len())?;
     decoder::write(&mut writer, &scene.decoder, options.networks)?;
     if let Some(occupancy) = &scene.occupancy {
         occupancy::write(&mut writer, occupancy)?;
@@ -131,7 +131,8 @@ fn write_scale(writer: &mut Writer, scene: &Scene, s: usize, options: &EncodeOpt
     matrix::write(writer, index, &scale.appearance_matrix, options.networks)?;
     let of_chunk = |(chunk, tensors): (u32, &Vec<u32>)| -> Result<[Finished; 3], Error> {
         let write = |kind, values, rank: u32, of_scales: &[FactorOptions]| {
-            let no_options = || Error::malformed("options", "how factors are written", "nothing");
+            let no_options =
+                || Error::malformed("`EncodeOptions::density` and `appearance`", "at least one entry each", "none");
             let factors = of_scales.get(s).or(of_scales.last()).ok_or_else(no_options)?;
             let part = factors::Part { values, rank: rank as usize, resolution: scale.cloud.resolution };
             let place = Place::in_chunk(kind, index, chunk);

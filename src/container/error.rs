@@ -6,52 +6,55 @@ use std::ops::Range;
 use super::version::Version;
 use crate::model::BrokenInvariant;
 
-/// Why a file was not read or a scene not written.
+/// The reason why a file was not read or a scene not written (spec 7).
 ///
-/// The variants tell who must act. The file is not one of ours, or not of this version: [`Error::NotStrivec`],
-/// [`Error::UnsupportedVersion`], [`Error::UnknownCritical`], [`Error::Unsupported`]. It was damaged on its way and
-/// should be fetched again: [`Error::LineEndingDamage`], [`Error::Truncated`], [`Error::Corrupt`]. It was written
-/// wrongly: [`Error::Malformed`], [`Error::MissingSection`]. It, or the scene, exceeds what the format allows:
-/// [`Error::Limit`]; or what the caller allows: [`Error::Budget`]. Its bytes could not be had: [`Error::Source`]. The scene itself is not valid: [`Error::Scene`]. The caller asked for what
-/// cannot be: [`Error::Overflow`], [`Error::Level`], [`Error::Compression`].
+/// | group | variants | remedy |
+/// |---|---|---|
+/// | foreign | [`Error::NotStrivec`] | open another file |
+/// | damaged | [`Error::LineEndingDamage`], [`Error::Truncated`], [`Error::Corrupt`] | transfer the file again |
+/// | unsupported | [`Error::UnsupportedVersion`], [`Error::UnknownCritical`], [`Error::Unsupported`] | use a newer reader |
+/// | invalid | [`Error::Malformed`], [`Error::MissingSection`], [`Error::Limit`], [`Error::Scene`] | write the file again |
+/// | over budget | [`Error::Budget`] | allow more memory |
+/// | input | [`Error::Source`] | read again |
+/// | options of the writer | [`Error::Overflow`], [`Error::Level`], [`Error::Compression`] | choose others |
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The first bytes are no `.strivec` magic.
+    /// The file does not begin with the magic.
     #[error("not a .strivec file: it begins with {found:02x?}")]
     NotStrivec {
         /// The first bytes, at most 8.
         found: Vec<u8>,
     },
-    /// The magic went through a conversion of line endings, or lost its high bits: the rest of the file is lost too.
-    #[error("damaged by a transfer as text: the magic arrived as {found:02x?}; transfer the file as binary")]
+    /// The file begins with a damaged magic: a transfer as text changed it (spec 2.1).
+    #[error("damaged by a transfer as text: the file begins with {found:02x?}; transfer it as binary")]
     LineEndingDamage {
         /// The first bytes, at most 8.
         found: Vec<u8>,
     },
-    /// A major version that this reader does not know.
-    #[error("version {found} of the format; this reader knows major version {supported}")]
+    /// A major version that this reader does not support.
+    #[error("version {found} of the format is not supported; this reader supports major version {supported}")]
     UnsupportedVersion {
-        /// The file's.
+        /// The version of the file.
         found: Version,
-        /// The major version read here.
+        /// The major version of this reader.
         supported: u16,
     },
     /// The file ends early.
     #[error("truncated: {part} needs bytes {} to {}, which are missing", missing.start, missing.end)]
     Truncated {
-        /// What is incomplete.
+        /// The incomplete part.
         part: String,
         /// The missing bytes of the file.
         missing: Range<u64>,
     },
-    /// Bytes are not those that were written.
+    /// A checksum is wrong.
     #[error(
-        "corrupt: {section} (bytes {} to {}) has checksum {found:08x} where {expected:08x} was written",
+        "corrupt: the checksum of {section} (bytes {} to {}) must be {expected:08x}; found {found:08x}",
         range.start, range.end
     )]
     Corrupt {
-        /// Which part.
+        /// The part of the file.
         section: String,
         /// Its bytes in the file.
         range: Range<u64>,
@@ -60,28 +63,28 @@ pub enum Error {
         /// The checksum of the bytes.
         found: u32,
     },
-    /// A section that this reader does not know and that the scene means nothing without.
-    #[error("section {name} is unknown to this reader, and the scene cannot be understood without it")]
+    /// A critical section of an unknown kind.
+    #[error("section {name} is unknown to this reader, and the scene cannot be read without it")]
     UnknownCritical {
         /// Its name.
         name: String,
     },
-    /// A named choice that this reader does not know, or knows and does not support.
+    /// A code that this version does not define, or reserves.
     #[error("{place}: {found} is not supported")]
     Unsupported {
-        /// Where.
+        /// The field.
         place: String,
-        /// The choice.
+        /// The code or its name.
         found: String,
     },
-    /// Bytes that the format does not allow.
-    #[error("malformed: {place}: expected {expected}, found {found}")]
+    /// A rule on the layout of bytes is broken.
+    #[error("malformed: {place} must be {expected}; found {found}")]
     Malformed {
-        /// Where.
+        /// The field.
         place: String,
-        /// What the format demands.
+        /// The allowed values.
         expected: String,
-        /// What is there.
+        /// The value in the file.
         found: String,
     },
     /// A section that every file must have.
@@ -90,10 +93,10 @@ pub enum Error {
         /// Its name and scale.
         name: String,
     },
-    /// A number beyond the format's limits, which reader and writer enforce alike.
-    #[error("{place}: {found} is not in the format's range of {min} to {max}")]
+    /// A number outside the limits of spec 5, which reader and writer enforce.
+    #[error("{place} must be within the format's limits, {min} to {max}; found {found}")]
     Limit {
-        /// Which number.
+        /// The field.
         place: String,
         /// The smallest allowed.
         min: u64,
@@ -102,49 +105,50 @@ pub enum Error {
         /// The number.
         found: u64,
     },
-    /// What is to be decoded takes more memory than the caller allows.
-    #[error("{place} needs {needed} bytes of memory where {left} are left of what is allowed")]
+    /// Decoding needs more memory than the caller allows.
+    #[error("{place} needs {needed} bytes of memory, but {left} bytes of the budget are left")]
     Budget {
-        /// What needs it.
+        /// The part of the file.
         place: String,
-        /// Bytes that it needs.
+        /// Bytes of memory that it needs.
         needed: u64,
-        /// Bytes that are left.
+        /// Bytes of the budget that are left.
         left: u64,
     },
-    /// The source did not give bytes of the file.
-    #[error("reading bytes {} to {}: {message}", range.start, range.end)]
+    /// The source failed to read bytes of the file.
+    #[error("cannot read bytes {} to {}: {message}", range.start, range.end)]
     Source {
-        /// The bytes asked for.
+        /// The requested bytes.
         range: Range<u64>,
-        /// What it says.
+        /// The source's message.
         message: String,
     },
-    /// A number too large for the encoding that was asked for: write the scene with 32-bit numbers.
-    #[error("{place}: {value} exceeds {largest}, the largest number of this encoding; encode it as f32")]
+    /// A number is too large for its encoding.
+    #[error("{place} is {value}, which exceeds {largest}, the largest number of this encoding; use f32")]
     Overflow {
-        /// Which number.
+        /// The position of the number.
         place: String,
         /// Its value.
         value: f32,
-        /// The largest value that the encoding has.
+        /// The largest number of the encoding.
         largest: f32,
     },
     /// A compression level outside 1 to 22.
-    #[error("compression level {found} is not between 1 and 22")]
+    #[error("the compression level must be from 1 to 22; found {found}")]
     Level {
-        /// The level asked for.
+        /// The requested level.
         found: i32,
     },
     /// The compressor failed.
-    #[error("compressing {section}: {message}")]
+    #[error("cannot compress {section}: {message}")]
     Compression {
-        /// What was compressed.
+        /// The section.
         section: String,
         /// The compressor's message.
         message: String,
     },
-    /// The scene breaks an invariant: before writing, or after everything in the file was read.
+    /// A rule on values is broken: the scene breaks an invariant ([`crate::model::Scene::check`]), or a field of a
+    /// section is outside its range (spec 3).
     #[error("not a valid scene: {0}")]
     Scene(#[from] BrokenInvariant),
 }
@@ -152,6 +156,12 @@ pub enum Error {
 impl Error {
     pub(super) fn malformed(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Malformed { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
+    }
+
+    /// [`Error::Scene`]: a field of a section that is outside its range.
+    pub(super) fn invalid(place: impl Display, expected: impl Display, found: impl Display) -> Self {
+        let [place, expected, found] = [place.to_string(), expected.to_string(), found.to_string()];
+        Self::Scene(BrokenInvariant { place, expected, found })
     }
 
     pub(super) fn unsupported(place: impl Display, found: impl Display) -> Self {

@@ -182,9 +182,9 @@ pub(super) fn open<'a>(
     let mask_bytes = match record.is_ragged {
         0 => 0,
         1 => rank.div_ceil(8),
-        other => return Err(Error::malformed(format!("{name} ragged"), "0 or 1", other)),
+        other => return Err(Error::malformed(format!("{name} byte 0"), "0 or 1", other)),
     };
-    // How long the array is only the masks tell; all that the chunk may have is its most.
+    // Only the masks determine the length of the array. All components of all tensors are its maximum.
     let masks = (mask_bytes * tensors) as u64;
     let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
     if !(masks..=masks + all).contains(&body.length) {
@@ -217,7 +217,7 @@ impl Opened<'_> {
         let layout = Layout::new(rank, resolution, components);
         let (groups, numbers) = array::count(layout.group_lengths());
         let length = encoding.length(groups, numbers);
-        Error::unless_equal(format!("{name} bytes of numbers"), length, array.len() as u64)?;
+        Error::unless_equal(format!("{name} number of bytes of the array"), length, array.len() as u64)?;
         budget.spend(name, NUMBER_BYTES * numbers)?;
         let numbers = array::read(name, head, array, layout.group_lengths())?;
         let steps = if encoding.is_by_group() { array[..groups as usize].to_vec() } else { Vec::new() };
@@ -229,7 +229,7 @@ impl Opened<'_> {
 fn components_of(name: &impl std::fmt::Display, mask: &[u8], rank: usize) -> Result<Vec<usize>, Error> {
     let is_set = |c: usize| mask[c / 8] >> (c % 8) & 1 == 1;
     if (rank..8 * mask.len()).any(is_set) {
-        return Err(Error::malformed(format!("{name} components"), "unused bits zero", "others"));
+        return Err(Error::malformed(format!("{name} components"), "without bits past the rank", "such a bit"));
     }
     Ok((0..rank).filter(|&c| is_set(c)).collect())
 }

@@ -34,7 +34,7 @@ pub(super) fn write(
 ) -> Result<(), Error> {
     let name = format!("MATRIX of scale {scale}");
     let rows = std::iter::repeat_n(matrix.rank as usize, matrix.features as usize);
-    let written = array::write(&name, &matrix.weights, rows, options, None)?;
+    let written = array::write_network(&name, &matrix.weights, rows, options)?;
     let record = MatrixRecord { features: matrix.features, rank: matrix.rank, head: written.head };
     writer.compressed(Place::in_scale(SectionKind::Matrix, scale), record::write(&name, &record)?, &written.body)
 }
@@ -42,6 +42,6 @@ pub(super) fn write(
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<AppearanceMatrix, Error> {
     let (record, body): (MatrixRecord, _) = payload.record_and_body()?;
     let rows = std::iter::repeat_n(record.rank as usize, record.features as usize);
-    let weights = array::read_body(&body, &record.head, rows, budget)?;
+    let weights = array::read_network(&body, &record.head, rows, budget)?;
     Ok(AppearanceMatrix { features: record.features, rank: record.rank, weights })
 }

@@ -37,6 +37,9 @@ pub struct Metadata {
     pub notes: BTreeMap<String, String>,
     /// Sections of kinds that this version does not define.
     pub unknown: Vec<UnknownSection>,
+    /// Messages, one for each section that was skipped because it has a code of a later version (spec 1). Writing the
+    /// scene drops such sections.
+    pub skipped: Vec<String>,
 }
 
 /// A section of a kind that this version does not define, kept as it was.
@@ -49,13 +52,13 @@ pub struct UnknownSection {
 }
 
 impl Metadata {
-    /// Writes the sections before DECODER.
-    pub(super) fn write_head(&self, writer: &mut Writer) -> Result<(), Error> {
+    /// Writes the sections before DECODER, for a scene of `scales` scales.
+    pub(super) fn write_head(&self, writer: &mut Writer, scales: usize) -> Result<(), Error> {
         if let Some(text) = &self.license {
             license::write(writer, text)?;
         }
         if let Some(quality) = &self.quality {
-            quality::write(writer, quality)?;
+            quality::write(writer, quality, scales)?;
         }
         if let Some(views) = &self.views {
             views::write(writer, views)?;
@@ -83,11 +86,11 @@ impl Metadata {
         Ok(())
     }
 
-    /// Reads an ancillary section before DECODER or after the scales.
-    pub(super) fn read(&mut self, payload: &Payload<'_>, budget: &mut Budget) -> Result<(), Error> {
+    /// Reads an ancillary section before DECODER or after the scales, in the file of a scene of `scales` scales.
+    pub(super) fn read(&mut self, payload: &Payload<'_>, scales: usize, budget: &mut Budget) -> Result<(), Error> {
         match payload.section.kind {
             SectionKind::License => self.license = Some(license::read(payload)?),
-            SectionKind::Quality => self.quality = Some(quality::read(payload)?),
+            SectionKind::Quality => self.quality = Some(quality::read(payload, scales)?),
             SectionKind::Views => self.views = Some(views::read(payload)?),
             SectionKind::Thumbnail => self.thumbnail = Some(thumbnail::read(payload, budget)?),
             SectionKind::Probes => self.probes = Some(probes::read(payload, budget)?),

@@ -36,11 +36,11 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMa
         let (value, after): (Text<'_>, _) = record::read(&place, after)?;
         rest = after;
         if notes.last_key_value().is_some_and(|(last, _)| last.as_str() >= key.text) {
-            return Err(Error::malformed(place, "ascending keys", key.text));
+            return Err(Error::malformed(format!("{place} key"), "after the previous key", format!("{:?}", key.text)));
         }
         notes.insert(key.text.into(), value.text.into());
     }
-    Error::unless_equal(format!("{name} bytes after the notes"), 0, rest.len())?;
+    Error::unless_equal(format!("{name} number of bytes after the notes"), 0, rest.len())?;
     Ok(notes)
 }
 

@@ -40,7 +40,7 @@ impl<'a, 'b> Order<'a, 'b> {
         let name = name_of(kind, scale, chunk);
         let elsewhere = self.sections.iter().any(|s| s.is_at(kind, scale, chunk));
         Err(match self.sections.get(self.next) {
-            Some(found) if elsewhere => Error::malformed("order of sections", name, found),
+            Some(found) if elsewhere => Error::malformed("next section", name, found),
             _ => Error::MissingSection { name },
         })
     }
@@ -49,7 +49,7 @@ impl<'a, 'b> Order<'a, 'b> {
     pub(super) fn finish(&self) -> Result<(), Error> {
         match self.sections.get(self.next) {
             None => Ok(()),
-            Some(section) => Err(Error::malformed("order of sections", "no further section", section)),
+            Some(section) => Err(Error::malformed("next section", "of an unknown kind", section)),
         }
     }
 }

@@ -49,18 +49,20 @@ impl<'a> Payload<'a> {
 
     /// The record of a section that has no body.
     pub(super) fn record<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<T, Error> {
-        Error::unless_equal(format!("{} codec", self.section), Codec::Stored, self.section.codec)?;
+        self.section.check_codec()?;
         record::read_whole(self.section, self.bytes)
     }
 
     /// The record, and the body after it.
     pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, Body<'a>), Error> {
+        self.section.check_codec()?;
         let (record, rest) = record::read(self.section, self.bytes)?;
         Ok((record, self.body_after(self.bytes.len() - rest.len())?))
     }
 
     /// The body of a section that has no record.
     pub(super) fn body(&self) -> Result<Body<'a>, Error> {
+        self.section.check_codec()?;
         self.body_after(0)
     }
 
@@ -68,8 +70,10 @@ impl<'a> Payload<'a> {
     fn body_after(&self, record: usize) -> Result<Body<'a>, Error> {
         let section = self.section;
         let start = aligned(record as u64).filter(|&start| start <= self.bytes.len() as u64);
-        let start = start
-            .ok_or_else(|| Error::malformed(format!("{section} length"), "padding up to the body", self.bytes.len()))?;
+        let start = start.ok_or_else(|| {
+            let expected = format!("at least the {record} bytes of its record, padded to a multiple of {ALIGNMENT}");
+            Error::malformed(format!("{section} length"), expected, self.bytes.len())
+        })?;
         Error::unless_zero(format!("{section} padding before the body"), &self.bytes[record..start as usize])?;
         let length = section.decoded_length.checked_sub(start).ok_or_else(|| {
             Error::malformed(format!("{section} decoded length"), format!("at least {start}"), section.decoded_length)

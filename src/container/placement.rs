@@ -12,7 +12,7 @@ use super::payload::Payload;
 use super::scale::{Shape, covered_by, extent_of};
 use super::section::SectionKind;
 use super::writer::{Finished, Place, Writer};
-use crate::geometry::{cell_at, index_of};
+use crate::geometry::{Aabb, cell_at, index_of};
 use crate::model::{Placement, TensorCloud};
 
 /// Bytes of the longest LEB128 integer: numbers of cells are below 2^60.
@@ -41,7 +41,7 @@ pub(super) fn write(
                 let number = numbering.number(cells[n as usize]);
                 let distance = number.checked_sub(next);
                 // The scene's check ensures ascending centers, and so ascending cells.
-                let ascending = || Error::malformed("PLACEMENT", "ascending cells", cells[n as usize]);
+                let ascending = || Error::malformed("cells of PLACEMENT", "in ascending order", cells[n as usize]);
                 write_integer(&mut body, distance.ok_or_else(ascending)?);
                 next = number + 1;
             }
@@ -70,8 +70,8 @@ pub(super) fn read(payload: &Payload<'_>, shape: &Shape, n: usize, budget: &mut 
         (Centers::Points(points.clone()), points)
     };
     let covered = covered_by(points.iter().copied(), shape.half_edge());
-    let (found, said) = (format!("{covered:?}"), format!("{:?}", shape.covered(n)));
-    Error::unless_equal(format!("{name}: what it covers"), said, found)?;
+    let text = |b: Aabb| format!("{:?} to {:?}", b.min.to_array(), b.max.to_array());
+    Error::unless_equal(format!("box of {name}"), text(covered), text(shape.covered(n)))?;
     Ok(centers)
 }
 
@@ -96,7 +96,11 @@ pub(super) fn merge(name: &str, shape: &Shape, chunks: Vec<Centers>) -> Result<(
     }
     for (c, numbers) in numbers.iter().enumerate() {
         if !numbers.is_sorted() {
-            return Err(Error::malformed(format!("PLACEMENT of chunk {c} of {name}"), "ascending centers", "others"));
+            return Err(Error::malformed(
+                format!("centers of PLACEMENT of chunk {c} of {name}"),
+                "in ascending order",
+                "another order",
+            ));
         }
     }
     let placement = if shape.record.placement == 0 {
@@ -129,7 +133,7 @@ fn read_cells(payload: &Payload<'_>, tensors: u32, extent: UVec3, budget: &mut B
     let tensors = u64::from(tensors);
     if !(tensors..=MAX_INTEGER * tensors).contains(&length) {
         let expected = format!("{tensors} to {}", MAX_INTEGER * tensors);
-        return Err(Error::malformed(format!("{place} bytes of cells"), expected, length));
+        return Err(Error::malformed(format!("{place} number of bytes of cells"), expected, length));
     }
     let body = body.decode(length, budget)?;
     let numbering = Numbering(extent);
@@ -138,7 +142,7 @@ fn read_cells(payload: &Payload<'_>, tensors: u32, extent: UVec3, budget: &mut B
     let mut next: u64 = 0;
     for n in 0..tensors {
         let distance = read_integer(&mut bytes).ok_or_else(|| {
-            Error::malformed(format!("{place} cell {n}"), "a shortest LEB128 integer below 2^63", "another or none")
+            Error::malformed(format!("{place} cell {n}"), "a shortest LEB128 integer below 2^63", "none")
         })?;
         // Both are below 2^63.
         let number = next + distance;
@@ -149,7 +153,7 @@ fn read_cells(payload: &Payload<'_>, tensors: u32, extent: UVec3, budget: &mut B
         cells.push(cell);
         next = number + 1;
     }
-    Error::unless_equal(format!("{place} bytes after the cells"), 0, bytes.len())?;
+    Error::unless_equal(format!("{place} number of bytes after the cells"), 0, bytes.len())?;
     Ok(cells)
 }
 

@@ -46,6 +46,6 @@ impl PoseRecord {
             return Ok(Pose { position, rotation });
         }
         let found = format!("{position} and {rotation}");
-        Err(Error::malformed(format!("{place} pose"), "a finite position and a quaternion of length 1", found))
+        Err(Error::invalid(format!("{place} pose"), "a finite position and a quaternion of length 1", found))
     }
 }

@@ -83,7 +83,7 @@ pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: A
             weights.extend_from_slice(&matrix[p * rank..][..rank]);
         }
     }
-    let written = array::write(&name, &weights, std::iter::repeat_n(sum, features), options, None)?;
+    let written = array::write_network(&name, &weights, std::iter::repeat_n(sum, features), options)?;
     let record = PrefixRecord {
         gain: prefix.gain,
         offset: prefix.offset,
@@ -102,12 +102,12 @@ pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: 
     Error::unless_equal(format!("{name} sum of ranks"), ranks.iter().sum(), record.rank)?;
     if !(record.gain.is_finite() && record.gain > 0.0 && record.offset.is_finite()) {
         let found = format!("{} and {}", record.gain, record.offset);
-        return Err(Error::malformed(format!("{name} gain and offset"), "a positive and a finite number", found));
+        return Err(Error::invalid(format!("{name} gain and offset"), "a positive and a finite number", found));
     }
     let rows = std::iter::repeat_n(record.rank as usize, features as usize);
-    let weights = array::read_body(&body, &record.head, rows, budget)?;
+    let weights = array::read_network(&body, &record.head, rows, budget)?;
     if weights.iter().any(|w| !w.is_finite()) {
-        return Err(Error::malformed(format!("{name} matrices"), "finite numbers", "others"));
+        return Err(Error::invalid(format!("{name} matrices"), "finite numbers", "another number"));
     }
     let mut first = 0;
     let mut matrices = Vec::with_capacity(ranks.len());

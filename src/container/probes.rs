@@ -61,7 +61,7 @@ impl Record for ProbesRecord {
         let valid = |v: f64| v > 0.0 && v.is_finite();
         for tolerance in [self.color_tolerance, self.depth_tolerance, self.density_tolerance] {
             if !valid(tolerance) {
-                return Err(Error::malformed(format!("{place} tolerance"), "a positive number", tolerance));
+                return Err(Error::invalid(format!("{place} tolerance"), "a positive finite number", tolerance));
             }
         }
         Ok(())
@@ -76,7 +76,7 @@ impl Record for Probe {
         if finite && (length - 1.0).abs() <= 1e-6 {
             return Ok(());
         }
-        Err(Error::malformed(place, "finite numbers and a direction of length 1", format!("{self:?}")))
+        Err(Error::invalid(place, "finite numbers and a direction of length 1", format!("{self:?}")))
     }
 }
 
@@ -104,7 +104,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Probes,
     let bytes = body.decode(length, budget)?;
     let probe = |(n, bytes): (usize, _)| -> Result<Probe, Error> {
         let probe: Probe = record::read_whole(&format!("{name} probe {n}"), bytes)?;
-        Error::unless_equal(format!("{name} probe {n} reserved fields"), [0; 2] == probe.reserved, true)?;
+        Error::unless_equal(format!("{name} probe {n} reserved fields"), 0, probe.reserved[0] | probe.reserved[1])?;
         Ok(probe)
     };
     let probes = bytes.chunks_exact(PROBE_BYTES).enumerate().map(probe).collect::<Result<_, _>>()?;

@@ -36,7 +36,6 @@ struct QualityRecord<'a> {
 
 impl Record for QualityRecord<'_> {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        limits::check(format!("{place} prefixes"), 0..=*limits::SCALES.end(), self.prefixes.len())?;
         let valid = |v: f64| v.to_bits() == u64::MAX || v > f64::NEG_INFINITY;
         for (name, values) in [
             ("PSNR against before", &[self.encoded][..]),
@@ -44,14 +43,28 @@ impl Record for QualityRecord<'_> {
             ("PSNR of prefixes", &self.prefixes),
         ] {
             if let Some(found) = values.iter().find(|v| !valid(**v)) {
-                return Err(Error::malformed(format!("{place} {name}"), "a number, infinity or nothing", found));
+                return Err(Error::invalid(
+                    format!("{place} {name}"),
+                    "a finite number, +infinity or all bits set",
+                    found,
+                ));
             }
         }
         limits::check(format!("{place} dataset bytes"), limits::STRING_BYTES, self.dataset.len())
     }
 }
 
-pub(super) fn write(writer: &mut Writer, quality: &Quality) -> Result<(), Error> {
+/// [`Error::Malformed`] unless there are 0 prefixes or `scales`.
+fn check_prefixes(found: usize, scales: usize) -> Result<(), Error> {
+    if found == 0 || found == scales {
+        return Ok(());
+    }
+    Err(Error::malformed("QUALITY number of prefixes", format!("0 or {scales}, the number of scales"), found))
+}
+
+/// `quality` of a scene of `scales` scales.
+pub(super) fn write(writer: &mut Writer, quality: &Quality, scales: usize) -> Result<(), Error> {
+    check_prefixes(quality.prefixes.len(), scales)?;
     let unknown = f64::from_bits(u64::MAX);
     let record = QualityRecord {
         encoded: quality.encoded.unwrap_or(unknown),
@@ -64,8 +77,10 @@ pub(super) fn write(writer: &mut Writer, quality: &Quality) -> Result<(), Error>
     Ok(())
 }
 
-pub(super) fn read(payload: &Payload<'_>) -> Result<Quality, Error> {
+/// The measurements of a scene of `scales` scales.
+pub(super) fn read(payload: &Payload<'_>, scales: usize) -> Result<Quality, Error> {
     let record: QualityRecord<'_> = payload.record()?;
+    check_prefixes(record.prefixes.len(), scales)?;
     let known = |v: f64| (v.to_bits() != u64::MAX).then_some(v);
     Ok(Quality {
         encoded: known(record.encoded),

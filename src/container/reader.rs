@@ -35,7 +35,7 @@ pub struct SceneFile {
 
 /// Decodes the scene of a whole `.strivec` file (spec 2.4). The scene passes [`Scene::check`].
 ///
-/// Ancillary sections of unknown kinds are skipped.
+/// Ancillary sections of unknown kinds, and those with codes that this version does not define, are skipped.
 ///
 /// # Errors
 ///
@@ -113,7 +113,8 @@ impl<S: Source> Reader<S> {
             self.contents.sections.iter().partition(|s| !matches!(s.kind, SectionKind::Other(_)));
         let mut order = Order::new(&known);
         let head_sections = HeadSections::take(&mut order)?;
-        let head = self.read_head(&head_sections, &mut budget)?;
+        let mut metadata = Metadata::default();
+        let head = self.read_head(&head_sections, &mut metadata.skipped, &mut budget)?;
 
         let count = part.scales.map_or(head.scales, |s| s.clamp(1, head.scales));
         let mut scales: Vec<Scale> = Vec::with_capacity(count);
@@ -123,7 +124,6 @@ impl<S: Source> Reader<S> {
             networks: head.networks,
             ..EncodeOptions::default()
         };
-        let mut metadata = Metadata::default();
         for index in 0..head.scales {
             let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
             if index < count {
@@ -131,7 +131,9 @@ impl<S: Source> Reader<S> {
                 scales.push(scale);
                 encoding.density.push(density);
                 encoding.appearance.push(appearance);
-                metadata.prefixes.push(self.read_prefix(&sections, &scales, &mut budget)?);
+                let prefix = self.read_prefix(&sections, &scales, &mut budget).transpose();
+                let prefix = prefix.map(|read| unless_unsupported(read, &mut metadata.skipped)).transpose()?;
+                metadata.prefixes.push(prefix.flatten());
             }
         }
         let tail = [SectionKind::Probes, SectionKind::Cameras, SectionKind::Notes];
@@ -139,11 +141,14 @@ impl<S: Source> Reader<S> {
         ancillary.extend(tail.into_iter().filter_map(|kind| order.take_whole_if(kind)));
         order.finish()?;
         if part.metadata {
-            self.read_metadata(&ancillary, &unknown, &mut metadata, &mut budget)?;
+            self.read_metadata(&ancillary, &unknown, head.scales, &mut metadata, &mut budget)?;
         }
 
-        let Head { frame, rules, bounds, decoder, occupancy, provenance, .. } = head;
-        let is_prefix = count < head.scales;
+        let Head { frame, rules, bounds, scales: all_scales, decoder, occupancy, provenance, .. } = head;
+        let is_prefix = count < all_scales;
+        if is_prefix && let Some(quality) = &mut metadata.quality {
+            quality.prefixes.clear();
+        }
         let mut scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
         if is_prefix && let Some(correction) = &metadata.prefixes[count - 1] {
             correction.apply(&mut scene);
@@ -156,7 +161,12 @@ impl<S: Source> Reader<S> {
     }
 
     /// Reads FRAME, RULES, PROVENANCE, DECODER and OCCUPANCY.
-    fn read_head(&self, sections: &HeadSections<'_>, budget: &mut Budget) -> Result<Head, Error> {
+    fn read_head(
+        &self,
+        sections: &HeadSections<'_>,
+        skipped: &mut Vec<String>,
+        budget: &mut Budget,
+    ) -> Result<Head, Error> {
         let &HeadSections { frame, rules, provenance, decoder, occupancy, .. } = sections;
         let wanted: Vec<&Section> =
             [Some(frame), Some(rules), provenance, Some(decoder), occupancy].into_iter().flatten().collect();
@@ -164,7 +174,9 @@ impl<S: Source> Reader<S> {
         let frame = frame::read(&bytes.payload(frame)?)?;
         let (rules, bounds, scales) = rules::read(&bytes.payload(rules)?)?;
         let provenance = match provenance {
-            Some(section) => provenance::read(&bytes.payload(section)?)?,
+            Some(section) => {
+                unless_unsupported(provenance::read(&bytes.payload(section)?), skipped)?.unwrap_or_default()
+            }
             None => Provenance::default(),
         };
         let (decoder, networks) = decoder::read(&bytes.payload(decoder)?, budget)?;
@@ -194,12 +206,14 @@ impl<S: Source> Reader<S> {
         &self,
         ancillary: &[&Section],
         unknown: &[&Section],
+        scales: usize,
         metadata: &mut Metadata,
         budget: &mut Budget,
     ) -> Result<(), Error> {
         let bytes = fetch(&self.source, ancillary)?;
         for section in ancillary {
-            metadata.read(&bytes.payload(section)?, budget)?;
+            let read = metadata.read(&bytes.payload(section)?, scales, budget);
+            unless_unsupported(read, &mut metadata.skipped)?;
         }
         let bytes = fetch(&self.source, unknown)?;
         for &section in unknown {
@@ -261,6 +275,17 @@ impl<S: Source> Reader<S> {
         let stored = read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
         let cloud = TensorCloud { placement, half_edge: shape.half_edge(), resolution: record.resolution };
         Ok((Scale { cloud, top_k: record.top_k, factors, appearance_matrix }, stored))
+    }
+}
+
+/// `None` if an ancillary section has a code that this version does not define (spec 1); `skipped` then lists it.
+fn unless_unsupported<T>(read: Result<T, Error>, skipped: &mut Vec<String>) -> Result<Option<T>, Error> {
+    match read {
+        Err(error @ Error::Unsupported { .. }) => {
+            skipped.push(error.to_string());
+            Ok(None)
+        }
+        read => read.map(Some),
     }
 }
 
@@ -334,7 +359,7 @@ impl<'a> HeadSections<'a> {
     }
 }
 
-/// What the sections before the scales hold.
+/// The contents of the sections before the scales.
 struct Head {
     frame: Frame,
     rules: Rules,

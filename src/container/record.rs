@@ -34,14 +34,15 @@ pub(super) fn read<'a, T: BorrowDecode<'a, ()> + Record>(
     use bincode::error::DecodeError;
     let (record, used): (T, usize) = bincode::borrow_decode_from_slice(bytes, CONFIG).map_err(|error| match error {
         DecodeError::UnexpectedEnd { additional } => {
-            Error::malformed(place, format!("at least {additional} more bytes"), format!("{} bytes", bytes.len()))
+            let expected = format!("at least {} bytes", bytes.len() + additional);
+            Error::malformed(format!("{place} record"), expected, format!("{} bytes", bytes.len()))
         }
         DecodeError::LimitExceeded => {
-            let found = "a length beyond them";
-            Error::malformed(place, format!("at most {} bytes of record", limits::RECORD_BYTES), found)
+            let expected = format!("at most {} bytes", limits::RECORD_BYTES);
+            Error::malformed(format!("{place} record"), expected, "more")
         }
         DecodeError::Utf8 { inner } => Error::malformed(place, "UTF-8", inner),
-        other => Error::malformed(place, "a record", other),
+        other => Error::malformed(format!("{place} record"), "of the specified fields", other),
     })?;
     record.check(place)?;
     Ok((record, &bytes[used..]))
@@ -53,14 +54,15 @@ pub(super) fn read_whole<'a, T: BorrowDecode<'a, ()> + Record>(
     bytes: &'a [u8],
 ) -> Result<T, Error> {
     let (record, rest) = read(place, bytes)?;
-    Error::unless_equal(format!("{place} bytes after the record"), 0, rest.len())?;
+    Error::unless_equal(format!("{place} number of bytes after the record"), 0, rest.len())?;
     Ok(record)
 }
 
 /// The bytes of a record that is within its limits.
 pub(super) fn write<T: Encode + Record>(place: &dyn Display, record: &T) -> Result<Vec<u8>, Error> {
     record.check(place)?;
-    bincode::encode_to_vec(record, CONFIG).map_err(|error| Error::malformed(place, "a record", error))
+    bincode::encode_to_vec(record, CONFIG)
+        .map_err(|error| Error::malformed(format!("{place} record"), "of the specified fields", error))
 }
 
 /// A string that is a whole record: a license, the key or value of a note.

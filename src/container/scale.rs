@@ -154,7 +154,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, 
         tensors += u64::from(chunk.tensors);
         chunks.push(chunk);
     }
-    Error::unless_equal(format!("{name} tensors of all chunks"), u64::from(record.tensors), tensors)?;
+    Error::unless_equal(format!("{name} sum of the tensors of all chunks"), u64::from(record.tensors), tensors)?;
     Ok(Shape { record, chunks })
 }
 

@@ -78,7 +78,7 @@ impl SectionKind {
         (Self::Notes, "NOTES"),
     ];
 
-    /// Whether a reader that does not know a section of this (known) kind must refuse the file.
+    /// True if a file without a section of this (known) kind is not a scene.
     pub(super) fn is_critical(self) -> bool {
         use SectionKind as K;
         !matches!(
@@ -90,6 +90,24 @@ impl SectionKind {
                 | K::Thumbnail
                 | K::Prefix
                 | K::Probes
+                | K::Cameras
+                | K::Notes
+        )
+    }
+
+    /// True if the body of a section of this (known) kind may be compressed.
+    fn is_compressible(self) -> bool {
+        use SectionKind as K;
+        matches!(
+            self,
+            K::Decoder
+                | K::Occupancy
+                | K::Scale
+                | K::Matrix
+                | K::Placement
+                | K::Density
+                | K::Appearance
+                | K::Prefix
                 | K::Cameras
                 | K::Notes
         )
@@ -131,7 +149,7 @@ impl fmt::Display for SectionKind {
 pub struct Section {
     /// Its kind.
     pub kind: SectionKind,
-    /// Whether a reader that does not know its kind must refuse the file.
+    /// True if a reader that does not know its kind must refuse the file.
     pub critical: bool,
     /// The scale it belongs to, if any.
     pub scale: Option<u16>,
@@ -182,7 +200,7 @@ pub(super) fn name_of(kind: SectionKind, scale: Option<u16>, chunk: Option<u32>)
 }
 
 impl Section {
-    /// Whether it is this section.
+    /// True if it is the section of this kind, scale and chunk.
     pub(super) fn is_at(&self, kind: SectionKind, scale: Option<u16>, chunk: Option<u32>) -> bool {
         (self.kind, self.scale, self.chunk) == (kind, scale, chunk)
     }
@@ -216,6 +234,16 @@ impl Section {
             return Err(Error::malformed(place, name(kind.is_critical()), name(section.critical)));
         }
         Ok(section)
+    }
+
+    /// Checks that the codec is one that spec 2.3 lists for the kind.
+    pub(super) fn check_codec(&self) -> Result<(), Error> {
+        match self.codec {
+            Codec::Stored => Ok(()),
+            Codec::Zstd if self.kind.is_compressible() => Ok(()),
+            Codec::Zstd => Err(Error::malformed(format!("{self} codec"), Codec::Stored, self.codec)),
+            Codec::Other(_) => Err(Error::unsupported(self, self.codec)),
+        }
     }
 
     pub(super) fn entry(&self) -> Entry {

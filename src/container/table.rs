@@ -31,7 +31,7 @@ impl Contents {
             let part = cut.map_or("file".into(), Section::to_string);
             return Err(Error::Truncated { part, missing: length..self.file_length });
         }
-        Error::unless_equal("bytes in the file", self.file_length, length)?;
+        Error::unless_equal("number of bytes in the file", self.file_length, length)?;
         let mut end = table_end(self.sections.len()) as usize;
         for section in &self.sections {
             // In range: the table was checked, and the file has the length that it says.
@@ -77,12 +77,13 @@ pub fn sections(bytes: &[u8]) -> Result<Contents, Error> {
     for (index, entry) in table.chunks_exact(ENTRY).enumerate() {
         let entry = record::read_whole(&format!("section table entry {index}"), entry)?;
         let section = Section::from_entry(&entry, index)?;
-        let overflow = || Error::malformed(&section, "an end below 2^64", section.length);
+        let overflow =
+            || Error::malformed(format!("{section} end"), "below 2^64", format!("length {}", section.length));
         Error::unless_equal(format!("{section} offset"), aligned(end).ok_or_else(overflow)?, section.offset)?;
         end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
         sections.push(section);
     }
-    Error::unless_equal("file length", end, header.file_length)?;
+    Error::unless_equal("header file length", end, header.file_length)?;
     let version = Version { major: header.major, minor: header.minor };
     Ok(Contents { version, file_length: header.file_length, file_checksum: header.file_checksum, sections })
 }
@@ -97,7 +98,7 @@ pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Ve
     let mut end = table_end(sections.len());
     let mut table = Vec::new();
     for section in sections.iter_mut() {
-        let overflow = || Error::malformed("file length", "below 2^64", "more");
+        let overflow = || Error::malformed("file length", "below 2^64", "a larger one");
         section.offset = aligned(end).ok_or_else(overflow)?;
         end = section.offset.checked_add(section.length).ok_or_else(overflow)?;
         table.extend(record::write(&"section table", &section.entry())?);

@@ -65,11 +65,11 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Views, Error> {
     let is_closed = match record.is_closed {
         0 => false,
         1 => true,
-        other => return Err(Error::malformed(format!("{name} closed"), "0 or 1", other)),
+        other => return Err(Error::invalid(format!("{name} closed"), "0 or 1", other)),
     };
     if record.center.iter().any(|v| !v.is_finite()) {
         let found = format!("{:?}", record.center);
-        return Err(Error::malformed(format!("{name} center"), "finite numbers", found));
+        return Err(Error::invalid(format!("{name} target"), "finite numbers", found));
     }
     let valid = 0.0 < record.angle_of_view
         && record.angle_of_view < std::f64::consts::PI
@@ -77,7 +77,11 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Views, Error> {
         && record.seconds.is_finite();
     if !valid {
         let found = format!("{} and {} s", record.angle_of_view, record.seconds);
-        return Err(Error::malformed(name, "an angle in (0, π) and positive seconds", found));
+        return Err(Error::invalid(
+            format!("{name} angle and duration"),
+            "an angle in (0, π) and positive seconds",
+            found,
+        ));
     }
     Ok(Views {
         angle_of_view: record.angle_of_view,

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 /// The first invariant that a scene breaks.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{place}: expected {expected}, found {found}")]
+#[error("{place} must be {expected}; found {found}")]
 pub struct BrokenInvariant {
     /// The part of the scene.
     pub place: String,

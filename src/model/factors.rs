@@ -85,7 +85,11 @@ impl Factors {
 
     pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), BrokenInvariant> {
         if self.kind != FactorKind::Cp {
-            return Err(BrokenInvariant::new(format!("{place} factor kind"), "cp", "vm, which no renderer here knows"));
+            return Err(BrokenInvariant::new(
+                format!("{place} factor kind"),
+                "cp",
+                "vm, which this version does not support",
+            ));
         }
         let expected = |rank: u32| tensors as u128 * Self::rows(resolution) as u128 * u128::from(rank);
         for (name, rank, values) in

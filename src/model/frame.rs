@@ -112,7 +112,7 @@ impl Frame {
         }
         if !(self.near >= 0.0 && self.near < self.far && self.far.is_finite()) {
             let found = format!("{} and {}", self.near, self.far);
-            return Err(BrokenInvariant::new("frame near and far", "0 <= near < far", found));
+            return Err(BrokenInvariant::new("frame near and far", "in the order 0 <= near < far", found));
         }
         if let Some(meters) = self.meters_per_unit
             && !(meters > 0.0 && meters.is_finite())

@@ -109,13 +109,17 @@ impl Occupancy {
             return Err(BrokenInvariant::new("occupancy bounds", "a finite box of positive size", found));
         }
         if self.vertices.min_element() < 2 {
-            return Err(BrokenInvariant::new("occupancy vertices", "at least 2 per axis", self.vertices));
+            return Err(BrokenInvariant::new("occupancy vertices", "at least 2 along each axis", self.vertices));
         }
         let bits = self.vertices.to_array().iter().map(|&v| u128::from(v)).product::<u128>();
         BrokenInvariant::unless_equal(|| "occupancy words".into(), bits.div_ceil(64), self.words.len() as u128)?;
         let used = (bits % 64) as u32;
         if used != 0 && self.words.last().is_some_and(|w| w >> used != 0) {
-            return Err(BrokenInvariant::new("occupancy words", "unused bits 0", "a set bit past the last vertex"));
+            return Err(BrokenInvariant::new(
+                "unused bits of the occupancy words",
+                "zeros",
+                "a set bit past the last vertex",
+            ));
         }
         Ok(())
     }

@@ -80,7 +80,7 @@ impl Scene {
             ));
         }
         if self.scales.is_empty() {
-            return Err(BrokenInvariant::new("scales", "at least one", "none"));
+            return Err(BrokenInvariant::new("number of scales", "at least 1", 0));
         }
         for (i, scale) in self.scales.iter().enumerate() {
             scale.check(&format!("scale {i}"), self.features())?;

@@ -86,18 +86,18 @@ impl TensorCloud {
         }
         if self.resolution.contains(&0) {
             let found = format!("{:?}", self.resolution);
-            return Err(BrokenInvariant::new(format!("{place} resolution"), "at least 1 cell per axis", found));
+            return Err(BrokenInvariant::new(format!("{place} resolution"), "at least 1 cell along each axis", found));
         }
         if self.is_empty() {
-            return Err(BrokenInvariant::new(format!("{place} tensors"), "at least one", 0));
+            return Err(BrokenInvariant::new(format!("{place} number of tensors"), "at least 1", 0));
         }
         if let Placement::Lattice { lattice, cells } = &self.placement {
             if !(lattice.origin.is_finite() && lattice.pitch.is_finite() && lattice.pitch.min_element() > 0.0) {
                 let found = format!("{lattice:?}");
-                return Err(BrokenInvariant::new(format!("{place} lattice"), "finite, of positive pitch", found));
+                return Err(BrokenInvariant::new(format!("{place} lattice"), "finite and of positive pitch", found));
             }
             if let Some(cell) = cells.iter().find(|c| c.max_element() > i32::MAX as u32) {
-                return Err(BrokenInvariant::new(format!("{place} cells"), "coordinates below 2^31", cell));
+                return Err(BrokenInvariant::new(format!("{place} cells"), "below 2^31 along each axis", cell));
             }
         }
         let mut previous: Option<DVec3> = None;
@@ -107,7 +107,11 @@ impl TensorCloud {
             }
             if previous.is_some_and(|p| [p.z, p.y, p.x] >= [center.z, center.y, center.x]) {
                 let place = format!("{place} center {n}");
-                return Err(BrokenInvariant::new(place, "centers strictly ascending by (z, y, x)", center));
+                return Err(BrokenInvariant::new(
+                    format!("{place} centers"),
+                    "strictly ascending by (z, y, x)",
+                    center,
+                ));
             }
             previous = Some(center);
         }

@@ -80,6 +80,14 @@ fn unknown_critical_section() {
     assert_eq!(error, Error::UnknownCritical { name: "WAVELETS of scale 1".into() });
 }
 
+/// The writer refuses what the reader refuses.
+#[test]
+fn networks_have_no_cosine_encoding() {
+    let mut options = f32();
+    options.networks.encoding = Encoding::Cosine;
+    malformed(encode(&two_scales(), &options).expect_err("refused"), "encoding");
+}
+
 #[test]
 fn names_flags_and_reserved_fields() {
     for bad in ["", "frame", "A B", "A\0B"] {
@@ -111,10 +119,10 @@ fn sections_missing_doubled_or_out_of_order() {
             let twice = f.part(kind).clone();
             f.sections.insert(f.index(kind), twice);
         });
-        malformed(error, if kind == "APPEARANCE" { "chunks" } else { "order of sections" });
+        malformed(error, if kind == "APPEARANCE" { "chunks" } else { "next section" });
     }
-    malformed(refused(|f| f.sections.swap(0, 1)), "order of sections");
-    malformed(refused(|f| f.sections.push(f.sections[17].clone())), "order of sections");
+    malformed(refused(|f| f.sections.swap(0, 1)), "next section");
+    malformed(refused(|f| f.sections.push(f.sections[17].clone())), "next section");
     // Chunks are counted.
     let error = refused(|f| {
         let first = f.index("PLACEMENT");
@@ -222,7 +230,7 @@ fn codes_that_this_version_does_not_define() {
         unsupported(patched(kind, head + 1, &[7]), "bits");
         unsupported(patched(kind, head + 2, &[3]), "filter");
         malformed(patched(kind, head + 2, &[2]), "filter");
-        malformed(patched(kind, head + 4, &1f32.to_le_bytes()), "error");
+        broken(patched(kind, head + 4, &1f32.to_le_bytes()), "error");
     }
     // Named, where a name is known.
     let error = patched("SCALE", 44, &[1]);
@@ -259,11 +267,11 @@ fn components_that_tensors_do_not_have() {
         change(last);
         decode(&file.bytes()).expect_err("the file is wrong")
     };
-    malformed(ragged(&|p| p.payload[0] = 2), "ragged");
+    malformed(ragged(&|p| p.payload[0] = 2), "byte 0");
     malformed(ragged(&|p| p.payload[BODY] = 6), "components");
-    malformed(ragged(&|p| p.payload[BODY] = 3), "bytes of numbers");
-    malformed(ragged(&|p| p.payload[BODY] = 0), "bytes of numbers");
-    malformed(ragged(&|p| p.payload[0] = 0), "bytes of numbers");
+    malformed(ragged(&|p| p.payload[BODY] = 3), "bytes of the array");
+    malformed(ragged(&|p| p.payload[BODY] = 0), "bytes of the array");
+    malformed(ragged(&|p| p.payload[0] = 0), "bytes of the array");
 }
 
 #[test]
@@ -320,9 +328,9 @@ fn cells() {
     malformed(cells(&[2, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x7F]), "cell 1");
     malformed(cells(&[2, 21]), "cell 1");
     malformed(cells(&[2, 0, 0]), "bytes after the cells");
-    malformed(cells(&[2, 1]), "what it covers");
+    malformed(cells(&[2, 1]), "box");
     malformed(patched("SCALE", 120, &5u32.to_le_bytes()), "extent");
-    malformed(patched("SCALE", CHUNKS + 4, &0f64.to_le_bytes()), "what it covers");
+    malformed(patched("SCALE", CHUNKS + 4, &0f64.to_le_bytes()), "box");
     malformed(patched("SCALE", CHUNKS, &3u32.to_le_bytes()), "tensors of all chunks");
 }
 

@@ -176,5 +176,6 @@ pub(crate) fn metadata() -> Metadata {
         }],
         notes: [("author", "somebody"), ("place", "Zürich")].map(|(k, v)| (k.into(), v.into())).into(),
         unknown: Vec::new(),
+        skipped: Vec::new(),
     }
 }

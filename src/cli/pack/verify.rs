@@ -123,6 +123,7 @@ fn warnings(document: &SceneFile) -> Vec<String> {
     if document.scene.occupancy.is_none() {
         warnings.push("no occupancy: rendering will be slow".into());
     }
+    warnings.extend(metadata.skipped.iter().map(|message| format!("skipped a section: {message}")));
     warnings.extend(metadata.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));
     warnings
 }

@@ -29,11 +29,11 @@ pub(in crate::container) fn decompress(
     Error::unless_equal(format!("{place} zstd frame length"), bytes.len(), frame)?;
     match zstd_safe::get_frame_content_size(bytes) {
         Ok(Some(content)) => Error::unless_equal(format!("{place} zstd content size"), length as u64, content)?,
-        _ => return Err(Error::malformed(place, "a zstd frame with its content's size", "none")),
+        _ => return Err(Error::malformed(place, "a zstd frame that declares its content's size", "no size")),
     }
     let mut content = vec![0; length];
     let written = zstd::bulk::decompress_to_buffer(bytes, &mut content)
         .map_err(|error| Error::malformed(place, "a valid zstd frame", error))?;
-    Error::unless_equal(format!("{place} decompressed bytes"), length, written)?;
+    Error::unless_equal(format!("{place} number of decompressed bytes"), length, written)?;
     Ok(content)
 }

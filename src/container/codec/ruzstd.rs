@@ -36,7 +36,7 @@ pub(in crate::container) fn decompress(
     };
     match header.content {
         Some(content) => Error::unless_equal(format!("{place} zstd content size"), length as u64, content)?,
-        None => return Err(Error::malformed(place, "a zstd frame with its content's size", "none")),
+        None => return Err(Error::malformed(place, "a zstd frame that declares its content's size", "no size")),
     }
 
     let mut decoder = FrameDecoder::new();
@@ -49,7 +49,7 @@ pub(in crate::container) fn decompress(
             return Err(invalid(&"more content than it declares"));
         }
     }
-    Error::unless_equal(format!("{place} decompressed bytes"), length, decoder.can_collect())?;
+    Error::unless_equal(format!("{place} number of decompressed bytes"), length, decoder.can_collect())?;
     let mut content = vec![0; length];
     decoder.read_exact(&mut content).map_err(|e| invalid(&e))?;
     if header.has_checksum && decoder.get_checksum_from_data() != decoder.get_calculated_checksum() {

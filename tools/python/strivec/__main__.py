@@ -76,6 +76,8 @@ def info(path, scene):
         _count(len(scene.notes), "note", "notes"): bool(scene.notes),
         "unknown " + " ".join(section.kind for section in scene.unknown): bool(scene.unknown),
     }
+    for message in scene.skipped:
+        print(f"skipped a section: {message}")
     print("with " + (", ".join(name for name, there in metadata.items() if there) or "no metadata"))
     return 0
 

@@ -169,14 +169,14 @@ class Container:
             if (kind, scale, chunk) not in self._keys:
                 raise MissingSection(section_name(kind, scale, chunk))
             found = self.sections[self._next].name if self._next < self.count else "the end of the table"
-            raise Malformed("order of sections", section_name(kind, scale, chunk), found)
+            raise Malformed("next section", section_name(kind, scale, chunk), found)
         return payload
 
     def finish(self):
         """Checks that no known section is left, and the end and checksum of the file."""
         self._pass_unknown()
         if self._next < self.count:
-            raise Malformed("order of sections", "no further section", self.sections[self._next].name)
+            raise Malformed("next section", "of an unknown kind", self.sections[self._next].name)
         if len(self.data) > self.length:
             raise Malformed("bytes in the file", self.length, len(self.data))
         _check_sum(self.data, HEADER, self.length, self.file_checksum, "file")
@@ -186,6 +186,8 @@ class Payload:
     """A section's bytes. Read `record` first, then `body`, or call `end` if the section has no body."""
 
     def __init__(self, container, section):
+        if section.codec not in (STORED, ZSTD):
+            raise Unsupported(section.name, f"codec {section.codec}")
         self.name = section.name
         self.section = section
         self.budget = container.budget
@@ -266,8 +268,6 @@ def _read_entry(index, fields):
         raise UnknownCritical(section.kind)
     if kind is not None and kind.critical != section.critical:
         raise Malformed(f"{section.name} flags", int(kind.critical), flags)
-    if kind is not None and codec not in (STORED, ZSTD):
-        raise Unsupported(section.name, f"codec {codec}")
     if kind is not None and codec == ZSTD and not kind.compressible:
         raise Malformed(f"{section.name} codec", STORED, codec)
     if reserved or reserved4 or reserved8:

@@ -1,7 +1,7 @@
 """The classes of error of section 7 of the format, one exception for each.
 
-Every message names the place, what was expected and what was found. `exit_code` is what the command returns: 3 if
-the file is damaged or invalid, 5 if this reader does not support it or it exceeds the caller's budget.
+Every message names the field, its allowed values and the value in the file. `exit_code` is the exit code of the
+command: 3 if the file is damaged or invalid, 5 if this reader does not support it or it exceeds the caller's budget.
 """
 
 
@@ -22,7 +22,7 @@ class LineEndingDamage(StrivecError):
     """The file begins with a damaged magic: it was transferred as text."""
 
     def __init__(self, start):
-        super().__init__(f"damaged by a transfer as text: the magic arrived as [{_hex(start)}]")
+        super().__init__(f"damaged by a transfer as text: the file begins with [{_hex(start)}]; transfer it as binary")
 
 
 class UnsupportedVersion(StrivecError):
@@ -31,7 +31,7 @@ class UnsupportedVersion(StrivecError):
     exit_code = 5
 
     def __init__(self, major, minor):
-        super().__init__(f"version {major}.{minor} of the format; this reader knows major version 1")
+        super().__init__(f"version {major}.{minor} of the format is not supported; this reader supports major version 1")
 
 
 class Truncated(StrivecError):
@@ -46,7 +46,7 @@ class Corrupt(StrivecError):
 
     def __init__(self, place, start, end, found, expected):
         super().__init__(
-            f"corrupt: {place} (bytes {start} to {end}) has checksum {found:08x}, expected {expected:08x}"
+            f"corrupt: the checksum of {place} (bytes {start} to {end}) must be {expected:08x}; found {found:08x}"
         )
 
 
@@ -79,7 +79,7 @@ class LimitExceeded(StrivecError):
     """A number outside the limits of section 5."""
 
     def __init__(self, place, found, minimum, maximum):
-        super().__init__(f"{place}: {found} is not in the format's range of {minimum} to {maximum}")
+        super().__init__(f"{place} must be within the format's limits, {minimum} to {maximum}; found {found}")
 
 
 class BudgetExceeded(StrivecError):
@@ -95,14 +95,14 @@ class Malformed(StrivecError):
     """The file breaks a rule on the layout of bytes."""
 
     def __init__(self, place, expected, found):
-        super().__init__(f"malformed: {place}: expected {expected}, found {found}")
+        super().__init__(f"malformed: {place} must be {expected}; found {found}")
 
 
 class InvalidScene(StrivecError):
     """The file breaks a rule on values."""
 
     def __init__(self, place, expected, found):
-        super().__init__(f"not a valid scene: {place}: expected {expected}, found {found}")
+        super().__init__(f"not a valid scene: {place} must be {expected}; found {found}")
 
 
 def _hex(data):

@@ -6,7 +6,8 @@ import os
 import numpy as np
 
 from . import limits, sections
-from .container import Container
+from .container import NO_SCALE, Container
+from .errors import Unsupported
 from .scales import read_scale
 from .scene import Provenance, Scene, UnknownSection
 
@@ -35,29 +36,38 @@ def _read_scene(container):
     frame = sections.read_frame(container.require("FRAME"))
     rules = sections.read_rules(container.require("RULES"))
 
-    def optional(read_section, kind, *arguments):
-        payload = container.find(kind)
-        return None if payload is None else read_section(payload, *arguments)
+    skipped = []
 
-    provenance = optional(sections.read_provenance, "PROVENANCE") or Provenance()
-    license = optional(sections.read_license, "LICENCE")
-    quality = optional(sections.read_quality, "QUALITY", rules.scales)
-    views = optional(sections.read_views, "VIEWS")
-    thumbnail = optional(sections.read_thumbnail, "THUMBNAIL")
+    def ancillary(read_section, kind, *arguments, scale=NO_SCALE):
+        """The contents of a section, or None if it is absent or has a code of a later version (section 1)."""
+        try:
+            payload = container.find(kind, scale)
+            return None if payload is None else read_section(payload, *arguments)
+        except Unsupported as error:
+            skipped.append(str(error))
+            return None
+
+    provenance = ancillary(sections.read_provenance, "PROVENANCE") or Provenance()
+    license = ancillary(sections.read_license, "LICENCE")
+    quality = ancillary(sections.read_quality, "QUALITY", rules.scales)
+    views = ancillary(sections.read_views, "VIEWS")
+    thumbnail = ancillary(sections.read_thumbnail, "THUMBNAIL")
     decoder = sections.read_decoder(container.require("DECODER"))
-    occupancy = optional(sections.read_occupancy, "OCCUPANCY")
+    payload = container.find("OCCUPANCY")
+    occupancy = None if payload is None else sections.read_occupancy(payload)
 
     scales, prefixes = [], {}
     for index in range(rules.scales):
         scales.append(read_scale(container, index, decoder.features))
-        payload = container.find("PREFIX", index) if index + 1 < rules.scales else None
-        if payload is not None:
+        if index + 1 < rules.scales:
             ranks = sum(scale.matrix.shape[1] for scale in scales)
-            prefixes[index] = sections.read_prefix(payload, decoder.features, ranks)
+            prefix = ancillary(sections.read_prefix, "PREFIX", decoder.features, ranks, scale=index)
+            if prefix is not None:
+                prefixes[index] = prefix
 
-    probes = optional(sections.read_probes, "PROBES")
-    cameras = optional(sections.read_cameras, "CAMERAS") or []
-    notes = optional(sections.read_notes, "NOTES") or {}
+    probes = ancillary(sections.read_probes, "PROBES")
+    cameras = ancillary(sections.read_cameras, "CAMERAS") or []
+    notes = ancillary(sections.read_notes, "NOTES") or {}
     container.finish()
     return Scene(
         container.minor,
@@ -76,6 +86,7 @@ def _read_scene(container):
         cameras,
         notes,
         _unknown_sections(container),
+        skipped,
     )
 
 

@@ -207,3 +207,4 @@ class Scene:
     cameras: List[Camera]
     notes: Dict[str, str]
     unknown: List[UnknownSection] = field(default_factory=list)
+    skipped: List[str] = field(default_factory=list)  # messages, one for each section with a code of a later version

@@ -119,12 +119,13 @@ def read_views(payload):
     initial = _read_pose(record)
     target = record.f64s(3, "target")
     duration = record.f64("duration", "a positive finite number")
-    closed = record.flag("closed")
+    closed = record.u8("closed")
+    record.require(closed <= 1, "closed", "0 or 1", closed)
     count = record.u64("poses of the path", limits.ITEMS)
     payload.budget.take(8 * POSE * count, payload.name)
     path = [_read_pose(record) for _ in range(count)]
     payload.end()
-    return Views(angle, initial, target, duration, closed, path)
+    return Views(angle, initial, target, duration, closed == 1, path)
 
 
 def read_thumbnail(payload):

@@ -34,7 +34,7 @@ CLASSES = (  # by the messages of `errors.tsv`
     (r"section .* is missing", strivec.MissingSection),
     (r"section .* is unknown to this reader", strivec.UnknownCritical),
     (r".* is not supported", strivec.Unsupported),
-    (r".* is not in the format's range", strivec.LimitExceeded),
+    (r".* must be within the format's limits", strivec.LimitExceeded),
     (r".* needs \d+ bytes of memory", strivec.BudgetExceeded),
 )
 
@@ -114,6 +114,22 @@ class ValidVectors(unittest.TestCase):
         scene = strivec.open(FIXTURES / "v1" / "newer-minor.strivec")
         self.assertGreater(scene.minor_version, 0)
         self.assertTrue(scene.unknown)
+
+    def test_codes_of_a_later_version_in_ancillary_sections(self):
+        scene = strivec.open(FIXTURES / "v1" / "newer-codes.strivec")
+        self.assertEqual(scene.provenance, strivec.open(FIXTURES / "v1" / "smallest.strivec").provenance)
+        self.assertIsNone(scene.thumbnail)
+        self.assertEqual((scene.prefixes, scene.notes), ({}, {}))
+        self.assertEqual(len(scene.cameras), 1)
+        self.assertEqual(
+            scene.skipped,
+            [
+                "PROVENANCE: codec 2 is not supported",
+                "THUMBNAIL format: code 7 is not supported",
+                "PREFIX of scale 0 encoding: code 9 is not supported",
+                "NOTES: codec 2 is not supported",
+            ],
+        )
 
 
 class HostileVectors(unittest.TestCase):
