@@ -8,8 +8,6 @@ use crate::model::{DecoderMode, Scene};
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
     /// The most neighbors of a point in a scale; `None`: the scene's `top_k`.
-    // The JSON of stored fronts names it so.
-    #[serde(rename = "neighbors")]
     pub top_k: Option<u32>,
     /// The number of scales used, the coarsest first; `None`: all.
     pub scales: Option<u32>,
