@@ -8,11 +8,11 @@
 //!    arrays from untrusted files.
 //! 1. [`model`]: the frozen scene, its invariants, and the f64 reference field that defines every number.
 //! 2. [`container`]: `.strivec` bytes from and to a scene. `dataset`: posed photographs. `import`: readers of other
-//!    programs' geometry files. `prior`: where the scene is, and placing tensors there. `field`: the fast field that
+//!    programs' geometry files. `prior`: occupied space, and tensors placed in it. `field`: the fast field that
 //!    rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
-//! 5. `cli`: the commands. `player`: looking at scenes. `web`: what a page in a browser calls.
+//! 5. `cli`: the commands. `player`: interactive views. `web`: bindings for a page in a browser.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built. The feature `render` adds `field` and
 //! the CPU renderers, `gpu` those for GPUs, `toolkit` datasets, priors, training and packing.

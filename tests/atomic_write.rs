@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use strivec::cli::{Error, check_output, write_atomically};
 use tempfile::TempDir;
 
-/// Where the process that saves is told its destination and how to write.
+/// Environment variables with the destination and the way of writing, for the process that saves.
 const DESTINATION: &str = "STRIVEC_TEST_SAVE_TO";
 const NAIVE: &str = "STRIVEC_TEST_SAVE_NAIVELY";
 const WORDS: u64 = 1 << 20;
@@ -19,7 +19,7 @@ fn version(n: u64) -> Vec<u8> {
     n.to_le_bytes().repeat((WORDS + n % 1000) as usize)
 }
 
-/// The version that the file is, whole; `None` where it is a piece or a mixture.
+/// The version that the file is, whole; `None` if it is a piece or a mixture.
 fn version_of(bytes: &[u8]) -> Option<u64> {
     let n = u64::from_le_bytes(bytes.get(..8)?.try_into().unwrap());
     (bytes == version(n)).then_some(n)
@@ -49,7 +49,7 @@ impl Drop for Saver {
     }
 }
 
-/// Ten times: lets another process save again and again, kills it, and looks at the file. What it found each time.
+/// Ten times: lets another process save again and again, kills it, and reads the file. Returns the result of each time.
 fn kill_while_saving(path: &Path, naive: bool) -> Vec<Option<u64>> {
     let mut random = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().subsec_nanos();
     (0..10)

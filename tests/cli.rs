@@ -167,7 +167,7 @@ fn each_point_of_growth_holds_memory_of_its_own() {
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let points = report["sweeps"][0]["points"].as_array().unwrap();
     assert_eq!(points.len(), 4);
-    // Absent where the system does not tell.
+    // Absent if the system does not report it.
     let bytes: Option<Vec<u64>> = points.iter().map(|point| point["bytes"].as_u64()).collect();
     // Six times the components: factors, gradients and moments, beside what does not grow.
     assert!(bytes.is_none_or(|bytes| bytes[3] > 2 * bytes[0]), "{report}");
@@ -332,7 +332,7 @@ fn output_names_of_other_formats_are_refused() {
 fn edited_files_keep_their_encoding_and_growth_is_reported() {
     let folder = folder_with_scene();
     let size = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
-    // What packing adds to the file: the section QUALITY, its row in the section table and padding.
+    // Packing adds to the file: the section QUALITY, its row in the section table and padding.
     const QUALITY: u64 = 128;
     for encode in [
         &["convert", "--encoding", "f16"][..],

@@ -1,4 +1,5 @@
-//! Loading photographs: the Blender layout, everything that can be wrong with it, and the real thing where it is there.
+//! Loading photographs: the Blender layout, everything that can be wrong with it, and the original dataset if it is
+//! present.
 #![cfg(feature = "toolkit")]
 
 mod data;
@@ -357,7 +358,7 @@ fn lego_loads_with_orthonormal_poses_and_white_corners() {
     assert_eq!((cameras.len(), cameras[0].camera.width), (200, 400));
 }
 
-/// JSON has no NaN and no infinity; what stands for them, and what a number may overflow to, is named.
+/// JSON has no NaN and no infinity. The errors name the values that stand for them, and numbers that overflow.
 #[test]
 fn numbers_that_are_not_finite_are_named() {
     let text = Small::new().json.to_string();

@@ -1,4 +1,4 @@
-//! Every gradient against central differences in f64, on rays far from any decision.
+//! Every gradient against central differences in f64, on rays far from any threshold.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -14,8 +14,8 @@ use strivec::train::{Backward, BatchRoulette, Gradients, Target, TrainConfig, ne
 /// Rays whose decisions a perturbation of the parameters by the difference's step does not reach.
 const MIN_MARGIN: f64 = 1e-4;
 
-/// How far from a vertex samples must be, in cells: nearer ones have gradients in proportion to that distance, which
-/// f32 knows within about 5e-7 only.
+/// Minimum distance of samples from a vertex, in cells: nearer ones have gradients in proportion to that distance,
+/// which f32 resolves only to about 5e-7.
 const MIN_FRACTION: f64 = 1e-3;
 
 fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
@@ -176,7 +176,8 @@ fn central_difference(
 }
 
 /// A scene whose colors depend strongly on its factors, so that their gradients stand out from rounding; and whose
-/// factors are positive, so that no product of two is close to zero by chance, which f32 could not tell from zero.
+/// factors are positive, so that no product of two is close to zero by chance, which f32 could not distinguish from
+/// zero.
 fn scene(config: &TrainConfig) -> Scene {
     let mut scene = scenes::scene(config);
     for scale in &mut scene.scales {
@@ -194,7 +195,7 @@ fn scene(config: &TrainConfig) -> Scene {
     scene
 }
 
-/// How close any hidden unit comes to the kink of its rectifier.
+/// Smallest distance of a hidden unit from the kink of its rectifier.
 fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
     let (mut samples, mut activations) = (Samples::default(), Activations::default());
     field.march(rays, &mut samples);

@@ -1,4 +1,4 @@
-//! A file on a web server: only what is wanted of it is fetched.
+//! A file on a web server: only the needed ranges are fetched.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -67,7 +67,7 @@ fn range(header: &str, length: usize) -> Option<Range<usize>> {
     (first < length && first <= last).then(|| first..length.min(last + 1))
 }
 
-/// Asks for ranges of what is at `url`.
+/// Requests ranges of the file at `url`.
 fn ask(url: String) -> Fetch<impl Fn(Range<u64>) -> Result<Vec<u8>, String>> {
     Fetch(move |wanted: Range<u64>| {
         let range = format!("bytes={}-{}", wanted.start, wanted.end - 1);

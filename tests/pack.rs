@@ -82,7 +82,7 @@ fn conforms(value: &Value, command: &str) {
     assert_eq!(wrong, None, "{command}: {value:#}");
 }
 
-/// What in `value` is not as `schema` has it.
+/// The parts of `value` that do not match `schema`.
 fn violation(value: &Value, schema: &Value, root: &Value) -> Option<String> {
     if let Some(reference) = schema["$ref"].as_str() {
         return violation(value, root.pointer(&reference[1..]).expect("a definition"), root);
@@ -136,7 +136,7 @@ fn the_published_schema_is_that_of_the_results() {
     let (folder, _) = folder();
     let printed: Value = serde_json::from_slice(&succeed(folder.path(), &["schema"])).unwrap();
     assert_eq!(printed, published(), "strivec-pack schema > format-spec/strivec-pack.schema.json");
-    // The check of results sees what it should.
+    // The check of results finds a planted difference.
     let schema = published();
     let info = json(folder.path(), &["info", "scene.strivec"]);
     for change in [

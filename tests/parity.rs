@@ -65,7 +65,7 @@ fn opacity_and_depth_follow_the_reference_and_a_planted_difference_shows() {
     assert!(clear > 400, "{clear} of {} rays are clear", rays.len());
     assert!(expected.iter().any(|e| e.opacity > 0.3 && e.depth > 2.0 && e.depth < 4.0));
     let traced = CpuRenderer::new(&scene).trace(&rays);
-    // Of all rays, those near a decision included, few decide otherwise.
+    // Few of all rays, with those near a threshold, fall on the other side of it.
     let differs = |(e, f): &(&Trace, &Pixel)| {
         (f64::from(f.opacity) - e.opacity).abs() > 1e-3 || (f64::from(f.depth) - e.depth).abs() > 1e-2
     };

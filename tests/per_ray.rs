@@ -1,4 +1,5 @@
-//! One decoder call a ray, without and with colors of the samples' own: the reference against numbers worked out by hand.
+//! One decoder call per ray, without and with residual colors of samples: the reference against values computed by
+//! hand.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -11,17 +12,17 @@ use strivec::model::{
 };
 use strivec::render::{ReferenceRenderer, Trace};
 
-/// A feature's own colors before the sigmoid, over it.
+/// Ratio of a feature's residual colors before the sigmoid to the feature.
 const OWN: [f64; 3] = [1.0, 2.0, -0.5];
 
 const BACKGROUND: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// One tensor a scale around the origin, of half edge 1. Density features are 0, so σ = ln 2, and σ·δ·distance scale is
-/// ln 2 as well: α is ½ everywhere. [`RAY`] has samples at z = −¾, −¼, ¼ of weights ½, ¼, ⅛ and leaves T = ⅛. The scales'
-/// appearance features are 4·(z + 1) and 2, their mean 1½, 2½, 3½.
+/// One tensor per scale around the origin, of half edge 1. Density features are 0, so σ = ln 2, and σ·δ·distance scale
+/// is ln 2 as well: α is ½ everywhere. [`RAY`] has samples at z = −¾, −¼, ¼ of weights ½, ¼, ⅛ and leaves T = ⅛. The
+/// scales' appearance features are 4·(z + 1) and 2, their mean 1½, 2½, 3½.
 ///
-/// With F the feature and d the direction, the color is sigmoid of F, sin F, and cos F + d_z. Where samples keep colors
-/// of their own, features are [`OWN`] times that one.
+/// With F the feature and d the direction, the color is sigmoid of F, sin F, and cos F + d_z. If samples have residual
+/// colors, features are [`OWN`] times that one.
 fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
     let features = mode.min_features();
     let scale = |appearance_z: [f32; 2]| Scale {
@@ -169,7 +170,7 @@ fn a_ray_without_colored_samples_shows_what_is_left_of_the_background() {
     }
 }
 
-/// Which samples are colored, and how near that is to changing, has nothing to do with where the decoder is called.
+/// The shaded samples, and their margins to the threshold, do not depend on the decoder's mode.
 #[test]
 fn the_mode_changes_colors_alone() {
     let [mut once, mut each] = [scenes::scene(&scenes::config()), scenes::scene(&scenes::config())];

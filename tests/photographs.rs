@@ -1,4 +1,4 @@
-//! The rays that training draws, what was photographed there, and what is behind it.
+//! The rays that training draws, their photographed colors, and their backgrounds.
 #![cfg(feature = "toolkit")]
 
 mod scenes;

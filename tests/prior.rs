@@ -147,7 +147,7 @@ fn one_view_and_parallel_views_give_a_solid_box_and_empty_pictures_are_an_error(
     let options = CoarseOptions { steps: vec![80], ..small_options() };
     for (name, dataset) in [("one view", one), ("parallel views", parallel)] {
         let boxes = run(&dataset, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
-        // Without parallax the depth is free; what is found still meets the box.
+        // Without parallax the depth is free; but the found cells still overlap the box.
         assert!(boxes.bounds().is_solid(), "{name}");
         assert!(boxes.bounds().intersection(&SOLID).is_solid(), "{name}: {:?}", boxes.bounds());
     }
@@ -367,7 +367,7 @@ fn eight_tensors_find_the_surface_of_a_known_box() {
 fn eight_tensors_find_the_same_on_any_number_of_threads_and_stop_when_told() {
     let dataset = photographs(12, 24, 1.0);
     let mut config = small_bootstrap();
-    // The first round finds nothing yet; the second goes on in the same box.
+    // The first round finds nothing yet; the second continues in the same box.
     config.bootstrap.steps = vec![20, 250];
     let on = |threads: usize, config: &TrainConfig| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -1,4 +1,4 @@
-//! `strivec prior`: files of geometry to occupied cells, as a user meets it.
+//! The command `strivec prior`: files of geometry to occupied cells.
 #![cfg(feature = "cli")]
 
 use std::collections::BTreeSet;
@@ -65,7 +65,7 @@ fn the_same_surface_is_found_in_every_file_of_it() {
     // Faces on the lattice's planes touch cells to one side or both, as their coordinates are rounded.
     let objects = read("toy/mesh.obj")["cells"].as_f64().unwrap();
     assert!((objects / mesh["cells"].as_f64().unwrap() - 1.0).abs() < 0.01);
-    // Conservative: what points are in, triangles are in, and the inside comes on top.
+    // Conservative: cells of the points are cells of the triangles, and the inside is added to these.
     let cells = |found: &Value| found["cells"].as_u64().unwrap();
     assert!(cells(&points) < cells(&mesh) && cells(&mesh) < cells(&occupancy));
 }
@@ -118,7 +118,7 @@ fn outliers_and_sparse_cells_are_left_out() {
     assert_eq!(corners(&read(&["--min-points", "2"]))[1][2], 10.0);
 }
 
-/// `fixtures/hostile-import`: what nobody should send, and what it is refused with, in 2 GiB of address space.
+/// `fixtures/hostile-import`: malformed files and their errors, in 2 GiB of address space.
 #[test]
 fn hostile_files_are_refused_as_written() {
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hostile-import");

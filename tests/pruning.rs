@@ -1,4 +1,4 @@
-//! What is left out of a scene: tensors in whose boxes nothing counts, and what no ray makes use of.
+//! Pruning of scenes: of tensors whose boxes are empty, and of components that no ray depends on.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -76,7 +76,7 @@ fn pruned_tensors_were_in_no_picture() {
             assert!((0..3).all(|c| (a.color[c] - b.color[c]).abs() < 1e-5), "{a:?} and {b:?}");
         }
 
-        // One tensor more is seen, so the comparison compares something.
+        // Removing one tensor more is visible, so the comparison is sensitive.
         let finest = pruned.scales.last_mut().unwrap();
         let within = |n: usize| scene.occupancy.as_ref().unwrap().contains(finest.cloud.center(n));
         let seen = (0..finest.cloud.len()).find(|&n| within(n)).unwrap();
@@ -109,7 +109,7 @@ fn config() -> TrainConfig {
     config
 }
 
-/// Gives tensor by tensor of `scale` the density feature that `feature` tells for its center, the same in all its box.
+/// Sets the density feature of each tensor of `scale` to `feature` of its center, constant in the box.
 fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
     let rank = scale.factors.density_rank as usize;
     let rows = Factors::rows(scale.cloud.resolution);
@@ -122,7 +122,7 @@ fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
     }
 }
 
-/// What `scene` looks like, through a noise that leaves it some 30 dB.
+/// Photographs of `scene` with noise that reduces their PSNR to about 30 dB.
 fn views(scene: &Scene) -> Vec<View> {
     let renderer = CpuRenderer::new(scene);
     let noise = Random::new(1, "noise");
@@ -145,7 +145,7 @@ fn prune_dead(scene: &mut Scene) -> strivec::train::DeadComponents {
     prune_dead_components(scene, &sampler, 3).unwrap()
 }
 
-/// Whether all density, or all appearance, of tensor `n` is exactly zero.
+/// True if all density, or all appearance, of tensor `n` is exactly zero.
 fn is_clear(scale: &Scale, n: usize) -> [bool; 2] {
     let tensors = scale.cloud.len();
     [&scale.factors.density, &scale.factors.appearance].map(|values| {
@@ -188,7 +188,7 @@ fn tensors_of_empty_space_are_cleared_and_others_are_not() {
     let size = |scene| container::encode(scene, &EncodeOptions::uniform(Encoding::F16)).unwrap().len();
     assert!(size(&scene) < size(&before));
 
-    // What is left is all used.
+    // All remaining components are used.
     let once = scene.clone();
     let again = prune_dead(&mut scene);
     assert_eq!((again.components_dropped, again.psnr_after.to_bits()), (0, again.psnr_before.to_bits()));

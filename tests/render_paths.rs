@@ -40,7 +40,7 @@ fn failure(output: &Output, code: i32) -> String {
     message
 }
 
-/// What is in `folder`, hidden files too.
+/// The contents of `folder`, with hidden files.
 fn listed(folder: &Path) -> Vec<String> {
     let entry = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
     let mut names: Vec<String> = fs::read_dir(folder).unwrap().map(entry).collect();
@@ -147,7 +147,7 @@ mod with_programs {
 
     use super::*;
 
-    /// A folder with a program that does what the shell's `script` says.
+    /// A folder with a program that runs the shell's `script`.
     fn program(folder: &Path, name: &str, script: &str) {
         fs::create_dir_all(folder.join("bin")).unwrap();
         let file = folder.join("bin").join(name);
@@ -155,7 +155,7 @@ mod with_programs {
         fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).unwrap();
     }
 
-    /// Notes its arguments and how many frames it sees, and makes a video of these words.
+    /// Writes its arguments and the number of frames in place of a video.
     const FFMPEG: &str = r#"case "$*" in *-encoders*) echo " V....D libx264 H.264"; exit;; esac
 for last; do :; done
 echo "$* $(ls frame_*.png | wc -l)" > "$last""#;

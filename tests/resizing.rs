@@ -1,4 +1,4 @@
-//! Scenes that give up what their pictures hardly need, and that get more where they err.
+//! Shrinking and growing of trained scenes.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -29,7 +29,7 @@ fn colorful() -> Scene {
     scene
 }
 
-/// What `scene` looks like.
+/// Photographs of `scene`.
 fn views(scene: &Scene) -> Vec<View> {
     let renderer = CpuRenderer::new(scene);
     let view = |i: u32| {
@@ -91,14 +91,14 @@ fn what_does_nothing_goes_first() {
     assert_eq!(small.parameters, [wide.nonzero_parameter_count(), small.scene.nonzero_parameter_count()]);
     assert!(small.parameters[1] <= scene.nonzero_parameter_count() && small.psnr[0] > 60.0);
     for round in &small.rounds {
-        assert!(round.psnr_at_once > 72.0, "nothing that is seen was given up: {round:?}");
+        assert!(round.psnr_at_once > 72.0, "a visible component was removed: {round:?}");
     }
     for (small, scale) in small.scene.scales.iter().zip(&scene.scales) {
         let [before, after] = [scale, small].map(ranks);
         assert!((0..2).all(|part| after[part] <= before[part]), "no more ranks than are of use: {after:?}");
     }
 
-    // The half of what is of use is missed at once, which is how the comparison is known to compare something.
+    // Removing half of the useful components costs PSNR at once, so the comparison is sensitive.
     let half = shrunk(&scene, &views, ShrinkGoal::Parameters(scene.nonzero_parameter_count() / 2), 2);
     assert!(half.rounds.last().unwrap().psnr_at_once < 65.0, "{:?}", half.rounds);
 }
@@ -116,7 +116,7 @@ fn training_makes_up_for_what_was_given_up() {
     for round in &small.rounds {
         assert!(round.psnr > round.psnr_at_once, "{round:?}");
     }
-    // What a component lost, training must not give back by itself.
+    // Training must not restore a removed component by itself.
     let shared: u64 = small.scene.scales.iter().map(|s| s.appearance_matrix.weights.len() as u64).sum();
     let held: usize = (small.scene.scales.iter())
         .map(|s| {
@@ -151,7 +151,7 @@ fn resolution_goes_where_cells_are_finer_than_what_is_there() {
     let scene = colorful();
     let views = views(&scene);
     let mut fine = scene.clone();
-    // Six times as many cells of one scale, along straight lines between what there was.
+    // Six times as many cells of one scale, interpolated linearly.
     let scale = &mut fine.scales[1];
     let (from, to) = (scale.cloud.resolution, scale.cloud.resolution.map(|d| 6 * d));
     let factors = &mut scale.factors;
@@ -191,7 +191,7 @@ fn a_scene_grows_where_its_error_is() {
     assert!(grown.psnr[1] > grown.psnr[0] + 3.0);
     let first = &grown.rounds[0];
     assert!((first.psnr_at_once - grown.psnr[0]).abs() < 0.01, "new components change nothing at once: {first:?}");
-    // What was added is mostly on the side that lacked it.
+    // The new components are mostly on the side that lacked them.
     let held = |scene: &Scene, is_bare: bool| -> usize {
         let of_scale = |s: &Scale| {
             let rows = Factors::rows(s.cloud.resolution);

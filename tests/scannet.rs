@@ -1,4 +1,4 @@
-//! ScanNet's layout: a synthetic scan read back, and scans that are not what they should be.
+//! ScanNet's layout: a synthetic scan read back, and malformed scans.
 #![cfg(feature = "toolkit")]
 
 use std::collections::{BTreeMap, HashSet};

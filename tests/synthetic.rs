@@ -62,7 +62,7 @@ fn dataset_reads_back_with_distinct_cameras_and_soft_silhouettes() {
         for view in &dataset.views {
             assert_eq!((view.camera.width, view.camera.height), (32, 24));
             positions.push(view.camera.position);
-            // What the background adds is what the pixel lets through.
+            // The background contributes in proportion to the pixel's transmittance.
             let [black, white] = [0.0, 1.0].map(|value| view.pixels.colors([value; 3]));
             let through: Vec<f32> = black.iter().zip(&white).map(|(b, w)| w[1] - b[1]).collect();
             let share = |keep: fn(f32) -> bool| through.iter().filter(|&&t| keep(t)).count();

@@ -1,4 +1,4 @@
-//! `strivec trade` as a user runs it, on a small file.
+//! The command `strivec trade` on a small file.
 #![cfg(feature = "cli")]
 
 use std::fs;

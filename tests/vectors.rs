@@ -1,5 +1,5 @@
-//! The files under `fixtures/`, for this and other readers: `v1/` opens, and its probes hold; `hostile/` is refused, each
-//! file with the error that its name in `errors.tsv` says.
+//! The files under `fixtures/`, for this and other readers: `v1/` opens, and its probes hold; `hostile/` is rejected,
+//! each file with the error that its name in `errors.tsv` says.
 //!
 //! Written anew by `cargo test --release --test vectors -- --ignored`.
 #![cfg(feature = "toolkit")]
@@ -58,7 +58,7 @@ fn ball() -> Scene {
 
 /// The file of `scene` in this encoding, with probes.
 fn file(scene: &Scene, mut metadata: Metadata, options: &EncodeOptions) -> Vec<u8> {
-    // Probes are of what a reader decodes.
+    // Probes are evaluated in the decoded scene.
     let decoded = encode_scene_file(scene, &Metadata::default(), options).unwrap();
     let decoded = decode_scene_file(&decoded, Limits::default()).unwrap().scene;
     metadata.probes = Some(make_probes(&decoded, 64, 1));
@@ -328,7 +328,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     files.into_iter().map(|(name, bytes)| (name.to_owned(), (bytes.clone(), error(&bytes)))).collect()
 }
 
-/// What the hostile vectors are opened with.
+/// The limits that the hostile vectors are opened with.
 const HOSTILE_LIMITS: Limits = Limits { memory: 64 << 20 };
 
 #[test]

@@ -61,7 +61,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(evaluated.len() == 2 && evaluated[0].starts_with("60,") && evaluated[1].starts_with("120,"), "{log}");
     assert!(!folder.join("a.strivec.state").exists(), "a finished run leaves no state");
 
-    // The file depends on no thread count, and is not overwritten unasked.
+    // The file does not depend on the number of threads, and is not overwritten without `--force`.
     let again = ["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--threads", "1", "--quiet"];
     run(folder, &again);
     assert!(fs::read(folder.join("a.strivec")).unwrap() == fs::read(folder.join("b.strivec")).unwrap());
@@ -83,7 +83,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(parity["near_999"].as_f64().unwrap() < 1e-2, "{parity}");
     assert!(parity["clear_rays"].as_u64().unwrap() > 3000, "{parity}");
 
-    // An approximation is in the result, shows in the picture, and is nothing that the reference takes.
+    // An approximation is in the result, changes the picture, and is not supported by the reference.
     assert_eq!(evaluation["approximation"]["step_scale"], 1.0);
     let quick = [
         "eval",
@@ -114,7 +114,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     }
 
     // Pictures that are rendered to files are those that are evaluated, to the rounding of 8 bits (58.9 dB): the
-    // renderings, laid out as a dataset of their own, are what the scene looks like.
+    // renderings, laid out as a dataset, are pictures of the scene.
     fs::create_dir(folder.join("copy")).unwrap();
     fs::copy(folder.join("data/transforms_test.json"), folder.join("copy/transforms_test.json")).unwrap();
     run(folder, &["render", "a.strivec", "--cameras", "data/transforms_test.json", "--out", "copy/test", "--depth"]);

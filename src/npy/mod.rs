@@ -15,9 +15,9 @@ pub use write::{Element, NpzWriter, write};
 pub struct Header {
     /// Type of each number.
     pub number: Number,
-    /// Whether the bytes of a number come most significant first.
+    /// True if the bytes of a number come most significant first.
     pub big_endian: bool,
-    /// Whether the first axis varies fastest, not the last.
+    /// True if the first axis varies fastest, false if the last does.
     pub fortran_order: bool,
     /// Length of each axis; empty for a single number.
     pub shape: Vec<u64>,
@@ -38,7 +38,7 @@ pub enum Number {
     Float(u8),
 }
 
-/// Why an array cannot be read.
+/// An error of reading an array.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NpyError {
@@ -46,9 +46,9 @@ pub enum NpyError {
     #[error("cannot read the array: {0}")]
     Io(#[from] io::Error),
     /// NumPy does not write such a file.
-    #[error("{place}: expected {expected}, found {found}")]
+    #[error("the {place} of the array must be {expected}, not {found}; save the array with `numpy.save`")]
     Malformed {
-        /// Part of the file.
+        /// The part of the file.
         place: &'static str,
         /// Accepted values.
         expected: &'static str,

@@ -1,7 +1,7 @@
 //! Streaming reader for untrusted `.npy` arrays of any numeric type.
 //!
-//! The header is a Python literal. Only the flat literal of three keys that NumPy itself writes is accepted, by a scanner
-//! that cannot recurse: parsers of any literal overflow the stack on hostile input.
+//! The header is a Python literal. Only the flat literal of three keys that NumPy itself writes is accepted, by a
+//! scanner that cannot recurse: parsers of any literal overflow the stack on hostile input.
 
 use std::io::Read;
 
@@ -9,7 +9,7 @@ use half::f16;
 
 use super::{Header, NpyError, Number};
 
-/// Bytes of the longest header that is accepted: NumPy pads to 64 bytes and needs some 80.
+/// Bytes of the longest header that is accepted: NumPy writes about 80, padded to a multiple of 64.
 const MAX_HEADER: usize = 1 << 16;
 /// Axes of an array at most (NumPy's own limit).
 const MAX_AXES: usize = 64;
@@ -51,8 +51,8 @@ impl Header {
     ///
     /// # Errors
     ///
-    /// [`NpyError::Malformed`] if NumPy does not write such a header, if the numbers are complex, structured or text, or if
-    /// their bytes are 2^64 and more; [`NpyError::Io`] if the input fails or ends.
+    /// [`NpyError::Malformed`] if NumPy does not write such a header, if the numbers are complex, structured or text,
+    /// or if their bytes are 2^64 and more; [`NpyError::Io`] if the input fails or ends.
     pub fn read(input: &mut dyn Read) -> Result<Self, NpyError> {
         let mut start = [0; 8];
         input.read_exact(&mut start)?;
@@ -77,7 +77,7 @@ impl Header {
         }
         let mut text = vec![0; length];
         input.read_exact(&mut text)?;
-        let text = String::from_utf8(text).map_err(|_| malformed("header", "UTF-8", "other bytes"))?;
+        let text = String::from_utf8(text).map_err(|_| malformed("header", "UTF-8 text", "other bytes"))?;
         Self::parse(&text)
     }
 
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_numpy_does_not_write_is_refused() {
+    fn headers_that_numpy_does_not_write_are_errors() {
         for header in [
             "",
             "{}",

@@ -131,7 +131,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     ///
     /// # Errors
     ///
-    /// Those of [`write()`], and if an array of this name was added before.
+    /// If [`write()`] fails, or an array of this name was added before.
     pub fn add<T: Element>(
         &mut self,
         name: &str,

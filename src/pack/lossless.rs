@@ -6,7 +6,7 @@ use crate::container::{
 };
 use crate::model::Scene;
 
-/// Options that lose nothing of `file`: its own, and floats where an edit has left numbers that its own would round.
+/// Options that encode `file` without loss: its own, and floats for arrays that its own would round, as after an edit.
 ///
 /// # Errors
 ///
@@ -15,7 +15,7 @@ pub fn lossless(file: &SceneFile) -> Result<EncodeOptions, Error> {
     let trial = EncodeOptions { zstd_level: None, ..file.encoding.clone() };
     let read = match encode_scene_file(&file.scene, &file.metadata, &trial) {
         Ok(bytes) => Some(decode_scene_file(&bytes, Limits { memory: u64::MAX })?),
-        // A number that the encoding cannot hold.
+        // The encoding cannot hold a number of the scene.
         Err(Error::Overflow { .. }) => None,
         Err(error) => return Err(error),
     };

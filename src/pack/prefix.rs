@@ -84,7 +84,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
     Prefix { gain: f64::from(shape[0]).exp(), offset: f64::from(shape[1]), features: scene.features(), matrices }
 }
 
-/// Scale and place of the entries of all density vectors along x.
+/// Scale and index of each entry of the density vectors along x.
 fn x_vectors(field: &Field<f32>) -> impl Iterator<Item = (usize, usize)> {
     field.scales.iter().enumerate().flat_map(|(s, scale)| {
         let tensor = Factors::rows(scale.resolution) * scale.density_rank;

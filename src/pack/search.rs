@@ -69,7 +69,7 @@ impl Goal {
         }
     }
 
-    /// Whether a candidate at this distance meets the goal.
+    /// True if a candidate at this distance meets the goal.
     fn is_met(self, beyond: f64) -> bool {
         match self {
             Self::Error { .. } => beyond <= 0.0,

@@ -8,7 +8,7 @@ use crate::model::Scene;
 use crate::random::Random;
 use crate::train::FactorImportance;
 
-/// Cameras in the model's space that see a scene as those of a dataset might.
+/// Cameras in the model's space, in place of a dataset's.
 #[derive(Clone, Debug)]
 pub struct Views {
     /// The cameras.
@@ -29,7 +29,7 @@ pub fn probe_views(scene: &Scene, known: &[TrainingCamera], count: usize, size: 
 }
 
 impl Views {
-    /// `count` rays through random points of random cameras' pictures, the same ones for the same `random`.
+    /// `count` rays through random points of the pictures of random cameras. The same `random` gives the same rays.
     pub fn rays(&self, count: usize, random: &Random) -> Vec<Ray> {
         (0..count as u64)
             .map(|n| {

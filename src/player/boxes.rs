@@ -1,4 +1,4 @@
-//! The tensors' boxes, drawn as lines over a picture.
+//! Tensor boxes, drawn as lines over a picture.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec2, DVec3, DVec4};
@@ -8,12 +8,14 @@ use crate::model::Scene;
 use crate::render::gpu::Gpu;
 
 const SHADER: &str = include_str!("../../shaders/boxes.wgsl");
-/// Scales that have a color of their own.
+/// Maximum number of scales that are drawn on a device.
 const SCALES: usize = 16;
-/// By scale, the coarsest first; then again.
+/// Line color of each scale, the coarsest first; repeated after the last.
 const COLORS: [[f32; 3]; 4] = [[1.0, 0.45, 0.1], [0.15, 0.7, 1.0], [0.55, 0.9, 0.2], [0.95, 0.3, 0.8]];
-/// Opacity of a scale's lines: the more there are, the less each may hide.
+/// Minimum and maximum opacity of a scale's lines. Lines of scales with more tensors are fainter.
 const OPACITIES: [f32; 2] = [0.05, 0.4];
+/// Number of tensors at which lines have opacity 1 before clamping; the opacity is inversely proportional to the
+/// number.
 const SEEN_THROUGH: f32 = 150.0;
 
 /// `Boxes` of `shaders/boxes.wgsl`.
@@ -25,22 +27,23 @@ struct Uniform {
     colors: [[f32; 4]; SCALES],
 }
 
-/// Boxes of a scene on a device.
+/// The tensor boxes of a scene in device memory.
 #[derive(Debug)]
 pub struct BoxLines {
     pipeline: wgpu::RenderPipeline,
     bind_group: wgpu::BindGroup,
     uniform_buffer: wgpu::Buffer,
     uniform: Uniform,
-    /// \[tensor\] its center relative to the origin, and its scale.
+    /// \[tensor\] center relative to `origin`, in model units, and index of the scale.
     centers: wgpu::Buffer,
-    /// \[scale\] its first tensor, and the number of tensors.
+    /// \[scale\] index of its first tensor; after the last scale, the number of tensors.
     firsts: Vec<u32>,
+    /// Center of the scene's bounds, in the model's space.
     origin: DVec3,
 }
 
 impl BoxLines {
-    /// The boxes of `scene`, for surfaces of `format`.
+    /// Uploads the tensor boxes of `scene`, to be drawn on surfaces of `format`.
     pub fn new(gpu: &Gpu, scene: &Scene, format: wgpu::TextureFormat) -> Self {
         use wgpu::BufferUsages as Usage;
         let device = gpu.device();
@@ -74,7 +77,8 @@ impl BoxLines {
         Self { pipeline, bind_group, uniform_buffer, uniform, centers: centers_buffer, firsts, origin }
     }
 
-    /// Draws the boxes of the `scales` as `camera` sees them, into `pass`, whose viewport is the picture's place.
+    /// Draws the boxes of the scales for which `scales` is true into `pass`, seen from `camera`. The viewport of `pass`
+    /// must be the picture's rectangle.
     pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, camera: &Camera, scales: &[bool]) {
         let clip_from_model = clip_from_model(camera, self.origin).to_cols_array_2d().map(|c| c.map(|v| v as f32));
         let uniform = Uniform { clip_from_model, ..self.uniform };
@@ -88,14 +92,15 @@ impl BoxLines {
     }
 }
 
-/// Color and opacity of the lines of scale `s` of `tensors` tensors.
+/// Color and opacity of the lines of scale `s`, which has `tensors` tensors.
 fn color_of(s: usize, tensors: usize) -> [f32; 4] {
     let [r, g, b] = COLORS[s % COLORS.len()];
     [r, g, b, (SEEN_THROUGH / tensors as f32).clamp(OPACITIES[0], OPACITIES[1])]
 }
 
-/// The edges of the boxes of `scene`'s `scales` as `camera` sees them, for those who draw without a device: calls `draw` with
-/// their ends, in parts of the picture's width and height, and their color and opacity.
+/// Projects the box edges of the scales of `scene` for which `scales` is true, for windows without a graphics device.
+/// Calls `draw` with the two ends of each edge, in parts of the picture's width and height, and with its color and
+/// opacity.
 pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl FnMut([DVec2; 2], [f32; 4])) {
     let origin = scene.bounds.center();
     let clip_from_model = clip_from_model(camera, origin);
@@ -115,7 +120,7 @@ pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl
     }
 }
 
-/// The part of a line that lies in front of the camera, in clip space.
+/// The part of a line that lies in front of the camera, in clip space; `None` if it lies behind the camera.
 fn in_front(a: DVec4, b: DVec4) -> Option<[DVec4; 2]> {
     const NEAREST: f64 = 1e-6;
     if a.w < NEAREST && b.w < NEAREST {
@@ -127,7 +132,7 @@ fn in_front(a: DVec4, b: DVec4) -> Option<[DVec4; 2]> {
     Some([cut(a, b), cut(b, a)])
 }
 
-/// From positions relative to `origin` to clip space. Everything in front of the camera is at the same depth.
+/// Maps positions relative to `origin` to clip space. All points in front of the camera get the same depth.
 fn clip_from_model(camera: &Camera, origin: DVec3) -> DMat4 {
     let camera_from_model =
         DMat4::from_mat3(camera.world_from_camera.transpose()) * DMat4::from_translation(origin - camera.position);

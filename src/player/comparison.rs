@@ -1,28 +1,28 @@
-//! Two scenes at once: which part of the window each gets.
+//! Arrangement of two scenes in a window.
 
 use crate::geometry::Camera;
 use crate::model::Frame;
 
-/// How two scenes are seen together.
+/// Arrangement of two scenes in a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Comparison {
-    /// Half of the window each.
+    /// Each scene fills half of the window.
     SideBySide,
-    /// The first left of this part of the width, the second right of it.
+    /// A divider at this part of the width: the first scene is left of it, the second right.
     Slider(f32),
 }
 
-/// Where a picture lies, and what of it is seen: left, top, right and bottom, in the surface's pixels.
+/// Rectangle of a picture on a surface, and its visible part: left, top, right and bottom, in the surface's pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// The whole picture.
     pub whole: [f32; 4],
-    /// What of it is seen.
+    /// Its visible part.
     pub seen: [f32; 4],
 }
 
 impl Comparison {
-    /// Where the two pictures lie in `area`.
+    /// The places of the two pictures in `area`.
     pub fn places(self, area: [f32; 4]) -> [Place; 2] {
         let [left, top, right, bottom] = area;
         let part = |at: f32| left + at * (right - left);
@@ -33,7 +33,8 @@ impl Comparison {
         }
     }
 
-    /// The camera for a scene of frame `second`, where `camera` is that for one of `first`: both see the same of the dataset.
+    /// The camera for a scene of frame `second` that shows the same part of the dataset as `camera` shows for a scene
+    /// of frame `first`.
     pub fn camera_of_second(camera: &Camera, first: &Frame, second: &Frame) -> Camera {
         if first.model_from_dataset == second.model_from_dataset {
             return *camera;
@@ -51,13 +52,13 @@ impl Comparison {
 }
 
 impl Place {
-    /// All of `area`, and all of that is seen.
+    /// The whole of `area`, all of it visible.
     pub fn of(area: [f32; 4]) -> Self {
         Self { whole: area, seen: area }
     }
 
-    /// Has `pass`, on a surface of `size`, draw here and nowhere else. Whether there is anything to be seen: where not, nothing
-    /// may be drawn.
+    /// Restricts the drawing of `pass`, on a surface of `size`, to this place. Returns false if no part of it is
+    /// visible; nothing may be drawn then.
     pub fn enter(&self, pass: &mut wgpu::RenderPass<'_>, size: [u32; 2]) -> bool {
         let [width, height] = size.map(|v| v as f32);
         let [left, top, right, bottom] = self.whole;

@@ -1,4 +1,4 @@
-//! The camera in the user's hands: orbit, pan, dolly, fly, focus, views that are kept.
+//! Camera controls: orbit, pan, dolly, fly, focus, saved views.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -12,35 +12,35 @@ use crate::container::{Pose, TrainingCamera, Views};
 use crate::geometry::Camera;
 use crate::model::Scene;
 
-/// No nearer to straight up or down than this, in radians.
+/// Minimum angle between the line of sight and the vertical, in radians.
 const FROM_POLE: f64 = 0.02;
-/// Extents of the scene per second.
+/// Flying speed, in extents of the scene per second.
 const FLYING_SPEED: f64 = 0.4;
-/// Factor of the speed while Shift is held.
+/// Factor of the flying speed while Shift is held.
 const FASTER: f64 = 4.0;
-/// Orbit of an arrow key, in parts of the window's height.
+/// Length of the drag that an arrow key replaces, in parts of the window's height.
 const KEY_STEP: f64 = 0.05;
 
-/// What a drag of the pointer does.
+/// Effect of dragging the pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drag {
-    /// Turns around the pivot.
+    /// Turns the camera around the pivot.
     Orbit,
-    /// Moves sideways.
+    /// Moves the camera sideways.
     Pan,
-    /// Turns the head.
+    /// Turns the camera around its own position.
     Look,
 }
 
-/// The camera, and what is held down.
+/// The camera, the saved views, and the keys and fingers that are held down.
 #[derive(Clone, Debug)]
 pub struct Controls {
     first: Stand,
-    /// Vertical, in radians.
+    /// Vertical angle of view of the first view, in radians.
     first_angle: f64,
     now: Stand,
     kept: [Option<Stand>; KEPT],
-    /// Vertical, in radians.
+    /// Vertical angle of view, in radians.
     angle_of_view: f64,
     up: DVec3,
     /// The longest edge of the scene's bounds.
@@ -82,47 +82,47 @@ impl Controls {
         }
     }
 
-    /// Where the camera is.
+    /// The camera's pose, in the model's space.
     pub fn pose(&self) -> Pose {
         self.now.pose
     }
 
-    /// What the camera turns around.
+    /// The point that the camera orbits, in the model's space.
     pub fn pivot(&self) -> DVec3 {
         self.now.pivot()
     }
 
-    /// Vertical, in radians.
+    /// Vertical angle of view, in radians.
     pub fn angle_of_view(&self) -> f64 {
         self.angle_of_view
     }
 
-    /// Puts the camera at `pose`, turning around what is as far ahead as before.
+    /// Moves the camera to `pose`, in the model's space. The distance to the pivot stays.
     pub fn place(&mut self, pose: Pose) {
         self.now.pose = Pose { rotation: pose.rotation.normalize(), ..pose };
     }
 
-    /// Puts the camera at `pose`, with an angle of view from top to bottom of `angle` radians.
+    /// Moves the camera to `pose`, with a vertical angle of view of `angle` radians.
     pub fn place_with_angle(&mut self, pose: Pose, angle: f64) {
         self.place(pose);
         self.angle_of_view = angle.clamp(0.02, 3.0);
     }
 
-    /// Turns around the pivot; the pointer has moved by these parts of the window's height, to the right and down.
+    /// Orbits around the pivot by a drag of `right` and `down`, in parts of the window's height.
     pub fn orbit(&mut self, right: f64, down: f64) {
         let pivot = self.now.pivot();
         self.turn(right, down);
         self.now.pose.position = pivot + self.now.distance * self.now.axis(DVec3::Z);
     }
 
-    /// Turns the head.
+    /// Turns the camera around its own position by such a drag.
     pub fn look(&mut self, right: f64, down: f64) {
         self.turn(-0.5 * right, -0.5 * down);
     }
 
     fn turn(&mut self, right: f64, down: f64) {
         let back = self.now.axis(DVec3::Z);
-        // How far from straight up the camera sits, which stays off the poles; a roll stays as it is.
+        // The angle from straight up is clamped, so that the camera never reaches a pole. The roll stays.
         let polar = back.angle_between(self.up);
         let wanted = (polar - TAU / 2.0 * down).clamp(FROM_POLE, TAU / 2.0 - FROM_POLE);
         let yaw = DQuat::from_axis_angle(self.up, -TAU / 2.0 * right);
@@ -131,26 +131,26 @@ impl Controls {
         self.now.pose.rotation = (yaw * pitch * self.now.pose.rotation).normalize();
     }
 
-    /// Moves sideways, so that what is at the pivot follows the pointer.
+    /// Moves the camera sideways by a drag, so that points at the pivot's distance follow the pointer.
     pub fn pan(&mut self, right: f64, down: f64) {
         let height = 2.0 * self.now.distance * (0.5 * self.angle_of_view).tan();
         let (x, y) = (self.now.axis(DVec3::X), self.now.axis(DVec3::Y));
         self.now.pose.position += height * (down * y - right * x);
     }
 
-    /// Moves towards the pivot: to `factor` times the distance.
+    /// Moves the camera to `factor` times its distance from the pivot.
     pub fn dolly(&mut self, factor: f64) {
         let pivot = self.now.pivot();
         self.now.distance = (self.now.distance * factor).clamp(1e-4 * self.extent, 100.0 * self.extent);
         self.now.pose.position = pivot + self.now.distance * self.now.axis(DVec3::Z);
     }
 
-    /// A wheel's turn: positive is towards the scene.
+    /// Zooms by `lines` of the wheel; positive is towards the scene.
     pub fn wheel(&mut self, lines: f64) {
         self.dolly(0.9_f64.powf(lines.clamp(-20.0, 20.0)));
     }
 
-    /// The pointer was dragged by `moved`, in parts of the window's height, to the right and down.
+    /// Applies a drag of the pointer to the right and down, in parts of the window's height.
     pub fn dragged(&mut self, [right, down]: [f64; 2], drag: Drag) {
         match drag {
             Drag::Orbit => self.orbit(right, down),
@@ -159,7 +159,7 @@ impl Controls {
         }
     }
 
-    /// Finger `id` is at `at`, in parts of the window's height, or gone; whether that moves the camera.
+    /// Moves finger `id` to `at`, in parts of the window's height; `None` lifts it. Returns whether the camera moves.
     pub fn touched(&mut self, id: u64, at: Option<[f64; 2]>) -> bool {
         let Some(at) = at else {
             self.gestures.lift(id);
@@ -177,7 +177,7 @@ impl Controls {
         gesture.is_some()
     }
 
-    /// Turns around `point` from now on; the camera turns to it.
+    /// Sets the pivot to `point`, in the model's space, and turns the camera towards it.
     pub fn focus(&mut self, point: DVec3) {
         let to = point - self.now.pose.position;
         if !(to.is_finite() && to.length() > 1e-4 * self.extent) {
@@ -188,7 +188,7 @@ impl Controls {
         self.now.distance = to.length();
     }
 
-    /// A key went down or up. Returns what it asks for, besides flying.
+    /// Handles a key that went down or up. Returns its action, if any besides flying.
     pub fn key(&mut self, code: &str, is_pressed: bool, is_modified: bool) -> Option<Action> {
         if ["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE", "ShiftLeft", "ShiftRight"].contains(&code) {
             if is_pressed {
@@ -229,12 +229,12 @@ impl Controls {
         true
     }
 
-    /// All keys are up: the window has lost them.
+    /// Releases all keys, for a window that has lost the focus.
     pub fn release_keys(&mut self) {
         self.held.clear();
     }
 
-    /// Moves as held keys say, for `seconds`; whether any does.
+    /// Flies for `seconds` in the direction of the held keys. Returns whether the camera moves.
     pub fn fly(&mut self, seconds: f64) -> bool {
         let held = |code: &str| f64::from(u8::from(self.held.contains(code)));
         let step = DVec3::new(held("KeyD") - held("KeyA"), held("KeyE") - held("KeyQ"), held("KeyS") - held("KeyW"));
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_grabbed_follows_the_pointer() {
+    fn points_at_the_pivot_follow_the_pointer() {
         let mut controls = controls();
         let (size, grabbed) = ([400, 400], controls.pivot());
         controls.pan(0.25, 0.125);

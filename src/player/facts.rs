@@ -30,7 +30,7 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
         let [dx, dy, dz] = scale.cloud.resolution;
         let factors = &scale.factors;
         let value = format!(
-            "{} of {x:.3} x {y:.3} x {z:.3}, {dx} x {dy} x {dz} cells, ranks {} + {}, {} nearest",
+            "{} of {x:.3} x {y:.3} x {z:.3}, {dx} x {dy} x {dz} cells, ranks {} + {}, top-k {}",
             grouped(scale.cloud.len() as u64),
             factors.density_rank,
             factors.appearance_rank,
@@ -46,7 +46,7 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
     if let Some(quality) = &document.metadata.quality {
         let decibels = |value: Option<f64>| value.map(|v| format!("{v:.2} dB"));
         if let Some(value) = decibels(quality.encoded) {
-            facts.push(fact("encoding", format!("pictures as before at {value}")));
+            facts.push(fact("encoding", format!("{value} against pictures before encoding")));
         }
         if let Some(value) = decibels(quality.test) {
             facts.push(fact("test views", format!("{value}, {}", quality.dataset)));

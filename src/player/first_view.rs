@@ -34,8 +34,8 @@ impl Stand {
     }
 }
 
-/// The first view of `scene`, and its vertical angle in radians: a training camera's if `cameras` do not surround the scene, as
-/// the scene is only known from their side, else that of `views`, else an overview.
+/// The first view of `scene`, and its vertical angle in radians: that of a training camera if `cameras` do not surround
+/// the scene (photographs show it from one side only), else that of `views`, else an overview.
 pub(super) fn first_view(scene: &Scene, up: DVec3, views: Option<&Views>, cameras: &[TrainingCamera]) -> (Stand, f64) {
     let (center, extent) = (scene.bounds.center(), scene.bounds.size().max_element());
     if !cameras.is_empty() && !surround(cameras, &scene.bounds, up) {
@@ -56,7 +56,7 @@ pub(super) fn first_view(scene: &Scene, up: DVec3, views: Option<&Views>, camera
     (stand, angle)
 }
 
-/// Whether `cameras` stand outside of `bounds` on all sides of it.
+/// True if most of `cameras` are outside of `bounds` and they are on all sides of it.
 fn surround(cameras: &[TrainingCamera], bounds: &Aabb, up: DVec3) -> bool {
     let inside = cameras.iter().filter(|camera| bounds.contains(camera.pose.position)).count();
     let direction = |camera: &TrainingCamera| {
@@ -67,7 +67,7 @@ fn surround(cameras: &[TrainingCamera], bounds: &Aabb, up: DVec3) -> bool {
     2 * inside < cameras.len() && mean.length() < MAX_MEAN_DIRECTION
 }
 
-/// From a little above, at a distance that shows the sphere around `bounds`.
+/// A view from slightly above, at a distance that shows the sphere around `bounds`.
 pub(super) fn overview(bounds: &Aabb, up: DVec3, angle_of_view: f64) -> Stand {
     let ahead = up.any_orthonormal_vector();
     let back = ELEVATION.cos() * ahead + ELEVATION.sin() * up;

@@ -1,24 +1,26 @@
-//! Fingers to gestures: one turns, two move and pinch.
+//! Touch gestures: one finger orbits, two fingers pan and pinch.
 
 use std::collections::BTreeMap;
 
-/// What fingers did, in parts of the window's height, to the right and down.
+/// A gesture. Movements are to the right and down, in parts of the window's height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gesture {
-    /// One finger has moved.
+    /// One finger moved by this vector.
     Turn([f64; 2]),
-    /// Two fingers have moved together, and apart by this factor.
+    /// The middle of two fingers moved by this vector, and their distance changed by this factor.
     MoveAndPinch([f64; 2], f64),
 }
 
 /// Fingers that touch the window.
 #[derive(Clone, Debug, Default)]
 pub struct Gestures {
+    /// Position of each finger by its id.
     fingers: BTreeMap<u64, [f64; 2]>,
 }
 
 impl Gestures {
-    /// Finger `id` touches at `at`, or is now there.
+    /// Puts finger `id` down at `at`, or moves it there. Returns the gesture, if one or two fingers are down and `id`
+    /// is not new.
     pub fn touch(&mut self, id: u64, at: [f64; 2]) -> Option<Gesture> {
         let before = self.state();
         let is_new = self.fingers.insert(id, at).is_none();
@@ -34,12 +36,12 @@ impl Gestures {
         }
     }
 
-    /// Finger `id` is gone.
+    /// Lifts finger `id`.
     pub fn lift(&mut self, id: u64) {
         self.fingers.remove(&id);
     }
 
-    /// The fingers' middle, and how far apart the first two are.
+    /// Mean position of the fingers, and the distance between the first two.
     fn state(&self) -> ([f64; 2], f64) {
         let count = self.fingers.len().max(1) as f64;
         let sum = |axis: usize| self.fingers.values().map(|at| at[axis]).sum::<f64>();
@@ -61,11 +63,11 @@ mod tests {
         let mut gestures = Gestures::default();
         assert_eq!(gestures.touch(7, [0.5, 0.5]), None);
         assert_eq!(gestures.touch(7, [0.75, 0.5]), Some(Gesture::Turn([0.25, 0.0])));
-        assert_eq!(gestures.touch(9, [0.25, 0.5]), None, "a finger that comes moves nothing");
+        assert_eq!(gestures.touch(9, [0.25, 0.5]), None, "a new finger moves nothing");
         let Some(Gesture::MoveAndPinch(moved, factor)) = gestures.touch(9, [0.5, 0.5]) else { panic!() };
         assert_eq!((moved, factor), ([0.125, 0.0], 0.5));
         gestures.touch(11, [0.0, 0.0]);
-        assert_eq!(gestures.touch(11, [0.1, 0.0]), None, "three fingers mean nothing");
+        assert_eq!(gestures.touch(11, [0.1, 0.0]), None, "three fingers are no gesture");
         gestures.lift(11);
         gestures.lift(7);
         assert_eq!(gestures.touch(9, [0.5, 0.25]), Some(Gesture::Turn([0.0, -0.25])));

@@ -1,10 +1,10 @@
 //! State, input and drawing that the desktop player and the page share.
 //!
-//! [`Session`] is the state of a player: scenes in [`SceneSlot`]s, the camera in [`Controls`], the settings, and the loop that
-//! draws. [`Recorder`] records and plays camera paths, [`Pace`] chooses the resolution of the next picture, [`Screen`]
-//! displays pictures of the graphics renderer, [`Comparison`] arranges two pictures, [`Photograph`] blends in a photograph,
-//! [`Stream`] opens files while they arrive, [`facts()`] describe a file, and [`KEYS`] are the help. Windows, menus and files
-//! belong to `desktop` and to the page.
+//! [`Session`] is the state of a player: scenes in [`SceneSlot`]s, the camera in [`Controls`], the settings, and the
+//! loop that draws. [`Recorder`] records and plays camera paths, [`Pace`] chooses the resolution of the next picture,
+//! [`Screen`] displays pictures of the graphics renderer, [`Comparison`] arranges two pictures, [`Photograph`] blends
+//! in a photograph, [`Stream`] opens files while they arrive, [`facts()`] describe a file, and [`KEYS`] are the help.
+//! Windows, menus and files belong to `desktop` and to the page.
 
 mod action;
 mod boxes;

@@ -1,59 +1,60 @@
-//! How good the next picture may be: coarse while the camera moves, then finer and finer until it is whole.
+//! Resolution of the next picture: coarse while the camera moves, then doubled with each picture up to the window's.
 
-/// Pictures are at most this many times smaller than the window in both directions.
+/// Maximum divisor of the window's resolution, per axis.
 const COARSEST: u32 = 16;
-/// Of what is known of the speed, how much a new measurement leaves.
+/// Weight of the old estimate of the speed in the moving average.
 const KEPT: f64 = 0.7;
-/// Fewer rays at once than this would be all overhead.
+/// Minimum number of rays of a batch; overhead dominates smaller ones.
 const MIN_RAYS: f64 = 1024.0;
 
-/// Decides by what pictures have taken so far. Without a clock of its own: whoever draws says how long it took.
+/// Chooses the resolution and the batches of the next picture from the measured speed. It reads no clock: pass times to
+/// [`Pace::measured`].
 #[derive(Clone, Debug)]
 pub struct Pace {
-    /// Seconds that a picture may take while the camera moves.
+    /// Maximum seconds of a picture while the camera moves.
     target: f64,
-    /// Smoothed over pictures, as parts of one differ too much; absent before the first.
+    /// Moving average over pictures, as the speed differs too much between parts of one; `None` before the first.
     seconds_per_ray: Option<f64>,
-    /// Rays of the picture that is being drawn, and their seconds.
+    /// Measured rays of the picture that is being drawn, and their seconds.
     drawn: (f64, f64),
-    /// How much smaller the picture on the screen is than the window; absent where it is out of date.
+    /// Divisor of the displayed picture; `None` if it is out of date.
     shown: Option<u32>,
-    /// That of the picture that is being drawn.
+    /// Divisor of the picture that is being drawn.
     drawing: Option<u32>,
-    /// Whether the camera has moved since the picture that is being drawn was begun.
+    /// True if the camera has moved since the picture that is being drawn was begun.
     is_stale: bool,
 }
 
 impl Pace {
-    /// For pictures of at most `target` seconds while the camera moves.
+    /// Aims at pictures of at most `target` seconds while the camera moves.
     pub fn new(target: f64) -> Self {
         Self { target, seconds_per_ray: None, drawn: (0.0, 0.0), shown: None, drawing: None, is_stale: false }
     }
 
-    /// Sets the seconds that a picture may take while the camera moves.
+    /// Sets the maximum seconds of a picture while the camera moves, clamped to 0.001 to 10.
     pub fn set_target(&mut self, seconds: f64) {
         self.target = seconds.clamp(0.001, 10.0);
     }
 
-    /// The picture on the screen is out of date: the camera moved, or something else was changed.
+    /// Marks the displayed picture as out of date, after the camera or a setting has changed.
     pub fn changed(&mut self) {
         self.shown = None;
         self.is_stale = true;
     }
 
-    /// How many times smaller than the window, of `pixels` pixels, a picture has to be that takes no longer than the target.
+    /// Smallest divisor at which a picture takes no longer than the target, for a window of `pixels` pixels.
     pub fn coarse(&self, pixels: u64) -> u32 {
         let Some(seconds) = self.seconds_per_ray else { return COARSEST };
         let fits = |divisor: &u32| seconds * pixels as f64 / f64::from(divisor * divisor) <= self.target;
         [1, 2, 4, 8].into_iter().find(fits).unwrap_or(COARSEST)
     }
 
-    /// How many times smaller than the window, of `pixels` pixels, the picture should be that is to be begun now; `None` where
-    /// the one on the screen, or the one that is being drawn, is just right.
+    /// Divisor of the picture to begin now, for a window of `pixels` pixels; `None` if no new picture is needed, as the
+    /// displayed one is final or the one that is being drawn is to be finished.
     pub fn next(&self, pixels: u64) -> Option<u32> {
         let coarse = self.coarse(pixels);
         match (self.drawing, self.shown) {
-            // A quick picture is worth finishing though the camera has moved on; a slow one is not.
+            // A quick picture is finished even if the camera has moved since; a slow one is replaced.
             (Some(divisor), _) if self.is_stale && divisor < coarse => Some(coarse),
             (Some(_), _) => None,
             (None, None) => Some(coarse),
@@ -62,13 +63,13 @@ impl Pace {
         }
     }
 
-    /// A picture `divisor` times smaller than the window is begun.
+    /// Marks a picture of this divisor as begun.
     pub fn begun(&mut self, divisor: u32) {
         self.learn();
         (self.drawing, self.is_stale) = (Some(divisor), false);
     }
 
-    /// It is on the screen.
+    /// Marks the picture as finished and displayed.
     pub fn finished(&mut self) {
         self.learn();
         if let Some(divisor) = self.drawing.take() {
@@ -76,19 +77,19 @@ impl Pace {
         }
     }
 
-    /// It will not be finished.
+    /// Marks the picture as discarded.
     pub fn abandoned(&mut self) {
         self.drawing = None;
     }
 
-    /// Some `rays` of the picture took `seconds`.
+    /// Records that `rays` rays of the picture took `seconds`.
     pub fn measured(&mut self, rays: u32, seconds: f64) {
         if seconds > 0.0 && seconds.is_finite() {
             self.drawn = (self.drawn.0 + f64::from(rays), self.drawn.1 + seconds);
         }
     }
 
-    /// Makes use of what was measured of a picture, whole or not.
+    /// Updates the estimate of the speed by the measurements of a picture, finished or not.
     fn learn(&mut self) {
         let (rays, seconds) = std::mem::take(&mut self.drawn);
         if rays > 0.0 {
@@ -97,22 +98,22 @@ impl Pace {
         }
     }
 
-    /// Rays that can be given to the device at once without the window standing still for longer than the target.
+    /// Number of rays to submit at once: a batch takes about half of the target, so that the window keeps responding.
     pub fn rays_at_once(&self) -> u32 {
         self.seconds_per_ray.map_or(MIN_RAYS, |seconds| (0.5 * self.target / seconds).max(MIN_RAYS)) as u32
     }
 
-    /// Whether the best picture is on the screen.
+    /// True if the picture of full resolution is displayed and none is being drawn.
     pub fn is_at_rest(&self) -> bool {
         self.shown == Some(1) && self.drawing.is_none()
     }
 
-    /// How many times smaller than the window the picture on the screen is.
+    /// Divisor of the displayed picture; `None` if it is out of date.
     pub fn shown(&self) -> Option<u32> {
         self.shown
     }
 
-    /// Rays a second, once anything was drawn.
+    /// Rays per second; `None` before the first picture.
     pub fn rays_per_second(&self) -> Option<f64> {
         self.seconds_per_ray.map(f64::recip)
     }
@@ -125,7 +126,7 @@ mod tests {
     /// A window of 1600 by 1000.
     const PIXELS: u64 = 1_600_000;
 
-    /// Draws until the picture is whole, on a device of `rays_per_second`; the divisors of the pictures.
+    /// Draws until the picture has full resolution, on a device of `rays_per_second`. Returns the pictures' divisors.
     fn settle(pace: &mut Pace, rays_per_second: f64) -> Vec<u32> {
         let mut drawn = Vec::new();
         while let Some(divisor) = pace.next(PIXELS) {
@@ -148,7 +149,7 @@ mod tests {
         let mut fast = Pace::new(0.05);
         settle(&mut fast, 1e9);
         fast.changed();
-        assert_eq!(settle(&mut fast, 1e9), [1], "a fast device is never coarse");
+        assert_eq!(settle(&mut fast, 1e9), [1], "a fast device needs no coarse picture");
     }
 
     #[test]
@@ -160,7 +161,7 @@ mod tests {
         pace.changed();
         assert_eq!(pace.next(PIXELS), None, "a quick one");
         pace.finished();
-        assert_eq!((pace.shown(), pace.next(PIXELS)), (None, Some(8)), "of an older camera");
+        assert_eq!((pace.shown(), pace.next(PIXELS)), (None, Some(8)), "the finished picture has an old camera");
         pace.begun(2);
         assert_eq!(pace.next(PIXELS), None, "nothing has moved");
         pace.changed();

@@ -1,22 +1,22 @@
-//! Training cameras, and the photograph that is seen through a picture.
+//! The chosen training camera, and its photograph, which is blended with the picture.
 
 use super::Controls;
 use crate::container::TrainingCamera;
 use crate::geometry::Camera;
 
-/// Which of a file's training cameras was gone to, and what is seen of its photograph.
+/// The chosen training camera of a file, and the display of its photograph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Photograph {
-    /// The camera's number in the file; absent before one was gone to.
+    /// Index of the camera in the file; `None` before one is chosen.
     pub camera: Option<usize>,
-    /// How much of the photograph is seen, from 0 to 1.
+    /// Chosen share of the photograph in the picture, from 0 to 1.
     pub share: f32,
-    /// Whether it is there.
+    /// True if the photograph is loaded.
     pub is_loaded: bool,
 }
 
 impl Photograph {
-    /// Puts the camera where number `n` of `cameras` was; whether there is such a camera.
+    /// Moves the camera of `controls` to training camera `n` of `cameras`. Returns whether there is such a camera.
     pub fn go_to(&mut self, n: usize, cameras: &[TrainingCamera], controls: &mut Controls) -> bool {
         let Some(camera) = cameras.get(n) else { return false };
         let angle = 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan();
@@ -27,7 +27,7 @@ impl Photograph {
         true
     }
 
-    /// The number of the next of `count` cameras, after the last the first, or of the one before.
+    /// Index of the next or the previous one of `count` cameras. The first follows the last.
     pub fn neighbor(&self, count: usize, is_next: bool) -> usize {
         match (self.camera, is_next) {
             (None, true) => 0,
@@ -37,18 +37,18 @@ impl Photograph {
         }
     }
 
-    /// The training camera whose photograph is to be shown and is not loaded.
+    /// Index of the training camera whose photograph is to be displayed and is not loaded.
     pub fn missing(&self) -> Option<usize> {
         self.camera.filter(|_| self.share > 0.0 && !self.is_loaded)
     }
 
-    /// How much of the photograph is shown now.
+    /// Share of the photograph in the picture now: 0 until it is loaded.
     pub fn shown_share(&self) -> f32 {
         if self.is_loaded { self.share } else { 0.0 }
     }
 
-    /// Where the photograph, by one of `cameras`, lies in the picture that `shown` took: its corner and size, in parts of the
-    /// picture's.
+    /// Corner and size of the photograph of the chosen one of `cameras`, in parts of the width and height of the
+    /// picture that `shown` took.
     pub fn place(&self, cameras: &[TrainingCamera], shown: &Camera) -> Option<[f32; 4]> {
         let taken = cameras.get(self.camera?)?;
         let along = |axis: usize, size: u32| {
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_come_round() {
+    fn neighbors_of_cameras_wrap_around() {
         let mut photograph = Photograph::default();
         assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [0, 2]);
         photograph.camera = Some(2);
@@ -86,14 +86,14 @@ mod tests {
     }
 
     #[test]
-    fn a_photograph_fills_the_height_of_what_its_camera_sees() {
+    fn a_photograph_fills_the_height_of_its_view() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
         let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let mut controls = Controls::new(&document.scene, None, &[]);
         let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
         assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());
         assert!(photograph.go_to(1, &cameras(), &mut controls));
-        assert_eq!((photograph.camera, photograph.shown_share()), (Some(1), 0.0), "another camera's");
+        assert_eq!((photograph.camera, photograph.shown_share()), (Some(1), 0.0), "the photograph is another camera's");
         assert_eq!(controls.pose().position.x, 1.0);
         let [x, y, width, height] = photograph.place(&cameras(), &controls.camera([100, 100])).unwrap();
         for (found, expected) in [(x, -0.5), (y, 0.0), (width, 2.0), (height, 1.0)] {

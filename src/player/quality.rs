@@ -1,4 +1,4 @@
-//! What is left out of pictures: as far as a scene has it, and as its file names it.
+//! Approximations fitted to a scene, and the named render settings in its file.
 
 use std::collections::BTreeMap;
 
@@ -6,9 +6,10 @@ use crate::container::{Prefix, first_scales};
 use crate::model::Scene;
 use crate::render::{Approximation, ParetoFront, RenderSettings};
 
-/// `scene` without the scales that `approximation` leaves out, corrected where the file's `prefixes` say how; and what of the
-/// approximation is left for a renderer. What is compared with another scene may be asked for more than it has. Without
-/// `has_cache`, as on graphics devices, densities are not cached.
+/// Removes the scales of `scene` that `approximation` leaves out, and corrects the others by the file's `prefixes`.
+/// Returns the scene, and the rest of the approximation for a renderer. The approximation may exceed the scene, as two
+/// compared scenes share it: neighbors are then clamped, and a decoder mode that the scene lacks is dropped. The
+/// density cache is dropped unless `has_cache`; graphics devices have none.
 pub fn adapted(
     scene: &Scene,
     prefixes: &[Option<Prefix>],
@@ -26,7 +27,8 @@ pub fn adapted(
     (first_scales(scene.clone(), prefixes, approximation.scales), left)
 }
 
-/// The points that a file's `notes` name, as `strivec trade --store` has written them; none where they are damaged.
+/// The render settings that a file's `notes` store by name, as written by `strivec trade --store`; none if they are
+/// malformed.
 pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSettings)> {
     let trade = ParetoFront::from_notes(notes).and_then(Result::ok);
     let points = trade.map(|trade| trade.points).unwrap_or_default();

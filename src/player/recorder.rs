@@ -1,4 +1,4 @@
-//! The camera's path in a player: recorded while the camera moves, and played.
+//! Recording and playback of camera paths.
 
 use glam::DQuat;
 
@@ -10,36 +10,35 @@ use crate::render::{KeyframesError, MAX_KEYFRAMES, read_keyframes, write_keyfram
 /// Seconds between the keyframes of a recorded path.
 const RECORDED_EVERY: f64 = 0.25;
 
-/// A path of the camera, in the dataset's space, while it is recorded and while it is played. Without a clock and without
-/// files of its own.
+/// Records and plays a camera path in the dataset's space. It reads no clock and writes no file.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    /// What was recorded or opened last.
+    /// The path that was recorded or opened last.
     path: Option<CameraPath>,
-    /// While it is being recorded.
+    /// Keyframes so far; `None` unless a path is being recorded.
     recording: Option<Vec<Keyframe>>,
-    /// Seconds into the path: while it is recorded, and while it is played.
+    /// Seconds since the start of the recording or of the playback.
     seconds: f64,
     is_playing: bool,
 }
 
 impl Recorder {
-    /// Whether the camera's path is being recorded.
+    /// True while a camera path is being recorded.
     pub fn is_recording(&self) -> bool {
         self.recording.is_some()
     }
 
-    /// Whether the camera follows a path.
+    /// True while the camera follows a path.
     pub fn is_playing(&self) -> bool {
         self.is_playing
     }
 
-    /// The file of the path that was recorded or opened last.
+    /// The path that was recorded or opened last, as the JSON of its file.
     pub fn file(&self) -> Option<String> {
         self.path.as_ref().map(write_keyframes)
     }
 
-    /// Begins to record, or ends that: then whether there is a new path.
+    /// Begins a recording, or ends it. Returns true if it ended with a new path.
     pub fn record(&mut self) -> bool {
         let Some(keyframes) = self.recording.take() else {
             *self = Self { recording: Some(Vec::new()), ..Self::default() };
@@ -49,8 +48,7 @@ impl Recorder {
         self.path.is_some()
     }
 
-    /// Plays the path from its beginning, or stops. Where one is being recorded, that ends first: then whether there is a new
-    /// path.
+    /// Plays the path from its beginning, or stops. Ends a recording first. Returns true if that gave a new path.
     pub fn play(&mut self) -> bool {
         let is_new = self.is_recording() && self.record();
         self.is_playing = !self.is_playing && self.path.is_some();
@@ -58,18 +56,19 @@ impl Recorder {
         is_new
     }
 
-    /// Plays the path of the file of `bytes`.
+    /// Plays the camera path in the bytes of a file.
     ///
     /// # Errors
     ///
-    /// Where `bytes` are no camera path; what there was then stays.
+    /// If `bytes` are not a camera path; the recorder then stays as it is.
     pub fn open(&mut self, bytes: &[u8]) -> Result<(), KeyframesError> {
         let path = read_keyframes(bytes)?;
         *self = Self { path: Some(path), is_playing: true, ..Self::default() };
         Ok(())
     }
 
-    /// Records where the camera is `elapsed` seconds after the last call, or moves it along the path; whether it has moved.
+    /// Records the camera, or moves it along the path, `elapsed` seconds after the last call. Returns whether it has
+    /// moved the camera.
     pub fn follow(&mut self, elapsed: f64, controls: &mut Controls, model_from_dataset: &Similarity) -> bool {
         self.seconds += elapsed;
         if let Some(keyframes) = &mut self.recording {
@@ -98,7 +97,7 @@ mod tests {
     use crate::container::{Limits, decode_scene_file};
 
     #[test]
-    fn what_was_recorded_is_played() {
+    fn recorded_paths_are_played() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
         let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let map =

@@ -37,7 +37,7 @@ pub trait Painter: Sized {
         approximation: &Approximation,
     ) -> Result<(), GpuError>;
 
-    /// Whether it can draw now.
+    /// True if it can draw now.
     fn is_ready(&self) -> bool {
         true
     }
@@ -79,7 +79,7 @@ pub trait Painter: Sized {
 /// An open scene.
 #[derive(Debug)]
 pub struct SceneSlot<P> {
-    /// As in the file, except for near and far: a viewer goes anywhere, and the bounds say where the scene is.
+    /// The file's scene. Near and far are extended, as the camera of a player may be anywhere.
     pub scene: Scene,
     /// Near and far of the file.
     pub near_far: [f64; 2],
@@ -87,7 +87,7 @@ pub struct SceneSlot<P> {
     pub all_scales: usize,
     /// Number of scales that have arrived.
     pub scales: usize,
-    /// Whether all scales have arrived.
+    /// True if all scales have arrived.
     pub is_whole: bool,
     /// Contents of the file, for the panel.
     pub facts: Vec<Fact>,
@@ -156,7 +156,8 @@ impl<P: Painter> SceneSlot<P> {
         Ok(())
     }
 
-    /// Begins the picture that `camera` takes, in place of an unfinished one. Does nothing while the painter is not ready.
+    /// Begins the picture that `camera` takes, in place of an unfinished one. Does nothing while the painter is not
+    /// ready.
     ///
     /// # Errors
     ///
@@ -170,7 +171,7 @@ impl<P: Painter> SceneSlot<P> {
         Ok(())
     }
 
-    /// Whether a picture is being drawn.
+    /// True if a picture is being drawn.
     pub fn is_drawing(&self) -> bool {
         self.drawing.is_some()
     }
@@ -180,8 +181,8 @@ impl<P: Painter> SceneSlot<P> {
         self.drawing = None;
     }
 
-    /// Submits at most `most_rays` more rays; calls `measured` with the number and the seconds of finished rays. Returns the
-    /// seconds since the picture was begun, once it is finished. Never waits.
+    /// Submits at most `most_rays` more rays; calls `measured` with the number and the seconds of finished rays.
+    /// Returns the seconds since the picture was begun, once it is finished. Never waits.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! The last picture that was finished, on a surface.
+//! Display of the last finished picture on a surface.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles as _, Vec3};
@@ -12,7 +12,7 @@ const SHADER: &str = include_str!("../../shaders/display.wgsl");
 /// Bytes of a pixel of the renderer.
 const PIXEL_BYTES: u64 = 32;
 
-/// A way to look at a picture.
+/// Displayed quantity of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum View {
     /// Colors.
@@ -29,7 +29,7 @@ pub enum View {
 }
 
 impl View {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 5] = [Self::Color, Self::Depth, Self::Opacity, Self::Normals, Self::Samples];
 
     /// Name in interfaces of programs.
@@ -54,33 +54,34 @@ impl View {
         }
     }
 
-    /// The next one, and after the last the first.
+    /// The next quantity; the first follows the last.
     pub fn next(self) -> Self {
         Self::ALL[(self as usize + 1) % Self::ALL.len()]
     }
 }
 
-/// How the picture is shown.
+/// Display settings of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Show {
-    /// What of it.
+    /// The displayed quantity.
     pub view: View,
     /// The scene's background, which the picture was composited on.
     pub scene_background: [f32; 3],
-    /// The background that is wanted.
+    /// The displayed background.
     pub background: [f32; 3],
-    /// Depths that are brightest and darkest, in model units.
+    /// Depths that are displayed brightest and darkest, in model units.
     pub depths: [f32; 2],
-    /// Samples that are brightest.
+    /// Number of samples that is displayed brightest.
     pub most_samples: f32,
-    /// How much of the photograph is seen.
+    /// Share of the photograph in the picture, from 0 to 1.
     pub photograph_share: f32,
     /// The photograph's corner and size, in parts of the picture's place.
     pub photograph: [f32; 4],
 }
 
 impl Show {
-    /// The picture of `scene` that `camera` took, as `view`, on `background` or else the scene's own; without a photograph.
+    /// Settings for the picture of `scene` that `camera` took: `view`, on `background` or else the scene's own, without
+    /// a photograph.
     pub fn new(scene: &Scene, camera: Option<&Camera>, view: View, background: Option<[f32; 3]>) -> Self {
         let (own, bounds) = (scene.frame.background, &scene.bounds);
         let distance = camera.map_or(1.0, |camera| (camera.position - bounds.center()).length());
@@ -121,14 +122,14 @@ struct Uniform {
     padding3: f32,
 }
 
-/// A picture that was kept from the renderer.
+/// A finished picture in device memory.
 #[derive(Debug)]
 struct Kept {
     pixels: wgpu::Buffer,
     camera: Camera,
 }
 
-/// Shows the last picture that was finished, while the next one is being drawn.
+/// Displays the last finished picture while the next one is being drawn.
 #[derive(Debug)]
 pub struct Screen {
     gpu: Gpu,
@@ -141,7 +142,7 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// For surfaces of `format`.
+    /// A screen without a picture, for surfaces of `format`.
     pub fn new(gpu: &Gpu, format: wgpu::TextureFormat) -> Self {
         let device = gpu.device();
         let uniform = device.create_buffer(&wgpu::BufferDescriptor {
@@ -188,7 +189,7 @@ impl Screen {
         self.kept = Some(Kept { pixels, camera: *camera });
     }
 
-    /// A buffer for `camera`'s pixels: the one of the picture before, where that was as large.
+    /// A buffer for `camera`'s pixels: that of the previous picture if it has the same size.
     fn room_for(&mut self, camera: &Camera) -> wgpu::Buffer {
         let bytes = u64::from(camera.width) * u64::from(camera.height) * PIXEL_BYTES;
         match self.kept.take() {
@@ -202,23 +203,23 @@ impl Screen {
         }
     }
 
-    /// Forgets the picture.
+    /// Removes the picture.
     pub fn clear(&mut self) {
         self.kept = None;
     }
 
-    /// The camera that took the picture; `None` where there is none.
+    /// The camera of the picture; `None` if there is no picture.
     pub fn camera(&self) -> Option<&Camera> {
         self.kept.as_ref().map(|kept| &kept.camera)
     }
 
-    /// The photograph that is seen through the picture: RGBA, `size` columns and rows.
+    /// Sets the photograph to blend with the picture: RGBA, `size` columns and rows.
     pub fn set_photograph(&mut self, size: [u32; 2], rgba: &[u8]) {
         self.photograph = texture(&self.gpu, size, rgba);
     }
 
-    /// Draws the picture into `pass`, at `corner` and as large as `size`, in the surface's pixels. What of it is seen is the
-    /// pass's scissor's business.
+    /// Draws the picture into `pass`, with its corner at `corner` and of `size`, in the surface's pixels. The scissor
+    /// rectangle of `pass` selects the visible part.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, corner: [f32; 2], size: [f32; 2], show: &Show) {
         let Some(Kept { pixels, camera }) = &self.kept else { return };
         let axis = |n: usize| camera.world_from_camera.col(n).to_array().map(|v| v as f32);
@@ -259,7 +260,7 @@ impl Screen {
     }
 }
 
-/// A direction as a number. Twin: `coded` of `shaders/normals.wgsl`.
+/// Encodes a direction as a number. Twin: `coded` of `shaders/normals.wgsl`.
 fn coded(direction: Vec3) -> f32 {
     let flat = direction.truncate() / direction.abs().element_sum();
     let signs = Vec2::select(flat.cmpge(Vec2::ZERO), Vec2::ONE, Vec2::NEG_ONE);
@@ -346,7 +347,7 @@ mod tests {
     fn directions_survive_their_code() {
         for direction in [Vec3::X, -Vec3::Z, Vec3::new(-0.3, 0.5, -0.8), Vec3::new(0.2, -0.9, 0.4)] {
             let code = coded(direction.normalize()) - 1.0;
-            // The way back is display.wgsl's.
+            // The decoding is that of display.wgsl.
             let flat = Vec2::new((code / 2048.0).floor(), code % 2048.0) / 2047.0 * 2.0 - 1.0;
             let z = 1.0 - flat.abs().element_sum();
             let signs = Vec2::select(flat.cmpge(Vec2::ZERO), Vec2::ONE, Vec2::NEG_ONE);
@@ -356,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn views_come_round() {
+    fn views_wrap_around() {
         assert_eq!(View::ALL.iter().fold(View::Color, |view, _| view.next()), View::Color);
         assert_eq!(View::Color.next(), View::Depth);
     }

@@ -8,7 +8,7 @@ use crate::geometry::Camera;
 use crate::render::gpu::GpuError;
 use crate::render::{Approximation, RenderSettings};
 
-/// Scenes, camera, settings and drawing: all that the desktop player and the page have in common. Slot 0 is the scene,
+/// Scenes, camera, settings and drawing, shared by the desktop player and the page. Slot 0 is the scene,
 /// slot 1 the scene that it is compared with.
 #[derive(Debug)]
 pub struct Session<P: Painter> {
@@ -20,7 +20,7 @@ pub struct Session<P: Painter> {
     pub controls: Option<Controls>,
     /// Resolution and batches of the next pictures.
     pub pace: Pace,
-    /// How far pictures may deviate from the exact ones.
+    /// Approximation of the pictures; the default is exact.
     pub approximation: Approximation,
     /// Least divisor of the window's resolution.
     pub finest: u32,
@@ -30,9 +30,9 @@ pub struct Session<P: Painter> {
     pub background: Option<[f32; 3]>,
     /// Arrangement of two scenes.
     pub comparison: Comparison,
-    /// \[scale\] whether its tensor boxes are drawn, if any are.
+    /// \[scale\] true if its tensor boxes are drawn while `has_boxes`.
     pub boxes: Vec<bool>,
-    /// Whether tensor boxes are drawn.
+    /// True if tensor boxes are drawn.
     pub has_boxes: bool,
     /// The chosen training camera and its photograph.
     pub photograph: Photograph,
@@ -44,7 +44,7 @@ pub struct Session<P: Painter> {
     pub seconds: Option<f64>,
     /// The same before the settings changed.
     pub seconds_before: Option<f64>,
-    /// Whether the display is out of date.
+    /// True if the display is out of date.
     pub is_dirty: bool,
     /// Columns and rows of the place for pictures.
     size: [u32; 2],
@@ -60,7 +60,7 @@ pub struct Finished {
 }
 
 impl<P: Painter> Session<P> {
-    /// Without a scene; a picture may take `frame_time` seconds while the camera moves.
+    /// A session without a scene. A picture may take `frame_time` seconds while the camera moves.
     pub fn new(device: P::Device, frame_time: f64) -> Self {
         Self {
             device,
@@ -84,7 +84,8 @@ impl<P: Painter> Session<P> {
         }
     }
 
-    /// Shows a step of a file in slot `n`: a new scene, or more scales of the scene there. If it fails, the scene there stays.
+    /// Shows a step of a file in slot `n`: a new scene, or more scales of the scene there. If it fails, the scene there
+    /// stays.
     ///
     /// # Errors
     ///
@@ -167,17 +168,17 @@ impl<P: Painter> Session<P> {
         is_moving
     }
 
-    /// Whether the displayed picture is as fine as the settings allow.
+    /// True if the displayed picture is as fine as the settings allow.
     pub fn is_fine_enough(&self) -> bool {
         self.pace.shown().is_some_and(|shown| shown <= self.finest)
     }
 
-    /// Whether a picture is being drawn.
+    /// True if a picture is being drawn.
     pub fn is_drawing(&self) -> bool {
         self.slots.iter().flatten().any(SceneSlot::is_drawing)
     }
 
-    /// Whether there is something to draw, to record, or to wait for.
+    /// True if there is something to draw, to record, or to wait for.
     pub fn is_busy(&self) -> bool {
         let is_unfinished = self.slots[0].is_some() && !self.is_fine_enough();
         let is_waiting = self.slots.iter().flatten().any(|slot| !slot.painter.is_ready());
@@ -211,8 +212,8 @@ impl<P: Painter> Session<P> {
         Some(Comparison::camera_of_second(&camera, frames[0], frames[1]))
     }
 
-    /// Draws until the clock is at `until`, or until there is nothing to do or the painters do not wait. Returns the pictures
-    /// that were finished.
+    /// Draws until the clock is at `until`, or until there is nothing to do or the painters do not wait. Returns the
+    /// pictures that were finished.
     ///
     /// # Errors
     ///
@@ -249,7 +250,8 @@ impl<P: Painter> Session<P> {
         }
     }
 
-    /// Begins the next picture of all scenes, if one is due; at full resolution it is `size` large, of `pixels` in all scenes.
+    /// Begins the next picture of all scenes, if one is due; at full resolution it is `size` large, of `pixels` in all
+    /// scenes.
     fn begin_next(&mut self, size: [u32; 2], pixels: u64) -> Result<(), GpuError> {
         let due = self.pace.next(pixels).map(|divisor| divisor.max(self.finest));
         let Some(divisor) = due.filter(|_| !self.is_fine_enough()) else { return Ok(()) };
@@ -283,7 +285,7 @@ impl<P: Painter> Session<P> {
         Ok(Some(seconds))
     }
 
-    /// How slot `n` is displayed.
+    /// Display settings of slot `n`; `None` if it is empty.
     pub fn show(&self, n: usize) -> Option<Show> {
         let slot = self.slots[n].as_ref()?;
         let shown = slot.painter.shown();
@@ -302,7 +304,8 @@ impl<P: Painter> Session<P> {
         }
     }
 
-    /// Handles a key of W3C code `code`. Returns its action, of which the caller does focus, help, panel, screenshot and paths.
+    /// Handles a key of W3C code `code`. Returns its action, of which the caller does focus, help, panel, screenshot
+    /// and paths.
     pub fn key(&mut self, code: &str, is_pressed: bool, is_modified: bool) -> Option<Action> {
         if is_pressed && self.controls.as_mut().is_some_and(|controls| controls.step(code)) {
             self.changed();

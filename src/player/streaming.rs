@@ -1,7 +1,7 @@
 //! Opening a file in steps, the coarse scale first: a file at hand by [`each_step`], a file that arrives by [`Stream`].
 //!
-//! A [`Stream`] loads nothing itself: load the ranges of [`Stream::wanted`], pass their bytes to [`Stream::add`], and take
-//! scenes from [`Stream::step`].
+//! A [`Stream`] loads nothing itself: load the ranges of [`Stream::wanted`], pass their bytes to [`Stream::add`], and
+//! take scenes from [`Stream::step`].
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -22,7 +22,7 @@ pub struct Step {
     pub contents: Contents,
     /// Number of scales that have arrived.
     pub scales: usize,
-    /// Whether these are all.
+    /// True if these are all scales of the file.
     pub is_whole: bool,
 }
 
@@ -86,8 +86,8 @@ impl Stream {
         Ok(needed.into_iter().flat_map(|range| self.known.missing(range)).collect())
     }
 
-    /// The next scene, once nothing is [`Stream::wanted`] for it; `None` if this step cannot be shown, or if there are no more
-    /// steps.
+    /// The next scene, once nothing is [`Stream::wanted`] for it; `None` if this step cannot be shown, or if there are
+    /// no more steps.
     ///
     /// # Errors
     ///
@@ -101,7 +101,7 @@ impl Stream {
         read_step(&reader, scales)
     }
 
-    /// Whether there are no more steps.
+    /// True if there are no more steps.
     pub fn is_done(&self) -> bool {
         self.is_done
     }
@@ -118,8 +118,8 @@ fn next_scales(contents: &Contents, shown: usize) -> usize {
     if contents.file_length < SMALL { all } else { (shown + 1).min(all) }
 }
 
-/// Reads the first `scales` scales. Returns `None` if the file has no correction for leaving out the others: such a prefix is
-/// hardly opaque.
+/// Reads the first `scales` scales. Returns `None` if the file has no correction for leaving out the others, as such a
+/// prefix is almost transparent.
 fn read_step<S: Source>(reader: &Reader<S>, scales: usize) -> Result<Option<Step>, Error> {
     let contents = reader.contents().clone();
     let is_whole = scales == scale_count(&contents);
@@ -246,16 +246,16 @@ mod tests {
     }
 
     #[test]
-    fn a_file_comes_in_the_pieces_that_are_asked_for() {
+    fn a_file_arrives_in_the_wanted_pieces() {
         for name in ["everything", "zstd"] {
             let file = fixture(name);
             let mut stream = Stream::default();
-            let (mut asked, mut found) = (0, None);
+            let (mut loaded, mut found) = (0, None);
             while !stream.is_done() {
                 let wanted = stream.wanted().unwrap();
                 for range in &wanted {
                     let end = (range.end as usize).min(file.len());
-                    asked += end - range.start as usize;
+                    loaded += end - range.start as usize;
                     stream.add(range.clone(), file[range.start as usize..end].to_vec());
                 }
                 if wanted.is_empty() {
@@ -263,14 +263,14 @@ mod tests {
                 }
             }
             let found = found.unwrap();
-            assert!(found.is_whole && asked == file.len(), "{name}: {asked} of {}", file.len());
+            assert!(found.is_whole && loaded == file.len(), "{name}: {loaded} of {}", file.len());
             assert_eq!(found.document, decode_scene_file(&file, Limits::default()).unwrap());
             assert!(stream.wanted().unwrap().is_empty() && stream.step().unwrap().is_none());
         }
     }
 
     #[test]
-    fn what_is_no_file_is_said() {
+    fn malformed_files_are_errors() {
         let mut stream = Stream::default();
         let first = stream.wanted().unwrap().remove(0);
         stream.add(first, b"<!doctype html>".to_vec());
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_what_is_missing() {
+    fn missing_ranges_are_found() {
         let mut sparse = Sparse::default();
         sparse.add(10, vec![1; 10]);
         sparse.add(30, vec![3; 10]);

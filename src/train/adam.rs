@@ -47,7 +47,7 @@ impl<T: Real> Adam<T> {
         }
     }
 
-    /// Updates `parameters` and their moments. Where `SKIP_ZEROS`, entries of zero gradient keep both.
+    /// Updates `parameters` and their moments. If `SKIP_ZEROS`, entries of zero gradient keep both.
     #[inline(always)]
     pub(crate) fn update<const SKIP_ZEROS: bool>(
         &self,
@@ -56,7 +56,8 @@ impl<T: Real> Adam<T> {
         second: &mut [T],
         gradients: &[T],
     ) {
-        /// Few samples meet a tensor, so whole runs of its entries have no gradient: they are not even read.
+        /// Few samples meet a tensor, so whole runs of its entries have no gradient: they are skipped without being
+        /// read.
         const RUN: usize = 64;
         for (n, gradients) in gradients.chunks(RUN).enumerate() {
             if SKIP_ZEROS && !gradients.iter().fold(false, |any, &g| any | (g != T::zero())) {

@@ -47,7 +47,7 @@ pub struct Gradients<T> {
     pub density: Vec<Vec<T>>,
     /// \[scale\] laid out as the appearance factors.
     pub appearance: Vec<Vec<T>>,
-    /// Laid out as [`NetworkLayout`] says.
+    /// Laid out by [`NetworkLayout`].
     pub networks: Vec<T>,
 }
 

@@ -107,8 +107,8 @@ impl CoarseCube {
         (OVERLAP * self.resolution.as_dvec3()).ceil().as_uvec3()
     }
 
-    /// `base` for a training of the cube. Geometry is all that is wanted, so colors need no more than a linear map,
-    /// and no occupancy removes space in which density has yet to grow.
+    /// `base` for a training of the cube. Only the geometry is used, so a linear map suffices for colors. No occupancy
+    /// is estimated, as it would remove space in which density has yet to grow.
     fn config(&self, base: &TrainConfig, steps: u64) -> TrainConfig {
         let options = &base.bootstrap;
         let cloud = self.cloud();
@@ -202,7 +202,7 @@ impl CoarseCube {
         cell_at(n as u64, 2 * self.resolution)
     }
 
-    /// \[z\]\[y\]\[x\] whether a cell holds a sample of enough visibility weight for some pixel.
+    /// \[z\]\[y\]\[x\] true if a cell holds a sample of enough visibility weight for some pixel.
     fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
         let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
         let stride = (pixels as f64 / f64::from(options.visibility_rays)).sqrt().ceil().max(1.0) as usize;

@@ -84,7 +84,7 @@ impl Checkpoint {
         }
         expect("network moments", NetworkLayout::new(&field.decoder).len(), self.networks.first.len())?;
         if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
-            return Err(malformed("photographs", "the ones that were given", "others"));
+            return Err(malformed("photographs", "those of the dataset", "other ones"));
         }
         Ok(())
     }
@@ -127,14 +127,15 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// Names the first part that is missing or damaged.
+    /// If a part is missing or damaged; the error names the first such part.
     pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), CheckpointError> {
-        let not_safetensors = |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", e);
+        let not_safetensors =
+            |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", format!("a damaged one ({e})"));
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
         let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         let text =
-            |key: &str| metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "a value", "nothing"));
+            |key: &str| metadata.get(key).ok_or_else(|| malformed(&format!("metadata {key}"), "present", "missing"));
         fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, CheckpointError> {
             text.parse().map_err(|_| malformed(&format!("metadata {key}"), "a number", text))
         }
@@ -148,7 +149,7 @@ impl Checkpoint {
             return Err(malformed("tensors", format!("checksum {expected}"), found));
         }
         let tensor = |name: &str, dtype: Dtype| {
-            let view = file.tensor(name).map_err(|e| malformed(&format!("tensor {name}"), "present", e))?;
+            let view = file.tensor(name).map_err(|_| malformed(&format!("tensor {name}"), "present", "missing"))?;
             if view.dtype() != dtype {
                 return Err(malformed(&format!("tensor {name}"), format!("{dtype:?}"), format!("{:?}", view.dtype())));
             }

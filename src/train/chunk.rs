@@ -1,5 +1,5 @@
-//! One chunk of rays, forward and backward: loss, the gradients of the shared weights, and what each (tensor, sample)
-//! pair needs for the gradients of its factors.
+//! One chunk of rays, forward and backward: the loss, the gradients of the shared weights, and for each (tensor,
+//! sample) pair the inputs of the gradients of its factors.
 //!
 //! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, let s_i be ∂L/∂w_i by way
 //! of colors (0 for samples without one) and b the gradient of the pixel times the background; then
@@ -40,44 +40,44 @@ pub struct BatchRoulette {
 pub(super) struct Chunk<T> {
     pub(super) samples: Samples<T>,
     /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, if samples have residual colors,
-    /// \[colored\]\[ΣR\] ∂L/∂(their components).
+    /// \[shaded sample\]\[ΣR\] ∂L/∂(their components).
     pub(super) component_gradients: Vec<T>,
     /// ∂L/∂shared weights, in the flat layout.
     pub(super) network_gradients: Vec<T>,
     /// Pairs of all samples, with the gradients of their density features.
     pub(super) density_pairs: TensorPairs<T>,
-    /// Pairs of the colored samples.
+    /// Pairs of the shaded samples.
     pub(super) appearance_pairs: TensorPairs<T>,
     /// Σ over rays and channels of the squared error.
     pub(super) squared_error: f64,
 }
 
-/// What a thread needs while it works on a chunk. Reused.
+/// Buffers of a thread for the work on a chunk. Reused.
 #[derive(Debug, Default)]
 pub(super) struct Scratch<T> {
     activations: Activations<T>,
     /// \[ray\] ∂L/∂pixel.
     pixel_gradients: Vec<[T; 3]>,
-    /// \[colored\] ∂L/∂(the sample's weight), by way of colors.
+    /// \[shaded sample\] ∂L/∂(the sample's weight), by way of colors.
     weight_gradients: Vec<T>,
-    /// \[colored\] its row of `component_gradients`, and the factor that turns it into the gradients of the
+    /// \[shaded sample\] its row of `component_gradients`, and the factor that turns this row into the gradients of the
     /// sample's components.
     component_shares: Vec<(u32, T)>,
     /// \[place\] ∂L/∂(a scale's density feature).
     feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
-    /// \[term\]\[3\] ∂L/∂(a color before the sigmoid), where samples keep colors of their own.
+    /// \[term\]\[3\] ∂L/∂(a color before the sigmoid), if samples have residual colors.
     term_gradients: Vec<T>,
-    /// \[colored\]\[ΣR\] ∂L/∂(components), if samples have residual colors.
+    /// \[shaded sample\]\[ΣR\] ∂L/∂(components), if samples have residual colors.
     sample_gradients: Vec<T>,
 }
 
 impl<T: Real> Chunk<T> {
-    /// Marches and decodes `rays`, compares with `targets`, and goes back. The loss is the squared error times
-    /// `loss_scale`.
+    /// Marches and decodes `rays`, compares them with `targets`, and computes the gradients. The loss is the squared
+    /// error times `loss_scale`.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "a chunk's inputs, each from another owner")]
+    #[expect(clippy::too_many_arguments, reason = "the inputs of a chunk have different owners")]
     pub(super) fn run(
         &mut self,
         field: &Field<T>,
@@ -173,7 +173,7 @@ impl<T: Real> Chunk<T> {
                         sums.iter_mut().zip(composite_gradients).for_each(|(sum, &g)| *sum += g * share_of_composite);
                     }
                 }
-                // By Russian roulette, a sample's color may weigh more than the sample.
+                // With Russian roulette, the weight of a sample's color may exceed the sample's weight.
                 let place = colored.slots[c] as usize;
                 weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));

@@ -58,8 +58,8 @@ impl Display for Divergence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rates = |[factors, networks]: &[f64; 2]| {
             format!(
-                "try a smaller `factor_learning_rate` (now {factors}) and `network_learning_rate` (now {networks}), or check \
-                 that cameras and photographs belong together"
+                "try a smaller `factor_learning_rate` (now {factors}) and `network_learning_rate` (now {networks}), \
+                 or check that cameras and photographs belong together"
             )
         };
         match self {
@@ -68,14 +68,14 @@ impl Display for Divergence {
             }
             Self::Worse { found, expected, rates: now } => write!(
                 f,
-                "the mean squared error is {found:.4}, more than {MAX_ERROR_RATIO} times the {expected:.4} of an untrained scene or of \
-                 one color; {}",
+                "the mean squared error is {found:.4}, more than {MAX_ERROR_RATIO} times the {expected:.4} \
+                 of an untrained scene or of one color; {}",
                 rates(now)
             ),
             Self::Parameter { what, found, setting, rate, usual } => write!(
                 f,
-                "one of the {what} is {found}, beyond {MAX_PARAMETER} in magnitude; try a smaller `{setting}` (now {rate}; the \
-                 presets have {usual})"
+                "one of the {what} is {found}, beyond {MAX_PARAMETER} in magnitude; try a smaller `{setting}` \
+                 (now {rate}; the presets have {usual})"
             ),
         }
     }

@@ -8,8 +8,8 @@ use super::{ConfigError, Divergence};
 pub enum TrainError {
     /// No pixel's ray passes through the model.
     #[error(
-        "none of the {pixels} rays of the photographs passes through the model; check that the prior and the photographs \
-         are of the same scene"
+        "none of the {pixels} rays of the photographs passes through the model; check that the prior and the \
+         photographs are of the same scene"
     )]
     NoRays {
         /// Pixels of all photographs, in whole bytes of the mask.
@@ -25,8 +25,8 @@ pub enum TrainError {
     },
     /// No component of any tensor contributes to any ray.
     #[error(
-        "after {steps} steps no tensor contributes to any photograph: the scene is empty; train for more steps, or start \
-         from a prior that covers the scene"
+        "after {steps} steps no tensor contributes to any photograph: the scene is empty; train for more steps, \
+         or start from a prior that covers the scene"
     )]
     EmptyScene {
         /// Steps that the scene was trained for.

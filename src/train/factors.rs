@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::chunk::Chunk;
 use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, load, offset, register_at};
 
-/// Where a scale's components lie in a colored sample's row.
+/// Position of a scale's components in the row of a shaded sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ComponentRange {
     /// The scale's first component.
@@ -21,7 +21,7 @@ pub(super) struct ComponentRange {
 pub(super) struct TensorGradient<T> {
     pub(super) density: AVec<T>,
     pub(super) appearance: AVec<T>,
-    /// Whether `appearance` is anything but zero.
+    /// False if `appearance` is all zeros.
     pub(super) has_appearance: bool,
     /// Time since a step began.
     pub(super) clock: StageClock,
@@ -180,7 +180,7 @@ fn add_registers<T: Real, S: Simd, const FULL: bool>(
     }
 }
 
-/// What a scale's gradients need besides its factors, which the optimizer borrows meanwhile.
+/// The inputs of a scale's gradients other than its factors, which the optimizer borrows meanwhile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScaleGeometry<'a, T> {
     pub(super) first_tensor: usize,

@@ -3,7 +3,7 @@
 
 use crate::field::{FieldDecoder, Real};
 
-/// Where each part lies in the flat vector.
+/// Layout of the flat vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkLayout {
     /// Length of the appearance part.
@@ -32,7 +32,7 @@ impl NetworkLayout {
         self.layers.last().map_or(self.appearance, |l| l.2)
     }
 
-    /// Whether there are no weights.
+    /// True if there are no weights.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

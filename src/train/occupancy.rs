@@ -37,7 +37,7 @@ pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     occupancy
 }
 
-/// \[y\]\[x\] whether the vertices of layer `z` are dense, without their neighbors.
+/// \[y\]\[x\] true if the vertices of layer `z` are dense, without their neighbors.
 #[inline(always)]
 fn dense_vertices<T: Real>(field: &Field<T>, grid: &Occupancy, z: u32) -> Vec<bool> {
     let mut samples = Samples::default();

@@ -1,4 +1,4 @@
-//! A chunk's (tensor, sample) pairs in the order of tensors, with what each needs for the gradients of its factors.
+//! A chunk's (tensor, sample) pairs in the order of tensors, with the inputs of the gradients of the tensors' factors.
 
 use crate::field::{Real, Samples};
 
@@ -7,7 +7,7 @@ use crate::field::{Real, Samples};
 pub(super) struct TensorPair<T> {
     /// The sample's place.
     pub(super) place: u32,
-    /// The row of the component gradients, where there are any.
+    /// The row of the component gradients, if there are any.
     pub(super) row: u32,
     /// The factor of these gradients; for density, the gradient itself.
     pub(super) weight: T,
@@ -29,7 +29,7 @@ impl<T: Real> TensorPairs<T> {
     }
 
     /// A stable counting sort of the pairs of those of `samples` that `sources` name by place, each with its row and
-    /// what the weights of its pairs are multiplied by.
+    /// the factor of the weights of its pairs.
     pub(super) fn sort(
         &mut self,
         samples: &Samples<T>,
@@ -41,8 +41,8 @@ impl<T: Real> TensorPairs<T> {
             let ranges = &samples.contribution_ranges[place as usize * scales..][..scales];
             ranges.iter().flat_map(|range| &samples.contributions[range[0] as usize..range[1] as usize])
         };
-        // `starts[n + 2]` counts tensor n's, then becomes where those of n + 1 begin; `starts[n + 1]` moves from where
-        // n's begin to where they end.
+        // `starts[n + 2]` counts the pairs of tensor n, then becomes the first index of those of n + 1; `starts[n + 1]`
+        // moves from the first index of those of n to their end.
         self.starts.clear();
         self.starts.resize(tensors + 2, 0);
         for (place, ..) in sources.clone() {

@@ -20,13 +20,13 @@ pub struct RaySampler<'a> {
     active: Vec<u32>,
     /// The color behind transparent pixels.
     background: [f32; 3],
-    /// The stream of random backgrounds, and \[view\] whether it has them; absent if `background` is behind all pixels.
+    /// The stream of random backgrounds, and \[view\] true if it has them; `None` if `background` is behind all pixels.
     random: Option<(Random, Vec<bool>)>,
 }
 
 impl<'a> RaySampler<'a> {
     /// The rays of all pixels of `views`, whose cameras `frame` maps into the model's space; none is active yet.
-    /// Transparent pixels are in front of `frame`'s background, or of random ones if `config` says so.
+    /// Transparent pixels are in front of `frame`'s background, or of random ones if `config.random_background`.
     ///
     /// # Errors
     ///
@@ -69,7 +69,7 @@ impl<'a> RaySampler<'a> {
         self.active.len()
     }
 
-    /// One bit per pixel, least significant first: whether its ray is active.
+    /// One bit per pixel, least significant first: 1 if its ray is active.
     pub fn active_ray_mask(&self) -> Vec<u8> {
         let mut bits = vec![0; self.firsts[self.views.len()].div_ceil(8) as usize];
         for &pixel in &self.active {

@@ -173,7 +173,7 @@ impl<'a> Trainer<'a> {
         let first = self.checkpoint.step * self.config.batch_rays as u64;
         let RayBatch { rays, targets } =
             RayBatch::draw(&self.sampler, &self.field, &self.order, first, self.config.batch_rays);
-        // The streams' names are part of every trained scene's bits.
+        // The names of the streams determine the bits of every trained scene.
         let roulette = |below: f64, name: &str| {
             let random = Random::new(self.config.seed, name).substream(self.checkpoint.step);
             (below > 0.0).then_some(Roulette { below, random, first_ray: 0 })
@@ -267,7 +267,7 @@ impl<'a> Trainer<'a> {
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
             let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
-            // Very short runs have nothing dense yet: they continue without an occupancy.
+            // In very short runs no cell is dense yet: they continue without an occupancy.
             if dense.is_solid() {
                 if which == 0 {
                     self.scene.bounds = dense;

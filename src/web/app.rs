@@ -1,4 +1,4 @@
-//! The player apart from its page: a session on a canvas.
+//! State of the page's player: a session on a canvas.
 
 use glam::DQuat;
 use serde_json::{Value, json};
@@ -25,14 +25,14 @@ pub(super) struct App {
     pointer: [f64; 2],
     /// An error between two frames, for the next frame.
     failure: Option<GpuError>,
-    /// Whether work waits for the device.
+    /// True while work waits for the device.
     pub(super) is_waiting: bool,
     /// Seconds of the last frame; `None` after a pause.
     frame_at: Option<f64>,
 }
 
 impl App {
-    /// Without a scene.
+    /// A player without a scene.
     pub(super) fn new(canvas: Canvas) -> Self {
         let device = Device { gpu: canvas.gpu.clone(), format: canvas.format() };
         Self {
@@ -46,8 +46,8 @@ impl App {
         }
     }
 
-    /// Moves the camera, draws, and brings the canvas, which is now of `size`, up to date at `now` seconds. Returns whether
-    /// another frame is needed.
+    /// Moves the camera, draws, and brings the canvas, which is now of `size`, up to date at `now` seconds. Returns
+    /// whether another frame is needed.
     pub(super) fn frame(&mut self, now: f64, size: [u32; 2]) -> Result<bool, GpuError> {
         let elapsed = self.frame_at.map_or(0.0, |before| (now - before).max(0.0));
         self.canvas.resize(size);
@@ -94,7 +94,8 @@ impl App {
         });
     }
 
-    /// Composes the `pictures` of both scenes in a window of `size`: a byte for red, green, blue and opacity of each pixel.
+    /// Composes the `pictures` of both scenes in a window of `size`: a byte for red, green, blue and opacity of each
+    /// pixel.
     pub(super) fn composed(&self, pictures: &[Option<Vec<Pixel>>; 2], size: [u32; 2]) -> Vec<u8> {
         let columns = self.session.picture_size(size)[0] as usize;
         let places = self.session.places([0.0, 0.0, size[0] as f32, size[1] as f32]);
@@ -203,7 +204,7 @@ impl App {
         Ok(())
     }
 
-    /// All that a panel shows.
+    /// The state for the panel; null if no scene is open.
     pub(super) fn state(&self) -> Value {
         let session = &self.session;
         let Some(slot) = &session.slots[0] else { return Value::Null };

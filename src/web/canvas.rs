@@ -19,7 +19,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// On the browser's best device.
+    /// Opens the browser's best device for `canvas`.
     pub(super) async fn new(canvas: HtmlCanvasElement) -> Result<Self, GpuError> {
         let [width, height] = [canvas.width(), canvas.height()].map(|v| v.max(1));
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());

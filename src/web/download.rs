@@ -6,13 +6,13 @@ use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
 use crate::player::{Step, Stream};
 
-/// A file that a page loads in pieces, the coarse scale first. Load the `wanted` ranges and `add` them until none is wanted,
-/// call the player's `take`, and repeat until it returns true.
+/// A file that a page loads in pieces, the coarse scale first. Load the `wanted` ranges and `add` them until none is
+/// wanted, call the player's `take`, and repeat until it returns true.
 #[wasm_bindgen]
 #[derive(Debug, Default)]
 pub struct Download {
     stream: Stream,
-    /// Whether a scene of it is shown.
+    /// True if a scene of it is shown.
     pub(super) is_shown: bool,
 }
 
@@ -43,7 +43,7 @@ impl Download {
         self.stream.add(0..u64::MAX, bytes);
     }
 
-    /// Whether `take` has shown a scene of it.
+    /// True if `take` has shown a scene of it.
     #[wasm_bindgen(getter)]
     pub fn has_scene(&self) -> bool {
         self.is_shown

@@ -1,5 +1,5 @@
-//! Bindings for a page in a browser: a player on a canvas, a file that opens while it arrives, and the help of keys. Errors
-//! become exceptions with the library's text. The page itself is in `tools/web/`.
+//! Bindings for a page in a browser: a player on a canvas, a file that opens while it arrives, and the help of keys.
+//! Errors become exceptions with the library's text. The page itself is in `tools/web/`.
 
 mod app;
 mod canvas;

@@ -49,7 +49,8 @@ impl Player {
         Ok(self.app.borrow_mut().session.take(step, false, place.min(1))?)
     }
 
-    /// Shows the next step of a download at `place`; all its wanted bytes must have arrived. Returns whether it was the last.
+    /// Shows the next step of a download at `place`; all its wanted bytes must have arrived. Returns whether it was the
+    /// last.
     ///
     /// # Errors
     ///
@@ -69,8 +70,8 @@ impl Player {
         self.app.borrow_mut().session.close_second();
     }
 
-    /// Sets the divider of two scenes, in parts of the width: the first is left of it, the second right. Without a divider
-    /// they are side by side.
+    /// Sets the divider of two scenes, in parts of the width: the first is left of it, the second right. Without a
+    /// divider they are side by side.
     pub fn set_divider(&self, at: Option<f32>) {
         let comparison = at.filter(|v| v.is_finite()).map_or(Comparison::SideBySide, Comparison::Slider);
         self.app.borrow_mut().session.set_comparison(comparison);
@@ -81,7 +82,8 @@ impl Player {
         self.app.borrow_mut().session.go_to_camera(number);
     }
 
-    /// Pose of training camera `number` of the file: 16 numbers, a row-major camera-to-world matrix in the dataset's space.
+    /// Pose of training camera `number` of the file: 16 numbers, a row-major camera-to-world matrix in the dataset's
+    /// space.
     pub fn training_camera(&self, number: usize) -> Option<Vec<f64>> {
         self.app.borrow().training_camera(number)
     }
@@ -91,8 +93,8 @@ impl Player {
         self.app.borrow_mut().session.set_photograph_share(share);
     }
 
-    /// Sets the photograph of training camera `number`: red, green, blue and opacity of each pixel. Ignored if another camera
-    /// was chosen since.
+    /// Sets the photograph of training camera `number`: red, green, blue and opacity of each pixel. Ignored if another
+    /// camera was chosen since.
     ///
     /// # Errors
     ///
@@ -100,7 +102,7 @@ impl Player {
     pub fn set_photograph(&self, number: usize, width: u32, height: u32, rgba: Vec<u8>) -> Result<(), JsError> {
         if rgba.is_empty() || rgba.len() as u64 != 4 * u64::from(width) * u64::from(height) {
             return Err(JsError::new(&format!(
-                "photograph: {width} x {height} pixels need {} bytes, found {}",
+                "photograph: {width} x {height} pixels need {} bytes, but {} were given",
                 4 * u64::from(width) * u64::from(height),
                 rgba.len()
             )));
@@ -117,7 +119,8 @@ impl Player {
         is_new
     }
 
-    /// Plays the path that was recorded or opened last, or stops. Ends a recording first. Returns whether there is a new path.
+    /// Plays the path that was recorded or opened last, or stops. Ends a recording first. Returns whether there is a
+    /// new path.
     pub fn play(&self) -> bool {
         let session = &mut self.app.borrow_mut().session;
         let is_new = session.recorder.play();
@@ -143,8 +146,8 @@ impl Player {
         Ok(())
     }
 
-    /// Moves the camera, draws, and updates the canvas, which is now `width` by `height` pixels; `now` is the frame's time in
-    /// milliseconds. Returns whether another frame is needed.
+    /// Moves the camera, draws, and updates the canvas, which is now `width` by `height` pixels; `now` is the frame's
+    /// time in milliseconds. Returns whether another frame is needed.
     ///
     /// # Errors
     ///
@@ -194,8 +197,8 @@ impl Player {
         self.app.borrow_mut().session.steer(|controls| controls.touched(id as u64, None));
     }
 
-    /// Handles the key of W3C code `code`, or a button like it. Returns its action, if any besides flying; the page does
-    /// `"help"`, `"panel"`, `"screenshot"`, `"record"` and `"play"`.
+    /// Handles the key of W3C code `code`, or a button like it. Returns its action, if any besides flying; the page
+    /// does `"help"`, `"panel"`, `"screenshot"`, `"record"` and `"play"`.
     pub fn key(&self, code: &str, is_pressed: bool, is_modified: bool) -> Option<String> {
         let action = self.app.borrow_mut().session.key(code, is_pressed, is_modified)?;
         if action == Action::Focus {
@@ -236,7 +239,10 @@ impl Player {
     pub fn set_view(&self, name: &str) -> Result<(), JsError> {
         let view = View::ALL.into_iter().find(|view| view.name() == name);
         let view = view.ok_or_else(|| {
-            JsError::new(&format!("view: {name} is none of {}", View::ALL.map(View::name).join(", ")))
+            JsError::new(&format!(
+                "view: there is no view {name}; choose one of {}",
+                View::ALL.map(View::name).join(", ")
+            ))
         })?;
         self.app.borrow_mut().session.set_view(view);
         Ok(())
@@ -257,8 +263,8 @@ impl Player {
         self.app.borrow_mut().set_boxes_of(scale, are_shown);
     }
 
-    /// Draws with these settings from now on; an absent one is the scene's. `finest` is the least divisor of the canvas's
-    /// resolution.
+    /// Draws with these settings from now on; an absent one is the scene's. `finest` is the least divisor of the
+    /// canvas's resolution.
     ///
     /// # Errors
     ///
@@ -278,8 +284,8 @@ impl Player {
         Ok(self.app.borrow_mut().session.approximate(&settings)?)
     }
 
-    /// Draws by the settings that the file stores as `name`, one of the state's `choices`: `fast`, `balanced` or `best`. Returns
-    /// whether there are such settings.
+    /// Draws by the settings that the file stores as `name`, one of the state's `choices`: `fast`, `balanced` or
+    /// `best`. Returns whether there are such settings.
     ///
     /// # Errors
     ///
@@ -299,8 +305,8 @@ impl Player {
         self.app.borrow().state().to_string()
     }
 
-    /// The camera: 16 numbers, a row-major camera-to-world matrix in the dataset's space, and the vertical angle of view in
-    /// degrees. Nothing if no scene is open.
+    /// The camera: 16 numbers, a row-major camera-to-world matrix in the dataset's space, and the vertical angle of
+    /// view in degrees. Nothing if no scene is open.
     #[wasm_bindgen(getter)]
     pub fn camera(&self) -> Option<Vec<f64>> {
         self.app.borrow().camera()
@@ -340,8 +346,8 @@ impl Player {
         Ok(Clamped(self.app.borrow().composed(&pictures, [width, height])))
     }
 
-    /// Draws the picture of `strivec render`, exact and within near and far of the file: `width` by `height` pixels, from
-    /// `pose` (16 numbers, as in [`Player::camera`]), with a horizontal angle of view of `degrees`.
+    /// Draws the picture of `strivec render`, exact and within near and far of the file: `width` by `height` pixels,
+    /// from `pose` (16 numbers, as in [`Player::camera`]), with a horizontal angle of view of `degrees`.
     ///
     /// # Errors
     ///
@@ -402,8 +408,8 @@ fn wait_for_device(app: &Rc<RefCell<App>>) {
     });
 }
 
-/// Takes scene `n`'s renderer out of the app, runs `work` on it, and puts it back. Waits while it is lent. Returns `None`
-/// without such a scene.
+/// Takes scene `n`'s renderer out of the app, runs `work` on it, and puts it back. Waits while it is lent. Returns
+/// `None` without such a scene.
 async fn with_renderer<T>(
     app: &Rc<RefCell<App>>,
     n: usize,

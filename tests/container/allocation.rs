@@ -1,6 +1,6 @@
 //! Files that declare more than they hold: refused before anything is allocated.
 //!
-//! Unsafe because a test that asks what was allocated has to be the allocator.
+//! Unsafe because a test that measures allocations has to be the allocator.
 #![expect(unsafe_code, reason = "a global allocator is unsafe to implement")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -48,7 +48,7 @@ unsafe impl GlobalAlloc for Remembering {
 #[global_allocator]
 static ALLOCATOR: Remembering = Remembering;
 
-/// What reading with `memory` makes of a file, and the largest block it asked for.
+/// Result of reading a file with `memory`, and the largest block that was requested.
 fn decode_measured(bytes: &[u8], memory: u64) -> (Result<(), Error>, usize) {
     LARGEST.set(0);
     let result = decode_scene_file(bytes, Limits { memory }).map(drop);
@@ -111,7 +111,7 @@ fn hand_made_frames_are_valid() {
     assert_eq!(zstd::bulk::decompress(&zeros(300_000), 300_000).unwrap(), vec![0; 300_000]);
 }
 
-/// What a tensor of scale 0 takes: 9 rows of 5 components.
+/// Bytes of a tensor of scale 0: 9 rows of 5 components.
 const TENSOR: u64 = 9 * 5 * 4;
 
 #[test]

@@ -11,7 +11,8 @@ fn run(first: usize, count: usize, size: usize) -> Vec<(usize, usize)> {
     (0..count).map(|n| (first + n * size, size)).collect()
 }
 
-/// Where the floats of a section are, and their bytes, as the specification tables them; bodies begin at byte 64, SCALE's at 128.
+/// Offsets of the floats of a section, and their sizes in bytes, as in the tables of the specification; bodies begin at
+/// byte 64, SCALE's at 128.
 fn floats(part: &Part) -> Vec<(usize, usize)> {
     let end = part.payload.len();
     let body = || run(64, (end - 64) / 4, 4);

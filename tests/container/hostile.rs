@@ -7,9 +7,9 @@ use super::roundtrip::{f16, f32, plain};
 use super::scenes::{smallest, two_scales};
 use super::surgery::{File, Part, name, seal, seal_header};
 
-/// Where bodies begin behind a record of at most 64 bytes.
+/// Offset of a body behind a record of at most 64 bytes.
 const BODY: usize = 64;
-/// Where SCALE's begins.
+/// Offset of the body of SCALE.
 const CHUNKS: usize = 128;
 
 /// The error of a file after `change`.

@@ -1,4 +1,4 @@
-//! The `.strivec` file: what is written comes back, and nothing else passes for a file.
+//! The `.strivec` file: round trips, and errors for everything that is not such a file.
 
 mod allocation;
 mod damage;

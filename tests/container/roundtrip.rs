@@ -1,4 +1,4 @@
-//! What is written comes back.
+//! Written scenes are read back unchanged.
 
 use glam::{DVec3, UVec3};
 use half::f16;

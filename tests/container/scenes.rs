@@ -35,7 +35,7 @@ pub(crate) fn two_scales() -> Scene {
         scale(&mut numbers, coarse, DVec3::new(0.3, 0.25, 0.2), [2, 3, 1], [2, 3]),
         scale(&mut numbers, fine, DVec3::splat(0.15), [1, 1, 1], [1, 2]),
     ];
-    // What comparisons with == would miss.
+    // Values that comparisons with == would miss.
     scales[0].factors.density[3] = -0.0;
     let mut occupancy = Occupancy::empty(bounds(), UVec3::new(3, 4, 5));
     for vertex in [[0, 0, 0], [2, 3, 4], [1, 2, 3]] {

@@ -4,7 +4,8 @@ use std::env;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// The folder `name` of the data; `None` if `STRIVEC_DATA` is not set, with a line that the test harness does not capture.
+/// The folder `name` of the data; `None` if `STRIVEC_DATA` is not set, with a line that the test harness does not
+/// capture.
 ///
 /// # Panics
 ///

@@ -71,7 +71,7 @@ impl Way {
 
 #[cfg(feature = "gpu")]
 fn on_device(scene: &Scene, rays: &[Ray], precision: Precision) -> Vec<Pixel> {
-    // Never dropped: a device that is dropped with its thread may find its driver gone.
+    // Never dropped: the driver may be unloaded before the device of a thread is dropped.
     static GPU: LazyLock<Gpu> =
         LazyLock::new(|| Gpu::open().unwrap_or_else(|e| panic!("{e}; apt-get install mesa-vulkan-drivers")));
     let renderer = GpuRenderer::new(&GPU, scene.clone(), &Approximation::default(), precision);

@@ -84,7 +84,7 @@ fn points(scene: &Scene) -> Vec<(String, DVec3)> {
     named.iter().flat_map(beside).collect()
 }
 
-/// Whether `found` is the reference's value at `point` or, if a decision is closer than f32 resolves, at a displacement
+/// True if `found` is the reference's value at `point` or, if a decision is closer than f32 resolves, at a displacement
 /// of the position error.
 fn agrees(scene: &Scene, point: DVec3, found: [f32; 4], bound: f64) -> bool {
     const BESIDE: f64 = 1e-6;

@@ -1,5 +1,5 @@
-//! The extremes that `docs/numerics.md` states bounds for: every renderer against the f64 reference where numbers are at
-//! their limits. Needs a graphics adapter where feature `gpu` is on; none is a failure, never a silent skip.
+//! The extremes that `docs/numerics.md` states bounds for: every renderer against the f64 reference, with numbers at
+//! their limits. With feature `gpu` a graphics adapter is needed; the tests fail without one, they never skip silently.
 #![cfg(feature = "toolkit")]
 
 #[path = "../scenes/mod.rs"]

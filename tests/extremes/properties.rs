@@ -1,4 +1,4 @@
-//! The contract as properties of any scene (proptest): what must not change the picture.
+//! Properties of any scene (proptest): changes of the scene that must not change the picture.
 
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
@@ -49,8 +49,8 @@ fn apart(one: &Scene, other: &Scene, map: impl Fn(DVec3) -> DVec3, way: Way) -> 
     largest_difference([one, other], [&rays, &mapped], way, limit)
 }
 
-/// The largest difference of color between two scenes, each seen along its own rays, on rays whose decision margin in the
-/// first scene is above `limit`, in model units.
+/// The largest difference of color between two scenes, each seen along its own rays, on rays whose decision margin in
+/// the first scene is above `limit`, in model units.
 fn largest_difference(scenes: [&Scene; 2], rays: [&[Ray]; 2], way: Way, limit: f64) -> f64 {
     let reference = ReferenceRenderer::new(scenes[0]);
     let pairs = way.trace(scenes[0], rays[0]).into_iter().zip(way.trace(scenes[1], rays[1]));
@@ -128,7 +128,8 @@ proptest! {
             let len = factors.len() / count;
             (0..len).for_each(|n| factors.swap(a * len + n, b * len + n));
         }
-        // No order but the canonical one is a scene; were it one, clear rays would see the same but for the order of sums.
+        // Only the canonical order is a valid scene. In another order, clear rays would differ only by the order of
+        // sums.
         prop_assert!(permuted.check().unwrap_err().expected.contains("ascending"));
         for (way, bound) in [(Way::CpuF64, 1e-6), (Way::CpuF32, 2e-4)] {
             let found = apart(&scene, &permuted, |p| p, way);
@@ -160,7 +161,7 @@ proptest! {
     }
 }
 
-/// What the properties compare with is seen to fail.
+/// The comparisons of the properties fail on a planted difference.
 #[test]
 fn a_planted_difference_is_one() {
     let scene = Made { distance_scale: 3.0, ..Made::default() }.scene(&random);

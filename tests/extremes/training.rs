@@ -1,5 +1,5 @@
-//! Training at the extremes: gradients stay finite, divergence is found and named, and the world's scale and place change
-//! nothing.
+//! Training at the extremes: gradients stay finite, divergence is detected and reported, and the world's scale and
+//! place do not change the result.
 
 use std::ops::ControlFlow;
 
@@ -149,8 +149,8 @@ fn every_world_scale_and_place_trains_to_the_same_error() {
         println!("world of {factor:e}, {offset} off: {tensors} tensors, {psnr:.3} dB");
         psnr
     };
-    // The world as it is lies close enough to the canonical box to stay, at tensors of another relative size: one that does
-    // not is what others are compared with.
+    // The unchanged world is so close to the canonical box that it is not mapped, and its tensors have another relative
+    // size: the reference is therefore a larger world, which is mapped.
     let plain = run(10.0, DVec3::ZERO);
     for (factor, offset) in [(1e-6, 0.0), (1e6, 0.0), (10.0, 1e6), (10.0, -1e6)] {
         let found = run(factor, DVec3::splat(offset));

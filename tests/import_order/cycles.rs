@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::tree::{Kind, Target, Tree};
 
-/// What one file needs of another.
+/// A use of one file by another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Edge {
     pub(crate) from: usize,
@@ -30,7 +30,7 @@ pub(crate) fn edges(tree: &Tree) -> Vec<Edge> {
     edges.into_iter().map(|((from, to), items)| Edge { from, to, items }).collect()
 }
 
-/// Sets of two and more files that each need all others of the set, each set and the whole in order of paths.
+/// Sets of two and more files that each use all others of the set, each set and the whole in order of paths.
 pub(crate) fn cycles(tree: &Tree, edges: &[Edge]) -> Vec<Vec<usize>> {
     let count = tree.files.len();
     let mut needs = vec![Vec::new(); count];

@@ -1,18 +1,18 @@
-//! The structure of `src/`, enforced: the layers of `src/lib.rs`, no cycles between files, and no command-line flags in the
-//! library's strings. Syntax is read with `syn`; nothing is compiled.
+//! The structure of `src/`, enforced: the layers of `src/lib.rs`, no cycles between files, and no command-line flags in
+//! the library's strings. Syntax is read with `syn`; nothing is compiled.
 //!
-//! Layers: a path that starts at `crate::`, or climbs there by `super::`, names a top-level module; it must be of a layer
-//! below the file's own. Binaries name `strivec::` modules. Tests count.
+//! Layers: a path that starts at `crate::`, or climbs there by `super::`, names a top-level module; it must be of a
+//! layer below the file's own. Binaries name `strivec::` modules. Tests count.
 //!
-//! Cycles: one file needs another if it names an item that the other defines.
+//! Cycles: one file uses another if it names an item that the other defines.
 //!
 //! - A path is followed through imports, re-exports and globs to the file whose text defines the item, so that
 //!   `crate::model::Scene` names `model/scene.rs` and not `model/mod.rs`.
 //! - A path that ends at a module names no item. Importing `super::limits` and then using `limits::MAX` does.
-//! - `mod child;` is no need, and neither is a `pub use` by which a module re-exports an item of its own descendants. Code of
-//!   that module that uses the item is.
+//! - `mod child;` is not a use, and neither is a `pub use` by which a module re-exports an item of its own descendants.
+//!   Code of that module that names the item is.
 //! - `#[cfg(test)]` items and modules are left out.
-//! - Methods and fields are not followed, as syntax alone does not tell whose they are.
+//! - Methods and fields are not followed, as syntax alone does not resolve their types.
 //!
 //! Flags: a string literal that contains `--` and a letter. Literals in attributes and macros count, documentation
 //! comments do not.

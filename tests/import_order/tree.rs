@@ -16,7 +16,7 @@ pub(crate) struct File {
     pub(crate) path: String,
     /// Its module.
     pub(crate) module: ModulePath,
-    /// Whether only tests compile it.
+    /// True if only tests compile it.
     pub(crate) test: bool,
     /// Every path in it.
     pub(crate) names: Vec<Name>,
@@ -33,7 +33,7 @@ pub(crate) struct Name {
     pub(crate) segments: Vec<String>,
     pub(crate) line: usize,
     pub(crate) kind: Kind,
-    /// Whether only tests compile it.
+    /// True if only tests compile it.
     pub(crate) test: bool,
 }
 
@@ -49,14 +49,14 @@ pub(crate) enum Kind {
     Code,
 }
 
-/// What a path leads to.
+/// The target of a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Target {
     Module(ModulePath),
     Item(ModulePath, String),
 }
 
-/// What a module brings into scope.
+/// The names that a module brings into scope.
 #[derive(Debug, Default)]
 struct Scope {
     file: usize,
@@ -113,7 +113,7 @@ impl Tree {
         self.scopes[module].file
     }
 
-    /// What a path leads to; nothing for other crates, variables and what syntax alone does not tell.
+    /// The target of a path; `None` for other crates, variables, and names that syntax alone does not resolve.
     pub(crate) fn resolve(&self, module: &[String], segments: &[String]) -> Option<Target> {
         self.resolve_unless(module, segments, &mut Vec::new())
     }
@@ -148,7 +148,7 @@ impl Tree {
         Some(Target::Module(at))
     }
 
-    /// What a name stands for in a module; items are preferred to modules at the end of a path.
+    /// The target of a name in a module; items are preferred to modules at the end of a path.
     fn look_up(
         &self,
         module: &[String],
@@ -191,7 +191,7 @@ struct Reader<'a> {
     index: usize,
     module: ModulePath,
     test: bool,
-    /// Blocks around this place: what they define is no item of the module.
+    /// Number of blocks around this place. Items in blocks are not items of the module.
     depth: usize,
     tests: &'a mut BTreeSet<ModulePath>,
 }
@@ -213,7 +213,7 @@ impl Reader<'_> {
         self.tree.files[self.index].names.push(Name { module, segments, line: line(span), kind, test });
     }
 
-    /// Visits what `#[cfg(test)]` may be written at.
+    /// Visits the nodes that `#[cfg(test)]` may be written at.
     fn under(&mut self, attributes: &[syn::Attribute], visit: impl FnOnce(&mut Self)) {
         let outer = self.test;
         self.test |= attributes.iter().any(is_test);
@@ -247,7 +247,7 @@ impl Reader<'_> {
         self.name(path, span, kind);
     }
 
-    /// Paths and literals of a macro's tokens, of which syntax says nothing more.
+    /// Paths and literals of a macro's tokens, which have no further syntax.
     fn tokens(&mut self, tokens: TokenStream) {
         let mut path: Vec<String> = Vec::new();
         let mut start = Span::call_site();
@@ -376,7 +376,7 @@ impl<'ast> Visit<'ast> for Reader<'_> {
     }
 }
 
-/// Whether the attribute leaves its item to tests.
+/// True if the attribute restricts its item to tests.
 fn is_test(attribute: &syn::Attribute) -> bool {
     attribute.path().is_ident("cfg") && attribute.parse_args::<syn::Path>().is_ok_and(|path| path.is_ident("test"))
 }

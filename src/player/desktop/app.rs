@@ -1,4 +1,4 @@
-//! The player apart from its window: a session, the files that are being opened, and what the panel shows besides.
+//! State of the desktop player: the session, the files that are being opened, messages, and the fields of the panel.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -22,9 +22,9 @@ struct Opening {
     place: String,
     events: Receiver<OpeningEvent>,
     opened_at: Instant,
-    /// Whether a step of it is shown.
+    /// True if a step of it is shown.
     is_shown: bool,
-    /// Whether the process ends if it cannot be opened: the only file of the command line.
+    /// True if the process ends when it cannot be opened: the only file of the command line.
     is_required: bool,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct App {
     pub(super) names: [String; 2],
     opening: [Option<Opening>; 2],
     wake: Box<dyn Fn() -> Box<dyn Fn() + Send>>,
-    /// Why the process has to end.
+    /// The error with which the process ends.
     pub(super) failure: Option<OpeningError>,
     pub(super) frame_time_ms: u32,
     /// The dataset's folder, for cameras and photographs.
@@ -52,13 +52,13 @@ pub(super) struct App {
     pub(super) has_help: bool,
     pub(super) has_panel: bool,
     prints_timing: bool,
-    /// When the scene was opened whose first picture is missing.
+    /// Time at which the scene was opened; `None` once its first picture is finished.
     waits_since: Option<Instant>,
     updated_at: Instant,
 }
 
 impl App {
-    /// Without a scene. `wake` makes functions that wake the window.
+    /// A player without a scene. `wake` makes functions that wake the window.
     pub(super) fn new(
         device: Device,
         arguments: &Arguments,
@@ -137,7 +137,7 @@ impl App {
         self.message = Some(Message::note(text));
     }
 
-    /// Shows what failed, until it is closed or something else is opened.
+    /// Shows an error until it is closed, its time is over, or another file is opened.
     pub(super) fn say_error(&mut self, text: String) {
         if self.prints_timing {
             println!("{text}");
@@ -161,13 +161,13 @@ impl App {
         self.session.close_second();
     }
 
-    /// Whether a file is being opened.
+    /// True if a file is being opened.
     pub(super) fn is_opening(&self) -> bool {
         self.opening.iter().any(Option::is_some)
     }
 
-    /// Takes events of opening, moves the camera, and draws for the time that a picture may take. `size` is the picture's
-    /// place. Returns whether to call it again at once.
+    /// Takes events of opening, moves the camera, and draws for the time that a picture may take. `size` is the
+    /// picture's place. Returns whether to call it again at once.
     pub(super) fn update(&mut self, size: [u32; 2]) -> bool {
         let elapsed = self.updated_at.elapsed().as_secs_f64();
         self.updated_at = Instant::now();
@@ -257,9 +257,12 @@ impl App {
         }
         let names: Vec<_> = slot.choices.iter().map(|(name, _)| name.as_str()).collect();
         let text = if names.is_empty() {
-            format!("{}: has no quality settings; `strivec trade` measures and stores them", opening.place)
+            format!(
+                "{}: the file has no quality settings; `strivec trade --store` measures and stores them",
+                opening.place
+            )
         } else {
-            format!("{}: has no quality setting `{name}`, but {}", opening.place, names.join(", "))
+            format!("{}: the file has no quality setting `{name}`; choose one of {}", opening.place, names.join(", "))
         };
         if opening.is_required {
             self.failure = Some(OpeningError { text, exit_code: 1 });
@@ -354,7 +357,7 @@ impl App {
         });
         match saved {
             Ok(Saved { path }) => self.say(format!("wrote {}", path.display())),
-            Err(text) => self.say_error(format!("screenshot: {text}")),
+            Err(text) => self.say_error(format!("cannot save the screenshot: {text}")),
         }
         self.session.pace.abandoned();
         self.session.changed();
@@ -365,7 +368,7 @@ impl App {
         let Some(text) = self.session.recorder.file() else { return };
         match save_new(&format!("{}-path", self.names[0].trim_end_matches(".strivec")), "json", text.as_bytes()) {
             Ok(Saved { path }) => self.say(format!("wrote {}; `strivec render` plays it", path.display())),
-            Err(text) => self.say_error(format!("camera path: {text}")),
+            Err(text) => self.say_error(format!("cannot save the camera path: {text}")),
         }
     }
 
@@ -377,7 +380,7 @@ impl App {
         }
     }
 
-    /// Opens what was dropped or chosen: a scene, a camera path, or a folder of scenes or of a dataset.
+    /// Opens a dropped or chosen path: a scene, a camera path, or a folder of scenes or of a dataset.
     pub(super) fn open_any(&mut self, place: &str, is_compared: bool) {
         if place.ends_with(".json") {
             return self.open_path(place);

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use egui::{RichText, Ui};
 
-/// A folder's contents, of which one is chosen.
+/// The contents of a folder, to choose from.
 pub(super) struct Chooser {
     folder: PathBuf,
     folders: Vec<String>,
     files: Vec<String>,
-    /// Why the folder cannot be listed.
+    /// Error of listing the folder.
     error: Option<String>,
-    /// Whether the chosen scene is compared with the first.
+    /// True if the chosen scene is compared with the first.
     pub(super) is_compared: bool,
 }
 
@@ -87,7 +87,7 @@ impl Chooser {
     }
 }
 
-/// Whether the player opens such a file: a scene or a camera path.
+/// True if the player opens such a file: a scene or a camera path.
 fn is_openable(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "strivec" || extension == "json")
 }

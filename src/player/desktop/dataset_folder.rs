@@ -10,7 +10,8 @@ use crate::model::Scene;
 /// A photograph: columns and rows, and \[row\]\[column\] red, green, blue, opacity.
 type Rgba = ([u32; 2], Vec<u8>);
 
-/// Reads the training cameras of the dataset in `folder`, and fills `cameras` with them, in the space of `scene`, if it is empty.
+/// Reads the training cameras of the dataset in `folder`, and fills `cameras` with them, in the space of `scene`, if it
+/// is empty.
 ///
 /// # Errors
 ///

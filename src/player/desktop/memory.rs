@@ -11,7 +11,7 @@ use crate::geometry::Camera;
 use crate::player::{Place, Show, View, each_line};
 use crate::render::TraceInfo;
 
-/// Paints slot `n` as `place` says, if it has a picture.
+/// Paints the picture of slot `n` at `place`, if it has one.
 pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
     let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
     let Artist::Cpu(painter) = &slot.painter.artist else { return };
@@ -30,7 +30,7 @@ pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas)
     }
 }
 
-/// A picture, and how it is shown.
+/// A picture and its display settings.
 struct Shown<'a> {
     camera: &'a Camera,
     traced: &'a [TraceInfo],
@@ -76,7 +76,7 @@ impl Shown<'_> {
         &self.traced[row * self.camera.width as usize + column]
     }
 
-    /// The color at `at`, in pixels from the corner, on the background that is wanted.
+    /// The color at `at`, in pixels from the corner, on the displayed background.
     fn between_pixels(&self, at: Vec2) -> Vec3 {
         let [own, wanted] = [self.show.scene_background, self.show.background].map(Vec3::from);
         between_four(at, |column, row| {
@@ -98,7 +98,7 @@ impl Photograph {
     }
 }
 
-/// Between the four pixels around `at`.
+/// Bilinear interpolation of the four pixels around `at`.
 fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
     let corner = (at - 0.5).floor();
     let part = at - 0.5 - corner;
@@ -107,7 +107,7 @@ fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
     row(y).lerp(row(y + 1), part.y)
 }
 
-/// From dark blue over red to white.
+/// Heat map from dark blue over red to white, for `share` from 0 to 1.
 fn heat(share: f32) -> Vec3 {
     let x = share.clamp(0.0, 1.0);
     Vec3::new(2.2 * x, 2.4 * x - 1.0, 0.35 + 1.6 * x * (1.0 - 2.0 * x) + (4.0 * x - 3.0).max(0.0))

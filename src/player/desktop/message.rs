@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-/// How long a note is shown.
+/// Display time of a note.
 const NOTE_TIME: Duration = Duration::from_secs(6);
-/// How long an error is shown.
+/// Display time of an error.
 const ERROR_TIME: Duration = Duration::from_secs(20);
 
 /// A message.
@@ -15,17 +15,17 @@ pub(super) struct Message {
 }
 
 impl Message {
-    /// Something was done.
+    /// A note about a finished action.
     pub(super) fn note(text: String) -> Self {
         Self { text, is_error: false, ends_at: Instant::now() + NOTE_TIME }
     }
 
-    /// Something failed.
+    /// An error.
     pub(super) fn error(text: String) -> Self {
         Self { text, is_error: true, ends_at: Instant::now() + ERROR_TIME }
     }
 
-    /// For how long it is still shown; `None` if its time is over.
+    /// Remaining display time; `None` if it is over.
     pub(super) fn time_left(&self) -> Option<Duration> {
         self.ends_at.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())
     }

@@ -21,10 +21,10 @@ pub(super) enum OpeningEvent {
     Failed(OpeningError),
 }
 
-/// Why a file cannot be opened.
+/// An error of opening a file.
 #[derive(Debug)]
 pub(super) struct OpeningError {
-    /// For people; begins with the path or the URL.
+    /// Text of the error; begins with the path or the URL.
     pub(super) text: String,
     /// Exit code of the process: 2 if the file cannot be read, 3 if it is malformed.
     pub(super) exit_code: u8,
@@ -76,7 +76,7 @@ pub(super) fn scenes_in(path: &Path) -> Option<Vec<PathBuf>> {
     Some(found)
 }
 
-/// Whether `place` is a URL.
+/// True if `place` is a URL.
 pub(super) fn is_url(place: &str) -> bool {
     place.starts_with("http://") || place.starts_with("https://")
 }

@@ -1,4 +1,4 @@
-//! What lies over the picture: divider, names, messages, help, and the list of files.
+//! Overlays of the picture: divider, names, messages, help, and the list of files.
 
 use egui::{Align2, Color32, FontId, Rect, RichText, Sense, Stroke};
 
@@ -8,7 +8,7 @@ use crate::player::{Comparison, KEYS};
 /// Width of the divider's handle, in points.
 const HANDLE: f32 = 12.0;
 
-/// Lays everything over the picture, which is at `picture`, in points.
+/// Lays out the overlays of the picture, whose rectangle is `picture`, in points.
 pub(super) fn lay_out(app: &mut App, context: &egui::Context, picture: Rect) {
     if app.session.active_comparison().is_some() {
         divider(app, context, picture);

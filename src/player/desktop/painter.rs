@@ -12,7 +12,7 @@ use crate::render::{Approximation, CpuRenderer, Pixel, Renderer, TraceInfo};
 pub(super) struct Device {
     /// The graphics device that paints the window, and its surface's format; `None` if the CPU paints it.
     pub(super) gpu: Option<(Gpu, wgpu::TextureFormat)>,
-    /// Whether the graphics device renders the pictures, too.
+    /// True if the graphics device also renders the pictures.
     pub(super) draws: bool,
     pub(super) precision: Precision,
 }

@@ -9,7 +9,7 @@ use super::overlay;
 use crate::player::{Action, Comparison, View};
 use crate::render::RenderSettings;
 
-/// Lays everything out; returns what is left for the picture, in points.
+/// Lays out the panel and the overlays. Returns the rectangle that is left for the picture, in points.
 pub(super) fn lay_out(app: &mut App, ui: &mut Ui) -> egui::Rect {
     if app.has_panel {
         egui::Panel::right("panel").default_size(300.0).show(ui, |ui| {

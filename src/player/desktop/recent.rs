@@ -34,7 +34,7 @@ pub(super) fn add(recent: &mut Vec<String>, place: &str) {
     if let Some(path) = file()
         && path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok())
     {
-        // A list that cannot be saved is no reason to bother the user.
+        // The list is a convenience, so an error of saving it is not reported.
         let _ = std::fs::write(path, recent.join("\n"));
     }
 }

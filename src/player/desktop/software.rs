@@ -19,12 +19,12 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// All of one color.
+    /// A canvas of one color.
     pub(super) fn new(width: usize, height: usize, color: Color32) -> Self {
         Self { width, height, colors: vec![color; width * height] }
     }
 
-    /// Fills the pixels of `part` with `color` of their places, in parts of `whole`.
+    /// Fills each pixel of `part` with `color` at its center, in parts of the size of `whole`.
     pub(super) fn fill(&mut self, part: Rect, whole: Rect, mut color: impl FnMut([f32; 2]) -> Color32) {
         let [left, right] = [part.left(), part.right()].map(|v| (v.round().max(0.0) as usize).min(self.width));
         let [top, bottom] = [part.top(), part.bottom()].map(|v| (v.round().max(0.0) as usize).min(self.height));
@@ -42,7 +42,7 @@ impl Canvas {
     pub(super) fn line(&mut self, part: Rect, ends: [DVec2; 2], [r, g, b, opacity]: [f32; 4]) {
         let part = part.intersect(Rect::from_min_max(Pos2::ZERO, Pos2::new(self.width as f32, self.height as f32)));
         let Some([from, to]) = clipped(part, ends) else { return };
-        // A pixel for each column, or each row where there are more of them.
+        // One pixel per column, or per row if the line is steep.
         let along = to - from;
         let major = usize::from(along.y.abs() > along.x.abs());
         let [first, last] = [from[major].min(to[major]), from[major].max(to[major])].map(f64::floor);
@@ -135,7 +135,7 @@ fn paint_mesh(canvas: &mut Canvas, mesh: &Mesh, clip: Rect, texture: &([usize; 2
     }
 }
 
-/// Pixels whose centers are inside, with the corners' colors and texture coordinates between them.
+/// Paints the pixels whose centers are inside. Colors and texture coordinates are interpolated between the corners.
 fn paint_triangle(
     canvas: &mut Canvas,
     corners: [Vertex; 3],
@@ -181,7 +181,7 @@ fn paint_triangle(
     }
 }
 
-/// Between the four nearest texels.
+/// Bilinear interpolation of the four nearest texels.
 fn texel(([width, height], pixels): &([usize; 2], Vec<Color32>), u: f32, v: f32) -> [u8; 4] {
     let at = [u * *width as f32 - 0.5, v * *height as f32 - 0.5];
     let [x, y] = at.map(f32::floor);

@@ -1,4 +1,4 @@
-//! The surface of the window: a graphics device's, or memory.
+//! The surface of the window: that of a graphics device, or memory.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -142,7 +142,7 @@ impl GpuSurface {
         }
     }
 
-    /// Paints slot `n` as `place` says, if it has a picture.
+    /// Paints the picture of slot `n` at `place`, if it has one.
     fn paint_slot(&self, app: &App, n: usize, place: Place, pass: &mut wgpu::RenderPass<'static>) {
         let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
         let Some((camera, (screen, boxes))) = slot.painter.shown().zip(slot.painter.screen.as_ref()) else { return };
@@ -156,7 +156,7 @@ impl GpuSurface {
         }
     }
 
-    /// The texture to paint on; `None` where there is none now, as while the window is hidden.
+    /// The texture to paint on; `None` if there is none, for example while the window is hidden.
     fn next_frame(&mut self) -> Option<wgpu::SurfaceTexture> {
         for _ in 0..2 {
             match self.surface.get_current_texture() {

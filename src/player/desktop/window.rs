@@ -59,11 +59,13 @@ fn fail(error: &OpeningError) -> ExitCode {
     ExitCode::from(error.exit_code)
 }
 
-/// Why there is no connection to a display.
+/// Text of the error that there is no connection to a display.
 fn no_display() -> String {
     let set = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     match (set("WAYLAND_DISPLAY"), set("DISPLAY")) {
-        _ if cfg!(any(windows, target_os = "macos")) => "cannot open a window: the system refuses one".to_owned(),
+        _ if cfg!(any(windows, target_os = "macos")) => {
+            "cannot open a window: the window system is not available".to_owned()
+        }
         (None, None) => "cannot open a window: no display; set DISPLAY or WAYLAND_DISPLAY".to_owned(),
         (Some(name), _) => format!("cannot open a window: cannot connect to the display WAYLAND_DISPLAY={name}"),
         (None, Some(name)) => format!(
@@ -77,7 +79,7 @@ fn no_display() -> String {
 #[derive(Debug)]
 struct Woken;
 
-/// The player, and its window once that is open.
+/// The player, and its window once it is open.
 struct Player {
     arguments: Arguments,
     proxy: EventLoopProxy<Woken>,
@@ -114,7 +116,7 @@ impl ApplicationHandler<Woken> for Player {
         }
     }
 
-    /// Wakes up to repaint, after the delay that was asked for.
+    /// Repaints the window once the delay that egui has set is over.
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if let (StartCause::ResumeTimeReached { .. }, Some(open)) = (cause, &self.open) {
             open.window.request_redraw();
@@ -151,7 +153,8 @@ impl OpenWindow {
         let [width, height] = arguments.size.unwrap_or([1280, 800]);
         let attributes =
             Window::default_attributes().with_title("Strivec").with_inner_size(LogicalSize::new(width, height));
-        let window = event_loop.create_window(attributes).map_err(|_| "the display refuses a window".to_owned())?;
+        let window =
+            event_loop.create_window(attributes).map_err(|e| format!("cannot open a window on this display: {e}"))?;
         let window = Arc::new(window);
         let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
         let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(&window)) };
@@ -275,7 +278,7 @@ impl OpenWindow {
         self.app.key(&code, event.state == ElementState::Pressed, is_modified, pointer);
     }
 
-    /// Whether the pointer is over the picture and over nothing else.
+    /// True if the pointer is over the picture and not over an overlay.
     fn over_picture(&self) -> bool {
         let scale = self.window.scale_factor() as f32;
         let at = egui::Pos2::new(self.pointer[0] as f32, self.pointer[1] as f32);

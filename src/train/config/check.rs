@@ -7,7 +7,7 @@ impl TrainConfig {
     ///
     /// # Errors
     ///
-    /// Names the first field that is out of range.
+    /// If a field is out of range; the error names the first such field.
     pub fn check(&self) -> Result<(), ConfigError> {
         for (place, value) in [
             ("steps", self.steps as f64),

@@ -78,13 +78,13 @@ pub struct TrainConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FieldConfig {
-    /// Which points are in the model (spec 4.1).
+    /// Points that are in the model: covered by all scales, or by any (spec 4.1).
     pub coverage: Coverage,
-    /// How the neighbors of a scale are weighted (spec 4.4).
+    /// Weights of the neighbors of a scale (spec 4.4).
     pub aggregation: Aggregation,
-    /// How the density features of scales are combined (spec 4.5).
+    /// Combination of the density features of scales (spec 4.5).
     pub density_reduction: Reduction,
-    /// How the appearance features of scales are combined (spec 4.6).
+    /// Combination of the appearance features of scales (spec 4.6).
     pub appearance_reduction: Reduction,
     /// See [`Rules::density_shift`].
     pub density_shift: f64,
@@ -102,7 +102,7 @@ pub struct FieldConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DecoderConfig {
-    /// Whether the decoder is called per sample, per ray, or per ray with a residual of each sample.
+    /// Calls of the decoder: per sample, per ray, or per ray with a residual of each sample.
     pub mode: DecoderMode,
     /// P, the length of the appearance feature.
     pub features: u32,
@@ -137,7 +137,7 @@ pub struct ScaleConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct BootstrapOptions {
     /// Steps of each round. The first round covers the box of all frusta, each later one the box of the occupied voxels
-    /// of the round before, or the same box if there were none. In less than 100 steps hardly anything is found.
+    /// of the round before, or the same box if there were none. Less than 100 steps find hardly any voxel.
     pub steps: Vec<u64>,
     /// Rays per step.
     pub batch_rays: usize,
@@ -150,7 +150,7 @@ pub struct BootstrapOptions {
     pub occupied_alpha: f64,
     /// Occupied voxels are next to a sample of more than this visibility weight.
     pub min_visibility_weight: f64,
-    /// About how many rays find these samples, evenly spread over all photographs.
+    /// Approximate number of rays that find these samples, evenly spread over all photographs.
     pub visibility_rays: u32,
 }
 

@@ -62,8 +62,8 @@ impl TrainConfig {
         Ok(preset)
     }
 
-    /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is moved to before step 300, at
-    /// which hardly any density has grown.
+    /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
+    /// hardly any density has grown by then.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
         let mut occupancy_at: Vec<u64> =

@@ -9,7 +9,7 @@ impl TrainConfig {
     ///
     /// # Errors
     ///
-    /// Names the line, or the first field that is out of range.
+    /// If `text` is not TOML of settings, or a field is out of range; the error names the line or the field.
     pub fn from_toml(text: &str, preset: Option<&str>) -> Result<Self, ConfigError> {
         let toml_error = |e| ConfigError::Toml(Box::new(e));
         let mut given: toml::Table = toml::from_str(text).map_err(toml_error)?;

@@ -13,7 +13,7 @@ const BATCHES: u64 = 24;
 /// The most rays of a batch.
 const BATCH_RAYS: usize = 8192;
 
-/// How much pictures depend on each component of each tensor. Its unit is that of a squared error, per component.
+/// Dependence of the pictures on each component of each tensor. Its unit is that of a squared error, per component.
 #[derive(Clone, Debug)]
 pub(in crate::train) struct ComponentImportance {
     /// \[scale\] of density and appearance, \[tensor\]\[component\].
@@ -79,8 +79,8 @@ impl ComponentImportance {
         result
     }
 
-    /// How steeply the error against the photographs falls along the third vector of the new components of `scene`: the
-    /// squared length of the error's gradient. \[scale\] `old_ranks` are the numbers of density and appearance
+    /// Importance of the new components of `scene`: the squared length of the gradient of the error against the
+    /// photographs with respect to their third vector. \[scale\] `old_ranks` are the numbers of density and appearance
     /// components that are not new; their importance is infinite. Uses substream 0 of `random`.
     pub(in crate::train) fn of_addition(
         scene: &Scene,

@@ -6,7 +6,7 @@
 //! A sample of the rays that were trained on decides, in this order:
 //! - the appearance of a tensor is dead if the tensor is a neighbor of no shaded sample;
 //! - the density of a tensor is dead if every sample that it is a neighbor of is empty, both with and without it. It is
-//!   not enough that they are empty with it: the tensor itself may keep them so;
+//!   not enough that they are empty with it, as its negative density feature may be the reason;
 //! - components are dead that are too small to matter anywhere.
 //!
 //! Other rays measure the loss. Nothing is removed if it is more than [`MAX_LOSS`].

@@ -9,20 +9,20 @@ use crate::train::Backward;
 /// Rays of a batch.
 const RAYS: usize = 8192;
 
-/// \[scale\] for each factor entry v, laid out as the factors: the mean over rays and channels of (∂color/∂v)². A small
-/// error e of v adds e² times that to the mean squared error of pictures: it is the diagonal of the Gauss-Newton
-/// matrix.
+/// Importance of each factor entry v, laid out as the factors: the mean over rays and channels of (∂color/∂v)², the
+/// diagonal of the Gauss-Newton matrix. A small error e of v adds e² times its importance to the mean squared error of
+/// pictures.
 #[derive(Clone, Debug)]
 pub struct FactorImportance {
-    /// Of density factors.
+    /// \[scale\] importance of the density factors.
     pub density: Vec<Vec<f32>>,
-    /// Of appearance factors.
+    /// \[scale\] importance of the appearance factors.
     pub appearance: Vec<Vec<f32>>,
 }
 
 impl FactorImportance {
-    /// Estimates it from `batches` batches of rays in the model's space. `rays` draws a number of them with a random
-    /// stream.
+    /// Estimates the importance from `batches` batches of rays in the model's space. `rays` draws a number of them with
+    /// a random stream.
     pub fn estimate(scene: &Scene, batches: usize, seed: u64, rays: impl Fn(usize, &Random) -> Vec<Ray>) -> Self {
         let field = Field::<f32>::new(scene);
         let mut backward = Backward::new(&field);

@@ -1,4 +1,4 @@
-//! The importance of parameters: how much pictures depend on them. Each question has one estimate.
+//! The importance of parameters: how much the pictures change with them. There is one estimate per question.
 //!
 //! | question | estimate | used by |
 //! |---|---|---|

@@ -7,17 +7,17 @@ use super::{
 use crate::prior::VoxelBoxes;
 use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
 
-/// Steps in which each sacrifice is made.
+/// Number of steps of each kind of reduction.
 const STEPS: u32 = 64;
-/// The least share that is left of each: cells along an edge (cells of 1.3 pixels then have 2), appearance components,
-/// density components.
+/// Minimum remaining share of the cells along an edge (cells of 1.3 pixels then have 2 pixels), of the appearance
+/// components and of the density components.
 const MIN_CELLS: f64 = 0.65;
 const MIN_APPEARANCE: f64 = 0.25;
 const MIN_DENSITY: f64 = 0.5;
-/// Ranks are multiples of this where they can be: kernels work in registers of at least as many numbers.
+/// Reduced ranks are multiples of this if possible: kernels work in registers of at least this many numbers.
 const LANES: u32 = 4;
 
-/// Bounds on a scene; an absent one is no bound.
+/// Bounds on the size of a scene; `None` is no bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Budget {
     /// The most trained parameters.
@@ -35,7 +35,7 @@ pub struct Budget {
 ///
 /// # Errors
 ///
-/// If even the coarsest scale alone, with all reductions, is too large: names its size.
+/// If even the coarsest scale alone, with all reductions, is too large; the error names its size.
 pub fn fit_to_budget(
     config: &TrainConfig,
     occupied: &VoxelBoxes,
@@ -62,7 +62,7 @@ pub fn fit_to_budget(
         }
     }
     let [parameters, bytes] = size.of(&reduced(config, 1, 3 * STEPS));
-    let expected = format!("at least {parameters} parameters and {bytes} bytes, the least that this scene can do with");
+    let expected = format!("at least {parameters} parameters and {bytes} bytes, the smallest size of this scene");
     let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));
     let found: Vec<_> =
         [part(budget.parameters, "parameters"), part(budget.file_bytes, "bytes")].into_iter().flatten().collect();
@@ -70,15 +70,15 @@ pub fn fit_to_budget(
 }
 
 impl Budget {
-    /// Whether `[parameters, bytes]` are within it.
+    /// True if `[parameters, bytes]` are within the budget.
     fn allows(self, [parameters, bytes]: [u64; 2]) -> bool {
         self.parameters.is_none_or(|most| parameters <= most) && self.file_bytes.is_none_or(|most| bytes <= most)
     }
 }
 
-/// What does not change with what is given up.
+/// The sizes that do not change with reductions.
 struct Size {
-    /// \[scale\]
+    /// \[scale\] number of tensors.
     tensors: Vec<u64>,
     /// Weights and biases of the network.
     decoder: u64,
@@ -92,7 +92,7 @@ impl Size {
     }
 }
 
-/// The first `scales` scales of `config`, after `step` of 3·`STEPS` steps of giving up.
+/// The first `scales` scales of `config`, after `step` of 3·`STEPS` steps of reduction.
 fn reduced(config: &TrainConfig, scales: usize, step: u32) -> TrainConfig {
     let left = |stage: u32, least: f64| {
         let done = f64::from(step.saturating_sub(stage * STEPS).min(STEPS)) / f64::from(STEPS);
@@ -120,12 +120,12 @@ fn fewer(rank: u32, share: f64) -> u32 {
     if left >= LANES { left / LANES * LANES } else { left.max(1) }
 }
 
-/// A line for each kind of thing that `after` has less of than `before`.
+/// A line for each kind of reduction from `before` to `after`.
 fn given_up(before: &TrainConfig, after: &TrainConfig) -> Vec<String> {
     let mut lines = Vec::new();
     let dropped = before.scales.len() - after.scales.len();
     if dropped > 0 {
-        lines.push(format!("given up: {} of {} scales, the finest", dropped, before.scales.len()));
+        lines.push(format!("removed the finest {} of {} scales", dropped, before.scales.len()));
     }
     let mut compare = |what: &str, of: &dyn Fn(&ScaleConfig) -> String| {
         let all = |config: &TrainConfig| {
@@ -134,10 +134,10 @@ fn given_up(before: &TrainConfig, after: &TrainConfig) -> Vec<String> {
         };
         let (old, new) = (all(before), all(after));
         if old != new {
-            lines.push(format!("given up: {what}, {new} instead of {old}"));
+            lines.push(format!("reduced {what}: {new} instead of {old}"));
         }
     };
-    compare("cells a tensor", &|s| cells_of(last(s)));
+    compare("cells per tensor", &|s| cells_of(last(s)));
     compare("appearance components", &|s| s.appearance_rank.to_string());
     compare("density components", &|s| s.density_rank.to_string());
     lines

@@ -11,7 +11,7 @@ use crate::train::initial::initial_decoder;
 const RANDOM_BYTES: f64 = 1.863;
 const SPARSE_BYTES: f64 = 1.38;
 const SPARSE_STEPS: f64 = 30_000.0;
-/// Placement and occupancy: bytes per tensor, and per file.
+/// Bytes of the placement per tensor, and of the occupancy per file.
 const TENSOR_BYTES: f64 = 2.0;
 const FILE_BYTES: f64 = 50_000.0;
 

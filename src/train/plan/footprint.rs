@@ -6,18 +6,18 @@ use crate::geometry::Camera;
 use crate::prior::{CameraBounds, VoxelBoxes};
 use crate::train::TrainConfig;
 
-/// The share of seen cells that may have smaller pixels than [`Footprints::near_pixel`]: a few cells in front of one
-/// camera shall not decide for all.
+/// The share of seen cells with smaller pixels than [`Footprints::near_pixel`], so that a few cells close to one camera
+/// do not set the resolution.
 const NEAREST_SHARE: f64 = 0.1;
 
-/// For each occupied cell, how wide a pixel of the camera that sees it best is there.
+/// Width of a pixel at each occupied cell, of the camera whose pixels are smallest there.
 #[derive(Clone, Debug)]
 pub(super) struct Footprints {
-    /// \[cell\] in the dataset's units; infinite where no camera sees it.
+    /// \[cell\] in the dataset's units; infinite if no camera sees the cell.
     widths: Vec<f64>,
 }
 
-/// A camera, and the planes between which its picture lies: inside where `side`·(x, z) ≥ 0, with unit normals.
+/// A camera, and the planes between which its picture lies: a point is inside if `side`·(x, z) ≥ 0, with unit normals.
 struct Frustum<'a> {
     camera: &'a Camera,
     columns: [[f64; 2]; 2],
@@ -25,9 +25,9 @@ struct Frustum<'a> {
 }
 
 impl Footprints {
-    /// Of `occupied`, seen by `cameras`, both in the dataset's space. A camera sees a cell that any part of the
-    /// smallest sphere around it may be in its picture, between near and far. What lies in front of the cell is not
-    /// asked: the prior knows it only roughly.
+    /// The footprints at `occupied` for `cameras`, both in the dataset's space. A camera sees a cell if any part of the
+    /// smallest sphere around the cell may be in its picture, between near and far. Occlusion is ignored, as the prior
+    /// is only approximate.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
         let derived = CameraBounds::from_cameras(cameras.iter());
         let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]);
@@ -49,18 +49,17 @@ impl Footprints {
         Self { widths: (0..occupied.cells.len()).into_par_iter().map(width).collect() }
     }
 
-    /// \[cell\] whether any camera sees it.
+    /// True if any camera sees `cell`.
     pub(super) fn is_seen(&self, cell: usize) -> bool {
         self.widths[cell].is_finite()
     }
 
-    /// How many cells any camera sees.
+    /// Number of cells that any camera sees.
     pub(super) fn seen(&self) -> usize {
         self.widths.iter().filter(|w| w.is_finite()).count()
     }
 
-    /// The width of a pixel, in the dataset's units, that a tenth of the seen cells are below; `None` where none is
-    /// seen.
+    /// The lowest decile of the pixel widths at the seen cells, in the dataset's units; `None` if no cell is seen.
     pub(super) fn near_pixel(&self) -> Option<f64> {
         let mut seen: Vec<f64> = self.widths.iter().copied().filter(|w| w.is_finite()).collect();
         let at = (NEAREST_SHARE * seen.len().checked_sub(1)? as f64) as usize;
@@ -81,8 +80,8 @@ impl<'a> Frustum<'a> {
         }
     }
 
-    /// How wide a pixel is at `place` (along columns, along rows, ahead); infinite where the sphere of `radius` around
-    /// it is behind the camera or outside the picture. Nearer than `radius` the camera may be in the cell.
+    /// Width of a pixel at `place` (along columns, along rows, ahead); infinite if the sphere of `radius` around it is
+    /// behind the camera or outside the picture. Distances are at least `radius`, as the camera may be in the cell.
     fn pixel_width(&self, [column, row, ahead]: [f64; 3], radius: f64) -> f64 {
         let inside =
             |planes: &[[f64; 2]; 2], across: f64| planes.iter().all(|[x, z]| x * across + z * ahead >= -radius);

@@ -9,23 +9,24 @@ use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 /// Edge of a tensor's cell in pixels at the nearest occupied cells, as in `docs/configs/quarter.toml`, where it was
 /// found by hand.
 pub const PIXELS_APART: f64 = 1.3;
-/// A tensor has at most this many times the cells of the settings that are fitted: larger ratios were not measured.
+/// Maximum ratio of a tensor's cells to those of the given settings, per axis; larger ratios were not measured.
 const MAX_TIMES: u32 = 2;
-/// A finer scale whose tensors have fewer cells on every axis adds next to nothing to the scale before it.
+/// A finer scale whose tensors have fewer cells on every axis adds hardly any detail to the scale before it.
 const MIN_CELLS: u32 = 4;
-/// Lengths are relative to the scene's extent, up to this: far below what placing tensors takes for rounding.
+/// Ratios to the scene's extent are rounded to multiples of 1 divided by this, far below the tolerance of placing
+/// tensors.
 const EXTENT_DIGITS: f64 = 1e9;
 
-/// `config` made for a scene, and the occupied cells that any of `cameras` sees; then a line of reason for each choice.
-/// All are in the dataset's space.
+/// Fits `config` to a scene. Returns the settings, the occupied cells that any of `cameras` sees, and a line of reason
+/// for each choice. Cells and cameras are in the dataset's space.
 ///
 /// `config`'s lengths count as those for a scene of the presets' extent and are scaled to this one's. Cells of all
-/// scales are [`PIXELS_APART`] pixels wide where pixels are small, a tensor having at most twice as many as in
-/// `config`. The steps of coarse to fine, ranks and neighbors stay; but a scale is left out where its tensors would
-/// have hardly any cells, no tensor has more density components than would pay against a dense grid, and no upsampling
-/// changes nothing.
+/// scales are [`PIXELS_APART`] pixels wide at the cells with the smallest pixels, but a tensor has at most twice as
+/// many as in `config`. The ratios between resolutions, the ranks and the neighbors stay, with three exceptions: a
+/// scale is left out if its tensors would have fewer than 4 cells per axis, density components are limited to the size
+/// of a dense grid, and upsamplings that change nothing are removed.
 ///
-/// Scenes that differ in their unit alone get the same tensors.
+/// Scenes that differ only in their unit get the same tensors.
 ///
 /// # Errors
 ///
@@ -57,7 +58,7 @@ pub fn fit_to_photographs(
     }
     let coarsest = &config.scales[0];
     reasons.push(format!(
-        "tensors {} apart: {} to the scene's {} model units, the settings' proportion",
+        "tensors {} apart: {} along the scene's {} model units, as in the settings",
         rounded(coarsest.pitch[0]),
         rounded(2.0 * half / coarsest.pitch[0]),
         rounded(2.0 * half)
@@ -78,7 +79,7 @@ pub fn fit_to_photographs(
         rounded(cell),
         rounded(pixel),
         cell / pixel,
-        if limited { ", as twice the settings' cells are the most" } else { "" }
+        if limited { ", as tensors have at most twice the settings' cells" } else { "" }
     ));
     leave_out_fine_scales(&mut config, cell, &mut reasons);
     limit_ranks(&mut config, &mut reasons);
@@ -86,7 +87,7 @@ pub fn fit_to_photographs(
     without_idle_upsamplings(&mut config);
     let ends: Vec<_> = config.scales.iter().map(|s| cells_of(last(s))).collect();
     reasons.push(format!(
-        "{} cells a tensor, after {} of {steps} upsamplings that make a difference",
+        "{} cells per tensor, after {} of {steps} upsamplings; the others would change nothing",
         listed(&ends),
         config.upsample_at.len()
     ));
@@ -94,20 +95,20 @@ pub fn fit_to_photographs(
     Ok((config, seen, reasons))
 }
 
-/// How many cells of about `cell` an edge has.
+/// Number of cells of about `cell` along an edge.
 fn cells_along(edge: f64, cell: f64) -> u32 {
-    // Halves shall not turn on the last bit of a length.
+    // The rounding of halves must not depend on the last bit of a length.
     const FUZZ: f64 = 1e-6;
     ((edge / cell + FUZZ).round() as u32).max(1)
 }
 
 fn leave_out_fine_scales(config: &mut TrainConfig, cell: f64, reasons: &mut Vec<String>) {
-    let hardly_any = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < MIN_CELLS);
+    let is_too_coarse = |scale: &ScaleConfig| last(scale).iter().all(|&d| d < MIN_CELLS);
     while config.scales.len() > 1
-        && let Some(scale) = config.scales.pop_if(|scale| hardly_any(scale))
+        && let Some(scale) = config.scales.pop_if(|scale| is_too_coarse(scale))
     {
         reasons.push(format!(
-            "scale {} left out: tensors of {} have hardly any cells of {}",
+            "scale {} left out: tensors of edge {} have fewer than {MIN_CELLS} cells of {} per axis",
             config.scales.len(),
             rounded(scale.edge[0]),
             rounded(cell)
@@ -124,7 +125,7 @@ fn limit_ranks(config: &mut TrainConfig, reasons: &mut Vec<String>) {
         let most = (dense / row).clamp(1, u64::from(u32::MAX)) as u32;
         if scale.density_rank > most {
             reasons.push(format!(
-                "{most} density components instead of {} at scale {n}: as many numbers as its {} cells in a dense grid",
+                "{most} density components instead of {} at scale {n}: more would exceed a dense grid of its {} cells",
                 scale.density_rank,
                 cells_of(last(scale)),
             ));

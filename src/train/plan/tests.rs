@@ -67,7 +67,7 @@ fn cells_are_as_fine_as_pixels_and_no_finer() {
         }
         assert!(reasons.iter().any(|r| r.contains("a pixel is")), "{reasons:?}");
     }
-    // Pictures that show next to nothing need no fine tensors; ones that show everything get twice the preset's cells.
+    // Pictures of few pixels need no fine tensors; pictures of many pixels get twice the preset's cells.
     let fit = |size| fit_to_photographs(&preset(), &cameras(1.0, DVec3::ZERO, size), &shell(1.0, DVec3::ZERO)).unwrap();
     let (config, _, reasons) = fit(64);
     assert_eq!(config.scales.len(), 2, "{reasons:?}");
@@ -76,14 +76,14 @@ fn cells_are_as_fine_as_pixels_and_no_finer() {
     assert!(reasons.iter().any(|r| r.starts_with("scale 2 left out")), "{reasons:?}");
     let (config, _, reasons) = fit(8000);
     assert_eq!(last(&config.scales[0]), [242; 3]);
-    assert!(reasons.iter().any(|r| r.ends_with("as twice the settings' cells are the most")), "{reasons:?}");
+    assert!(reasons.iter().any(|r| r.ends_with("as tensors have at most twice the settings' cells")), "{reasons:?}");
 }
 
 #[test]
-fn what_no_photograph_shows_is_left_out() {
+fn unseen_cells_are_left_out() {
     let (mut occupied, cameras) = (shell(1.0, DVec3::ZERO), cameras(1.0, DVec3::ZERO, 200));
     let in_sight = occupied.cells.len();
-    // Far above all pictures, in the order of cells.
+    // Far above the view of all cameras, in the order of cells.
     let above = [UVec3::new(15, 15, 90), UVec3::new(16, 15, 90)];
     occupied.cells.extend(above);
     let (_, seen, reasons) = fit_to_photographs(&preset(), &cameras, &occupied).unwrap();
@@ -140,7 +140,7 @@ fn budgets_are_kept_and_more_is_never_less() {
 }
 
 #[test]
-fn sacrifices_come_in_their_order_and_the_least_is_named() {
+fn reductions_come_in_their_order_and_the_smallest_size_is_named() {
     let (config, occupied) = (preset(), shell(1.0, DVec3::ZERO));
     let whole = planned(&config, &occupied).parameters;
     let given_up = |parameters| {
@@ -148,9 +148,9 @@ fn sacrifices_come_in_their_order_and_the_least_is_named() {
     };
     let [cells, appearance] = [given_up(whole * 9 / 10), given_up(whole / 2)];
     assert_eq!(cells.len(), 1, "{cells:?}");
-    assert!(cells[0].starts_with("given up: cells a tensor, ") && cells[0].ends_with(" instead of 121, 61 and 31"));
-    assert_eq!(appearance[0], "given up: cells a tensor, 79, 40 and 20 instead of 121, 61 and 31");
-    assert!(appearance[1].starts_with("given up: appearance components, ") && appearance.len() == 2, "{appearance:?}");
+    assert!(cells[0].starts_with("reduced cells per tensor: ") && cells[0].ends_with(" instead of 121, 61 and 31"));
+    assert_eq!(appearance[0], "reduced cells per tensor: 79, 40 and 20 instead of 121, 61 and 31");
+    assert!(appearance[1].starts_with("reduced appearance components: ") && appearance.len() == 2, "{appearance:?}");
 
     let refuse = |parameters| {
         fit_to_budget(&config, &occupied, Budget { parameters: Some(parameters), file_bytes: None })
@@ -160,7 +160,7 @@ fn sacrifices_come_in_their_order_and_the_least_is_named() {
     let error = refuse(10);
     let least: u64 = error.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
     assert!(error.starts_with("`budget` must be at least ") && error.ends_with(", not 10 parameters"), "{error}");
-    assert_eq!(given_up(least)[0], "given up: 2 of 3 scales, the finest");
+    assert_eq!(given_up(least)[0], "removed the finest 2 of 3 scales");
     refuse(least - 1);
 }
 
@@ -180,9 +180,9 @@ fn the_schedule_keeps_its_proportions() {
     assert!(config.upsample_at.is_empty());
 }
 
-/// What the runs in `docs/measurements.md` came to: lego's tensors, its parameters, bytes and minutes.
+/// The estimates against the measured bytes and minutes of runs on lego (`docs/experiments/`).
 #[test]
-fn estimates_are_near_what_was_measured() {
+fn estimates_are_near_measurements() {
     let measured = |preset: &str, refilter_rays: bool, bytes: f64, minutes: f64| {
         let config = TrainConfig { refilter_rays, ..TrainConfig::preset(preset).unwrap() };
         let scales = scale_plans(&config, &[92, 518, 3128]);

@@ -1,11 +1,11 @@
 //! Growing: more parameters where they reduce the error of pictures most.
 //!
 //! A round makes one of these changes. None of them changes the field at once, except that the march's step gets
-//! shorter with the cells of the coarsest scale. A short training of each tells which reduces the error most per
-//! parameter:
-//! - more components, for a third more parameters. Every tensor is offered a few new ones, with two random vectors and
-//!   one of zeros. Those are kept along whose third vectors the error of the photographs falls most steeply per
-//!   parameter;
+//! shorter with the cells of the coarsest scale. A short training of each finds the change that reduces the error most
+//! per parameter:
+//! - more components, for a third more parameters. Every tensor gets a few candidates, with two random vectors and one
+//!   of zeros. The candidates are kept that have the steepest descent of the photographs' error along the third vector,
+//!   per parameter;
 //! - twice the resolution of a scale, or of all scales.
 //!
 //! Growing ends if the bound leaves no room, or if no change reduces the error.
@@ -24,7 +24,7 @@ use crate::train::{RaySampler, TrainError, march_step};
 
 /// Ratio of the parameters after a round of components to those before.
 const GROWTH: f64 = 4.0 / 3.0;
-/// New density components and new appearance components that every tensor is offered.
+/// Number of candidates for density components, and for appearance components, of every tensor.
 const OFFERED: usize = 4;
 /// The most cells along an axis.
 const MAX_CELLS: u32 = 1024;

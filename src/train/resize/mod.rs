@@ -63,7 +63,7 @@ pub struct ResizeRound {
     pub psnr_at_once: f64,
     /// PSNR on the same rays after it, in dB.
     pub psnr: f64,
-    /// Whether the round was kept. It is discarded if it loses too much.
+    /// True if the round was kept. It is discarded if it loses too much.
     pub is_taken: bool,
 }
 
@@ -81,7 +81,7 @@ pub struct Resized {
 }
 
 impl Resized {
-    /// Whether any round was kept. If not, the scene is the one that was given.
+    /// True if any round was kept. If not, the scene is the given one.
     pub fn is_resized(&self) -> bool {
         self.rounds.iter().any(|round| round.is_taken)
     }
@@ -213,10 +213,10 @@ impl<'v, 's, E: From<TrainError>> Resizing<'v, 's, E> {
     }
 }
 
-/// The settings under which `scene` goes on for `steps`, without any schedule.
+/// Settings to continue the training of `scene` for `steps`, without any schedule.
 fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
     let of_scale = |s: &Scale| ScaleConfig {
-        // Nothing is placed any more.
+        // No tensor is placed.
         pitch: (2.0 * s.cloud.half_edge).to_array(),
         edge: (2.0 * s.cloud.half_edge).to_array(),
         resolutions: vec![s.cloud.resolution],

@@ -1,9 +1,9 @@
-//! Shrinking: each round gives up a quarter of the remaining parameters.
+//! Shrinking: each round removes a quarter of the remaining parameters.
 //!
-//! A round gives up the least important parameters, estimated on random rays of the photographs:
+//! A round removes the least important parameters, estimated on random rays of the photographs:
 //! - components of tensors, of density and of appearance, wherever they are. Each is ranked by its importance per
 //!   parameter, so every tensor gets ranks of its own;
-//! - the resolution of a whole scale, if pictures then lose less than by giving up as many parameters as components.
+//! - the resolution of a whole scale, if this costs the pictures less than removing as many parameters in components.
 
 use super::{ResizeStep, Resized, Resizing, Tuning, resample};
 use crate::dataset::View;
@@ -15,9 +15,9 @@ use crate::train::{RayBatch, RaySampler, TrainError};
 
 /// Share of its parameters that a scene keeps in a round.
 const KEPT_SHARE: f64 = 0.75;
-/// After a round that loses too much, the next one gives up half the share. Shrinking ends if it is less than this.
+/// After a round that loses too much, the next one removes half the share. Shrinking ends if it is less than this.
 const MIN_GIVEN_SHARE: f64 = 0.05;
-/// Share of its cells along an axis that a scale keeps if it gives up resolution.
+/// Share of its cells along an axis that a scale keeps if its resolution is reduced.
 const CELLS_KEPT: f64 = 0.85;
 /// The least number of cells along an axis.
 const MIN_CELLS: u32 = 2;
@@ -33,7 +33,7 @@ pub enum ShrinkGoal {
 
 /// Shrinks `scene`, which was trained on `views`. `on_step` is called after each training step; an error that it
 /// returns ends the run. The same arguments always give the same result, on any number of threads. A scene that meets
-/// the goal stays as it is, and so does one of which every round loses too much ([`Resized::is_resized`]).
+/// the goal stays as it is, and so does a scene if every round loses too much ([`Resized::is_resized`]).
 ///
 /// # Errors
 ///
@@ -78,13 +78,13 @@ pub fn shrink<E: From<TrainError>>(
     resizing.finish(good)
 }
 
-/// Whether `lost` dB are more than `most`, or not a number.
+/// True if `lost` dB are more than `most`, or not a number.
 fn is_too_much(lost: f64, most: f64) -> bool {
     lost.is_nan() || lost > most
 }
 
 /// `scene` with at most `most` parameters, or with the shared weights alone. The rays of `selection` choose the scale
-/// that gives up resolution, if any.
+/// whose resolution is reduced, if any.
 fn smaller(scene: &Scene, sampler: &RaySampler<'_>, selection: &RayBatch, most: u64, random: &Random) -> Scene {
     let importance = ComponentImportance::of_removal(scene, &Field::new(scene), sampler, random);
     let mut best: Option<(f64, Scene)> = None;

@@ -1,8 +1,8 @@
-// What two scenes are divided by: a line that is dragged, or moved by arrow keys.
+// The divider of two scenes: a line that is moved by dragging or by arrow keys.
 
 import { element } from "./dom";
 
-/** What an arrow key moves it by, in parts of the width. */
+/** Step of an arrow key, in parts of the width. */
 const STEP = 0.02;
 const KEYS: Record<string, (at: number) => number> = {
   ArrowLeft: (at) => at - STEP,
@@ -17,7 +17,7 @@ export class Divider {
   readonly root = element("div", { id: "divider", tabIndex: 0, hidden: true });
   #at = 0.5;
 
-  /** Calls `move` with the part of the width where the line is to be. */
+  /** Calls `move` with the new position of the line, in parts of the width. */
   constructor(move: (at: number) => void) {
     const { root } = this;
     const to = (at: number): void => {
@@ -45,7 +45,7 @@ export class Divider {
     });
   }
 
-  /** Shows it there; hides it where there is nothing to divide. */
+  /** Shows the line at `at`; hides it if `at` is null. */
   show(at: number | null): void {
     this.root.hidden = at === null;
     if (at === null) return;

@@ -2,12 +2,12 @@
 //
 //   src       the file; loaded in pieces, the coarse scale first, if the server supports ranges
 //   camera    the first camera: the numbers of the property `camera`, comma-separated
-//   controls  whether the panel is shown
+//   controls  shows the panel
 //   compare   a file to compare it with
 //   quality   a quality setting stored in the file: fast, balanced or best
 //   data      the dataset's list of training cameras (transforms_train.json), for its photographs
 //
-// Fires `open` when the first picture of a file can be drawn, `load` when all of it is there, and `error` with a message.
+// Fires `open` when the first picture of a file can be drawn, `load` when the whole file is loaded, and `error` with a message.
 
 import { Divider } from "./divider";
 import { element } from "./dom";
@@ -52,10 +52,10 @@ export class StrivecViewer extends HTMLElement {
   #starting: Promise<Player> | undefined;
   readonly #divider = new Divider((at) => (this.divider = at));
   readonly #names: [string, string] = ["", ""];
-  /** Of the files that are being opened. */
+  /** Abort controllers of the files that are being opened. */
   readonly #opening: [AbortController?, AbortController?] = [];
   #photographs: Photographs | undefined;
-  /** Whether a photograph is on its way. */
+  /** True while a photograph is being loaded. */
   #isFetching = false;
   #frame = 0;
   #panelAt = 0;
@@ -113,19 +113,19 @@ export class StrivecViewer extends HTMLElement {
     if (name === "quality" && this.state) this.#applyQuality();
   }
 
-  /** The open file's name. */
+  /** Name of the open file. */
   get name(): string {
     return this.#names[0];
   }
 
-  /** What is set and known; nothing where no file is open. */
+  /** Settings, facts of the file and progress; undefined if no file is open. */
   get state(): State | undefined {
     return (this.#player && (JSON.parse(this.#player.state) as State | null)) ?? undefined;
   }
 
   /**
-   * 16 numbers, a row-major camera-to-world matrix in the dataset's space, and the degrees that the picture spans from top to
-   * bottom.
+   * The camera: 16 numbers, a row-major camera-to-world matrix in the dataset's space, and the vertical angle of view in
+   * degrees.
    */
   get camera(): number[] | undefined {
     const camera = this.#player?.camera;
@@ -137,7 +137,7 @@ export class StrivecViewer extends HTMLElement {
     this.#wake();
   }
 
-  /** Left of this part of the width the scene is seen, right of it the one that it is compared with; nothing: side by side. */
+  /** Position of the divider of two scenes in parts of the width; undefined if they are side by side. */
   get divider(): number | undefined {
     return this.state?.divider ?? undefined;
   }
@@ -147,7 +147,7 @@ export class StrivecViewer extends HTMLElement {
     this.#changed();
   }
 
-  /** The number of the file's training camera that was gone to, from 0; one that is set is gone to. */
+  /** Number of the chosen training camera of the file, from 0. Setting it moves the camera there. */
   get trainingCamera(): number | undefined {
     return this.state?.camera ?? undefined;
   }
@@ -157,7 +157,7 @@ export class StrivecViewer extends HTMLElement {
     this.#changed();
   }
 
-  /** How much is seen of its photograph, from 0 to 1. */
+  /** Share of its photograph in the picture, from 0 to 1. */
   get photographShare(): number {
     return this.state?.photograph ?? 0;
   }
@@ -167,7 +167,7 @@ export class StrivecViewer extends HTMLElement {
     this.#changed();
   }
 
-  /** The camera path that was recorded or opened last, as JSON (docs/camera-paths.md); one that is set is played. */
+  /** The camera path that was recorded or opened last, as JSON (docs/camera-paths.md). Setting it plays it. */
   get path(): string | undefined {
     return this.#player?.path;
   }
@@ -177,17 +177,17 @@ export class StrivecViewer extends HTMLElement {
     this.#changed();
   }
 
-  /** Opens a file that is here, a scene or a camera path. Whether it could be; a message says why not. */
+  /** Opens a local file, a scene or a camera path. On failure returns false and shows a message. */
   async open(file: File): Promise<boolean> {
     return isJson(file) ? this.#openPath(file) : this.#openFile(file, 0);
   }
 
-  /** Opens the file at `url`. Whether it could be; a message says why not. */
+  /** Opens the file at `url`. On failure returns false and shows a message. */
   async openUrl(url: string): Promise<boolean> {
     return this.#openUrl(url, 0);
   }
 
-  /** Compares the scene with this file, or with the one at this address; with none where it is absent. Whether that worked. */
+  /** Compares the scene with a file or an address; without argument, ends the comparison. Returns false on failure. */
   async compare(file?: File | string): Promise<boolean> {
     if (typeof file === "string") return this.#openUrl(file, 1);
     if (file) return this.#openFile(file, 1);
@@ -199,8 +199,8 @@ export class StrivecViewer extends HTMLElement {
   }
 
   /**
-   * Takes photographs from the address of a dataset's `transforms` file, from the files of its folder, or from the folder that
-   * was dropped. Whether that worked; a message says why not.
+   * Sets the photographs: the address of a dataset's `transforms` file, the files of its folder, or a dropped folder. On
+   * failure returns false and shows a message.
    */
   async photographs(from: string | Iterable<File> | FileSystemDirectoryEntry): Promise<boolean> {
     return this.#tried(undefined, async () => {
@@ -258,7 +258,7 @@ export class StrivecViewer extends HTMLElement {
     });
   }
 
-  /** What is seen, as a PNG file; as large as the canvas where no size is given. */
+  /** The current view as a PNG file; the default size is the canvas's. */
   async screenshot(width = this.#canvas.width, height = this.#canvas.height): Promise<Blob> {
     const player = await this.#start();
     const pixels = await player.screenshot(width, height);
@@ -267,8 +267,8 @@ export class StrivecViewer extends HTMLElement {
   }
 
   /**
-   * The picture that `strivec render` makes from `pose`, 16 numbers, spanning `degrees` from left to right: red, green, blue and
-   * opacity of each pixel.
+   * The picture of `strivec render` from `pose`, 16 numbers, with a horizontal angle of view of `degrees`: red, green, blue
+   * and opacity of each pixel.
    */
   async render(width: number, height: number, pose: number[], degrees: number): Promise<Uint8ClampedArray> {
     const player = await this.#start();
@@ -438,7 +438,7 @@ export class StrivecViewer extends HTMLElement {
     });
   }
 
-  /** Opens what was dropped: a scene, one to compare with, a camera path, or a dataset. */
+  /** Opens dropped files: a scene, a scene to compare with, a camera path, or a dataset. */
   #dropped({ items, files }: DataTransfer, isCompared: boolean): void {
     const folder = [...items].map((item) => item.webkitGetAsEntry()).find((entry) => entry?.isDirectory);
     if (folder) {

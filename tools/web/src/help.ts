@@ -23,7 +23,7 @@ export class Help {
     });
   }
 
-  /** Sets the rows, pairs of input and effect: the library's `keys()`, which the desktop player shows, too. */
+  /** Sets the rows, pairs of input and effect: the library's `keys()`, as in the desktop player. */
   fill(keys: [string, string][]): void {
     this.#table.replaceChildren(
       ...keys.map(([input, effect]) =>

@@ -17,7 +17,7 @@ export interface Listener {
   act(action: string): void;
 }
 
-/** Listens on `canvas`, and to the keys that `host` gets. */
+/** Listens to events of `canvas`, and to keys of `host`. */
 export function listen(canvas: HTMLCanvasElement, host: HTMLElement, listener: Listener): void {
   /** In parts of the canvas's height. */
   const at = (event: PointerEvent): [number, number] => {

@@ -1,12 +1,12 @@
-// Bytes from an address, in the order that a download wants them.
+// Loading of byte ranges from an address, in the order of a download.
 
 import type { Download } from "./generated/strivec";
 
-/** Bytes that arrived, and those of the whole file, where that is known. */
+/** Number of bytes that have arrived, and length of the file once it is known. */
 export type Progress = (done: number, all: number | undefined) => void;
 
 /**
- * Loads what `download` wants of `url`. A server that does not answer ranges sends all of the file; it is then all there.
+ * Loads the ranges that `download` needs from `url`. A server without support for ranges sends the whole file at once.
  */
 export async function load(url: string, download: Download, progress: Progress, signal: AbortSignal): Promise<void> {
   for (;;) {
@@ -29,7 +29,7 @@ export async function load(url: string, download: Download, progress: Progress, 
 
 interface Piece {
   bytes: Uint8Array;
-  /** Whether it is the whole file instead of what was asked for. */
+  /** True if this is the whole file instead of the requested range. */
   isWhole: boolean;
 }
 

@@ -1,9 +1,9 @@
-// The page: a viewer that fills the window, and shows what the page's address names.
+// The page: a viewer that fills the window. The page's address sets the scene.
 //
-//   ?url=ADDRESS              the .strivec file; elsewhere than here, its server must allow it (CORS)
-//   &camera=16[,1] NUMBERS    a row-major camera-to-world matrix in the dataset's space, and the degrees from top to bottom
+//   ?url=ADDRESS              the .strivec file; another server must allow it (CORS)
+//   &camera=16[,1] NUMBERS    a row-major camera-to-world matrix in the dataset's space, and the vertical angle in degrees
 //   &compare=ADDRESS          a file to compare it with
-//   &quality=NAME             a way to draw that the file names: fast, balanced or best
+//   &quality=NAME             quality setting stored in the file: fast, balanced or best
 //   &data=ADDRESS             the dataset's transforms_train.json, for its photographs
 
 import { StrivecViewer } from "./index";

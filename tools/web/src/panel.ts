@@ -28,7 +28,7 @@ interface Slider {
   show(value: number): void;
 }
 
-/** A slider with its label; `text` says what a value stands for. Where it is logarithmic, it moves by powers of two. */
+/** A slider with its label; `text` formats a value. A logarithmic slider moves by powers of two. */
 function slider(label: string, min: number, max: number, step: number, text: (value: number) => string): Slider {
   const input = element("input", { type: "range", min: `${min}`, max: `${max}`, step: `${step}` });
   const output = element("output");

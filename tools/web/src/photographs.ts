@@ -1,14 +1,14 @@
 // Photographs of a dataset, each loaded when it is shown. A `transforms` file (NeRF-synthetic's layout) holds the camera of
 // each photograph.
 
-/** What a dataset's folder may call the file that lists its training cameras, the first that is there. */
+/** Names of a dataset's list of training cameras; the first that exists is read. */
 const LISTS = ["transforms_train.json", "transforms.json"];
-/** Larger ones are made smaller: devices take no larger textures. */
+/** Maximum width and height; larger photographs are reduced, as devices support no larger textures. */
 const MOST_PIXELS = 4096;
-/** How far a camera of the scene may be from that of a photograph, relative to its distance from the origin. */
+/** Maximum distance between a scene's camera and its photograph's, relative to the distance from the origin. */
 const NEAR = 1e-3;
 
-/** The file at `path` of a folder; nothing where there is none. */
+/** Reads the file at `path` of a folder; undefined if it does not exist. */
 type Read = (path: string) => Promise<Blob | undefined>;
 
 interface Frame {
@@ -33,7 +33,7 @@ export class Photographs {
     this.#frames = frames;
   }
 
-  /** Those that the `transforms` file at `url` lists, from addresses relative to it; or the folder's, where `url` ends with /. */
+  /** Photographs that the `transforms` file at `url` lists, relative to `url`; those of a folder if `url` ends with /. */
   static async ofUrl(url: string): Promise<Photographs> {
     const whole = new URL(url, document.baseURI).href;
     const read: Read = async (path) => {
@@ -44,17 +44,17 @@ export class Photographs {
     return Photographs.#of(read, whole.endsWith("/") ? LISTS : [new URL(whole).pathname.split("/").pop() ?? ""]);
   }
 
-  /** Those of a folder that was chosen, or of the files that were dropped. */
+  /** Photographs of a chosen folder, or of dropped files. */
   static async ofFiles(files: Iterable<File>): Promise<Photographs> {
     const named = new Map<string, File>();
     for (const file of files) named.set(file.webkitRelativePath.replace(/^[^/]*\//, "") || file.name, file);
-    // Files that were dropped one by one do not say which folder they are from.
+    // Files that are dropped one by one have no folder in their path.
     const read: Read = async (path) => named.get(path) ?? named.get(path.split("/").pop() ?? "");
     const list = [...LISTS, ...[...named.keys()].filter((name) => /^transforms[^/]*\.json$/.test(name))];
     return Photographs.#of(read, list);
   }
 
-  /** Those of a folder that was dropped. */
+  /** Photographs of a dropped folder. */
   static async ofFolder(folder: FileSystemDirectoryEntry): Promise<Photographs> {
     const read: Read = (path) =>
       new Promise((found) => {
@@ -75,7 +75,7 @@ export class Photographs {
   /** The photograph from `pose`, a row-major camera-to-world matrix, on `background`, sRGB from 0 to 1. */
   async at(pose: ArrayLike<number>, background: number[]): Promise<Photograph> {
     const frame = this.#frames.find((frame) => isNear(frame.pose, pose));
-    if (!frame) throw new Error("photographs: none was taken by this camera; is this the scene's dataset?");
+    if (!frame) throw new Error("photographs: none was taken by this camera; choose the scene's own dataset");
     const file = await this.#read(frame.path);
     if (!file) throw new Error(`photographs: ${frame.path} is missing`);
     return decoded(file, background).catch(() => Promise.reject(new Error(`photographs: ${frame.path} is not a picture`)));
@@ -101,7 +101,7 @@ function framesOf(name: string, text: string): Frame[] {
   });
 }
 
-/** Whether two cameras stand at one place and look one way. */
+/** True if two cameras have the same position and direction. */
 function isNear(a: ArrayLike<number>, b: ArrayLike<number>): boolean {
   const apart = (at: number): number => Math.abs((a[at] ?? NaN) - (b[at] ?? NaN));
   const far = Math.hypot(...[3, 7, 11].map((at) => b[at] ?? 0));

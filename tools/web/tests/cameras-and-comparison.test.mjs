@@ -29,7 +29,7 @@ after(async () => {
 async function opened(query, size = SIZE, at = server) {
   const viewer = await visit(context, `${at.address}/?${new URLSearchParams(query)}`, size);
   await viewer.rest(`${query.url} opens`);
-  // What a focused canvas is framed by, and what lies on it, is no part of the picture.
+  // The frame of a focused canvas, and the elements over it, are not part of the picture.
   await viewer.call((v) => {
     v.shadowRoot.querySelector("canvas").style.outline = "none";
     v.shadowRoot.getElementById("divider").style.opacity = "0";
@@ -118,7 +118,7 @@ test("a path is recorded, kept and played", async () => {
   await viewer.page.close();
 });
 
-test("training cameras are gone to, and their photographs seen", async () => {
+test("training cameras can be chosen, and their photographs blended in", async () => {
   const { file, data } = levels();
   const own = await serve(dist, [file]);
   const photographs = await serve(data, []);
@@ -144,7 +144,7 @@ test("training cameras are gone to, and their photographs seen", async () => {
       assert.ok(apart(await camera(), pose(number)) < 1e-4, `${key}: ${await camera()}`);
     }
     await viewer.rest();
-    assert.equal(photographs.requests.length, 1, "no photograph is asked for that is not seen");
+    assert.equal(photographs.requests.length, 1, "only displayed photographs are requested");
 
     await viewer.call((v) => (v.photographShare = 1));
     await viewer.until("the photograph is there", (v) => v.state.has_photograph);

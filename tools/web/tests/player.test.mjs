@@ -110,7 +110,7 @@ test("pointer, wheel and keys move the camera and change the picture", async () 
     assert.ok(mean > 0.2, `${what}: ${mean}`);
   }
   await picturesOf(viewer, () => keyboard.press("r"), "reset");
-  // The first view is the file's own; the address had asked for another.
+  // The first view is the file's own, not the one in the address.
   assert.notDeepEqual(await camera(), first);
 
   const views = [];
@@ -169,7 +169,7 @@ test("the panel shows facts, and its controls work by keyboard", async () => {
   await page.close();
 });
 
-test("what cannot be opened is said, and the player lives", async () => {
+test("errors of opening are shown, and the player keeps working", async () => {
   const viewer = await opened("zstd.strivec");
   for (const [url, expected] of [
     ["none.strivec", /none.strivec cannot be loaded: 404/],
@@ -187,10 +187,10 @@ test("what cannot be opened is said, and the player lives", async () => {
       v.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
     }, bytes);
   await drop(bytes.map((byte, at) => (at === 20_000 ? byte ^ 1 : byte)));
-  await viewer.until("damage is said", (v) => v.shadowRoot.querySelector("#message.failed") !== null);
+  await viewer.until("the error is shown", (v) => v.shadowRoot.querySelector("#message.failed") !== null);
   assert.match(await viewer.message(), /\w/);
   assert.equal(await viewer.call((v) => v.name), "zstd.strivec");
-  const { mean } = await picturesOf(viewer, () => viewer.canvas.press("ArrowLeft"), "still alive");
+  const { mean } = await picturesOf(viewer, () => viewer.canvas.press("ArrowLeft"), "after the error");
   assert.ok(mean > 0.2, `${mean}`);
   await drop(bytes);
   await viewer.until("the whole file opens", (v) => v.name === "dropped.strivec" && v.state.is_at_rest);
@@ -198,7 +198,7 @@ test("what cannot be opened is said, and the player lives", async () => {
   await viewer.page.close();
 });
 
-test("a large file is on the screen before the rest of it is asked for", async () => {
+test("the coarse scale of a large file is displayed before the rest is requested", async () => {
   const { file } = levels();
   const size = readFileSync(file).length;
   const path = `/${basename(file)}`;
@@ -219,17 +219,17 @@ test("a large file is on the screen before the rest of it is asked for", async (
     release();
     await viewer.until("all is there", (v) => v.state.is_whole && v.state.is_at_rest);
     const bytes = asked().reduce((sum, { range: [start, end] }) => sum + Math.min(end, size - 1) + 1 - start, 0);
-    assert.equal(bytes, size, "no byte is asked for twice");
+    assert.equal(bytes, size, "no byte is requested twice");
     console.log(`${asked().length} requests: ${asked().map(({ range }) => range.join("-"))} of ${size}`);
     const fine = await seen(viewer);
     writeFileSync(join(out, "streamed.png"), await viewer.canvas.screenshot());
     await viewer.page.close();
 
-    // A server that knows no ranges.
+    // A server without support for ranges.
     const other = await visit(context, `${whole.address}/?url=${basename(file)}`, 32);
     await other.rest();
     assert.equal(whole.requests.filter((request) => request.path === path).length, 1);
-    assert.ok(difference(await seen(other), fine).mean < 0.5, "the picture depends on how the file came");
+    assert.ok(difference(await seen(other), fine).mean < 0.5, "the picture depends on the way of loading");
     await other.page.close();
   } finally {
     await own.close();
@@ -263,7 +263,7 @@ for (const [name, change, expected] of [
   ["WebGPU", () => delete Navigator.prototype.gpu, /no WebGPU/],
   ["an adapter", () => (GPU.prototype.requestAdapter = async () => null), /no graphics adapter was found/],
 ]) {
-  test(`without ${name} the page says so`, async () => {
+  test(`without ${name} the page shows an error`, async () => {
     const without = await browser.newContext();
     await without.addInitScript(change);
     const viewer = await visit(without, `${server.address}/?url=zstd.strivec`, SIZE);

@@ -1,4 +1,4 @@
-// A server of one folder and some files, for this machine alone. It answers ranges, and says what it was asked for.
+// A server of one folder and some files, for this machine alone. It supports ranges, and records the requests.
 
 import { createReadStream, existsSync, statSync } from "node:fs";
 import { createServer } from "node:http";
@@ -7,9 +7,9 @@ import { basename, extname, join, normalize } from "node:path";
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm" };
 
 /**
- * Serves `folder`, `files` by their names, and `pages`, an object of texts by name: where, what was asked for of each file (an
- * array of `{ path, range, at }`), a `hold(path, isHeld)` that answers no range of `path` whose beginning `isHeld` until the
- * function that it returns is called, and how to stop. `hasRanges` says whether ranges are answered.
+ * Serves `folder`, `files` by their names, and `pages`, an object of texts by name. Returns the address, the requests (an
+ * array of `{ path, range, at }`), a function `hold(path, isHeld)` that delays each range of `path` whose beginning `isHeld`
+ * until the function that it returns is called, and a function that stops the server. `hasRanges` turns ranges on.
  */
 export async function serve(folder, files, { pages = {}, hasRanges = true } = {}) {
   const named = new Map(files.map((file) => [`/${basename(file)}`, file]));
