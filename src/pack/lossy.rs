@@ -40,7 +40,7 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let resolution = scale.cloud.resolution;
         let factors = &mut scale.factors;
-        for (values, rank, h, of_scales) in [
+        for (values, rank, h, scale_options) in [
             (&mut factors.density, factors.density_rank, &importance.density[s], &mut options.density),
             (&mut factors.appearance, factors.appearance_rank, &importance.appearance[s], &mut options.appearance),
         ] {
@@ -58,7 +58,7 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
                 expected_error += choice.error;
                 steps.extend(choice.steps);
             }
-            of_scales.push(FactorOptions { array: ArrayOptions::best(Encoding::Cosine), steps: Some(steps) });
+            scale_options.push(FactorOptions { array: ArrayOptions::best(Encoding::Cosine), steps: Some(steps) });
         }
     }
     Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }

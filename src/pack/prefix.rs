@@ -45,24 +45,24 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         });
         field.rules.density_shift = shift;
         let gradients = backward.gradients(&field, &rays, &targets, all);
-        let of_gain: f64 = x_vectors(&field)
+        let gain_gradient: f64 = x_vectors(&field)
             .map(|(s, at)| f64::from(field.scales[s].density[at]) * f64::from(gradients.density[s][at]))
             .sum();
-        let of_shape = [of_gain as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
-        let fallen = 0.1f64.powf((n - 1) as f64 / steps as f64);
+        let shape_gradients = [gain_gradient as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
+        let decay = 0.1f64.powf((n - 1) as f64 / steps as f64);
         let before = shape;
-        Adam::new(SHAPE_RATE * fallen, n).update::<false>(
+        Adam::new(SHAPE_RATE * decay, n).update::<false>(
             &mut shape,
             &mut shape_moments.first,
             &mut shape_moments.second,
-            &of_shape,
+            &shape_gradients,
         );
-        let of_matrices = &gradients.networks[..field.decoder.appearance.len()];
-        Adam::new(MATRIX_RATE * fallen, n).update::<false>(
+        let matrix_gradients = &gradients.networks[..field.decoder.appearance.len()];
+        Adam::new(MATRIX_RATE * decay, n).update::<false>(
             &mut field.decoder.appearance,
             &mut matrix_moments.first,
             &mut matrix_moments.second,
-            of_matrices,
+            matrix_gradients,
         );
         field.rules.density_shift += f64::from(shape[1] - before[1]);
         let ratio = (shape[0] - before[0]).exp();

@@ -24,7 +24,7 @@ pub enum Action {
     /// Go to the next training camera.
     NextCamera,
     /// Go to the previous training camera.
-    CameraBefore,
+    PreviousCamera,
     /// Show or hide tensor boxes.
     Boxes,
     /// Show or hide the panel.
@@ -34,7 +34,7 @@ pub enum Action {
 /// The action of the key of W3C code `code` ("KeyF", "Digit1"). With Control or Shift, digits save views.
 pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
     if let Some(digit) = code.strip_prefix("Digit") {
-        let n = digit.parse().ok().filter(|n| (1..=KEPT).contains(n))?;
+        let n = digit.parse().ok().filter(|n| (1..=MAX_SAVED_VIEWS).contains(n))?;
         return Some(if is_modified { Action::Keep(n) } else { Action::Recall(n) });
     }
     match code {
@@ -46,7 +46,7 @@ pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
         "KeyC" => Some(Action::Record),
         "Space" => Some(Action::Play),
         "PageDown" => Some(Action::NextCamera),
-        "PageUp" => Some(Action::CameraBefore),
+        "PageUp" => Some(Action::PreviousCamera),
         "KeyB" => Some(Action::Boxes),
         "KeyI" => Some(Action::Panel),
         _ => None,
@@ -54,4 +54,4 @@ pub fn action_of(code: &str, is_modified: bool) -> Option<Action> {
 }
 
 /// Number of views that can be saved.
-pub(super) const KEPT: usize = 9;
+pub(super) const MAX_SAVED_VIEWS: usize = 9;

@@ -16,7 +16,7 @@ const COLORS: [[f32; 3]; 4] = [[1.0, 0.45, 0.1], [0.15, 0.7, 1.0], [0.55, 0.9, 0
 const OPACITIES: [f32; 2] = [0.05, 0.4];
 /// Number of tensors at which lines have opacity 1 before clamping; the opacity is inversely proportional to the
 /// number.
-const SEEN_THROUGH: f32 = 150.0;
+const OPAQUE_TENSORS: f32 = 150.0;
 
 /// `Boxes` of `shaders/boxes.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -95,7 +95,7 @@ impl BoxLines {
 /// Color and opacity of the lines of scale `s`, which has `tensors` tensors.
 fn color_of(s: usize, tensors: usize) -> [f32; 4] {
     let [r, g, b] = COLORS[s % COLORS.len()];
-    [r, g, b, (SEEN_THROUGH / tensors as f32).clamp(OPACITIES[0], OPACITIES[1])]
+    [r, g, b, (OPAQUE_TENSORS / tensors as f32).clamp(OPACITIES[0], OPACITIES[1])]
 }
 
 /// Projects the box edges of the scales of `scene` for which `scales` is true, for windows without a graphics device.

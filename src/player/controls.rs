@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::action::KEPT;
+use super::action::MAX_SAVED_VIEWS;
 use super::first_view::{Stand, first_view};
 use super::{Action, Gesture, Gestures, action_of};
 use crate::container::{Pose, TrainingCamera, Views};
@@ -39,7 +39,7 @@ pub struct Controls {
     /// Vertical angle of view of the first view, in radians.
     first_angle: f64,
     now: Stand,
-    kept: [Option<Stand>; KEPT],
+    kept: [Option<Stand>; MAX_SAVED_VIEWS],
     /// Vertical angle of view, in radians.
     angle_of_view: f64,
     up: DVec3,
@@ -60,7 +60,7 @@ impl Controls {
             first,
             first_angle: angle_of_view,
             now: first,
-            kept: [None; KEPT],
+            kept: [None; MAX_SAVED_VIEWS],
             angle_of_view,
             up,
             extent,
@@ -261,7 +261,7 @@ mod tests {
             first,
             first_angle: 0.7,
             now: first,
-            kept: [None; KEPT],
+            kept: [None; MAX_SAVED_VIEWS],
             angle_of_view: 0.7,
             up: DVec3::Z,
             extent: 2.0,

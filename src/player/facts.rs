@@ -15,8 +15,8 @@ pub struct Fact {
 }
 
 /// The facts of a file of `bytes` bytes.
-pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
-    let scene = &document.scene;
+pub fn facts(file: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
+    let scene = &file.scene;
     let provenance = &scene.provenance;
     let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();
     let mut facts = vec![
@@ -43,7 +43,7 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
         Coverage::Any => "any scale covers",
     };
     facts.push(fact("field", format!("where {coverage}, decoded {}", scene.decoder.mode.name())));
-    if let Some(quality) = &document.metadata.quality {
+    if let Some(quality) = &file.metadata.quality {
         let decibels = |value: Option<f64>| value.map(|v| format!("{v:.2} dB"));
         if let Some(value) = decibels(quality.encoded) {
             facts.push(fact("encoding", format!("{value} against pictures before encoding")));
@@ -57,7 +57,7 @@ pub fn facts(document: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact>
         ("preset", provenance.preset.clone()),
         ("steps", if provenance.steps > 0 { grouped(provenance.steps) } else { String::new() }),
         ("made by", provenance.tool.clone()),
-        ("license", document.metadata.license.clone().unwrap_or_default()),
+        ("license", file.metadata.license.clone().unwrap_or_default()),
     ] {
         if !value.is_empty() {
             facts.push(fact(name, value));

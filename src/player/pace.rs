@@ -3,7 +3,7 @@
 /// Maximum divisor of the window's resolution, per axis.
 const COARSEST: u32 = 16;
 /// Weight of the old estimate of the speed in the moving average.
-const KEPT: f64 = 0.7;
+const SMOOTHING: f64 = 0.7;
 /// Minimum number of rays of a batch; overhead dominates smaller ones.
 const MIN_RAYS: f64 = 1024.0;
 
@@ -65,13 +65,13 @@ impl Pace {
 
     /// Marks a picture of this divisor as begun.
     pub fn begun(&mut self, divisor: u32) {
-        self.learn();
+        self.update_speed();
         (self.drawing, self.is_stale) = (Some(divisor), false);
     }
 
     /// Marks the picture as finished and displayed.
     pub fn finished(&mut self) {
-        self.learn();
+        self.update_speed();
         if let Some(divisor) = self.drawing.take() {
             self.shown = (!self.is_stale).then_some(divisor);
         }
@@ -90,11 +90,12 @@ impl Pace {
     }
 
     /// Updates the estimate of the speed by the measurements of a picture, finished or not.
-    fn learn(&mut self) {
+    fn update_speed(&mut self) {
         let (rays, seconds) = std::mem::take(&mut self.drawn);
         if rays > 0.0 {
             let new = seconds / rays;
-            self.seconds_per_ray = Some(self.seconds_per_ray.map_or(new, |old| KEPT * old + (1.0 - KEPT) * new));
+            self.seconds_per_ray =
+                Some(self.seconds_per_ray.map_or(new, |old| SMOOTHING * old + (1.0 - SMOOTHING) * new));
         }
     }
 

@@ -88,8 +88,8 @@ mod tests {
     #[test]
     fn a_photograph_fills_the_height_of_its_view() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
-        let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
-        let mut controls = Controls::new(&document.scene, None, &[]);
+        let scene_file = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let mut controls = Controls::new(&scene_file.scene, None, &[]);
         let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
         assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());
         assert!(photograph.go_to(1, &cameras(), &mut controls));

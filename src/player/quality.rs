@@ -30,8 +30,8 @@ pub fn adapted(
 /// The render settings that a file's `notes` store by name, as written by `strivec trade --store`; none if they are
 /// malformed.
 pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSettings)> {
-    let trade = ParetoFront::from_notes(notes).and_then(Result::ok);
-    let points = trade.map(|trade| trade.points).unwrap_or_default();
+    let front = ParetoFront::from_notes(notes).and_then(Result::ok);
+    let points = front.map(|front| front.points).unwrap_or_default();
     points.into_iter().flat_map(|p| p.names.into_iter().map(move |name| (name, p.settings))).collect()
 }
 
@@ -53,8 +53,8 @@ mod tests {
 
         let choice = RenderSettings { approximation: wild, divisor: 2 };
         let point = ParetoPoint { names: Vec::new(), settings: choice, milliseconds: 1.0, psnr: 30.0 };
-        let trade = ParetoFront::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
-        let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), trade.to_note())]);
+        let front = ParetoFront::new("here".into(), "cpu".into(), [8, 8], "itself".into(), vec![point], 0.0);
+        let notes = BTreeMap::from([(TRADE_NOTE.to_owned(), front.to_note())]);
         assert_eq!(named_choices(&notes), ["fast", "balanced", "best"].map(|name| (name.to_owned(), choice)));
         assert!(named_choices(&BTreeMap::new()).is_empty());
     }

@@ -99,10 +99,10 @@ mod tests {
     #[test]
     fn recorded_paths_are_played() {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
-        let document = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
+        let scene_file = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let map =
             Similarity { scale: 2.5, rotation: DQuat::from_rotation_z(0.7), translation: DVec3::new(1.0, -2.0, 3.0) };
-        let mut controls = Controls::new(&document.scene, None, &[]);
+        let mut controls = Controls::new(&scene_file.scene, None, &[]);
         let mut recorder = Recorder::default();
         assert!(!recorder.play() && !recorder.is_playing(), "there is nothing to play");
         assert!(!recorder.record() && recorder.is_recording());

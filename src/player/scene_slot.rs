@@ -115,9 +115,9 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// As [`Painter::new`].
     pub fn new(step: Step, device: &P::Device, approximation: &Approximation) -> Result<Self, GpuError> {
-        let Step { document, contents, scales, is_whole } = step;
-        let facts = facts(&document, &contents, contents.file_length);
-        let SceneFile { mut scene, metadata, .. } = document;
+        let Step { file, contents, scales, is_whole } = step;
+        let facts = facts(&file, &contents, contents.file_length);
+        let SceneFile { mut scene, metadata, .. } = file;
         let near_far = [scene.frame.near, scene.frame.far];
         scene.frame.near = 0.0;
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());

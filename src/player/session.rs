@@ -90,10 +90,10 @@ impl<P: Painter> Session<P> {
     /// # Errors
     ///
     /// If the device is too small for the scene.
-    pub fn take(&mut self, step: Step, is_more_of_the_same: bool, n: usize) -> Result<(), GpuError> {
-        let metadata = &step.document.metadata;
-        let is_new = n == 0 && !is_more_of_the_same;
-        let controls = is_new.then(|| Controls::new(&step.document.scene, metadata.views.as_ref(), &metadata.cameras));
+    pub fn take(&mut self, step: Step, is_next_step: bool, n: usize) -> Result<(), GpuError> {
+        let metadata = &step.file.metadata;
+        let is_new = n == 0 && !is_next_step;
+        let controls = is_new.then(|| Controls::new(&step.file.scene, metadata.views.as_ref(), &metadata.cameras));
         let settings =
             |session: &Self| RenderSettings { approximation: session.approximation, divisor: session.finest };
         let before = if is_new { RenderSettings::default() } else { settings(self) };
@@ -101,9 +101,9 @@ impl<P: Painter> Session<P> {
         let stored = if n == 0 && step.is_whole { named_choices(&metadata.notes) } else { Vec::new() };
         let chosen = stored.into_iter().find(|(name, _)| self.quality.as_ref() == Some(name));
         let RenderSettings { approximation, divisor } = chosen.map_or(before, |(_, choice)| choice);
-        let scales = step.document.scene.scales.len();
+        let scales = step.file.scene.scales.len();
         let mut slot = SceneSlot::<P>::new(step, &self.device, &approximation)?;
-        if let Some(before) = self.slots[n].as_mut().filter(|_| is_more_of_the_same) {
+        if let Some(before) = self.slots[n].as_mut().filter(|_| is_next_step) {
             slot.painter.take_picture_of(&mut before.painter);
         }
         if n == 0
@@ -332,7 +332,7 @@ impl<P: Painter> Session<P> {
             Action::NextView => self.set_view(self.view.next()),
             Action::Boxes => (self.has_boxes, self.is_dirty) = (!self.has_boxes, true),
             Action::Reset | Action::Recall(_) => self.changed(),
-            Action::NextCamera | Action::CameraBefore => {
+            Action::NextCamera | Action::PreviousCamera => {
                 let count = self.slots[0].as_ref().map_or(0, |slot| slot.cameras.len());
                 self.go_to_camera(self.photograph.neighbor(count, action == Action::NextCamera));
             }

@@ -17,7 +17,7 @@ const SMALL: u64 = 1 << 20;
 #[derive(Clone, Debug)]
 pub struct Step {
     /// The scene; a prefix of it is corrected to look like the whole.
-    pub document: SceneFile,
+    pub file: SceneFile,
     /// Header and table of the file.
     pub contents: Contents,
     /// Number of scales that have arrived.
@@ -124,9 +124,9 @@ fn read_step<S: Source>(reader: &Reader<S>, scales: usize) -> Result<Option<Step
     let contents = reader.contents().clone();
     let is_whole = scales == scale_count(&contents);
     let part = if is_whole { Part::WHOLE } else { Part { scales: Some(scales), within: None, metadata: true } };
-    let document = reader.read(&part)?;
-    let is_shown = is_whole || document.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some);
-    Ok(is_shown.then_some(Step { document, contents, scales, is_whole }))
+    let file = reader.read(&part)?;
+    let is_shown = is_whole || file.metadata.prefixes.get(scales - 1).is_some_and(Option::is_some);
+    Ok(is_shown.then_some(Step { file, contents, scales, is_whole }))
 }
 
 /// Calls `show` with each step of a file at hand, the coarse scale first, until it returns false.
@@ -264,7 +264,7 @@ mod tests {
             }
             let found = found.unwrap();
             assert!(found.is_whole && loaded == file.len(), "{name}: {loaded} of {}", file.len());
-            assert_eq!(found.document, decode_scene_file(&file, Limits::default()).unwrap());
+            assert_eq!(found.file, decode_scene_file(&file, Limits::default()).unwrap());
             assert!(stream.wanted().unwrap().is_empty() && stream.step().unwrap().is_none());
         }
     }

@@ -143,13 +143,13 @@ impl<T: Real> Chunk<T> {
     fn weigh_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
         let Scratch { activations, pixel_gradients, weight_gradients, component_shares, sample_gradients, .. } =
             scratch;
-        let colored = &activations.shaded;
+        let shaded = &activations.shaded;
         let (mode, width) = (field.decoder.mode, field.component_count());
         component_shares.clear();
         weight_gradients.clear();
         for (ray, gradient) in pixel_gradients.iter().enumerate() {
             let ray_row = activations.rows_of_ray(ray).start;
-            for c in colored.ray_range(ray) {
+            for c in shaded.ray_range(ray) {
                 let (term, row) = match mode {
                     DecoderMode::PerSample | DecoderMode::Residual => (c, c),
                     DecoderMode::PerRay => (ray_row, ray_row),
@@ -165,7 +165,7 @@ impl<T: Real> Chunk<T> {
                         &activations.components[c * width..][..width],
                         &activations.composites[ray_row * width..][..width],
                     ) / weight;
-                    let share_of_composite = colored.weights[c] / weight;
+                    let share_of_composite = shaded.weights[c] / weight;
                     if mode == DecoderMode::PerRay {
                         share *= share_of_composite;
                     } else {
@@ -174,8 +174,8 @@ impl<T: Real> Chunk<T> {
                     }
                 }
                 // With Russian roulette, the weight of a sample's color may exceed the sample's weight.
-                let place = colored.slots[c] as usize;
-                weight_gradients.push(sum * colored.weights[c] / self.samples.weight(place));
+                let place = shaded.slots[c] as usize;
+                weight_gradients.push(sum * shaded.weights[c] / self.samples.weight(place));
                 component_shares.push((row as u32, share));
             }
         }
@@ -189,7 +189,7 @@ impl<T: Real> Chunk<T> {
     #[inline(always)]
     fn composite_backward(&mut self, field: &Field<T>, targets: &[Target], scratch: &mut Scratch<T>) {
         let Scratch { activations, pixel_gradients, weight_gradients, feature_gradients, .. } = scratch;
-        let (samples, colored) = (&self.samples, &activations.shaded);
+        let (samples, shaded) = (&self.samples, &activations.shaded);
         let scales = field.scales.len();
         // Slopes first: a loop without branches.
         feature_gradients.clear();
@@ -200,10 +200,10 @@ impl<T: Real> Chunk<T> {
             for i in 0..3 {
                 behind += samples.remaining[ray] * T::of_f32(target.background[i]) * gradient[i];
             }
-            let mut ray_range = colored.ray_range(ray);
+            let mut ray_range = shaded.ray_range(ray);
             for &place in samples.order[samples.ray_range(ray)].iter().rev() {
                 let mut weight_gradient = T::zero();
-                if ray_range.end > ray_range.start && colored.slots[ray_range.end - 1] == place {
+                if ray_range.end > ray_range.start && shaded.slots[ray_range.end - 1] == place {
                     ray_range.end -= 1;
                     weight_gradient = weight_gradients[ray_range.end];
                 }
@@ -355,9 +355,9 @@ impl<T: Real> Chunk<T> {
         let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
         let counted = counted.filter(|&(.., gradient)| gradient != T::zero());
         self.density_pairs.sort(samples, scales, tensors, counted);
-        let colored = scratch.activations.shaded.slots.iter().zip(&scratch.component_shares);
-        let colored = colored.map(|(&place, &(row, share))| (place, row, share));
-        self.appearance_pairs.sort(samples, scales, tensors, colored);
+        let shaded = scratch.activations.shaded.slots.iter().zip(&scratch.component_shares);
+        let shaded = shaded.map(|(&place, &(row, share))| (place, row, share));
+        self.appearance_pairs.sort(samples, scales, tensors, shaded);
     }
 }
 

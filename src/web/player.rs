@@ -42,10 +42,10 @@ impl Player {
     ///
     /// If the bytes are not such a file, or if the device is too small for it; the scene at `place` then stays.
     pub fn open(&self, bytes: Vec<u8>, place: usize) -> Result<(), JsError> {
-        let document = decode_scene_file(&bytes, Limits::default())?;
+        let file = decode_scene_file(&bytes, Limits::default())?;
         let contents = sections(&bytes)?;
         drop(bytes);
-        let step = Step { document, scales: scale_count(&contents), contents, is_whole: true };
+        let step = Step { file, scales: scale_count(&contents), contents, is_whole: true };
         Ok(self.app.borrow_mut().session.take(step, false, place.min(1))?)
     }
 
@@ -56,10 +56,10 @@ impl Player {
     ///
     /// As [`Player::open`].
     pub fn take(&self, download: &mut Download, place: usize) -> Result<bool, JsError> {
-        let is_more_of_the_same = download.is_shown;
+        let is_next_step = download.is_shown;
         let (step, is_done) = download.step()?;
         if let Some(step) = step {
-            self.app.borrow_mut().session.take(step, is_more_of_the_same, place.min(1))?;
+            self.app.borrow_mut().session.take(step, is_next_step, place.min(1))?;
             download.is_shown = true;
         }
         Ok(is_done)
@@ -215,7 +215,7 @@ impl Player {
             Action::Screenshot => "screenshot",
             Action::Record => "record",
             Action::Play => "play",
-            Action::NextCamera | Action::CameraBefore => "camera",
+            Action::NextCamera | Action::PreviousCamera => "camera",
             Action::Boxes => "boxes",
             Action::Panel => "panel",
         };

@@ -225,9 +225,8 @@ impl App {
     fn take(&mut self, mut step: Step, opening: &mut Opening, slot: usize) {
         if slot == 0
             && let Some(folder) = &self.data
-            && step.document.metadata.cameras.is_empty()
-            && let Err(text) =
-                dataset_folder::add_cameras(folder, &step.document.scene, &mut step.document.metadata.cameras)
+            && step.file.metadata.cameras.is_empty()
+            && let Err(text) = dataset_folder::add_cameras(folder, &step.file.scene, &mut step.file.metadata.cameras)
         {
             self.say_error(text);
         }

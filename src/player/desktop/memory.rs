@@ -4,7 +4,7 @@ use egui::Color32;
 use glam::{DVec2, Vec2, Vec3};
 
 use super::app::App;
-use super::painter::{Artist, Photograph};
+use super::painter::{Photograph, SceneRenderer};
 use super::software::{Canvas, rectangle};
 use crate::color::byte;
 use crate::geometry::Camera;
@@ -14,7 +14,7 @@ use crate::render::TraceInfo;
 /// Paints the picture of slot `n` at `place`, if it has one.
 pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
     let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
-    let Artist::Cpu(painter) = &slot.painter.artist else { return };
+    let SceneRenderer::Cpu(painter) = &slot.painter.renderer else { return };
     let Some((camera, traced)) = &painter.kept else { return };
     let picture = Shown { camera, traced, show: &show, photograph: slot.painter.photograph.as_ref() };
     let [whole, seen] = [place.whole, place.seen].map(rectangle);

@@ -30,7 +30,7 @@ impl Device {
 
 /// Draws a scene and displays its pictures.
 pub(super) struct DesktopPainter {
-    pub(super) artist: Artist,
+    pub(super) renderer: SceneRenderer,
     /// `None` if the CPU paints the window.
     pub(super) screen: Option<(Screen, BoxLines)>,
     /// Without a screen, the photograph to blend in.
@@ -45,8 +45,8 @@ pub(super) struct Photograph {
     pub(super) rgba: Vec<u8>,
 }
 
-/// A renderer.
-pub(super) enum Artist {
+/// A renderer of the scene, on the graphics device or on the CPU.
+pub(super) enum SceneRenderer {
     Gpu(Box<GpuRenderer>),
     Cpu(Box<CpuPainter>),
 }
@@ -61,7 +61,7 @@ pub(super) struct CpuPainter {
     pub(super) kept: Option<(Camera, Vec<TraceInfo>)>,
 }
 
-impl Artist {
+impl SceneRenderer {
     fn new(
         device: &Device,
         scene: &Scene,
@@ -93,10 +93,10 @@ impl Painter for DesktopPainter {
         prefixes: &[Option<Prefix>],
         approximation: &Approximation,
     ) -> Result<Self, GpuError> {
-        let artist = Artist::new(device, scene, prefixes, approximation)?;
+        let renderer = SceneRenderer::new(device, scene, prefixes, approximation)?;
         let screen =
             device.gpu.as_ref().map(|(gpu, format)| (Screen::new(gpu, *format), BoxLines::new(gpu, scene, *format)));
-        Ok(Self { artist, screen, photograph: None })
+        Ok(Self { renderer, screen, photograph: None })
     }
 
     fn approximate(
@@ -106,48 +106,48 @@ impl Painter for DesktopPainter {
         prefixes: &[Option<Prefix>],
         approximation: &Approximation,
     ) -> Result<(), GpuError> {
-        let mut artist = Artist::new(device, scene, prefixes, approximation)?;
-        if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut self.artist, &mut artist) {
+        let mut renderer = SceneRenderer::new(device, scene, prefixes, approximation)?;
+        if let (SceneRenderer::Cpu(old), SceneRenderer::Cpu(new)) = (&mut self.renderer, &mut renderer) {
             new.kept = old.kept.take();
         }
-        self.artist = artist;
+        self.renderer = renderer;
         Ok(())
     }
 
     fn begin(&mut self, camera: &Camera, has_normals: bool) -> Result<(), GpuError> {
-        match &mut self.artist {
-            Artist::Gpu(renderer) => {
+        match &mut self.renderer {
+            SceneRenderer::Gpu(renderer) => {
                 renderer.set_normals(has_normals);
                 renderer.begin(camera)?;
             }
-            Artist::Cpu(painter) => painter.begin(camera, has_normals),
+            SceneRenderer::Cpu(painter) => painter.begin(camera, has_normals),
         }
         Ok(())
     }
 
     fn advance(&mut self, most_rays: u32) -> Result<Option<u32>, GpuError> {
-        match &mut self.artist {
-            Artist::Gpu(renderer) => Ok(match renderer.advance(most_rays)? {
+        match &mut self.renderer {
+            SceneRenderer::Gpu(renderer) => Ok(match renderer.advance(most_rays)? {
                 Drawing::Unfinished { done, .. } => Some(done),
                 Drawing::Finished => None,
             }),
-            Artist::Cpu(painter) => Ok(painter.advance(most_rays)),
+            SceneRenderer::Cpu(painter) => Ok(painter.advance(most_rays)),
         }
     }
 
     fn wait(&self, device: &Device, seconds: f64) -> Result<bool, GpuError> {
         const SHORTEST: f64 = 1e-3;
-        if let (Artist::Gpu(_), Some((gpu, _))) = (&self.artist, &device.gpu) {
+        if let (SceneRenderer::Gpu(_), Some((gpu, _))) = (&self.renderer, &device.gpu) {
             gpu.wait_for(std::time::Duration::from_secs_f64(seconds.max(SHORTEST)))?;
         }
         Ok(true)
     }
 
     fn keep(&mut self, camera: &Camera) {
-        match (&mut self.artist, &mut self.screen) {
-            (Artist::Gpu(renderer), Some((screen, _))) => screen.keep(renderer, camera),
-            (Artist::Gpu(_), None) => {}
-            (Artist::Cpu(painter), screen) => {
+        match (&mut self.renderer, &mut self.screen) {
+            (SceneRenderer::Gpu(renderer), Some((screen, _))) => screen.keep(renderer, camera),
+            (SceneRenderer::Gpu(_), None) => {}
+            (SceneRenderer::Cpu(painter), screen) => {
                 painter.keep();
                 if let (Some((screen, _)), Some((camera, traced))) = (screen, &painter.kept) {
                     screen.keep_traced(traced, camera);
@@ -157,10 +157,10 @@ impl Painter for DesktopPainter {
     }
 
     fn shown(&self) -> Option<&Camera> {
-        match (&self.screen, &self.artist) {
+        match (&self.screen, &self.renderer) {
             (Some((screen, _)), _) => screen.camera(),
-            (None, Artist::Cpu(painter)) => painter.kept.as_ref().map(|(camera, _)| camera),
-            (None, Artist::Gpu(_)) => None,
+            (None, SceneRenderer::Cpu(painter)) => painter.kept.as_ref().map(|(camera, _)| camera),
+            (None, SceneRenderer::Gpu(_)) => None,
         }
     }
 
@@ -168,7 +168,7 @@ impl Painter for DesktopPainter {
         if let (Some((old, _)), Some((new, _))) = (&mut before.screen, &mut self.screen) {
             std::mem::swap(old, new);
         }
-        if let (Artist::Cpu(old), Artist::Cpu(new)) = (&mut before.artist, &mut self.artist) {
+        if let (SceneRenderer::Cpu(old), SceneRenderer::Cpu(new)) = (&mut before.renderer, &mut self.renderer) {
             new.kept = old.kept.take();
         }
         self.photograph = before.photograph.take();
@@ -186,26 +186,26 @@ impl DesktopPainter {
     /// The visible point at `at`, in parts of the picture's width and height, in the model's space.
     pub(super) fn point_at(&mut self, camera: &Camera, at: [f64; 2]) -> Option<glam::DVec3> {
         let ray = camera.ray_through(at[0] * f64::from(camera.width), at[1] * f64::from(camera.height));
-        let pixel = match &mut self.artist {
-            Artist::Gpu(renderer) => renderer.trace(&[ray]).ok()?.first().copied(),
-            Artist::Cpu(painter) => painter.renderer.trace(&[ray]).first().copied(),
+        let pixel = match &mut self.renderer {
+            SceneRenderer::Gpu(renderer) => renderer.trace(&[ray]).ok()?.first().copied(),
+            SceneRenderer::Cpu(painter) => painter.renderer.trace(&[ray]).first().copied(),
         }?;
         (pixel.opacity > 0.1).then(|| ray.at(f64::from(pixel.depth)))
     }
 
     /// Draws a whole picture and waits for it.
     pub(super) fn picture(&mut self, camera: &Camera) -> Result<Vec<Pixel>, GpuError> {
-        match &mut self.artist {
-            Artist::Gpu(renderer) => Ok(renderer.render(camera)?.pixels),
-            Artist::Cpu(painter) => Ok(painter.renderer.render(camera).pixels),
+        match &mut self.renderer {
+            SceneRenderer::Gpu(renderer) => Ok(renderer.render(camera)?.pixels),
+            SceneRenderer::Cpu(painter) => Ok(painter.renderer.render(camera).pixels),
         }
     }
 
     /// Device memory in bytes, of the scene and of the workspace; `None` on the CPU.
     pub(super) fn memory_bytes(&self) -> Option<[u64; 2]> {
-        match &self.artist {
-            Artist::Gpu(renderer) => Some(renderer.memory_bytes()),
-            Artist::Cpu(_) => None,
+        match &self.renderer {
+            SceneRenderer::Gpu(renderer) => Some(renderer.memory_bytes()),
+            SceneRenderer::Cpu(_) => None,
         }
     }
 }

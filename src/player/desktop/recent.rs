@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::opening::is_url;
 
 /// Length of the list.
-const KEPT: usize = 10;
+const MAX_LENGTH: usize = 10;
 
 /// Path of the list; `None` if the system has no configuration folder.
 fn file() -> Option<PathBuf> {
@@ -22,7 +22,7 @@ fn file() -> Option<PathBuf> {
 pub(super) fn load() -> Vec<String> {
     let text = file().and_then(|path| std::fs::read_to_string(path).ok()).unwrap_or_default();
     let exists = |place: &&str| is_url(place) || (Path::new(place).is_absolute() && Path::new(place).exists());
-    text.lines().filter(exists).take(KEPT).map(str::to_owned).collect()
+    text.lines().filter(exists).take(MAX_LENGTH).map(str::to_owned).collect()
 }
 
 /// Puts `place`, which was opened, in front of `recent`, and saves the list.
@@ -30,7 +30,7 @@ pub(super) fn add(recent: &mut Vec<String>, place: &str) {
     let place = if is_url(place) { place.to_owned() } else { absolute(place) };
     recent.retain(|other| *other != place);
     recent.insert(0, place);
-    recent.truncate(KEPT);
+    recent.truncate(MAX_LENGTH);
     if let Some(path) = file()
         && path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok())
     {

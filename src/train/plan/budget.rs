@@ -55,10 +55,10 @@ pub fn fit_to_budget(
         let at = steps.partition_point(|&step| !budget.allows(size.of(&reduced(step))));
         if let Some(&step) = steps.get(at) {
             let mut fitted = reduced(step);
-            let given_up = given_up(config, &fitted);
+            let reductions = reductions(config, &fitted);
             without_idle_upsamplings(&mut fitted);
             fitted.check()?;
-            return Ok((fitted, given_up));
+            return Ok((fitted, reductions));
         }
     }
     let [parameters, bytes] = size.of(&reduced(config, 1, 3 * STEPS));
@@ -121,7 +121,7 @@ fn fewer(rank: u32, share: f64) -> u32 {
 }
 
 /// A line for each kind of reduction from `before` to `after`.
-fn given_up(before: &TrainConfig, after: &TrainConfig) -> Vec<String> {
+fn reductions(before: &TrainConfig, after: &TrainConfig) -> Vec<String> {
     let mut lines = Vec::new();
     let dropped = before.scales.len() - after.scales.len();
     if dropped > 0 {

@@ -98,7 +98,7 @@ const PASSES: f64 = 3.0;
 /// Samples on a ray that meets an occupied cell, with steps of half a cell.
 const SAMPLES: f64 = 29.0;
 /// Number of these that are shaded without Russian roulette.
-const COLORED: f64 = 14.8;
+const SHADED: f64 = 14.8;
 /// Share of drawn rays that meet an occupied cell after the first occupancy, if rays are not filtered again.
 const MEETING: f64 = 0.67;
 /// Tensors that cover a point of a surface, relative to the mean over space.
@@ -117,7 +117,7 @@ pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &Mach
 fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed, meeting: f64) -> f64 {
     let rays = config.batch_rays as f64;
     let samples = rays * meeting * SAMPLES * (0.5 / config.field.step_cells).sqrt();
-    let colored = rays * meeting * COLORED * shaded_share(config.color_roulette);
+    let shaded = rays * meeting * SHADED * shaded_share(config.color_roulette);
     let [mut density, mut appearance, mut components] = [0.0; 3];
     for (scale, settings) in scales.iter().zip(&config.scales) {
         let covering: f64 = [0, 1, 2].map(|a| settings.edge[a] / settings.pitch[a]).iter().product();
@@ -129,13 +129,13 @@ fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpe
     let parameters: u64 = scales.iter().map(|s| s.parameters).sum();
     let features = f64::from(config.decoder.features);
     let (decoded, own) = match config.decoder.mode {
-        DecoderMode::PerSample => (colored, 0.0),
+        DecoderMode::PerSample => (shaded, 0.0),
         DecoderMode::PerRay => (rays, 0.0),
-        DecoderMode::Residual => (rays, colored),
+        DecoderMode::Residual => (rays, shaded),
     };
     let in_caches = rays * RAY
         + samples * (scales.len() as f64 * NEIGHBORS + density * DENSITY_COMPONENT)
-        + colored * appearance * APPEARANCE_COMPONENT
+        + shaded * appearance * APPEARANCE_COMPONENT
         + decoded * features * ENCODED_FEATURE
         + parameters as f64 * PARAMETER;
     let matrices = PASSES * 2.0 * components * (decoded * features + own * 3.0);

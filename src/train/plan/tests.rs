@@ -123,12 +123,12 @@ fn budgets_are_kept_and_more_is_never_less() {
     let mut before = 0;
     for percent in [4, 6, 10, 20, 30, 45, 60, 75, 90, 99] {
         let most = whole.parameters * percent / 100;
-        let (config, given_up) = fitted(Budget { parameters: Some(most), ..Budget::default() }).unwrap();
+        let (config, reductions) = fitted(Budget { parameters: Some(most), ..Budget::default() }).unwrap();
         config.check().unwrap();
         let plan = planned(&config, &occupied);
         assert!(plan.parameters <= most, "{percent} %: {} of {most}", plan.parameters);
         assert!(plan.parameters >= before && plan.parameters > most / 2, "{percent} %: {}", plan.parameters);
-        assert!(!given_up.is_empty());
+        assert!(!reductions.is_empty());
         before = plan.parameters;
         let bytes = whole.file_bytes * percent / 100;
         let (config, _) = fitted(Budget { file_bytes: Some(bytes), ..Budget::default() }).unwrap();
@@ -143,10 +143,10 @@ fn budgets_are_kept_and_more_is_never_less() {
 fn reductions_come_in_their_order_and_the_smallest_size_is_named() {
     let (config, occupied) = (preset(), shell(1.0, DVec3::ZERO));
     let whole = planned(&config, &occupied).parameters;
-    let given_up = |parameters| {
+    let reductions = |parameters| {
         fit_to_budget(&config, &occupied, Budget { parameters: Some(parameters), file_bytes: None }).unwrap().1
     };
-    let [cells, appearance] = [given_up(whole * 9 / 10), given_up(whole / 2)];
+    let [cells, appearance] = [reductions(whole * 9 / 10), reductions(whole / 2)];
     assert_eq!(cells.len(), 1, "{cells:?}");
     assert!(cells[0].starts_with("reduced cells per tensor: ") && cells[0].ends_with(" instead of 121, 61 and 31"));
     assert_eq!(appearance[0], "reduced cells per tensor: 79, 40 and 20 instead of 121, 61 and 31");
@@ -160,7 +160,7 @@ fn reductions_come_in_their_order_and_the_smallest_size_is_named() {
     let error = refuse(10);
     let least: u64 = error.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
     assert!(error.starts_with("`budget` must be at least ") && error.ends_with(", not 10 parameters"), "{error}");
-    assert_eq!(given_up(least)[0], "removed the finest 2 of 3 scales");
+    assert_eq!(reductions(least)[0], "removed the finest 2 of 3 scales");
     refuse(least - 1);
 }
 

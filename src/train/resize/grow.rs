@@ -3,9 +3,9 @@
 //! A round makes one of these changes. None of them changes the field at once, except that the march's step gets
 //! shorter with the cells of the coarsest scale. A short training of each finds the change that reduces the error most
 //! per parameter:
-//! - more components, for a third more parameters. Every tensor gets a few candidates, with two random vectors and one
-//!   of zeros. The candidates are kept that have the steepest descent of the photographs' error along the third vector,
-//!   per parameter;
+//! - more components, for a third more parameters. Every tensor gets a few new ones, with two random vectors and one of
+//!   zeros. Those are kept that have the steepest descent of the photographs' error along the third vector, per
+//!   parameter;
 //! - twice the resolution of a scale, or of all scales.
 //!
 //! Growing ends if the bound leaves no room, or if no change reduces the error.
@@ -24,8 +24,8 @@ use crate::train::{RaySampler, TrainError, march_step};
 
 /// Ratio of the parameters after a round of components to those before.
 const GROWTH: f64 = 4.0 / 3.0;
-/// Number of candidates for density components, and for appearance components, of every tensor.
-const OFFERED: usize = 4;
+/// Number of new density components, and of new appearance components, that every tensor gets before the selection.
+const NEW_COMPONENTS: usize = 4;
 /// The most cells along an axis.
 const MAX_CELLS: u32 = 1024;
 /// Standard deviation of the entries of new vectors: about that of trained ones.
@@ -69,7 +69,7 @@ fn with_more_components(scene: &Scene, sampler: &RaySampler<'_>, max_parameters:
     let old_ranks: Vec<[usize; 2]> =
         scene.scales.iter().map(|s| [s.factors.density_rank as usize, s.factors.appearance_rank as usize]).collect();
     for (s, scale) in larger.scales.iter_mut().enumerate() {
-        offer(scale, &random.substream(3).substream(s as u64));
+        add_components(scale, &random.substream(3).substream(s as u64));
     }
     let importance = ComponentImportance::of_addition(&larger, &old_ranks, sampler, random);
     importance.least_important(&larger, max_parameters).apply(&mut larger);
@@ -89,8 +89,9 @@ fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
     scene
 }
 
-/// Adds [`OFFERED`] components to all tensors of `scale`. Their third vectors are zeros, so pictures stay the same.
-fn offer(scale: &mut Scale, random: &Random) {
+/// Adds [`NEW_COMPONENTS`] components to all tensors of `scale`. Their third vectors are zeros, so pictures stay the
+/// same.
+fn add_components(scale: &mut Scale, random: &Random) {
     let resolution = scale.cloud.resolution;
     let rows = Factors::rows(resolution);
     let third = Factors::axis_ranges(resolution)[2].clone();
@@ -101,14 +102,14 @@ fn offer(scale: &mut Scale, random: &Random) {
             .enumerate()
     {
         let old = *rank as usize;
-        let new = old + OFFERED;
+        let new = old + NEW_COMPONENTS;
         let kept: Vec<usize> = (0..old).collect();
         *values = with_components(values, rows, old, new, |_| &kept);
         let random = random.substream(part as u64);
         values.par_chunks_mut(rows * new).enumerate().for_each(|(n, tensor)| {
             for (row, numbers) in tensor.chunks_exact_mut(new).enumerate().filter(|(row, _)| !third.contains(row)) {
                 for (c, number) in numbers[old..].iter_mut().enumerate() {
-                    *number = (DEVIATION * random.normal(((n * rows + row) * OFFERED + c) as u64)) as f32;
+                    *number = (DEVIATION * random.normal(((n * rows + row) * NEW_COMPONENTS + c) as u64)) as f32;
                 }
             }
         });
@@ -117,13 +118,13 @@ fn offer(scale: &mut Scale, random: &Random) {
     let matrix = &mut scale.appearance_matrix;
     let old = matrix.rank as usize;
     let random = random.substream(2);
-    let bound = 1.0 / ((old + OFFERED) as f64).sqrt();
+    let bound = 1.0 / ((old + NEW_COMPONENTS) as f64).sqrt();
     let offered = |p: usize| {
         let random = random.substream(p as u64);
-        (0..OFFERED as u64).map(move |c| (bound * (2.0 * random.uniform(c) - 1.0)) as f32)
+        (0..NEW_COMPONENTS as u64).map(move |c| (bound * (2.0 * random.uniform(c) - 1.0)) as f32)
     };
     matrix.weights = (matrix.weights.chunks_exact(old).enumerate())
         .flat_map(|(p, row)| row.iter().copied().chain(offered(p)))
         .collect();
-    matrix.rank += OFFERED as u32;
+    matrix.rank += NEW_COMPONENTS as u32;
 }

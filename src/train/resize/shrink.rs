@@ -16,7 +16,7 @@ use crate::train::{RayBatch, RaySampler, TrainError};
 /// Share of its parameters that a scene keeps in a round.
 const KEPT_SHARE: f64 = 0.75;
 /// After a round that loses too much, the next one removes half the share. Shrinking ends if it is less than this.
-const MIN_GIVEN_SHARE: f64 = 0.05;
+const MIN_REMOVED_SHARE: f64 = 0.05;
 /// Share of its cells along an axis that a scale keeps if its resolution is reduced.
 const CELLS_KEPT: f64 = 0.85;
 /// The least number of cells along an axis.
@@ -68,7 +68,7 @@ pub fn shrink<E: From<TrainError>>(
         if matches!(goal, ShrinkGoal::Loss(most) if is_too_much(before - round.psnr, most)) {
             round.is_taken = false;
             kept = 1.0 - 0.5 * (1.0 - kept);
-            if 1.0 - kept < MIN_GIVEN_SHARE {
+            if 1.0 - kept < MIN_REMOVED_SHARE {
                 break;
             }
         } else {
