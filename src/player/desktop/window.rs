@@ -28,35 +28,35 @@ const PIXELS_A_LINE: f64 = 40.0;
 
 /// Runs `strivec-player` with the process's arguments.
 pub fn main() -> ExitCode {
-    let arguments = match Arguments::try_parse() {
-        Ok(arguments) => arguments,
+    match Arguments::try_parse() {
+        Ok(arguments) => match run(arguments) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("strivec-player: {}", error.text);
+                ExitCode::from(error.exit_code)
+            }
+        },
         Err(error) => {
             let _ = error.print();
-            return ExitCode::from(u8::from(error.use_stderr()));
+            ExitCode::from(u8::from(error.use_stderr()))
         }
-    };
-    if let Some(place) = arguments.place.as_ref().filter(|place| !is_url(place) && !Path::new(place).is_dir())
-        && let Err(error) = opening::check(place)
-    {
-        return fail(&error);
-    }
-    let no_window = |text| fail(&OpeningError { text, exit_code: 4 });
-    let event_loop = match EventLoop::<Woken>::with_user_event().build() {
-        Ok(event_loop) => event_loop,
-        Err(_) => return no_window(no_display()),
-    };
-    let proxy = event_loop.create_proxy();
-    let mut player = Player { arguments, proxy, open: None, failure: None };
-    match (event_loop.run_app(&mut player), player.failure) {
-        (Ok(()), None) => ExitCode::SUCCESS,
-        (_, Some(error)) => fail(&error),
-        (Err(_), None) => no_window("the connection to the display was lost".into()),
     }
 }
 
-fn fail(error: &OpeningError) -> ExitCode {
-    eprintln!("strivec-player: {}", error.text);
-    ExitCode::from(error.exit_code)
+/// Runs the player until its window is closed.
+fn run(arguments: Arguments) -> Result<(), OpeningError> {
+    if let Some(place) = arguments.place.as_ref().filter(|place| !is_url(place) && !Path::new(place).is_dir()) {
+        opening::check(place)?;
+    }
+    let no_window = |text| OpeningError { text, exit_code: 4 };
+    let event_loop = EventLoop::<Woken>::with_user_event().build().map_err(|_| no_window(no_display()))?;
+    let proxy = event_loop.create_proxy();
+    let mut player = Player { arguments, proxy, open: None, failure: None };
+    let ended = event_loop.run_app(&mut player);
+    match player.failure {
+        Some(error) => Err(error),
+        None => ended.map_err(|_| no_window("the connection to the display was lost".into())),
+    }
 }
 
 /// Text of the error that there is no connection to a display.
@@ -148,6 +148,35 @@ impl ApplicationHandler<Woken> for Player {
     }
 }
 
+/// Opens the surface of `window` and the device that renders the pictures, as `arguments` select them. The third value
+/// is a note if the graphics device cannot be used.
+fn open_surface(window: &Arc<Window>, arguments: &Arguments) -> Result<(Surface, Device, Option<String>), String> {
+    let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(window)) };
+    let (surface, gpu, note) = match on_gpu {
+        Some(Ok((surface, gpu, format))) => (surface, Some((gpu, format)), None),
+        Some(Err(error)) => (Surface::in_memory(window)?, None, Some(format!("{error}; the CPU draws instead"))),
+        None => (Surface::in_memory(window)?, None, None),
+    };
+    // A software device is many times slower than the CPU renderer.
+    let is_hardware = gpu.as_ref().is_some_and(|(gpu, _)| gpu.info().device_type != wgpu::DeviceType::Cpu);
+    let draws = match arguments.renderer {
+        Renderer::Auto => is_hardware,
+        Renderer::Gpu => gpu.is_some(),
+        Renderer::Cpu | Renderer::Memory => false,
+    };
+    let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
+    Ok((surface, Device { gpu, draws, precision }, note))
+}
+
+/// Makes functions that wake the window of `proxy` from another thread.
+fn waker(proxy: EventLoopProxy<Woken>) -> impl Fn() -> Box<dyn Fn() + Send> + 'static {
+    move || {
+        let proxy = proxy.clone();
+        // A closed window needs no event.
+        Box::new(move || drop(proxy.send_event(Woken))) as Box<dyn Fn() + Send>
+    }
+}
+
 impl OpenWindow {
     fn new(event_loop: &ActiveEventLoop, arguments: &Arguments, proxy: &EventLoopProxy<Woken>) -> Result<Self, String> {
         let [width, height] = arguments.size.unwrap_or([1280, 800]);
@@ -156,22 +185,8 @@ impl OpenWindow {
         let window =
             event_loop.create_window(attributes).map_err(|e| format!("cannot open a window on this display: {e}"))?;
         let window = Arc::new(window);
-        let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
-        let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(&window)) };
-        let (surface, gpu, note) = match on_gpu {
-            Some(Ok((surface, gpu, format))) => (surface, Some((gpu, format)), None),
-            Some(Err(error)) => (Surface::in_memory(&window)?, None, Some(format!("{error}; the CPU draws instead"))),
-            None => (Surface::in_memory(&window)?, None, None),
-        };
-        // A software device is many times slower than the CPU renderer.
-        let is_hardware = gpu.as_ref().is_some_and(|(gpu, _)| gpu.info().device_type != wgpu::DeviceType::Cpu);
-        let draws = match arguments.renderer {
-            Renderer::Auto => is_hardware,
-            Renderer::Gpu => gpu.is_some(),
-            Renderer::Cpu | Renderer::Memory => false,
-        };
-        let most_texture = gpu.as_ref().map(|(gpu, _)| gpu.device().limits().max_texture_dimension_2d as usize);
-        let device = Device { gpu, draws, precision };
+        let (surface, device, note) = open_surface(&window, arguments)?;
+        let most_texture = device.gpu.as_ref().map(|(gpu, _)| gpu.device().limits().max_texture_dimension_2d as usize);
         let egui = egui_winit::State::new(
             egui::Context::default(),
             egui::ViewportId::ROOT,
@@ -180,13 +195,7 @@ impl OpenWindow {
             Some(winit::window::Theme::Dark),
             most_texture,
         );
-        let proxy = proxy.clone();
-        let wake = move || {
-            let proxy = proxy.clone();
-            // A closed window needs no event.
-            Box::new(move || drop(proxy.send_event(Woken))) as Box<dyn Fn() + Send>
-        };
-        let mut app = App::new(device, arguments, wake);
+        let mut app = App::new(device, arguments, waker(proxy.clone()));
         app.open_arguments(arguments);
         if let Some(note) = note {
             app.say(note);
