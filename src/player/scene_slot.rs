@@ -207,7 +207,7 @@ impl<P: Painter> SceneSlot<P> {
     }
 
     /// Largest top-k of the scales: the number of neighbors of an exact picture.
-    pub fn most_neighbors(&self) -> u32 {
+    pub fn max_top_k(&self) -> u32 {
         self.scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1)
     }
 }

@@ -182,7 +182,7 @@ fn comparison(app: &mut App, ui: &mut Ui) {
 fn quality(app: &mut App, ui: &mut Ui) {
     let session = &app.session;
     let Some(slot) = &session.slots[0] else { return };
-    let (scales, most) = (slot.scene.scales.len() as u32, slot.most_neighbors());
+    let (scales, most) = (slot.scene.scales.len() as u32, slot.max_top_k());
     let weight = slot.scene.rules.min_weight.max(1e-6);
     let choices = slot.choices.clone();
     // While a slider is dragged, the settings do not change yet.

@@ -96,7 +96,7 @@ export class Panel {
   readonly #boxes = element("input", { type: "checkbox" });
   readonly #boxesOf = element("div", { className: "row" });
   readonly #facts = element("dl", { id: "facts" });
-  readonly #neighbors = slider("neighbors", 1, 4, 1, (v) => `${v}`);
+  readonly #topK = slider("neighbors", 1, 4, 1, (v) => `${v}`);
   readonly #scales = slider("scales", 1, 1, 1, (v) => `${v}`);
   readonly #step = slider("step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
   readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
@@ -128,7 +128,7 @@ export class Panel {
     });
     this.#boxes.addEventListener("change", () => this.#do((player) => player.set_boxes(this.#boxes.checked)));
 
-    for (const { input } of [this.#neighbors, this.#scales, this.#step, this.#threshold, this.#finest]) {
+    for (const { input } of [this.#topK, this.#scales, this.#step, this.#threshold, this.#finest]) {
       input.addEventListener("change", () => this.#setQuality());
     }
     const exact = this.#button("exact", (player) => player.set_quality(undefined, undefined, 1, undefined, 1));
@@ -169,7 +169,7 @@ export class Panel {
       ),
       section(
         "Quality",
-        this.#neighbors.row,
+        this.#topK.row,
         this.#scales.row,
         this.#step.row,
         this.#threshold.row,
@@ -213,8 +213,8 @@ export class Panel {
     this.#showBoxes(state);
     this.#showChoices(state);
     const { quality } = state;
-    this.#neighbors.input.max = `${quality.most_neighbors}`;
-    this.#neighbors.show(quality.neighbors);
+    this.#topK.input.max = `${quality.max_top_k}`;
+    this.#topK.show(quality.top_k);
     this.#scales.input.max = `${state.scales}`;
     this.#scales.show(quality.scales);
     this.#step.show(Math.log2(quality.step));
@@ -288,14 +288,14 @@ export class Panel {
     if (!state) return;
     const { quality } = state;
     const value = (slider: Slider): number => slider.input.valueAsNumber;
-    const neighbors = value(this.#neighbors);
+    const topK = value(this.#topK);
     const scales = value(this.#scales);
     const threshold = 2 ** value(this.#threshold);
     // The slider's nearest position to the scene's own value means that value.
     const isOwn = Math.abs(Math.log2(threshold / Math.max(quality.own_threshold, 2 ** -20))) < 0.13;
     this.#do((player) =>
       player.set_quality(
-        neighbors < quality.most_neighbors ? neighbors : undefined,
+        topK < quality.max_top_k ? topK : undefined,
         scales < state.scales ? scales : undefined,
         2 ** value(this.#step),
         isOwn ? undefined : threshold,

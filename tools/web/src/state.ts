@@ -1,8 +1,8 @@
 // The state of the player (`Player.state`), as the panel shows it.
 
 export interface Quality {
-  neighbors: number;
-  most_neighbors: number;
+  top_k: number;
+  max_top_k: number;
   scales: number;
   step: number;
   threshold: number;
