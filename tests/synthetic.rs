@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use strivec::dataset::{Error, ErrorKind, LoadOptions, SynthOptions, load_blender, synthesise};
+use strivec::dataset::{Error, ErrorKind, LoadOptions, SynthOptions, load_blender, synthesize};
 use strivec::npy::{Header, Number};
 
 const OPTIONS: SynthOptions = SynthOptions { views: 5, test_views: 3, size: [32, 24], seed: 7, force: false };
@@ -30,7 +30,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn made(options: &SynthOptions, threads: usize) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| synthesise(folder.path(), options)).unwrap();
+    pool.install(|| synthesize(folder.path(), options)).unwrap();
     files(folder.path())
 }
 
@@ -53,7 +53,7 @@ fn seed_alone_decides_every_byte() {
 #[test]
 fn dataset_reads_back_with_distinct_cameras_and_soft_silhouettes() {
     let folder = tempfile::tempdir().unwrap();
-    let made = synthesise(folder.path(), &OPTIONS).unwrap();
+    let made = synthesize(folder.path(), &OPTIONS).unwrap();
     assert_eq!(made.pictures, 5 + 1 + 3);
     let mut positions = Vec::new();
     for (split, count) in [("train", 5), ("val", 1), ("test", 3)] {
@@ -79,7 +79,7 @@ fn dataset_reads_back_with_distinct_cameras_and_soft_silhouettes() {
 #[test]
 fn grid_reads_back_with_its_bounds() {
     let folder = tempfile::tempdir().unwrap();
-    let made = synthesise(folder.path(), &OPTIONS).unwrap();
+    let made = synthesize(folder.path(), &OPTIONS).unwrap();
     let file = fs::File::open(folder.path().join("occupancy.npz")).unwrap();
     let mut archive = zip::ZipArchive::new(file).unwrap();
     let mut array = |name: &str| {
@@ -103,10 +103,10 @@ fn grid_reads_back_with_its_bounds() {
 fn folder_that_is_not_empty_is_left_alone_unless_forced() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("mine"), "kept").unwrap();
-    let error = synthesise(folder.path(), &OPTIONS).unwrap_err();
+    let error = synthesize(folder.path(), &OPTIONS).unwrap_err();
     assert!(matches!(error, Error::FolderNotEmpty { .. }) && error.kind() == ErrorKind::Argument, "{error}");
     assert_eq!(files(folder.path()).len(), 1);
-    synthesise(folder.path(), &SynthOptions { force: true, ..OPTIONS }).unwrap();
+    synthesize(folder.path(), &SynthOptions { force: true, ..OPTIONS }).unwrap();
     assert_eq!(files(folder.path())["mine"], b"kept");
 }
 
@@ -119,10 +119,10 @@ fn senseless_options_are_refused_before_anything_is_written() {
         (SynthOptions { size: [0, 5], ..OPTIONS }, "width"),
         (SynthOptions { size: [5, 4097], ..OPTIONS }, "height"),
     ] {
-        let error = synthesise(&folder.path().join("new"), &options).unwrap_err();
+        let error = synthesize(&folder.path().join("new"), &options).unwrap_err();
         assert!(error.kind() == ErrorKind::Argument && error.to_string().contains(what), "{error}");
     }
     assert!(files(folder.path()).is_empty());
     fs::write(folder.path().join("file"), "").unwrap();
-    assert!(synthesise(&folder.path().join("file/new"), &OPTIONS).unwrap_err().is_io());
+    assert!(synthesize(&folder.path().join("file/new"), &OPTIONS).unwrap_err().is_io());
 }

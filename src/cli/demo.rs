@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         seed: args.seed,
         force: session.force,
     };
-    dataset::synthesise(&folder, &options)?;
+    dataset::synthesize(&folder, &options)?;
     let seconds_dataset = start.elapsed().as_secs_f64();
 
     let mut config = TrainConfig::from_toml(SETTINGS, None).map_err(|e| Error::Runtime(e.to_string()))?;

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{Error, Session, picture_size};
-use crate::dataset::{self, SynthOptions, Synthesised, SynthesisedScan};
+use crate::dataset::{self, SynthOptions, Synthesized, SynthesizedScan};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.say(&format!("synth: making {}", args.out.display()));
     let options = SynthOptions { views, test_views, size, seed, force: session.force };
     if args.layout == Layout::Scannet {
-        let SynthesisedScan { pictures, lost, triangles, torn } = dataset::synthesise_scan(&args.out, &options)?;
+        let SynthesizedScan { pictures, lost, triangles, torn } = dataset::synthesize_scan(&args.out, &options)?;
         let report = ScanReport { folder: &args.out, pictures, lost, triangles, torn_share: torn };
         return session.console.result(&report, |report| {
             format!(
@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             )
         });
     }
-    let Synthesised { pictures, triangles, points, occupied_cells } = dataset::synthesise(&args.out, &options)?;
+    let Synthesized { pictures, triangles, points, occupied_cells } = dataset::synthesize(&args.out, &options)?;
     let report = Report { folder: &args.out, pictures, triangles, points, occupied_cells };
     session.console.result(&report, |report| {
         format!(

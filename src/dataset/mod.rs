@@ -20,7 +20,7 @@ pub use layout::{load, load_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
 pub use scannet::{load_scannet, load_scannet_cameras};
-pub use synthetic::{SynthOptions, Synthesised, SynthesisedScan, synthesise, synthesise_scan};
+pub use synthetic::{SynthOptions, Synthesized, SynthesizedScan, synthesize, synthesize_scan};
 
 use std::ops::Range;
 

@@ -30,7 +30,7 @@ pub use self::options::SynthOptions;
 use self::options::{check, prepare, write};
 use self::pictures::CAMERA_ANGLE;
 use self::portable::hash;
-pub use self::scan::{SynthesisedScan, synthesise_scan};
+pub use self::scan::{SynthesizedScan, synthesize_scan};
 use self::scene::Scene;
 use self::shading::Lights;
 use super::Error;
@@ -38,9 +38,9 @@ use crate::geometry::Camera;
 
 /// Points in `points.ply`.
 const POINTS: usize = 100_000;
-/// What [`synthesise`] made.
+/// What [`synthesize`] made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Synthesised {
+pub struct Synthesized {
     /// Pictures of all splits.
     pub pictures: usize,
     /// Triangles of the mesh.
@@ -61,7 +61,7 @@ pub struct Synthesised {
 ///
 /// The scene lies within \[−1, 1\]³, z up. Fails on options out of range, on a folder that is not empty (unless forced)
 /// and where a file cannot be written.
-pub fn synthesise(out: &Path, options: &SynthOptions) -> Result<Synthesised, Error> {
+pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     check(options)?;
     prepare(out, options.force)?;
     let scene = Scene::new(hash(options.seed, 0));
@@ -81,7 +81,7 @@ pub fn synthesise(out: &Path, options: &SynthOptions) -> Result<Synthesised, Err
     let cells = occupancy::occupancy(&scene);
     write(&out.join("occupancy.npz"), |file| occupancy::write_npz(&cells, file))?;
     let occupied_cells = cells.iter().filter(|&&occupied| occupied).count();
-    Ok(Synthesised { pictures, triangles: mesh.triangles.len(), points: points.len(), occupied_cells })
+    Ok(Synthesized { pictures, triangles: mesh.triangles.len(), points: points.len(), occupied_cells })
 }
 
 /// Writes the pictures of one split and its JSON file.

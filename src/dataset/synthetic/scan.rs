@@ -32,9 +32,9 @@ const LOST: u32 = 2;
 /// JPEG's, of 100.
 const QUALITY: u8 = 95;
 
-/// What [`synthesise_scan`] made.
+/// What [`synthesize_scan`] made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SynthesisedScan {
+pub struct SynthesizedScan {
     /// Pictures, those without a pose included.
     pub pictures: usize,
     /// Pictures whose pose says that it was lost.
@@ -57,7 +57,7 @@ pub struct SynthesisedScan {
 /// # Errors
 ///
 /// On options out of range, on a folder that is not empty (unless forced) and where a file cannot be written.
-pub fn synthesise_scan(out: &Path, options: &SynthOptions) -> Result<SynthesisedScan, Error> {
+pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<SynthesizedScan, Error> {
     check(options)?;
     prepare(out, options.force)?;
     let name = photographs::name_of(out);
@@ -111,7 +111,7 @@ pub fn synthesise_scan(out: &Path, options: &SynthOptions) -> Result<Synthesised
     let colors: Vec<[u8; 3]> = was.iter().map(|&index| colors[index as usize]).collect();
     mesh.vertices.iter_mut().for_each(|v| *v = stored_from_aligned.transform_point3(SCALE * *v));
     write(&out.join(format!("{name}_vh_clean_2.ply")), |file| write_ply(&mesh, &colors, file))?;
-    Ok(SynthesisedScan { pictures: cameras.len(), lost: lost.len(), triangles: mesh.triangles.len(), torn })
+    Ok(SynthesizedScan { pictures: cameras.len(), lost: lost.len(), triangles: mesh.triangles.len(), torn })
 }
 
 /// Where the scanner's space is turned to have z up: a turn, a little tilt, a shift in meters.
