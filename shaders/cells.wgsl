@@ -2,7 +2,7 @@
 
 // A span of a ray over which occupancy does not change.
 struct Span {
-    // Whether samples in it count.
+    // True if samples in it count.
     occupied: bool,
     // Its length along the ray.
     distance: f32,

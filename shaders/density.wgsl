@@ -1,7 +1,7 @@
 // Density features (spec 4.5). Twin: src/field/density.rs.
 
 struct Density {
-    // Whether the position is in the model.
+    // True if the position is in the model.
     covered: bool,
     feature: f32,
 }

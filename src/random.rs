@@ -1,5 +1,5 @@
-//! Counter-based random numbers: every draw is a pure function of its key, so results do not depend on which thread
-//! asks first, and a resumed run needs no generator state.
+//! Counter-based random numbers: every draw is a pure function of its key, so results do not depend on the order of
+//! threads, and a resumed run needs no generator state.
 
 /// A stream of draws, named by a seed and a purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -7,7 +7,7 @@ pub struct Random {
     key: u64,
 }
 
-/// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
+/// The finalizer of SplitMix64 (Steele, Lea and Flood, 2014).
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -47,8 +47,8 @@ impl Random {
         radius * (std::f64::consts::TAU * self.uniform(2 * counter + 1)).cos()
     }
 
-    /// Where `index` goes in this stream's permutation of 0..`len`: a Feistel network over the smallest even number
-    /// of bits that holds `len`, walked until it lands inside.
+    /// The image of `index` under this stream's permutation of 0..`len`: a Feistel network over the smallest even
+    /// number of bits that holds `len`, applied until the result is below `len`.
     pub fn permuted(&self, index: u64, len: u64) -> u64 {
         assert!(index < len, "index {index} of {len}");
         let half_bits = (64 - (len - 1).leading_zeros()).div_ceil(2).max(1);

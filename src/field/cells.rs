@@ -27,7 +27,7 @@ pub(crate) const BLOCK_SHIFT: i32 = 3;
 /// A span of a ray over which occupancy does not change.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span<T> {
-    /// Whether samples in it count.
+    /// True if samples in it count.
     pub(super) occupied: bool,
     /// Its approximate length along the ray, in model units.
     pub(super) distance: T,
@@ -102,13 +102,13 @@ impl<T: Real> OccupancyCells<T> {
         self.block_words[bit / 64] |= 1 << (bit % 64);
     }
 
-    /// Whether samples at `position` count.
+    /// True if samples at `position` count.
     #[inline(always)]
     pub fn contains(&self, position: [T; 3]) -> bool {
         self.lookup(self.in_cells(position)).is_some_and(|found| found.0)
     }
 
-    /// Whether any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
+    /// True if any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
     pub(super) fn any_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         let slack = T::of(0.01);
         let (min, max) = (self.in_cells(min), self.in_cells(max));
@@ -142,7 +142,7 @@ impl<T: Real> OccupancyCells<T> {
         [0, 1, 2].map(|a| (position[a] - self.min[a]) * self.cells_per_unit[a])
     }
 
-    /// Whether the cell at `at` is set, and the width in cells of the cube around it that has the same value; `None`
+    /// The value of the cell at `at`, and the width in cells of the cube around it that has the same value; `None`
     /// outside the grid.
     #[inline(always)]
     fn lookup(&self, at: [T; 3]) -> Option<(bool, i32)> {

@@ -48,7 +48,7 @@ impl<T: Real> ShadedSamples<T> {
         self.slots.len()
     }
 
-    /// Whether no sample is shaded.
+    /// True if no sample is shaded.
     pub fn is_empty(&self) -> bool {
         self.slots.is_empty()
     }

@@ -19,7 +19,7 @@ pub struct Dense<T> {
 /// The appearance matrices and the MLP.
 #[derive(Clone, Debug)]
 pub struct FieldDecoder<T> {
-    /// Whether samples or rays are decoded.
+    /// The decoder's mode: samples or rays are decoded.
     pub mode: DecoderMode,
     /// P, the number of appearance features.
     pub features: usize,

@@ -153,7 +153,7 @@ impl<T: Real> CellIndex<T> {
         })
     }
 
-    /// Whether any tensor reaches into each cell, x fastest.
+    /// \[cell\] true if any tensor reaches into the cell, x fastest.
     pub(super) fn covered_cells(&self) -> impl Iterator<Item = bool> {
         self.lists.iter().map(|&list| list != 0)
     }

@@ -141,7 +141,7 @@ impl<T: Real> Field<T> {
         (point - self.origin).to_array().map(T::of)
     }
 
-    /// Whether `position`, relative to the field's origin, is in the model (spec 4.1).
+    /// True if `position`, relative to the field's origin, is in the model (spec 4.1).
     #[inline(always)]
     pub fn covers(&self, position: [T; 3]) -> bool {
         // Fine scales first: they cover least.

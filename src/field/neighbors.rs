@@ -51,7 +51,7 @@ impl<'a, T: Real> Neighbors<'a, T> {
 }
 
 impl<T: Real> FieldScale<T> {
-    /// Whether any tensor covers `position`.
+    /// True if any tensor covers `position`.
     pub fn is_covered(&self, position: [T; 3]) -> bool {
         self.candidates(position).any(|(_, square)| square.is_finite())
     }

@@ -1,4 +1,4 @@
-//! The samples of a march: what is evaluated, what counts, and what each weighs (spec 4.8).
+//! The samples of a march: the evaluated ones, the ones that count, and their weights (spec 4.8).
 
 use super::positions::Positions;
 use super::{Contribution, InterpolationSite, RayMarcher, Real, StageClock};
@@ -48,7 +48,7 @@ pub(super) struct ActiveRay<T> {
     pub(super) ray: u32,
     /// The number of its pending samples.
     pub(super) pending: u32,
-    /// Whether its marcher has returned its last sample.
+    /// True if its marcher has returned its last sample.
     pub(super) exhausted: bool,
     pub(super) transmittance: T,
     /// The Kahan compensation of the transmittance, without which faint samples would be lost.
@@ -110,7 +110,7 @@ impl<T: Real> Samples<T> {
         self.order.len()
     }
 
-    /// Whether no sample counts.
+    /// True if no sample counts.
     pub fn is_empty(&self) -> bool {
         self.order.is_empty()
     }

@@ -146,7 +146,7 @@ impl<T: Real> FieldScale<T> {
         self.centers.len()
     }
 
-    /// Whether there are no tensors.
+    /// True if there are no tensors.
     pub fn is_empty(&self) -> bool {
         self.centers.is_empty()
     }

@@ -15,7 +15,7 @@ pub struct Linear {
     pub bias: Vec<f32>,
 }
 
-/// Where the decoder is called along a ray (spec 4.8).
+/// The points of a ray at which the decoder is evaluated (spec 4.8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum DecoderMode {
@@ -52,7 +52,7 @@ impl DecoderMode {
 /// follows each layer but the last, a sigmoid the last (spec 4.7).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoder {
-    /// Where it is called along a ray.
+    /// The points of a ray at which the decoder is evaluated.
     pub mode: DecoderMode,
     /// Frequencies of PE(features): 2 gives 1 and 2.
     pub feature_frequencies: u32,

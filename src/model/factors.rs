@@ -2,7 +2,7 @@
 
 use super::error::BrokenInvariant;
 
-/// How a tensor is factorized.
+/// The factorization of a tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum FactorKind {
@@ -14,9 +14,9 @@ pub enum FactorKind {
 
 /// The factors of one scale's tensors.
 ///
-/// `density` and `appearance` have the same layout, each with its own rank R: \[tensor\]\[axis\]\[vertex\]\[component\],
-/// where axis a has resolution\[a\] + 1 vertices. The component runs fastest, so that interpolation between two
-/// vertices reads two adjacent rows.
+/// `density` and `appearance` have the same layout, each with its own rank R:
+/// \[tensor\]\[axis\]\[vertex\]\[component\], where axis a has resolution\[a\] + 1 vertices. The component runs
+/// fastest, so that interpolation between two vertices reads two adjacent rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factors {
     /// The factorization.

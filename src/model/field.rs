@@ -16,8 +16,8 @@ use super::rules::{Aggregation, Coverage, Reduction};
 use super::scale::Scale;
 use super::scene::Scene;
 
-/// Margins are exact below this, in model units, and reported as at least this above it. In scenes whose bounds are much
-/// larger or smaller than a few units it scales with the bounds ([`ReferenceField::margin_horizon`]).
+/// Margins are exact below this, in model units, and reported as at least this above it. In scenes whose bounds are
+/// much larger or smaller than a few units it scales with the bounds ([`ReferenceField::margin_horizon`]).
 pub const MARGIN_HORIZON: f64 = 1e-3;
 
 /// The longest edges of bounds for which [`MARGIN_HORIZON`] holds.
@@ -41,7 +41,7 @@ pub struct Point {
     pub position: DVec3,
     /// \[scale\] the neighbors, nearest first; empty if the scale does not cover the point.
     pub neighbors: Vec<Vec<Neighbor>>,
-    /// Whether the point is in the model.
+    /// True if the point is in the model.
     pub covered: bool,
     /// The decision margin of coverage and neighbors, in model units.
     pub margin: f64,
@@ -197,7 +197,7 @@ impl<'a> ReferenceField<'a> {
         (neighbors, margin)
     }
 
-    /// Whether `position` is occupied (spec 4.8), and the margin of this decision in model units.
+    /// The occupancy of `position` (spec 4.8), true if occupied, and the margin of this decision in model units.
     pub fn occupied(&self, position: DVec3) -> (bool, f64) {
         match &self.scene.occupancy {
             None => (true, self.horizon),

@@ -1,4 +1,4 @@
-//! The frame: the map from dataset space to model space, and how pictures are meant (spec 3.1).
+//! The frame: the map from dataset space to model space, and the interpretation of pictures (spec 3.1).
 
 use glam::{DMat3, DVec3};
 

@@ -1,4 +1,4 @@
-//! The occupancy grid: where samples count (spec 3.6).
+//! The occupancy grid: the region in which samples count (spec 3.6).
 
 use glam::{DVec3, UVec3};
 
@@ -7,8 +7,8 @@ use crate::geometry::{Aabb, cell_at, index_of};
 
 /// One bit for each vertex of a regular grid whose outermost vertices lie on the faces of `bounds`.
 ///
-/// A point is occupied if the trilinear interpolation of the bits is positive: it is in the box, and a vertex of nonzero
-/// weight is set (spec 4.8).
+/// A point is occupied if the trilinear interpolation of the bits is positive: it is in the box, and a vertex of
+/// nonzero weight is set (spec 4.8).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     /// The box of the grid, in model units.
@@ -31,7 +31,7 @@ impl Occupancy {
         index_of(vertex, self.vertices) as usize
     }
 
-    /// Whether `vertex` is set.
+    /// True if `vertex` is set.
     pub fn get(&self, vertex: UVec3) -> bool {
         let bit = self.index(vertex);
         self.words[bit / 64] >> (bit % 64) & 1 == 1
@@ -71,7 +71,7 @@ impl Occupancy {
         (point - self.bounds.min) / self.bounds.size() * (self.vertices.as_dvec3() - 1.0)
     }
 
-    /// Whether `point`, in model units, is occupied.
+    /// True if `point`, in model units, is occupied.
     pub fn contains(&self, point: DVec3) -> bool {
         if !self.bounds.contains(point) {
             return false;
@@ -85,7 +85,7 @@ impl Occupancy {
         })
     }
 
-    /// Whether any point of the closed box `within` is occupied.
+    /// True if any point of the closed box `within` is occupied.
     pub fn meets(&self, within: &Aabb) -> bool {
         let last = self.vertices.as_dvec3() - 1.0;
         let (low, high) = (self.cell_coordinates(within.min), self.cell_coordinates(within.max));
@@ -96,7 +96,7 @@ impl Occupancy {
         is_inside && rows.any(|(y, z)| (first.x..=end.x).any(|x| self.get(UVec3::new(x, y, z))))
     }
 
-    /// Whether any of the eight vertices of the cell with the smallest vertex `cell` is set: the decision for the
+    /// True if any of the eight vertices of the cell with the smallest vertex `cell` is set: the decision for the
     /// cell's interior. Cells outside the grid are not occupied.
     pub fn cell_is_occupied(&self, cell: glam::IVec3) -> bool {
         let inside = cell.cmpge(glam::IVec3::ZERO).all() && cell.cmplt(self.vertices.as_ivec3() - 1).all();

@@ -1,6 +1,6 @@
-//! Where a scene came from (spec 3.4).
+//! The origin of a scene (spec 3.4).
 
-/// Where the scene came from, for people: nothing is computed from it.
+/// The origin of the scene, as information only: nothing is computed from it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Provenance {

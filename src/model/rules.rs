@@ -2,17 +2,17 @@
 
 use super::error::BrokenInvariant;
 
-/// Which points are in the model (spec 4.1).
+/// The condition for a point to be in the model (spec 4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Coverage {
-    /// Those that every scale covers.
+    /// Every scale covers the point.
     All,
-    /// Those that at least one scale covers.
+    /// At least one scale covers the point.
     Any,
 }
 
-/// How the scales that cover a point are combined (spec 4.5 and 4.6).
+/// The combination of the scales that cover a point (spec 4.5 and 4.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Reduction {
@@ -36,13 +36,13 @@ pub enum Aggregation {
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Rules {
-    /// Which points are in the model.
+    /// The condition for a point to be in the model.
     pub coverage: Coverage,
     /// The weights of neighbors.
     pub aggregation: Aggregation,
-    /// How the scales' density features combine.
+    /// The combination of the scales' density features.
     pub density_reduction: Reduction,
-    /// How the scales' appearance features combine.
+    /// The combination of the scales' appearance features.
     pub appearance_reduction: Reduction,
     /// Added to the density feature before the softplus (spec 4.5).
     pub density_shift: f64,

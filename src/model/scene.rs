@@ -25,9 +25,9 @@ pub struct Scene {
     pub scales: Vec<Scale>,
     /// From appearance features to colors.
     pub decoder: Decoder,
-    /// Where samples count; `None` if they count everywhere in the model.
+    /// The region in which samples count; `None` if they count everywhere in the model.
     pub occupancy: Option<Occupancy>,
-    /// Where the scene came from.
+    /// The origin of the scene.
     pub provenance: Provenance,
 }
 
@@ -75,7 +75,7 @@ impl Scene {
         if samples > MAX_SAMPLES {
             return Err(BrokenInvariant::new(
                 "rules step",
-                format!("at most {MAX_SAMPLES} steps across the bounds"),
+                format!("long enough for at most {MAX_SAMPLES} steps across the bounds"),
                 samples,
             ));
         }

@@ -43,7 +43,7 @@ impl TensorCloud {
         }
     }
 
-    /// Whether there are no tensors.
+    /// True if there are no tensors.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
