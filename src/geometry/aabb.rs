@@ -23,27 +23,27 @@ impl Aabb {
         Self { min: center - half, max: center + half }
     }
 
-    /// The smallest box that contains every one of `points`, [`Aabb::EMPTY`] for none.
+    /// The smallest box that contains all `points`; [`Aabb::EMPTY`] if there are none.
     pub fn from_points(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
     }
 
-    /// Whether both corners are finite and the box has a positive extent on every axis.
+    /// True if both corners are finite and the box has a positive extent on every axis.
     pub fn is_solid(&self) -> bool {
         self.min.is_finite() && self.max.is_finite() && self.min.cmplt(self.max).all()
     }
 
-    /// Whether `point` lies in the closed box.
+    /// True if `point` lies in the closed box.
     pub fn contains(&self, point: DVec3) -> bool {
         self.min.cmple(point).all() && point.cmple(self.max).all()
     }
 
-    /// The smallest box that contains both.
+    /// The smallest box that contains both boxes.
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// What both have in common; not solid where they do not overlap.
+    /// The intersection of both boxes; not solid if they do not overlap.
     pub fn intersection(&self, other: &Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
@@ -53,7 +53,7 @@ impl Aabb {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
-    /// The eight corners: bit a of a corner's number is set where it is the largest along axis a.
+    /// The eight corners: bit a of a corner's index is set if the corner is the largest along axis a.
     pub fn corners(&self) -> [DVec3; 8] {
         let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
         [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| DVec3::new(pick(corner, 0), pick(corner, 1), pick(corner, 2)))
@@ -69,8 +69,8 @@ impl Aabb {
         0.5 * (self.min + self.max)
     }
 
-    /// The ray parameters at which `ray` enters and leaves the box; the entry is negative where it starts inside.
-    /// `None` where the ray misses the box or the box lies behind it.
+    /// The ray parameters at which `ray` enters and leaves the box; the entry is negative if it starts inside.
+    /// `None` if the ray misses the box or the box lies behind it.
     pub fn intersect(&self, ray: &Ray) -> Option<(f64, f64)> {
         let mut entry = f64::NEG_INFINITY;
         let mut exit = f64::INFINITY;

@@ -1,4 +1,4 @@
-//! Pinhole cameras: the one place that fixes the camera's axes and where a pixel's center is.
+//! Pinhole cameras: the only definition of the camera's axes and of pixel centers.
 
 use glam::{DMat3, DMat4, DVec3};
 
@@ -19,17 +19,17 @@ pub struct Camera {
     pub principal: [f64; 2],
     /// Orthonormal, right-handed: its columns are the camera's x, y and z axes in the world.
     pub world_from_camera: DMat3,
-    /// Where the camera stands in the world.
+    /// The camera's position in the world.
     pub position: DVec3,
 }
 
-/// Numbers that are no camera's pose.
+/// Numbers that do not form a camera pose.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {expected}, found {found}")]
+#[error("a camera pose must be {expected}, found {found}")]
 pub struct PoseError {
-    /// What they should be.
+    /// The property that a pose must have.
     pub expected: &'static str,
-    /// What they are.
+    /// The numbers found, or their count.
     pub found: String,
 }
 
@@ -58,7 +58,7 @@ impl Camera {
     ///
     /// # Errors
     ///
-    /// Where `pose` is not 16 finite numbers, a right-handed rotation within 0.001 and a translation.
+    /// If `pose` is not 16 finite numbers that form a right-handed rotation, within 0.001, and a translation.
     pub fn posed(pose: &[f64], size: [u32; 2], focal: f64) -> Result<Self, PoseError> {
         let numbers: [f64; 16] =
             pose.try_into().map_err(|_| PoseError { expected: "16 numbers", found: pose.len().to_string() })?;
@@ -69,7 +69,7 @@ impl Camera {
         Ok(Self { width: size[0], height: size[1], focal: [focal; 2], principal, world_from_camera, position })
     }
 
-    /// The row-major camera-to-world matrix: what [`Camera::posed`] takes.
+    /// The row-major camera-to-world matrix, as accepted by [`Camera::posed`].
     pub fn pose(&self) -> [f64; 16] {
         let [x, y, z] = self.world_from_camera.to_cols_array_2d().map(DVec3::from);
         DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), self.position.extend(1.0))
@@ -89,7 +89,7 @@ impl Camera {
         self.ray_through(f64::from(column) + 0.5, f64::from(row) + 0.5)
     }
 
-    /// The same view in the space that `map` leads to.
+    /// The same view in the target space of `map`.
     pub fn mapped(&self, map: &Similarity) -> Self {
         Self {
             world_from_camera: DMat3::from_quat(map.rotation) * self.world_from_camera,
@@ -98,8 +98,8 @@ impl Camera {
         }
     }
 
-    /// The camera of the same view in a picture `factor` times smaller in both directions, whose size is rounded
-    /// down: what is left of the last columns and rows lies outside it.
+    /// The camera of the same view in a picture `factor` times smaller in both directions. The size is rounded
+    /// down: the remaining last columns and rows lie outside the picture.
     pub fn downscaled(&self, factor: u32) -> Self {
         let f = f64::from(factor);
         Self {

@@ -1,63 +1,63 @@
-//! Camera paths: keyframes, and what lies between them. No files and no clock.
+//! Camera paths: interpolation between keyframes. No files and no clock.
 //!
-//! Positions follow a centripetal Catmull-Rom spline, which has no loops and hardly swings out where keyframes are at uneven
-//! distances; rotations and the field of view are treated alike. Where keyframes come at times in proportion to that spline's
-//! own parameter, as equal ones at equal times do, it is that spline; elsewhere a camera passes a keyframe at the
-//! slower of the two speeds at which it would come and go, so that its speed never jumps, and it rests where two keyframes are
-//! the same.
+//! Positions follow a centripetal Catmull-Rom spline, which has no loops and overshoots little if keyframes are at
+//! uneven distances. Rotations and the field of view are interpolated in the same way. If the times of the keyframes
+//! are in proportion to the spline's own parameter, as evenly spaced keyframes at equal intervals are, the path is
+//! exactly that spline. Otherwise the camera passes a keyframe at the slower of the spline's speeds before and after
+//! it, so that its speed is continuous. The camera rests between two equal keyframes.
 
 use glam::{DQuat, DVec3};
 
 use super::Viewpoint;
 
-/// Keyframes are at least so many seconds apart.
+/// The least interval between keyframes, in seconds.
 const MIN_SECONDS: f64 = 1e-6;
-/// No path is longer, in seconds.
+/// The latest time of a keyframe, in seconds.
 const MAX_SECONDS: f64 = 1e6;
-/// No coordinate is larger.
+/// The largest absolute value of a coordinate.
 const LARGEST_COORDINATE: f64 = 1e12;
-/// How far a rotation's length may be from 1.
+/// The largest deviation of a rotation's length from 1.
 const TOLERANCE: f64 = 1e-6;
 
-/// A viewpoint and when it is reached.
+/// A viewpoint and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keyframe {
-    /// Since whenever the path counts from.
+    /// The time in seconds, from the origin of the path's clock.
     pub seconds: f64,
-    /// What is reached.
+    /// The viewpoint at that time.
     pub viewpoint: Viewpoint,
 }
 
-/// Why keyframes make no path.
+/// Reasons why keyframes do not form a path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PathError {
-    /// None at all.
-    #[error("keyframes: expected at least one, found none")]
+    /// There are no keyframes.
+    #[error("a camera path must have at least one keyframe, found none")]
     Empty,
-    /// One that cannot be used.
-    #[error("keyframe {index}: {what}: expected {expected}, found {found}")]
+    /// An invalid keyframe.
+    #[error("keyframe {index}: {what} must be {expected}, found {found}")]
     Keyframe {
-        /// Which one, from 0.
+        /// The keyframe's index, from 0.
         index: usize,
         /// The quantity.
         what: &'static str,
-        /// The values that make sense.
+        /// The valid values.
         expected: String,
-        /// The value.
+        /// The value found.
         found: String,
     },
 }
 
-/// A camera's way through its keyframes.
+/// A camera path through keyframes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraPath {
-    /// At least one, their times ascending.
+    /// At least one keyframe, in ascending order of time.
     keyframes: Vec<Keyframe>,
-    /// How the camera passes each keyframe.
+    /// The camera's motion at each keyframe.
     passing: Vec<Motion>,
 }
 
-/// Changes a second.
+/// Changes per second, or between two keyframes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Motion {
     position: DVec3,
@@ -71,8 +71,8 @@ impl CameraPath {
     ///
     /// # Errors
     ///
-    /// Where there are none; where times are not from 0 to a million seconds, or not ascending by a microsecond at least;
-    /// where a coordinate is beyond 1e12, a rotation is not of length 1, or an angle not between 0 and π.
+    /// If there are no keyframes, a time is not from 0 to a million seconds or not at least a microsecond after the
+    /// previous one, a coordinate is beyond 1e12, a rotation is not of length 1, or an angle is not between 0 and π.
     pub fn new(keyframes: Vec<Keyframe>) -> Result<Self, PathError> {
         if keyframes.is_empty() {
             return Err(PathError::Empty);
@@ -83,16 +83,21 @@ impl CameraPath {
                 let refused = || PathError::Keyframe { index, what, expected: expected(), found: format!("{found:?}") };
                 if holds { Ok(()) } else { Err(refused()) }
             };
-            let times = || format!("{earliest} to {MAX_SECONDS}, after the keyframe before");
+            let times = || format!("from {earliest} (after the previous keyframe) to {MAX_SECONDS}");
             check((earliest..=MAX_SECONDS).contains(seconds), "seconds", &times, seconds)?;
             earliest = seconds + MIN_SECONDS;
             let Viewpoint { position, rotation, vertical_angle } = viewpoint;
             let within = position.is_finite() && position.abs().max_element() <= LARGEST_COORDINATE;
-            check(within, "position", &|| format!("coordinates within {LARGEST_COORDINATE:e}"), &position.to_array())?;
+            check(
+                within,
+                "position",
+                &|| format!("within ±{LARGEST_COORDINATE:e} on every axis"),
+                &position.to_array(),
+            )?;
             let unit = (rotation.length() - 1.0).abs() <= TOLERANCE;
             check(unit, "rotation", &|| "a unit quaternion".into(), &rotation.to_array())?;
             let angle = (1e-6..=std::f64::consts::PI - 1e-6).contains(vertical_angle);
-            check(angle, "vertical angle", &|| "radians between 0 and π".into(), vertical_angle)?;
+            check(angle, "vertical angle", &|| "between 0 and π radians".into(), vertical_angle)?;
         }
         let changes: Vec<_> =
             keyframes.windows(2).map(|pair| (change(pair), pair[1].seconds - pair[0].seconds)).collect();
@@ -102,22 +107,22 @@ impl CameraPath {
         Ok(Self { keyframes, passing })
     }
 
-    /// At least one, their times ascending.
+    /// The keyframes: at least one, in ascending order of time.
     pub fn keyframes(&self) -> &[Keyframe] {
         &self.keyframes
     }
 
-    /// When the first keyframe is reached.
+    /// The time of the first keyframe, in seconds.
     pub fn start(&self) -> f64 {
         self.keyframes[0].seconds
     }
 
-    /// When the last keyframe is reached.
+    /// The time of the last keyframe, in seconds.
     pub fn end(&self) -> f64 {
         self.keyframes[self.keyframes.len() - 1].seconds
     }
 
-    /// Where the camera is at `seconds`; before the first keyframe and after the last it stands at that one.
+    /// The viewpoint at `seconds`; before the first keyframe that of the first, after the last that of the last.
     pub fn at(&self, seconds: f64) -> Viewpoint {
         let reached = self.keyframes.partition_point(|keyframe| keyframe.seconds <= seconds);
         let Some(next) = self.keyframes.get(reached) else { return self.keyframes[reached - 1].viewpoint };
@@ -142,7 +147,7 @@ impl CameraPath {
     }
 }
 
-/// From one keyframe to the next; turning the short way.
+/// The change from one keyframe to the next, with the rotation by the shorter way.
 fn change(pair: &[Keyframe]) -> Motion {
     let [a, b] = [&pair[0].viewpoint, &pair[1].viewpoint];
     let turn = a.rotation.conjugate() * b.rotation;
@@ -150,7 +155,7 @@ fn change(pair: &[Keyframe]) -> Motion {
     Motion { position: b.position - a.position, rotation: shorter.to_scaled_axis(), zoom: b.zoom() - a.zoom() }
 }
 
-/// How a keyframe is passed between the changes `before` and `after` it, each with its seconds.
+/// The motion at a keyframe between the changes `before` and `after` it, each with its duration in seconds.
 fn passing(before: Option<(Motion, f64)>, after: Option<(Motion, f64)>) -> Motion {
     let speed = |of: fn(&Motion) -> DVec3| {
         let part = |change: (Motion, f64)| (of(&change.0), change.1);
@@ -175,7 +180,7 @@ fn passing_speed(before: Option<(DVec3, f64)>, after: Option<(DVec3, f64)>) -> D
     }
 }
 
-/// The cubic Bézier curve of four points; `between` goes from one point towards another as far as the curve has come.
+/// The cubic Bézier curve of four points; `between` interpolates between two points at the curve's parameter.
 fn bezier<T: Copy>([a, b, c, d]: [T; 4], between: impl Fn(T, T) -> T) -> T {
     let middle = between(b, c);
     between(between(between(a, b), middle), between(middle, between(c, d)))
@@ -197,7 +202,7 @@ mod tests {
         CameraPath::new(viewpoints.iter().map(keyframe).collect()).unwrap()
     }
 
-    /// Uneven in distance, in time, in turning and in zoom.
+    /// Keyframes at uneven distances, times, rotations and zooms.
     fn winding() -> CameraPath {
         let at = |position, axis: DVec3, angle, vertical_angle| {
             let rotation = DQuat::from_axis_angle(axis.normalize(), angle);
@@ -336,7 +341,7 @@ mod tests {
         ];
         for (what, change) in cases {
             let message = with(change).unwrap_err().to_string();
-            assert!(message.starts_with(&format!("keyframe 1: {what}: expected ")), "{message}");
+            assert!(message.starts_with(&format!("keyframe 1: {what} must be ")), "{message}");
         }
     }
 

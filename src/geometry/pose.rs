@@ -2,16 +2,17 @@
 
 use glam::{DMat3, DVec3};
 
-/// How far an entry of RᵀR may be from the identity's: poses are often stored in f32 or rounded to a few digits.
+/// The largest deviation of an entry of RᵀR from the identity's: poses are often stored in f32 or rounded to a few
+/// digits.
 const TOLERANCE: f64 = 1e-3;
 
-/// Why a matrix is no pose.
+/// The first property of a pose that a matrix lacks.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {expected}, found {found}")]
+#[error("a pose must be {expected}, found {found}")]
 pub struct NotRigid {
-    /// The property it lacks.
+    /// The property that the matrix lacks.
     pub expected: &'static str,
-    /// By how much, or the values.
+    /// The deviation, or the values.
     pub found: String,
 }
 
@@ -21,23 +22,26 @@ pub struct NotRigid {
 ///
 /// # Errors
 ///
-/// Where a number is not finite, the last row is not 0 0 0 1, or the rotation part is mirrored or further than 1e-3 from
+/// If a number is not finite, the last row is not 0 0 0 1, or the rotation part is mirrored or further than 1e-3 from
 /// orthonormal.
 pub fn rigid(rows: &[[f64; 4]; 4]) -> Result<(DMat3, DVec3), NotRigid> {
     let refused = |expected, found| Err(NotRigid { expected, found });
     if rows.as_flattened().iter().any(|v| !v.is_finite()) {
-        return refused("finite numbers", format!("{rows:?}"));
+        return refused("a matrix of finite numbers", format!("{rows:?}"));
     }
     if rows[3].iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(found, expected)| (found - expected).abs() > TOLERANCE) {
-        return refused("the last row 0 0 0 1", format!("{:?}", rows[3]));
+        return refused("one with the last row 0 0 0 1", format!("{:?}", rows[3]));
     }
     let column = |c: usize| DVec3::new(rows[0][c], rows[1][c], rows[2][c]);
     let stored = DMat3::from_cols(column(0), column(1), column(2));
     let gram = stored.transpose() * stored - DMat3::IDENTITY;
     let error = gram.abs().to_cols_array().into_iter().fold(0.0, f64::max);
-    // Numbers so large that their products overflow leave NaN, which `f64::max` passes over.
+    // Products of very large numbers overflow to NaN, which `f64::max` ignores.
     if gram.is_nan() || error > TOLERANCE {
-        return refused("an orthonormal rotation within 0.001", format!("a product RᵀR that is off by {error:.3e}"));
+        return refused(
+            "an orthonormal rotation within 0.001",
+            format!("a rotation whose RᵀR differs from the identity by {error:.3e}"),
+        );
     }
     let determinant = stored.determinant();
     if determinant < 0.0 {

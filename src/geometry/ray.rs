@@ -5,9 +5,9 @@ use glam::DVec3;
 /// A half line from `origin` along the unit vector `direction`; its parameter is a distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts.
+    /// The start of the ray.
     pub origin: DVec3,
-    /// Where it goes, of length 1.
+    /// The direction of the ray, of length 1.
     pub direction: DVec3,
 }
 

@@ -1,4 +1,4 @@
-//! Maps that keep shapes: uniform scale, rotation, translation.
+//! Similarity transforms: uniform scale, rotation, translation.
 
 use glam::{DQuat, DVec3};
 
@@ -6,31 +6,31 @@ use glam::{DQuat, DVec3};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Similarity {
-    /// Uniform, positive.
+    /// Uniform scale, positive.
     pub scale: f64,
-    /// A unit quaternion.
+    /// Rotation, a unit quaternion.
     pub rotation: DQuat,
-    /// Applied last.
+    /// Translation, applied last.
     pub translation: DVec3,
 }
 
 impl Similarity {
-    /// The map that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// Where `point` goes.
+    /// The image of `point`.
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.scale * (self.rotation * point) + self.translation
     }
 
-    /// The map back.
+    /// The inverse map.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         let scale = 1.0 / self.scale;
         Self { scale, rotation, translation: -scale * (rotation * self.translation) }
     }
 
-    /// Whether every number is finite, the scale positive and the quaternion of length 1 within 1e-6.
+    /// True if every number is finite, the scale positive and the quaternion of length 1 within 1e-6.
     pub fn is_valid(&self) -> bool {
         self.scale.is_finite()
             && self.scale > 0.0

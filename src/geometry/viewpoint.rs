@@ -1,22 +1,22 @@
-//! Where a camera stands and where it looks, apart from the picture that it takes.
+//! Viewpoints: a camera's position, rotation and field of view, without the size of its picture.
 
 use glam::{DMat3, DQuat, DVec3};
 
 use super::Camera;
 
-/// Where a camera stands, where it looks, and how much it sees. The size of its picture is left open.
+/// A camera's position, rotation and field of view. The size of its picture is not part of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// In the world.
+    /// The position in the world.
     pub position: DVec3,
-    /// From the camera's axes, as [`Camera`] has them, to the world's: a unit quaternion.
+    /// The rotation from the camera's axes, as defined by [`Camera`], to the world's: a unit quaternion.
     pub rotation: DQuat,
-    /// Radians that a picture spans from top to bottom.
+    /// The vertical field of view in radians.
     pub vertical_angle: f64,
 }
 
 impl Viewpoint {
-    /// That of `camera`, whose principal point is taken to be its picture's middle.
+    /// The viewpoint of `camera`, whose principal point is assumed to be the middle of its picture.
     pub fn from_camera(camera: &Camera) -> Self {
         Self {
             position: camera.position,
@@ -25,7 +25,7 @@ impl Viewpoint {
         }
     }
 
-    /// A camera here that takes pictures of `size`, columns and rows.
+    /// The camera at this viewpoint with pictures of `size` (columns and rows).
     pub fn camera(&self, size: [u32; 2]) -> Camera {
         let focal = Camera::focal_of_angle(size[1], self.vertical_angle);
         Camera {

@@ -54,7 +54,7 @@ pub struct ApproximationError {
 }
 
 impl Approximation {
-    /// Whether no approximation is on.
+    /// True if no approximation is on.
     pub fn is_exact(&self) -> bool {
         *self == Self::default()
     }

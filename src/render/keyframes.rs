@@ -19,7 +19,7 @@ pub const MAX_KEYFRAMES_BYTES: u64 = 16 << 20;
 /// The range of the vertical field of view, in degrees.
 const FIELD_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=170.0;
 
-/// Reasons why bytes are no camera path.
+/// Reasons why bytes are not a camera path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeyframesError {
@@ -266,7 +266,7 @@ mod tests {
             ),
             (file("").replace("1,", "2,"), "this build reads version 1 of camera paths, this file has version 2"),
             (file("").replace("1,", "-1,"), "expected u64 at line 1"),
-            (file(""), "keyframes: expected at least one, found none"),
+            (file(""), "a camera path must have at least one keyframe, found none"),
             (file("{}"), "missing field `seconds` at line 1"),
             (one(&format!("\"seconds\": NaN, {LOOKING}")), "expected value at line 1"),
             (one(&format!("\"seconds\": 1e999, {LOOKING}")), "number out of range at line 1"),
@@ -283,7 +283,7 @@ mod tests {
             (looking("40", "180"), "keyframe 0: `vertical_fov_degrees` must be 0.1 to 170 degrees, found 180"),
             (looking("[4, 0, 1]", "[0, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
             (looking("[4, 0, 1]", "[1e300, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
-            (looking("[4, 0, 1]", "[4e12, 0, 1]"), "keyframe 0: position: expected coordinates within 1e12"),
+            (looking("[4, 0, 1]", "[4e12, 0, 1]"), "keyframe 0: position must be within ±1e12 on every axis"),
             (
                 looking("[0, 0, 2]", "[1, 0, 0]"),
                 "keyframe 0: `up` must be a direction that is not along the line of sight",
@@ -301,7 +301,7 @@ mod tests {
             ),
             (
                 file(&["3", "2"].map(|n| format!("{{\"seconds\": {n}, {LOOKING}}}")).join(",")),
-                "keyframe 1: seconds: expected 3.000001 to 1000000, after the keyframe before, found 2",
+                "keyframe 1: seconds must be from 3.000001 (after the previous keyframe) to 1000000, found 2",
             ),
             (format!("{}{}", file(""), "x"), "trailing characters"),
             (format!("{{\"format\": {}", "[".repeat(100_000)), "at line 1"),

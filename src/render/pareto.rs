@@ -10,7 +10,7 @@ use crate::psnr::psnr_of_mse;
 
 /// The key of the note.
 pub const TRADE_NOTE: &str = "trade";
-/// How the note is written.
+/// Version of the note's format.
 const VERSION: u32 = 1;
 /// Largest PSNR loss, in dB, of the settings named `fast`.
 const FAST_LOSS: f64 = 2.0;
@@ -37,14 +37,14 @@ impl Default for RenderSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParetoPoint {
-    /// Of `fast`, `balanced` and `best`, each of which is one point.
+    /// The point's names, of `fast`, `balanced` and `best`. Each name belongs to one point.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub names: Vec<String>,
-    /// The settings.
+    /// The render settings.
     pub settings: RenderSettings,
-    /// The median of a picture's milliseconds.
+    /// The median time of a picture, in milliseconds.
     pub milliseconds: f64,
-    /// In dB, the mean over the views.
+    /// PSNR in dB, the mean over the views.
     pub psnr: f64,
 }
 
@@ -52,40 +52,40 @@ pub struct ParetoPoint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParetoFront {
-    /// How this is written: 1.
+    /// Version of the note's format, 1.
     pub version: u32,
-    /// What it was measured on, and with how many threads or what device.
+    /// The machine of the measurement, with its number of threads or its graphics device.
     pub machine: String,
-    /// `cpu`, `gpu` or `gpu-half`.
+    /// The renderer: `cpu`, `gpu` or `gpu-half`.
     pub backend: String,
-    /// Of the pictures, in pixels.
+    /// Columns and rows of the pictures.
     pub size: [u32; 2],
-    /// What pictures were compared with: a dataset and split, or the scene's own pictures.
+    /// The ground truth of the PSNR: a dataset and split, or the scene's own pictures.
     pub against: String,
-    /// The points.
+    /// The points of the front, fastest first.
     pub points: Vec<ParetoPoint>,
 }
 
-/// Which point of a [`ParetoFront`].
+/// Selection of a point of a [`ParetoFront`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum QualitySelector {
     /// The settings of this name.
     Name(String),
-    /// The settings of the highest PSNR that reach this many pictures a second.
+    /// The settings of the highest PSNR that reach this number of pictures per second.
     FramesPerSecond(f64),
     /// The fastest settings of at least this PSNR, in dB.
     Psnr(f64),
 }
 
-/// Why there is no [`ParetoFront`], or none of its points is meant.
+/// An invalid stored [`ParetoFront`], or a [`QualitySelector`] that matches none of its points.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{what}: expected {expected}, found {found}")]
+#[error("{what} must be {expected}, found {found}")]
 pub struct ParetoError {
-    /// What is wrong.
+    /// The invalid part of the note, or the kind of the selector.
     pub what: String,
-    /// What it should be.
+    /// The valid values.
     pub expected: String,
-    /// What it is.
+    /// The value found.
     pub found: String,
 }
 
@@ -96,18 +96,19 @@ impl ParetoError {
 }
 
 impl ParetoFront {
-    /// The one in a file's `notes`; `None` where there is none.
+    /// The front in a file's `notes`; `None` if there is none.
     ///
     /// # Errors
     ///
-    /// Where the note is not as this version writes it.
+    /// If the note is not a valid front of version 1.
     pub fn from_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, ParetoError>> {
         notes.get(TRADE_NOTE).map(|text| Self::parse(text))
     }
 
     fn parse(text: &str) -> Result<Self, ParetoError> {
         let note = format!("note {TRADE_NOTE}");
-        let trade: Self = serde_json::from_str(text).map_err(|e| ParetoError::new(&note, "a trade as JSON", e))?;
+        let trade: Self =
+            serde_json::from_str(text).map_err(|e| ParetoError::new(&note, "a Pareto front as JSON", e))?;
         if trade.version != VERSION {
             return Err(ParetoError::new(note + " version", VERSION.to_string(), trade.version));
         }
@@ -117,10 +118,10 @@ impl ParetoFront {
         for (n, point) in trade.points.iter().enumerate() {
             let ParetoPoint { settings: RenderSettings { divisor, .. }, milliseconds, psnr, .. } = *point;
             if !(milliseconds > 0.0 && milliseconds.is_finite() && psnr.is_finite() && (1..=16).contains(&divisor)) {
-                let found = format!("{milliseconds} ms, {psnr} dB, {divisor}");
+                let found = format!("{milliseconds} ms, {psnr} dB, divisor {divisor}");
                 return Err(ParetoError::new(
                     format!("{note} point {n}"),
-                    "a time, a PSNR, a divisor of 1 to 16",
+                    "a positive time, a finite PSNR and a divisor of 1 to 16",
                     found,
                 ));
             }
@@ -128,15 +129,17 @@ impl ParetoFront {
         Ok(trade)
     }
 
-    /// As a note.
+    /// The front as the text of a note.
     pub fn to_note(&self) -> String {
         serde_json::to_string(self).expect("plain data")
     }
 
-    /// Names three of `points`, which no other beats, the fastest first: as the best, the one of most PSNR; as the
-    /// fast, the fastest that is not more than 2 dB worse; as balanced, the one farthest above the line from that to
-    /// the best. For that, `scene_error` is added to the points' mean squared errors: 0 where they were compared with
-    /// photographs, where with the scene's own pictures, about what those are off.
+    /// A front of `points`, none of which dominates another, fastest first. Names three of them: `best` has the highest
+    /// PSNR; `fast` is the fastest within 2 dB of it; `balanced` is the farthest above the line between these two.
+    ///
+    /// For these names, `scene_error` is added to the points' mean squared errors: 0 if the points were compared with
+    /// photographs; the approximate mean squared error of the scene if they were compared with the scene's own
+    /// pictures.
     pub fn new(
         machine: String,
         backend: String,
@@ -161,7 +164,7 @@ impl ParetoFront {
     /// If no point matches.
     pub fn pick(&self, selector: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, ParetoError> {
         let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
-        // Time is in proportion to pixels.
+        // Time is proportional to the number of pixels.
         let scale = pixels(size) / pixels(self.size).max(1.0);
         let all = || {
             let points = self.points.iter();
@@ -174,15 +177,15 @@ impl ParetoFront {
             QualitySelector::Name(name) => {
                 let names = || self.points.iter().flat_map(|p| p.names.clone()).collect::<Vec<_>>().join(", ");
                 let found = self.points.iter().find(|p| p.names.contains(name));
-                found.ok_or_else(|| ParetoError::new("quality", names(), name))
+                found.ok_or_else(|| ParetoError::new("the quality", format!("one of {}", names()), name))
             }
             QualitySelector::FramesPerSecond(fps) => {
                 let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
                 let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
                 best.ok_or_else(|| {
                     ParetoError::new(
-                        "frames per second",
-                        format!("a rate that a stored point reaches ({})", all()),
+                        "the number of frames per second",
+                        format!("one that a stored point reaches ({})", all()),
                         fps,
                     )
                 })
@@ -191,14 +194,14 @@ impl ParetoFront {
                 let good = self.points.iter().filter(|p| p.psnr >= *least);
                 let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
                 fastest.ok_or_else(|| {
-                    ParetoError::new("PSNR", format!("a PSNR that a stored point reaches ({})", all()), least)
+                    ParetoError::new("the least PSNR", format!("one that a stored point reaches ({})", all()), least)
                 })
             }
         }
     }
 }
 
-/// The points of a front that are called fast, balanced and best; `None` where there are no points.
+/// The indices of the points of a front named fast, balanced and best; `None` if there are no points.
 fn named(points: &[ParetoPoint], scene_error: f64) -> Option<[usize; 3]> {
     let psnrs: Vec<f64> = points.iter().map(|p| psnr_of_mse(10f64.powf(-p.psnr / 10.0) + scene_error)).collect();
     let best = (0..points.len()).max_by(|&a, &b| psnrs[a].total_cmp(&psnrs[b]))?;

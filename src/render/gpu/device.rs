@@ -74,7 +74,7 @@ impl Gpu {
         &self.queue
     }
 
-    /// Whether the device has timestamps, which time the stages.
+    /// True if the device has timestamps, which time the stages.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }

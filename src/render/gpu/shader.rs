@@ -91,7 +91,7 @@ impl Shape {
         rows * per_row + 48
     }
 
-    /// Whether the decoder's tile holds 16-bit floats.
+    /// True if the decoder's tile holds 16-bit floats.
     fn has_f16_tile(&self) -> bool {
         self.precision == Precision::F16 && self.extensions.f16
     }
