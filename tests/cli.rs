@@ -130,7 +130,7 @@ fn nothing_is_overwritten_without_force() {
     fs::create_dir(folder.path().join("toy")).unwrap();
     fs::write(folder.path().join("toy/mine"), "old").unwrap();
     let message = failure(&run(folder.path(), &synth(&["--quiet"])), 1);
-    assert!(message.contains("toy: expected an empty or new folder"), "{message}");
+    assert!(message.contains("toy: the output folder must be new or empty"), "{message}");
     assert_eq!(fs::read_dir(folder.path().join("toy")).unwrap().count(), 1);
     assert_eq!(code(&run(folder.path(), &synth(&["--quiet", "--force"]))), 0);
     assert_eq!(fs::read_to_string(folder.path().join("toy/mine")).unwrap(), "old");

@@ -146,7 +146,7 @@ fn missing_files_are_the_system_s_fault() {
         &["transforms_test.json"],
     );
     small.json["frames"][1]["file_path"] = json!("./train/r_7");
-    assert_error(small.error(), ErrorKind::Io, &["transforms_train.json: frame 1", "r_7.png", "no such file"]);
+    assert_error(small.error(), ErrorKind::Io, &["transforms_train.json: frame 1", "r_7.png", "does not exist"]);
     small.json["frames"][1]["file_path"] = json!("train");
     fs::create_dir(small.path("train.png")).unwrap();
     assert_error(small.error(), ErrorKind::Io, &["frame 1"]);
@@ -266,7 +266,7 @@ fn what_is_no_dataset_is_told_from_what_it_resembles() {
     assert_error(load(small.folder.path(), "test"), ErrorKind::Io, &parts);
     assert_error(load(&small.path("transforms_train.json"), "train"), ErrorKind::Argument, &["is a file", "folder"]);
     fs::rename(small.path("transforms_train.json"), small.path("transforms.json")).unwrap();
-    let parts = ["expected transforms_*.json", "pose and color", "found transforms.json", "rename it"];
+    let parts = ["must have transforms_*.json", "pose and color", "found transforms.json", "rename it"];
     assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &parts);
     fs::remove_file(small.path("transforms.json")).unwrap();
     assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &["found neither"]);
@@ -283,7 +283,7 @@ fn broken_pictures_are_malformed() {
     fs::write(small.path("train/r_1.png"), b"no picture").unwrap();
     assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "PNG"]);
     RgbaImage::new(4, 6).save(small.path("train/r_1.png")).unwrap();
-    assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "expected 6x4", "r_0.png", "found 4x6"]);
+    assert_error(small.error(), ErrorKind::Malformed, &["r_1.png", "must be 6x4", "r_0.png", "found 4x6"]);
     // A header that claims 2³¹−1 columns and rows, as first picture and as a later one.
     let mut huge = good.clone();
     huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);

@@ -99,10 +99,10 @@ fn what_is_no_camera_path_is_3_and_names_file_and_place() {
     };
     for (text, expected) in [
         ("{", "flight.json: not the JSON of a camera path: EOF while parsing an object at line 1 column 1"),
-        (&keyframes(&[]), "flight.json: a camera path must have at least one keyframe, found none"),
+        (&keyframes(&[]), "flight.json: a camera path must have at least one keyframe; found none"),
         (
             &keyframes(&[(1.0, [3.0, 0.0, 1.0]), (0.0, [0.0, 3.0, 1.0])]),
-            "flight.json: keyframe 1: seconds must be from 1.000001 (after the previous keyframe) to 1000000, found 0.0",
+            "flight.json: keyframe 1: seconds must be from 1.000001 (after the previous keyframe) to 1000000; found 0.0",
         ),
     ] {
         let message = refused(text, 3);

@@ -215,7 +215,10 @@ fn frames_intrinsics_and_splits_are_as_the_files_say() {
     small.write("pose/4.txt", "-inf ".repeat(16));
     small.write("pose/5.txt", "-1.#INF ".repeat(16));
     let message = small.load("test").unwrap_err().to_string();
-    assert!(message.contains("the poses of test: expected a finite one, found 1 lost ones"), "{message}");
+    assert!(
+        message.contains("the poses of test must be finite for at least one frame; found only lost frames (1)"),
+        "{message}"
+    );
     let train = small.load("train").unwrap();
     assert_eq!((train.views.len(), train.lost), (8, 1));
     assert_eq!(train.views[4].name, "6", "the split of others stays");
@@ -236,22 +239,22 @@ fn alignment_turns_cameras_and_names_what_is_wrong() {
     assert_eq!(view.camera.position, DVec3::new(3.0, 6.0, 5.0));
     assert!(view.camera.ray_through(8.0, 3.0).direction.y > 0.0, "x has become y");
     small.constants("axisAlignment = 1 2 3\n");
-    small.fails(ErrorKind::Malformed, "axisAlignment: expected 16 numbers, found 3");
+    small.fails(ErrorKind::Malformed, "axisAlignment must be 16 numbers; found 3");
     small.constants(b"axisAlignment = \xff\xfe");
-    small.fails(ErrorKind::Malformed, "byte 16: expected text in UTF-8");
+    small.fails(ErrorKind::Malformed, "byte 16 must be UTF-8 text");
 }
 
 #[test]
 fn intrinsics_of_another_size_are_scaled_where_the_scan_says_so() {
     let small = Small::new();
     small.write("intrinsic/intrinsic_color.txt", "28 0 16 0 0 15 6 0 0 0 1 0 0 0 0 1");
-    small.fails(ErrorKind::Malformed, "column: expected the middle half of 8 pixels, or colorWidth and colorHeight in");
+    small.fails(ErrorKind::Malformed, "column must be in the middle half of 8 pixels unless ");
     small.constants("colorWidth = 32\ncolorHeight = 12\n");
     let camera = small.load("train").unwrap().views[0].camera;
     assert_eq!((camera.focal, camera.principal), ([7.0, 7.5], [4.0, 3.0]));
     for (value, part) in [
-        ("colorWidth = 1e9\ncolorHeight = 12", "colorWidth: expected a whole number from 1 to 16384"),
-        ("colorWidth = 32\ncolorHeight = twelve", "colorHeight: expected a number, found \"twelve\""),
+        ("colorWidth = 1e9\ncolorHeight = 12", "colorWidth must be a whole number from 1 to 16384"),
+        ("colorWidth = 32\ncolorHeight = twelve", "colorHeight must be a number; found \"twelve\""),
     ] {
         small.constants(value);
         small.fails(ErrorKind::Malformed, part);
@@ -259,7 +262,7 @@ fn intrinsics_of_another_size_are_scaled_where_the_scan_says_so() {
 
     fs::remove_dir_all(small.path("intrinsic")).unwrap();
     small.constants("colorWidth = 8\ncolorHeight = 6\nfx_color = 7\nfy_color = 7.5\nmx_color = 4");
-    small.fails(ErrorKind::Malformed, "intrinsics: expected it, or my_color in");
+    small.fails(ErrorKind::Malformed, "the intrinsics must be in this file, or under my_color in");
     small.constants("colorWidth = 8\ncolorHeight = 6\nfx_color = 7\nfy_color = 7.5\nmx_color = 4\nmy_color = 3");
     let camera = small.load("train").unwrap().views[0].camera;
     assert_eq!((camera.focal, camera.principal), ([7.0, 7.5], [4.0, 3.0]));
@@ -275,12 +278,12 @@ fn intrinsics_of_another_size_are_scaled_where_the_scan_says_so() {
 #[test]
 fn broken_poses_and_intrinsics_are_named() {
     for (text, part) in [
-        (IDENTITY.replace('1', "one"), "3.txt: the matrix: expected 16 numbers, found \"one\" among them"),
-        (IDENTITY.replacen('1', "", 1), "3.txt: the matrix: expected 16 numbers, found 15"),
-        (String::new(), "3.txt: the matrix: expected 16 numbers, found 0"),
-        (IDENTITY.replacen('1', "2", 1), "3.txt: the matrix: expected an orthonormal rotation"),
-        (IDENTITY.replacen('1', "-1", 1), "3.txt: the matrix: expected a right-handed rotation"),
-        (format!("{}0 0 0 2", &IDENTITY[..24]), "3.txt: the matrix: expected the last row 0 0 0 1"),
+        (IDENTITY.replace('1', "one"), "3.txt: the matrix must be 16 numbers; found the word \"one\""),
+        (IDENTITY.replacen('1', "", 1), "3.txt: the matrix must be 16 numbers; found 15"),
+        (String::new(), "3.txt: the matrix must be 16 numbers; found 0"),
+        (IDENTITY.replacen('1', "2", 1), "3.txt: the matrix must be an orthonormal rotation"),
+        (IDENTITY.replacen('1', "-1", 1), "3.txt: the matrix must be a right-handed rotation"),
+        (format!("{}0 0 0 2", &IDENTITY[..24]), "3.txt: the matrix must be one with the last row 0 0 0 1"),
     ] {
         let small = Small::new();
         small.write("pose/3.txt", text);
@@ -288,16 +291,13 @@ fn broken_poses_and_intrinsics_are_named() {
     }
     let small = Small::new();
     small.write("pose/3.txt", " ".repeat((1 << 20) + 1));
-    small.fails(ErrorKind::Limit, "3.txt: bytes: expected at most 1048576, found 1048577");
+    small.fails(ErrorKind::Limit, "3.txt: at most 1048576 bytes are supported; found 1048577");
     for (text, part) in [
-        (
-            "7 0 4 0 0 0 3 0 0 0 1 0 0 0 0 1",
-            "the focal length along rows: expected a positive number of pixels, found 0",
-        ),
-        ("inf 0 4 0 0 7 3 0 0 0 1 0 0 0 0 1", "the focal length along columns: expected a positive number"),
-        ("7 0 nan 0 0 7 3 0 0 0 1 0 0 0 0 1", "the principal point's column: expected a number of pixels within"),
-        ("7 1 4 0 0 7 3 0 0 0 1 0 0 0 0 1", "expected no skew"),
-        ("7 0 4 0 0 7 3", "intrinsic_color.txt: the matrix: expected 16 numbers, found 7"),
+        ("7 0 4 0 0 0 3 0 0 0 1 0 0 0 0 1", "the focal length along rows must be a positive number of pixels; found 0"),
+        ("inf 0 4 0 0 7 3 0 0 0 1 0 0 0 0 1", "the focal length along columns must be a positive number"),
+        ("7 0 nan 0 0 7 3 0 0 0 1 0 0 0 0 1", "the principal point's column must be within 262144 pixels"),
+        ("7 1 4 0 0 7 3 0 0 0 1 0 0 0 0 1", "must be without skew"),
+        ("7 0 4 0 0 7 3", "intrinsic_color.txt: the matrix must be 16 numbers; found 7"),
     ] {
         let small = Small::new();
         small.write("intrinsic/intrinsic_color.txt", text);
@@ -309,26 +309,26 @@ fn broken_poses_and_intrinsics_are_named() {
 fn missing_parts_are_named() {
     let small = Small::new();
     fs::remove_file(small.path("color/3.png")).unwrap();
-    small.fails(ErrorKind::Io, "frame 3: there is no such file as the picture ");
+    small.fails(ErrorKind::Io, "frame 3: the picture ");
     let small = Small::new();
     fs::remove_file(small.path("pose/3.txt")).unwrap();
     small.fails(ErrorKind::Io, "3.txt: No such file");
     let small = Small::new();
     fs::remove_dir_all(small.path("intrinsic")).unwrap();
-    small.fails(ErrorKind::Malformed, "intrinsics: expected it, or fx_color in");
+    small.fails(ErrorKind::Malformed, "the intrinsics must be in this file, or under fx_color in");
     let small = Small::new();
     for part in ["pose", "color"] {
         fs::remove_dir_all(small.path(part)).unwrap();
         fs::create_dir(small.path(part)).unwrap();
     }
     small.write("pose/readme.txt", "no pose");
-    small.fails(ErrorKind::Malformed, "there are no frames");
+    small.fails(ErrorKind::Malformed, "at least one frame; found no frames");
     let error = small.load("val").unwrap_err();
-    assert!(error.to_string().ends_with("split: expected train or test, found \"val\""), "{error}");
+    assert!(error.to_string().ends_with("the split must be train or test; found \"val\""), "{error}");
     assert_eq!(error.kind(), ErrorKind::Argument);
     let nothing = tempfile::tempdir().unwrap();
     let error = dataset::load(nothing.path(), "train", &LoadOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("expected transforms_*.json"), "{error}");
+    assert!(error.to_string().contains("must have transforms_*.json"), "{error}");
     let absent = nothing.path().join("absent");
     assert_eq!(dataset::load(&absent, "train", &LoadOptions::default()).unwrap_err().kind(), ErrorKind::Io);
 }
@@ -347,10 +347,10 @@ fn jpeg_pictures_are_read_by_their_bytes_and_broken_ones_named() {
     assert_eq!(small.load("train").unwrap().views[2].pixels, train.views[3].pixels);
 
     for (bytes, part) in [
-        (&jpeg[..jpeg.len() - 20], "3.jpg: expected a PNG or JPEG picture, found: a JPEG file cut short"),
-        (&jpeg[..30], "a JPEG file cut short"),
-        (b"GIF89a", "found: the first bytes [47, 49, 46, 38, 39, 61]"),
-        (b"", "found: the first bytes []"),
+        (&jpeg[..jpeg.len() - 20], "3.jpg: the file must be a PNG or JPEG picture: the JPEG file is truncated"),
+        (&jpeg[..30], "the JPEG file is truncated"),
+        (b"GIF89a", "picture: the first bytes are [47, 49, 46, 38, 39, 61]"),
+        (b"", "picture: the first bytes are []"),
     ] {
         small.write("color/3.jpg", bytes);
         small.fails(ErrorKind::Malformed, part);
@@ -362,5 +362,5 @@ fn jpeg_pictures_are_read_by_their_bytes_and_broken_ones_named() {
     small.write("color/3.jpg", &huge);
     small.fails(ErrorKind::Malformed, "3.jpg");
     RgbImage::new(6, 8).save(small.path("color/3.jpg")).unwrap();
-    small.fails(ErrorKind::Malformed, "3.jpg: picture size: expected 8x6 as ");
+    small.fails(ErrorKind::Malformed, "3.jpg: the picture size must be 8x6 as in ");
 }

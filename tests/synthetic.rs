@@ -115,7 +115,7 @@ fn senseless_options_are_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     for (options, what) in [
         (SynthOptions { views: 0, ..OPTIONS }, "views"),
-        (SynthOptions { test_views: 10_001, ..OPTIONS }, "test views"),
+        (SynthOptions { test_views: 10_001, ..OPTIONS }, "test_views"),
         (SynthOptions { size: [0, 5], ..OPTIONS }, "width"),
         (SynthOptions { size: [5, 4097], ..OPTIONS }, "height"),
     ] {

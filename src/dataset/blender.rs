@@ -1,12 +1,12 @@
 //! The Blender layout of NeRF-synthetic: `transforms_{train,val,test}.json` beside folders of PNG (or JPEG) pictures.
 //!
 //! Poses are row-major `world_from_camera` matrices in [`Camera`]'s axes. The focal length comes from `fl_x` and `fl_y`
-//! (pixels) or from `camera_angle_x` (radians across the picture); the principal point from `cx` and `cy`, or it is the
-//! picture's middle.
+//! (pixels) or from `camera_angle_x` (radians across the picture); the principal point from `cx` and `cy`, or is the
+//! middle of the picture.
 //!
-//! Keys that change the meaning of pictures and are not supported are refused by name: lens distortion, other camera
-//! models, masks, and intrinsics within a frame. A distortion of 0 is accepted. All other unknown keys are ignored, such
-//! as `aabb_scale`, `scale`, `offset`, and `sharpness` or `rotation` within a frame.
+//! Keys that change the meaning of pictures and are not supported are rejected by name: lens distortion, other camera
+//! models, masks, and intrinsics within a frame. A distortion of 0 is accepted. All other unknown keys are ignored,
+//! such as `aabb_scale`, `scale`, `offset`, and `sharpness` or `rotation` within a frame.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -83,9 +83,12 @@ const INTRINSICS: [&str; 15] = [
 const CAMERA_MODELS: [&str; 4] = ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE"];
 
 /// The split `split` (as in `train`) of the dataset in `folder`: the views that `options` select, in the order of
-/// `frames`. Pictures of others are not looked at.
+/// `frames`. Other views' pictures are not read.
 ///
-/// Fails on everything [`Error`] lists but writing; of several broken pictures the first in order is reported.
+/// # Errors
+///
+/// If the dataset cannot be read or is invalid: all of [`Error`] but those of writing. Of several invalid pictures, the
+/// first in order is reported.
 pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
     let json = folder.join(format!("transforms_{split}.json"));
     check_split(folder, &json)?;
@@ -113,7 +116,11 @@ pub fn load_blender(folder: &Path, split: &str, options: &LoadOptions) -> Result
 /// The cameras of one JSON file in the order of `frames`, for rendering; no picture is decoded.
 ///
 /// The size (columns and rows, before downscaling) is that of the keys `w` and `h`, else of the first picture that
-/// exists, else `size`; without any of them it fails.
+/// exists, else `size`.
+///
+/// # Errors
+///
+/// If [`load_blender`] fails, except for errors of pictures; or with [`Error::UnknownSize`].
 pub fn load_blender_cameras(json: &Path, size: Option<[u32; 2]>, downscale: u32) -> Result<Vec<NamedCamera>, Error> {
     let transforms = Transforms::read(json)?;
     let pictures = transforms.pictures(json)?;
@@ -140,16 +147,19 @@ impl Transforms {
         Ok(transforms)
     }
 
-    /// Refuses keys that change the meaning of pictures and are not supported.
+    /// Rejects keys that change the meaning of pictures and are not supported.
     fn check_supported(&self, json: &Path) -> Result<(), Error> {
         let refuse = |place: String, reason| Err(Error::Unsupported { path: json.to_path_buf(), place, reason });
         if let Some(model) = &self.camera_model
             && !CAMERA_MODELS.iter().any(|known| known.eq_ignore_ascii_case(model))
         {
-            return refuse(format!("camera_model {model:?}"), "only pinhole cameras are; undistort the pictures first");
+            return refuse(
+                format!("camera_model {model:?}"),
+                "only pinhole cameras are supported; undistort the pictures first",
+            );
         }
         if self.is_fisheye == Some(true) {
-            return refuse("is_fisheye".into(), "only pinhole cameras are; undistort the pictures first");
+            return refuse("is_fisheye".into(), "only pinhole cameras are supported; undistort the pictures first");
         }
         let distortion =
             [("k1", self.k1), ("k2", self.k2), ("k3", self.k3), ("k4", self.k4), ("p1", self.p1), ("p2", self.p2)];
@@ -189,7 +199,7 @@ impl Transforms {
         self.frames.iter().enumerate().map(picture).collect()
     }
 
-    /// Columns and rows by the keys `w` and `h`, where both are there.
+    /// Columns and rows by the keys `w` and `h`, if both are present.
     fn size(&self, json: &Path) -> Result<Option<[u32; 2]>, Error> {
         let (Some(w), Some(h)) = (self.w, self.h) else { return Ok(None) };
         for (key, value) in [("w", w), ("h", h)] {
@@ -209,7 +219,7 @@ impl Transforms {
         let principal = [self.cx.unwrap_or(0.5 * f64::from(size[0])), self.cy.unwrap_or(0.5 * f64::from(size[1]))];
         for (key, value) in [("cx", principal[0]), ("cy", principal[1])] {
             if !(0.0..=16.0 * f64::from(MAX_EDGE)).contains(&value.abs()) {
-                return Err(intrinsics(json, key, "a number of pixels within reach of the picture", value));
+                return Err(intrinsics(json, key, "within 262144 pixels of the picture's corner", value));
             }
         }
         let camera = |(frame, Frame { transform_matrix, .. }): (usize, &Frame)| {
@@ -237,13 +247,13 @@ impl Transforms {
         let x = match (self.fl_x, self.camera_angle_x) {
             (Some(focal), _) => focal,
             (None, Some(angle)) => Camera::focal_of_angle(width, angle),
-            (None, None) => return Err(intrinsics(json, "camera_angle_x", "this key or fl_x", "neither")),
+            (None, None) => return Err(intrinsics(json, "camera_angle_x", "present unless fl_x is", "neither")),
         };
         Ok([x, self.fl_y.unwrap_or(x)])
     }
 }
 
-/// An error that lists the splits of `folder`, if it has some and `json` is none of them.
+/// Checks that `json` exists. The error lists the splits of `folder`, if it has any.
 fn check_split(folder: &Path, json: &Path) -> Result<(), Error> {
     if json.exists() {
         return Ok(());

@@ -1,23 +1,24 @@
-//! What can be wrong with a dataset, in one line each: the file, the place in it, what was expected, what was found.
+//! Errors of reading and making datasets. Each message is one line: the file, the place in it, the valid values and the
+//! value found.
 
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Who has to act on an [`Error`].
+/// The party that must act on an [`Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
     /// The system: a file is absent, unreadable or cannot be written.
     Io,
-    /// The dataset's author: a file holds something else than it should.
+    /// The dataset's author: a file has invalid contents.
     Malformed,
-    /// The caller: an argument makes no sense for this dataset.
+    /// The caller: an argument is invalid for this dataset.
     Argument,
-    /// Nobody but this project: a file is larger than what is read.
+    /// This project: a file exceeds a limit of the reader.
     Limit,
 }
 
-/// Why a dataset could not be read or made.
+/// Reasons why a dataset cannot be read or made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -26,7 +27,7 @@ pub enum Error {
     Read {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// A file or folder could not be written.
@@ -34,140 +35,140 @@ pub enum Error {
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// A picture that a frame names is not there.
-    #[error("{}: frame {frame}: there is no such file as the picture {}", path.display(), picture.display())]
+    /// A frame names a picture that does not exist.
+    #[error("{}: frame {frame}: the picture {} does not exist", path.display(), picture.display())]
     MissingPicture {
         /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
         /// Index in `frames`, or the pose's number.
         frame: usize,
-        /// Where the picture should be.
+        /// The picture's path.
         picture: PathBuf,
     },
-    /// A JSON file that is no JSON or not of this layout; the source names line and column.
+    /// A file that is not JSON, or JSON of another layout. The source names line and column.
     #[error("{}: not the JSON of a dataset: {source}", path.display())]
     Json {
         /// The JSON file.
         path: PathBuf,
-        /// What and where.
+        /// The cause, with line and column.
         source: serde_json::Error,
     },
     /// A dataset, or a split of one, without frames.
-    #[error("{}: there are no frames: at least one is needed", path.display())]
+    #[error("{}: a dataset must have at least one frame; found no frames", path.display())]
     NoFrames {
         /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
     },
     /// A folder of no known layout.
     #[error(
-        "{}: not a known dataset: expected transforms_*.json (Blender's layout) or the folders pose and color (ScanNet's), \
-         found {found}",
+        "{}: the folder is not a dataset: it must have transforms_*.json (Blender's layout) or the folders pose and \
+         color (ScanNet's layout); found {found}",
         path.display()
     )]
     Layout {
         /// The folder.
         path: PathBuf,
-        /// What the folder resembles.
+        /// The layout that the folder resembles.
         found: &'static str,
     },
-    /// A file, not a folder.
-    #[error("{} is a file: give the folder of the dataset, which holds transforms_train.json", path.display())]
+    /// A file instead of a folder.
+    #[error("{} is a file; pass the folder of the dataset, which contains transforms_train.json", path.display())]
     NotAFolder {
         /// The file.
         path: PathBuf,
     },
     /// A split without its JSON file.
-    #[error("{} does not exist: the splits of this dataset are {}", path.display(), splits.join(", "))]
+    #[error("{} does not exist; the splits of this dataset are {}", path.display(), splits.join(", "))]
     MissingSplit {
         /// The JSON file of the split.
         path: PathBuf,
         /// The splits that exist.
         splits: Vec<String>,
     },
-    /// A key that changes what pictures mean in a way that is not supported.
+    /// A key that changes the meaning of pictures and is not supported.
     #[error("{}: {place} is not supported: {reason}", path.display())]
     Unsupported {
         /// The JSON file.
         path: PathBuf,
         /// The frame, if any, the key and its value.
         place: String,
-        /// What is supported.
+        /// The supported alternative.
         reason: &'static str,
     },
     /// A split that the layout does not have.
-    #[error("{}: split: expected train or test, found {found:?}", path.display())]
+    #[error("{}: the split must be train or test; found {found:?}", path.display())]
     Split {
         /// The dataset.
         path: PathBuf,
-        /// What was asked for.
+        /// The requested split.
         found: String,
     },
-    /// A text file that holds something else than it should.
-    #[error("{}: {place}: expected {expected}, found {found}", path.display())]
+    /// A text file with invalid contents.
+    #[error("{}: {place} must be {expected}; found {found}", path.display())]
     Text {
         /// The file, or the folder of them.
         path: PathBuf,
-        /// The key, or what the whole file is.
+        /// The key, or the contents of the whole file.
         place: String,
-        /// What should be there.
+        /// The valid values.
         expected: String,
-        /// What is there.
+        /// The value found.
         found: String,
     },
-    /// A `file_path` that names no file.
-    #[error("{}: frame {frame}: file_path: expected a file's path, found {found:?}", path.display())]
+    /// A `file_path` that does not name a file.
+    #[error("{}: frame {frame}: file_path must be the path of a file; found {found:?}", path.display())]
     FilePath {
         /// The JSON file.
         path: PathBuf,
         /// Index in `frames`.
         frame: usize,
-        /// The value.
+        /// The value found.
         found: String,
     },
     /// A `transform_matrix` that is not a rotation and a translation.
-    #[error("{}: frame {frame}: transform_matrix: expected {expected}, found {found}", path.display())]
+    #[error("{}: frame {frame}: transform_matrix must be {expected}; found {found}", path.display())]
     Pose {
         /// The JSON file.
         path: PathBuf,
         /// Index in `frames`.
         frame: usize,
-        /// The property it lacks.
+        /// The property that the matrix lacks.
         expected: &'static str,
-        /// By how much, or the values.
+        /// The deviation, or the values.
         found: String,
     },
-    /// A missing or senseless camera constant.
-    #[error("{}: {key}: expected {expected}, found {found}", path.display())]
+    /// A missing or invalid camera constant.
+    #[error("{}: {key} must be {expected}; found {found}", path.display())]
     Intrinsics {
         /// The JSON file.
         path: PathBuf,
         /// The JSON key.
         key: &'static str,
-        /// The values that make sense.
+        /// The valid values.
         expected: &'static str,
-        /// The value, or that there is none.
+        /// The value found, or `neither`.
         found: String,
     },
-    /// Neither the JSON file, nor its pictures, nor the caller says how large the pictures are.
-    #[error("{}: picture size: expected the keys w and h, a picture beside it or a given size, found none", path.display())]
+    /// The size of the pictures is in neither the JSON file nor a picture nor the caller's arguments.
+    #[error("{}: the picture size is unknown; add the keys w and h, add a picture, or set `size`", path.display())]
     UnknownSize {
         /// The JSON file.
         path: PathBuf,
     },
     /// A picture that cannot be decoded.
-    #[error("{}: expected a PNG or JPEG picture, found: {found}", path.display())]
+    #[error("{}: the file must be a PNG or JPEG picture: {found}", path.display())]
     Picture {
         /// The picture.
         path: PathBuf,
-        /// What the decoder said.
+        /// The decoder's error, or the contents found.
         found: String,
     },
-    /// A picture of another size than the dataset's.
+    /// A picture whose size differs from the dataset's.
     #[error(
-        "{}: picture size: expected {}x{} as {}, found {}x{}",
+        "{}: the picture size must be {}x{} as in {}; found {}x{}",
         path.display(), expected[0], expected[1], like.display(), found[0], found[1]
     )]
     PictureSize {
@@ -175,26 +176,26 @@ pub enum Error {
         path: PathBuf,
         /// Columns and rows.
         expected: [u32; 2],
-        /// The file that says so: the first picture or the JSON file.
+        /// The file that defines this size: the first picture or the JSON file.
         like: PathBuf,
         /// Columns and rows.
         found: [u32; 2],
     },
-    /// More than is read into memory.
-    #[error("{}: {what}: expected at most {limit}, found {found}", path.display())]
+    /// A quantity beyond a limit of the reader.
+    #[error("{}: at most {limit} {what} are supported; found {found}", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// The quantity.
+        /// The limited quantity, a plural.
         what: &'static str,
-        /// What is read.
+        /// The limit.
         limit: u64,
-        /// What there is.
+        /// The quantity found.
         found: u64,
     },
     /// A downscale factor of 0 or one that leaves no pixel.
     #[error(
-        "{}: downscale: expected 1 to {}, found {factor}", path.display(), size[0].min(size[1])
+        "{}: `downscale` must be 1 to {}; found {factor}", path.display(), size[0].min(size[1])
     )]
     Downscale {
         /// The JSON file, or the scan's folder.
@@ -204,25 +205,25 @@ pub enum Error {
         /// Columns and rows of the pictures.
         size: [u32; 2],
     },
-    /// A folder to write into that has something in it.
-    #[error("{}: expected an empty or new folder, found files in it", path.display())]
+    /// An output folder that is not empty.
+    #[error("{}: the output folder must be new or empty; found files in it", path.display())]
     FolderNotEmpty {
         /// The folder.
         path: PathBuf,
     },
-    /// Too few, too many, too large.
-    #[error("{what}: expected 1 to {limit}, found {found}")]
+    /// An option of a synthetic dataset that is out of range.
+    #[error("`{what}` must be 1 to {limit}; found {found}")]
     SynthOption {
-        /// Which option.
+        /// The field of [`SynthOptions`](super::SynthOptions), or `width` or `height` of `size`.
         what: &'static str,
         /// The largest value.
         limit: u32,
-        /// The value.
+        /// The value found.
         found: u32,
     },
-    /// A selection of views that selects none, or some that are not there.
+    /// A selection of views that is empty or out of range.
     #[error(
-        "{}: views: expected a range within 0..{count} and a stride of at least 1, found {}..{} by {every}",
+        "{}: views must be a range within 0..{count} with a stride of at least 1; found {}..{} by {every}",
         path.display(), range.start, range.end
     )]
     Views {
@@ -230,15 +231,15 @@ pub enum Error {
         path: PathBuf,
         /// Views of the split.
         count: usize,
-        /// The range that was asked for.
+        /// The requested range.
         range: Range<usize>,
-        /// The stride that was asked for.
+        /// The requested stride.
         every: usize,
     },
 }
 
 impl Error {
-    /// Who has to act.
+    /// The party that must act.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Read { .. } | Self::Write { .. } | Self::MissingPicture { .. } | Self::MissingSplit { .. } => {
@@ -265,12 +266,12 @@ impl Error {
         }
     }
 
-    /// Whether the system failed, not the data.
+    /// True if the system failed, not the data.
     pub fn is_io(&self) -> bool {
         self.kind() == ErrorKind::Io
     }
 
-    /// [`Error::Text`].
+    /// Makes an [`Error::Text`].
     pub(super) fn text(
         path: &Path,
         place: impl Into<String>,
@@ -280,13 +281,13 @@ impl Error {
         Self::Text { path: path.to_path_buf(), place: place.into(), expected: expected.into(), found: found.into() }
     }
 
-    /// For `map_err` after reading `path`.
+    /// Converts an error of reading `path`, for `map_err`.
     pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| Self::Read { path, source }
     }
 
-    /// For `map_err` after writing `path`.
+    /// Converts an error of writing `path`, for `map_err`.
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| Self::Write { path, source }

@@ -1,4 +1,4 @@
-//! Which layout a folder has.
+//! Detection of a folder's layout.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{Dataset, Error, LoadOptions, NamedCamera};
 use super::{load_blender, load_blender_cameras, load_scannet, load_scannet_cameras};
 
-/// How photographs lie in a folder.
+/// The layout of photographs in a folder.
 enum Layout {
     /// `transforms_*.json`.
     Blender,
@@ -14,12 +14,12 @@ enum Layout {
     ScanNet,
 }
 
-/// The split `split` of the dataset in `folder`, of any layout: Blender's where there is a `transforms_*.json`, ScanNet's
-/// where there are `pose` and `color`.
+/// The split `split` of the dataset in `folder`, of any layout: Blender's if there is a `transforms_*.json`, else
+/// ScanNet's if there is a folder `pose`.
 ///
 /// # Errors
 ///
-/// On everything [`Error`] lists but writing.
+/// If the dataset cannot be read or is invalid: all of [`Error`] but those of writing.
 pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
     match Layout::of(folder)? {
         Layout::Blender => load_blender(folder, split, options),
@@ -27,12 +27,12 @@ pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset
     }
 }
 
-/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
-/// is for datasets that do not say how large their pictures are.
+/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before
+/// downscaling) is for datasets that do not define the size of their pictures.
 ///
 /// # Errors
 ///
-/// As [`load`]'s, but for pictures; and where no size is known.
+/// If [`load`] fails, except for errors of pictures; or with [`Error::UnknownSize`].
 pub fn load_cameras(
     folder: &Path,
     split: &str,

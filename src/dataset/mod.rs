@@ -1,7 +1,7 @@
-//! Posed photographs. One file a layout; each returns a [`Dataset`].
+//! Posed photographs. Each layout has a file and returns a [`Dataset`].
 //!
-//! In: a folder of pictures with their camera poses, from anywhere, so nothing in it is trusted. Out: cameras and
-//! colors in the dataset's own space. Mapping that space to the model's is left to the caller.
+//! In: an untrusted folder of pictures with their camera poses. Out: cameras and colors in the dataset's own space. The
+//! caller maps that space to the model's.
 #![forbid(unsafe_code)]
 
 mod blender;
@@ -29,11 +29,11 @@ use crate::geometry::Camera;
 /// The photographs of one split of a dataset, with their cameras in the dataset's own space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
-    /// What to call it: the folder's name.
+    /// The dataset's name, which is the folder's.
     pub name: String,
-    /// At least one.
+    /// The views, at least one.
     pub views: Vec<View>,
-    /// Frames of the split that are no views because nobody knows where they were taken from.
+    /// Number of frames of the split without a pose, which are not among the views.
     pub lost: usize,
 }
 
@@ -42,9 +42,9 @@ pub struct Dataset {
 pub struct View {
     /// The file name without folder and extension, as in `r_0`.
     pub name: String,
-    /// Where it was taken from; its size is the picture's.
+    /// The camera, of the picture's size.
     pub camera: Camera,
-    /// What it shows.
+    /// The colors of the picture.
     pub pixels: Pixels,
 }
 
@@ -53,24 +53,24 @@ pub struct View {
 pub struct NamedCamera {
     /// The file name without folder and extension, as in `r_0`.
     pub name: String,
-    /// Its size is that of the picture it takes.
+    /// The camera, of its picture's size.
     pub camera: Camera,
 }
 
-/// Which photographs are loaded, and how large.
+/// The selection of photographs to load, and their size.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colors;
     /// columns and rows that do not fill a block are dropped. At least 1.
     pub downscale: u32,
-    /// Only the views of these numbers in the split; all where absent.
+    /// The range of views in the split; `None`: all.
     pub views: Option<Range<usize>>,
-    /// Of these only every so many, the first included. At least 1.
+    /// The stride in this range: every n-th view is loaded, starting with the first. At least 1.
     pub every: usize,
 }
 
 impl Default for LoadOptions {
-    /// All at full size.
+    /// All views at full size.
     fn default() -> Self {
         Self { downscale: 1, views: None, every: 1 }
     }

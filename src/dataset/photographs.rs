@@ -1,4 +1,4 @@
-//! What all layouts have in common: which views are asked for, and their pictures, decoded in parallel.
+//! Functions of all layouts: selection of views, and parallel decoding of their pictures.
 
 use std::fs;
 use std::path::Path;
@@ -8,10 +8,11 @@ use rayon::prelude::*;
 use super::{Error, LoadOptions, Pixels, View, picture};
 use crate::geometry::Camera;
 
-/// The most pixels of what is loaded, after downscaling; they take 4 bytes each, 16 where they were averaged or are deep.
+/// The most pixels that are loaded, after downscaling. A pixel takes 4 bytes, or 16 if it was averaged or has 16-bit
+/// channels.
 const MAX_PIXELS: u64 = 1 << 30;
 
-/// Numbers of the views that `options` select of `count`, at least one. `path` is the file or folder that lists them.
+/// Indices of the views that `options` select of `count`, at least one. `path` is the file or folder that lists them.
 pub(super) fn chosen(path: &Path, count: usize, options: &LoadOptions) -> Result<Vec<usize>, Error> {
     let (range, every) = (options.views.clone().unwrap_or(0..count), options.every);
     if range.is_empty() || range.end > count || every == 0 {
@@ -20,16 +21,16 @@ pub(super) fn chosen(path: &Path, count: usize, options: &LoadOptions) -> Result
     Ok(range.step_by(every).collect())
 }
 
-/// A photograph that is about to be loaded.
+/// A photograph to load.
 pub(super) struct Taken<'a> {
     pub(super) name: &'a str,
     pub(super) picture: &'a Path,
-    /// Of the picture once it is made smaller.
+    /// The camera of the downscaled picture.
     pub(super) camera: Camera,
 }
 
-/// The photographs `taken`, all of `size` (columns and rows) as the file `like` says, made `downscale` times smaller; `path`
-/// lists them.
+/// The photographs `taken`, all of `size` (columns and rows) as in the file `like`, made `downscale` times smaller.
+/// `path` is the file or folder that lists them.
 pub(super) fn load(
     path: &Path,
     taken: &[Taken<'_>],
@@ -41,9 +42,9 @@ pub(super) fn load(
     let found = taken.iter().map(pixels).fold(0, u64::saturating_add);
     if found > MAX_PIXELS {
         let path = path.to_path_buf();
-        return Err(Error::TooLarge { path, what: "pixels of all pictures", limit: MAX_PIXELS, found });
+        return Err(Error::TooLarge { path, what: "pixels in all pictures", limit: MAX_PIXELS, found });
     }
-    // Collected before the first error is picked, so that it does not depend on which thread was faster.
+    // Collected before the first error is selected, so that it does not depend on the order of threads.
     let pixels: Vec<_> = taken.par_iter().map(|taken| picture::load(taken.picture, size, like, downscale)).collect();
     let view = |(taken, pixels): (&Taken<'_>, Result<Pixels, Error>)| {
         Ok(View { name: taken.name.to_owned(), camera: taken.camera, pixels: pixels? })
@@ -51,7 +52,7 @@ pub(super) fn load(
     taken.iter().zip(pixels).map(view).collect()
 }
 
-/// The last component of `folder`, also where it is written as `.` or ends in `..`.
+/// The last component of `folder`, also if it is `.` or ends in `..`.
 pub(super) fn name_of(folder: &Path) -> String {
     let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
     whole.file_name().map_or_else(|| "dataset".to_owned(), |name| name.to_string_lossy().into_owned())

@@ -12,7 +12,7 @@ use super::{Error, Pixels};
 pub(super) const MAX_EDGE: u32 = 16_384;
 /// The most bytes that a picture may take in memory.
 const MAX_DECODED_BYTES: u64 = 512 << 20;
-/// What a JPEG file starts with: start of image, and the next marker's first byte.
+/// The first bytes of a JPEG file: start of image, and the next marker's first byte.
 const JPEG_START: [u8; 3] = [0xff, 0xd8, 0xff];
 /// The most bytes that a file of a dataset may have.
 const MAX_FILE_BYTES: u64 = 512 << 20;
@@ -26,7 +26,7 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
 pub(super) fn read_at_most(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
     let file = File::open(path).map_err(Error::read(path))?;
     let mut bytes = Vec::new();
-    // A device or a pipe has no length to check beforehand, so the reading itself is bounded.
+    // A device or a pipe has no length to check beforehand, so the read itself is bounded.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     let found = bytes.len() as u64;
     if found > limit {
@@ -42,8 +42,8 @@ pub(super) fn size(path: &Path) -> Result<[u32; 2], Error> {
     Ok([width, height])
 }
 
-/// What the picture at `path` shows, of `size` (columns and rows) divided by `downscale`, rounded down. `size` is what
-/// the file `like` says; another one is an error.
+/// The colors of the picture at `path`, of `size` (columns and rows) divided by `downscale`, rounded down. `size` comes
+/// from the file `like`; a picture of another size is an error.
 pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> Result<Pixels, Error> {
     let bytes = read_file(path)?;
     let decoder = decoder(path, &bytes)?;
@@ -63,21 +63,21 @@ pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> 
     })
 }
 
-/// The format that the first bytes of a file name, whatever the file is called.
+/// The format by the first bytes of a file, regardless of its extension.
 fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, Error> {
     let undecodable = |found: String| Error::Picture { path: path.to_path_buf(), found };
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         Ok(ImageFormat::Png)
     } else if bytes.starts_with(&JPEG_START) {
-        // The decoder fills what a file cut short lacks with gray.
-        if is_cut_short(bytes) { Err(undecodable("a JPEG file cut short".into())) } else { Ok(ImageFormat::Jpeg) }
+        // The decoder fills the missing part of a truncated file with gray.
+        if is_cut_short(bytes) { Err(undecodable("the JPEG file is truncated".into())) } else { Ok(ImageFormat::Jpeg) }
     } else {
-        Err(undecodable(format!("the first bytes {:02x?}", &bytes[..bytes.len().min(8)])))
+        Err(undecodable(format!("the first bytes are {:02x?}", &bytes[..bytes.len().min(8)])))
     }
 }
 
-/// Whether no end of image follows the last start of a scan of a JPEG file. Neither marker can be part of a scan's data,
-/// where a zero byte follows each 0xff.
+/// True if no end of image follows the last start of a scan of a JPEG file. Neither marker can be part of a scan's
+/// data, in which a zero byte follows each 0xff.
 fn is_cut_short(jpeg: &[u8]) -> bool {
     let last = |marker: [u8; 2]| jpeg.windows(2).rposition(|bytes| bytes == marker);
     let Some(end) = last([0xff, 0xd9]) else { return true };
@@ -101,7 +101,8 @@ fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'
     Ok(decoder)
 }
 
-/// For `map_err` after decoding `path`, whose bytes are already read: the file is at fault, not the system.
+/// Converts an error of decoding `path`, for `map_err`. The bytes are already read, so the file is at fault, not the
+/// system.
 fn undecodable(path: &Path) -> impl FnOnce(image::ImageError) -> Error + use<> {
     let path = path.to_path_buf();
     move |error| Error::Picture { path, found: error.to_string() }

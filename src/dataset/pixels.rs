@@ -1,11 +1,11 @@
-//! A photograph's colors in memory: as small as its file allows, composited when asked for.
+//! A photograph's colors in memory, in 8 bits if its file allows; composited on a background on request.
 
 /// \[height\]\[width\] sRGB colors with alpha, row-major from the top left.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
-    /// Red, green, blue and straight alpha, 255 standing for 1: 8-bit files at full size, exactly.
+    /// Red, green, blue and straight alpha, 255 standing for 1: exact, for 8-bit files at full size.
     Rgba8(Vec<[u8; 4]>),
-    /// Premultiplied red, green, blue and alpha in [0, 1]: everything else.
+    /// Premultiplied red, green, blue and alpha in [0, 1]: for all other pictures.
     Premultiplied(Vec<[f32; 4]>),
 }
 
@@ -23,12 +23,12 @@ impl Pixels {
         }
     }
 
-    /// Whether there are no pixels.
+    /// True if there are no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Whether no background shines through anywhere.
+    /// True if all pixels are opaque.
     pub fn is_opaque(&self) -> bool {
         match self {
             Self::Rgba8(pixels) => pixels.iter().all(|p| p[3] == u8::MAX),
@@ -55,7 +55,7 @@ impl Pixels {
         }
     }
 
-    /// How opaque each pixel is, from 0 to 1.
+    /// \[pixel\] opacities from 0 to 1.
     pub fn opacities(&self) -> Vec<f32> {
         match self {
             Self::Rgba8(pixels) => pixels.iter().map(|p| f32::from(p[3]) / 255.0).collect(),
@@ -68,7 +68,7 @@ impl Pixels {
         (0..self.len()).map(|pixel| self.color(pixel, background)).collect()
     }
 
-    /// What is in memory, for checksums.
+    /// The bytes in memory, for checksums.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Self::Rgba8(pixels) => pixels.as_flattened(),

@@ -1,4 +1,4 @@
-//! What a folder of ScanNet's holds besides photographs: its name, its mesh and the map that aligns both.
+//! A ScanNet scan without its photographs: its name, its mesh and its axis alignment.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,31 +9,31 @@ use glam::{DMat4, DVec3};
 use super::{Error, photographs, picture};
 use crate::geometry::{NotRigid, rigid};
 
-/// Endings of a scan's mesh after its name, the one that is preferred first.
+/// Endings of a scan's mesh after its name, in order of preference.
 const MESHES: [&str; 2] = ["_vh_clean_2.ply", "_vh_clean.ply"];
-/// The most bytes of a text file of a scan. The largest, that of its constants, has some two thousand.
+/// The most bytes of a text file of a scan. The largest, the file of constants, has about two thousand.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
-/// A folder as ScanNet's exporter leaves it: `NAME/` with `NAME.txt`, `NAME_vh_clean_2.ply`, `pose/` and `color/`.
+/// A folder as written by ScanNet's exporter: `NAME/` with `NAME.txt`, `NAME_vh_clean_2.ply`, `pose/` and `color/`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scan {
-    /// Where it is.
+    /// The scan's folder.
     pub folder: PathBuf,
-    /// What its files' names begin with, as in `scene0101_04`.
+    /// The scan's name, with which its files' names begin, as in `scene0101_04`.
     pub name: String,
-    /// Its mesh, if it has one, in the space that poses are stored in.
+    /// The path of the mesh, if there is one; it is in the space of the stored poses.
     pub mesh: Option<PathBuf>,
-    /// From that space to the one with z up; rigid. The identity where the scan has none.
+    /// The rigid map from that space to the aligned space, whose z is up. The identity if the scan has no alignment.
     pub alignment: DMat4,
 }
 
 impl Scan {
-    /// The scan that `path` is: a folder with a mesh, or with `pose` and `color` or `intrinsic`; or such a mesh itself, of
-    /// which the other files need not be there. `None` where it is something else, or nothing.
+    /// Opens the scan at `path`: a folder with a mesh, or with `pose` and `color` or `intrinsic`; or a scan's mesh,
+    /// which needs no other files. `None` if `path` is anything else or does not exist.
     ///
     /// # Errors
     ///
-    /// Where it is a scan whose files cannot be read, whose alignment is not rigid, or whose name is not clear.
+    /// If the scan's files cannot be read, its alignment is not rigid, or its name is ambiguous.
     pub fn open(path: &Path) -> Result<Option<Self>, Error> {
         let scan = if path.is_dir() {
             let Some(name) = name_in(path)? else { return Ok(None) };
@@ -52,13 +52,13 @@ impl Scan {
         Ok(Some(Self { alignment: alignment.unwrap_or(DMat4::IDENTITY), ..scan }))
     }
 
-    /// Where `point`, of the mesh or of a stored pose, is once aligned.
+    /// The aligned position of `point`, which is of the mesh or of a stored pose.
     pub fn aligned(&self, point: DVec3) -> DVec3 {
         self.alignment.transform_point3(point)
     }
 }
 
-/// What the names of the scan's files in `folder` begin with; `None` where there is no scan.
+/// The name of the scan in `folder`; `None` if there is no scan.
 fn name_in(folder: &Path) -> Result<Option<String>, Error> {
     let own = photographs::name_of(folder);
     if MESHES.iter().any(|ending| folder.join(format!("{own}{ending}")).is_file()) {
@@ -73,7 +73,7 @@ fn name_in(folder: &Path) -> Result<Option<String>, Error> {
     }
     if names.len() > 1 {
         let names: Vec<_> = names.into_iter().collect();
-        return Err(Error::text(folder, "the meshes", "those of one scan", format!("{} of several", names.join(", "))));
+        return Err(Error::text(folder, "the meshes", "of one scan", format!("meshes of {}", names.join(", "))));
     }
     let has = |part: &str| folder.join(part).is_dir();
     let photographed = has("pose") && (has("color") || has("intrinsic"));
@@ -87,7 +87,7 @@ pub(super) struct Constants {
 }
 
 impl Constants {
-    /// Those of the scan `name` in `folder`; `None` where there is no such file.
+    /// The constants of the scan `name` in `folder`; `None` if there is no such file.
     pub(super) fn of(folder: &Path, name: &str) -> Result<Option<Self>, Error> {
         let path = folder.join(format!("{name}.txt"));
         if !path.is_file() {
@@ -97,13 +97,13 @@ impl Constants {
         Ok(Some(Self { path, text }))
     }
 
-    /// What follows the first `key = `.
+    /// The text after the first `key = `.
     fn value(&self, key: &str) -> Option<&str> {
         let pairs = self.text.lines().filter_map(|line| line.split_once('='));
         pairs.into_iter().find(|(found, _)| found.trim() == key).map(|(_, value)| value.trim())
     }
 
-    /// The number of `key`, if it is there.
+    /// The number of `key`, if it is present.
     pub(super) fn number(&self, key: &str) -> Result<Option<f64>, Error> {
         let Some(value) = self.value(key) else { return Ok(None) };
         match number(value) {
@@ -137,12 +137,13 @@ fn matrix(path: &Path, place: &str, text: &str) -> Result<[[f64; 4]; 4], Error> 
     }
     for (value, word) in rows.as_flattened_mut().iter_mut().zip(words) {
         *value = number(word)
-            .ok_or_else(|| Error::text(path, place, "16 numbers", format!("{:?} among them", shortened(word))))?;
+            .ok_or_else(|| Error::text(path, place, "16 numbers", format!("the word {:?}", shortened(word))))?;
     }
     Ok(rows)
 }
 
-/// As Rust reads it, and what Microsoft's library makes of infinities and of no number, as in `-1.#INF`.
+/// Parses a number as Rust does. Also accepts infinities and NaN as printed by Microsoft's C library, as in `-1.#INF`;
+/// all of these become NaN.
 fn number(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.contains(".#").then_some(f64::NAN))
 }
@@ -152,12 +153,12 @@ fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// A text file's whole content.
+/// The contents of a text file.
 fn read_text(path: &Path) -> Result<String, Error> {
     let bytes = picture::read_at_most(path, MAX_TEXT_BYTES)?;
     String::from_utf8(bytes).map_err(|error| {
         let place = format!("byte {}", error.utf8_error().valid_up_to());
-        Error::text(path, place, "text in UTF-8", "other bytes")
+        Error::text(path, place, "UTF-8 text", "other bytes")
     })
 }
 
@@ -207,12 +208,12 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_scan_is_named() {
         for (text, expected) in [
-            (&b"axisAlignment = 1 2 3"[..], "scene1.txt: axisAlignment: expected 16 numbers, found 3"),
-            (b"axisAlignment = 0 -1 0 x 1 0 0 4 0 0 1 5 0 0 0 1", "expected 16 numbers, found \"x\" among them"),
-            (b"axisAlignment = 0 -1 0 inf 1 0 0 4 0 0 1 5 0 0 0 1", "axisAlignment: expected finite numbers"),
-            (b"axisAlignment = 0 -1 0 3 1 0 0 4 0 0 -1 5 0 0 0 1", "expected a right-handed rotation"),
-            (b"axisAlignment = 2 0 0 3 0 2 0 4 0 0 2 5 0 0 0 1", "expected an orthonormal rotation"),
-            (b"axis\xffAlignment = 1", "scene1.txt: byte 4: expected text in UTF-8"),
+            (&b"axisAlignment = 1 2 3"[..], "scene1.txt: axisAlignment must be 16 numbers; found 3"),
+            (b"axisAlignment = 0 -1 0 x 1 0 0 4 0 0 1 5 0 0 0 1", "must be 16 numbers; found the word \"x\""),
+            (b"axisAlignment = 0 -1 0 inf 1 0 0 4 0 0 1 5 0 0 0 1", "axisAlignment must be a matrix of finite numbers"),
+            (b"axisAlignment = 0 -1 0 3 1 0 0 4 0 0 -1 5 0 0 0 1", "must be a right-handed rotation"),
+            (b"axisAlignment = 2 0 0 3 0 2 0 4 0 0 2 5 0 0 0 1", "must be an orthonormal rotation"),
+            (b"axis\xffAlignment = 1", "scene1.txt: byte 4 must be UTF-8 text"),
         ] {
             let folder = folder(&[("scene1_vh_clean_2.ply", "")]);
             fs::write(folder.path().join("scene1.txt"), text).unwrap();
@@ -221,7 +222,7 @@ mod tests {
         }
         let two = folder(&[("a_vh_clean_2.ply", ""), ("b_vh_clean_2.ply", "")]);
         let message = Scan::open(two.path()).unwrap_err().to_string();
-        assert!(message.contains("expected those of one scan, found a, b of several"), "{message}");
+        assert!(message.contains("the meshes must be of one scan; found meshes of a, b"), "{message}");
         let long = folder(&[("a_vh_clean_2.ply", ""), ("a.txt", &" ".repeat((1 << 20) + 1))]);
         assert_eq!(Scan::open(long.path()).unwrap_err().kind(), super::super::ErrorKind::Limit);
     }

@@ -1,10 +1,11 @@
-//! ScanNet's layout, as its exporter (SensReader) leaves a scan: `color/N.jpg`, `pose/N.txt`, `intrinsic/intrinsic_color.txt`,
-//! and beside them the scan's constants and its mesh (see [`Scan`]).
+//! ScanNet's layout, as its exporter (SensReader) writes a scan: `color/N.jpg`, `pose/N.txt`,
+//! `intrinsic/intrinsic_color.txt`, the scan's constants and its mesh (see [`Scan`]).
 //!
 //! Poses are row-major `world_from_camera` matrices in OpenCV's axes (x right, y down, looking along +z); the dataset's
-//! space is theirs after the scan's axis alignment, so z is up and the mesh, aligned alike, fits. Frames whose pose is not
-//! finite were lost while scanning: they are left out and counted. ScanNet has no splits: of the frames in the order of
-//! their numbers, lost ones included, the fifth of every eight is a test view, all others are for training.
+//! space is theirs after the scan's axis alignment, so z is up, and the mesh is aligned in the same way. Frames whose
+//! pose is not finite were lost while scanning: they are skipped and counted. ScanNet has no splits: of the frames in
+//! the order of their numbers, lost ones included, the fifth of every eight is a test view; all others are for
+//! training.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -18,21 +19,22 @@ use super::scan::{Constants, read_matrix};
 use super::{Dataset, Error, LoadOptions, NamedCamera, Scan};
 use crate::geometry::{Camera, NotRigid, rigid};
 
-/// One of so many frames is a test view.
+/// The interval of test views, in frames.
 const TEST_EVERY: usize = 8;
-/// The first one.
+/// The index of the first test view.
 const FIRST_TEST: usize = 4;
-/// What a picture's name may end in.
+/// Extensions of pictures.
 const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
-/// From a camera's axes in OpenGL to those in OpenCV: both are columns of `world_from_camera`.
+/// Signs that turn a camera's axes in OpenCV, the columns of `world_from_camera`, into those in OpenGL.
 const OPENGL: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 
-/// The split `split` (`train` or `test`) of the scan in `folder`: the views that `options` select, in the order of their
-/// numbers. Every pose must have its picture and every picture its pose.
+/// The split `split` (`train` or `test`) of the scan in `folder`: the views that `options` select, in the order of
+/// their numbers. Every pose must have its picture and every picture its pose.
 ///
 /// # Errors
 ///
-/// On everything [`Error`] lists but writing and JSON; of several broken files the first in order is reported.
+/// If the scan cannot be read or is invalid: all of [`Error`] but those of writing and JSON. Of several invalid files,
+/// the first in order is reported.
 pub fn load_scannet(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
     let frames = Frames::of(folder, split)?;
     let listed = folder.join("pose");
@@ -56,14 +58,14 @@ pub fn load_scannet(folder: &Path, split: &str, options: &LoadOptions) -> Result
     Ok(Dataset { name: frames.scan.name, views, lost: frames.lost })
 }
 
-/// The cameras of a split of the scan in `folder`, as [`load_scannet`]'s; no picture is decoded, and none need be there.
+/// The cameras of a split of the scan in `folder`, as by [`load_scannet`]. No picture is decoded or required.
 ///
-/// The size (columns and rows, before downscaling) is that of the first picture that exists, else `size`, else the scan's
-/// `colorWidth` and `colorHeight`.
+/// The size (columns and rows, before downscaling) is that of the first picture that exists, else `size`, else the
+/// scan's `colorWidth` and `colorHeight`.
 ///
 /// # Errors
 ///
-/// As [`load_scannet`]'s, but for pictures.
+/// If [`load_scannet`] fails, except for errors of pictures; or with [`Error::UnknownSize`].
 pub fn load_scannet_cameras(
     folder: &Path,
     split: &str,
@@ -85,12 +87,12 @@ pub fn load_scannet_cameras(
 struct Frames {
     scan: Scan,
     constants: Option<Constants>,
-    /// Those that were not lost, ascending by number; at least one.
+    /// The frames that were not lost, ascending by number; at least one.
     posed: Vec<Posed>,
     lost: usize,
 }
 
-/// A frame and where it was taken from, aligned, in [`Camera`]'s axes.
+/// A frame with its aligned pose in [`Camera`]'s axes.
 struct Posed {
     number: u32,
     world_from_camera: DMat3,
@@ -110,7 +112,7 @@ impl Frames {
         let poses = folder.join("pose");
         let mut numbers = numbers(&poses, &["txt"])?;
         if folder.join("color").is_dir() {
-            // A picture without a pose is then found to lack it.
+            // Reading the pose of such a number reports pictures without a pose.
             numbers.append(&mut self::numbers(&folder.join("color"), &PICTURES)?);
         }
         let (mut posed, mut lost) = (Vec::new(), 0);
@@ -130,8 +132,8 @@ impl Frames {
             posed.push(Posed { number, world_from_camera, position: scan.aligned(position) });
         }
         if posed.is_empty() && lost > 0 {
-            let found = format!("{lost} lost ones");
-            return Err(Error::text(&poses, format!("the poses of {split}"), "a finite one", found));
+            let found = format!("only lost frames ({lost})");
+            return Err(Error::text(&poses, format!("the poses of {split}"), "finite for at least one frame", found));
         }
         if posed.is_empty() {
             return Err(Error::NoFrames { path: poses });
@@ -145,7 +147,7 @@ impl Frames {
         PICTURES.iter().map(path).find(|picture| picture.is_file())
     }
 
-    /// Columns and rows that the intrinsics are for, where the scan's constants say so.
+    /// Columns and rows of the pictures that the intrinsics refer to, if the scan's constants define them.
     fn color_size(&self) -> Result<Option<[u32; 2]>, Error> {
         let Some(constants) = &self.constants else { return Ok(None) };
         let mut size = [0; 2];
@@ -160,21 +162,22 @@ impl Frames {
         Ok(Some(size))
     }
 
-    /// The file with the intrinsics, the focal lengths and the principal point, in pixels of the size that they are for.
+    /// The file with the intrinsics, the focal lengths and the principal point, in pixels of the size that they refer
+    /// to.
     fn intrinsics(&self) -> Result<(PathBuf, [f64; 2], [f64; 2]), Error> {
         let path = self.scan.folder.join("intrinsic/intrinsic_color.txt");
         let (path, [fx, fy, cx, cy]) = if path.is_file() {
             let rows = read_matrix(&path)?;
             if rows[0][1] != 0.0 || rows[1][0] != 0.0 {
-                return Err(Error::text(&path, "the matrix", "no skew", format!("{rows:?}")));
+                return Err(Error::text(&path, "the matrix", "without skew", format!("{rows:?}")));
             }
             (path, [rows[0][0], rows[1][1], rows[0][2], rows[1][2]])
         } else {
             let mut values = [0.0; 4];
             for (value, key) in values.iter_mut().zip(["fx_color", "fy_color", "mx_color", "my_color"]) {
                 let found = self.constants.as_ref().map_or(Ok(None), |constants| constants.number(key))?;
-                let expected = format!("it, or {key} in {}.txt", self.scan.name);
-                *value = found.ok_or_else(|| Error::text(&path, "intrinsics", expected, "neither"))?;
+                let expected = format!("in this file, or under {key} in {}.txt", self.scan.name);
+                *value = found.ok_or_else(|| Error::text(&path, "the intrinsics", expected, "neither"))?;
             }
             (self.scan.folder.join(format!("{}.txt", self.scan.name)), values)
         };
@@ -185,7 +188,7 @@ impl Frames {
         }
         for (what, value) in [("the principal point's column", cx), ("the principal point's row", cy)] {
             if value.is_nan() || value.abs() > 16.0 * f64::from(MAX_EDGE) {
-                let expected = "a number of pixels within reach of the picture";
+                let expected = "within 262144 pixels of the picture's corner";
                 return Err(Error::text(&path, what, expected, value.to_string()));
             }
         }
@@ -202,7 +205,7 @@ impl Frames {
         for axis in 0..2 {
             let extent = f64::from(size[axis]);
             if let Some(declared) = declared {
-                // Pictures may have been made smaller after the export, the intrinsics not.
+                // Pictures may have been downscaled after the export without their intrinsics.
                 let scale = extent / f64::from(declared[axis]);
                 focal[axis] *= scale;
                 principal[axis] *= scale;
@@ -210,7 +213,7 @@ impl Frames {
                 let place = ["the principal point's column", "the principal point's row"][axis];
                 let name = &self.scan.name;
                 let expected =
-                    format!("the middle half of {extent} pixels, or colorWidth and colorHeight in {name}.txt");
+                    format!("in the middle half of {extent} pixels unless {name}.txt has colorWidth and colorHeight");
                 return Err(Error::text(&path, place, expected, principal[axis].to_string()));
             }
         }
@@ -223,13 +226,13 @@ impl Frames {
     }
 }
 
-/// The numbers N of the files `N.ENDING` in `folder`; others are no frames.
+/// The numbers N of the files `N.ENDING` in `folder`; other files are not frames.
 fn numbers(folder: &Path, endings: &[&str]) -> Result<BTreeSet<u32>, Error> {
     let mut numbers = BTreeSet::new();
     for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
         let file = entry.map_err(Error::read(folder))?.file_name();
         let Some((stem, ending)) = file.to_str().and_then(|file| file.rsplit_once('.')) else { continue };
-        // Only as it is written back: neither 007 nor +7.
+        // Only the canonical form: neither 007 nor +7.
         let number = stem.parse().ok().filter(|number: &u32| number.to_string() == stem);
         numbers.extend(number.filter(|_| endings.contains(&ending)));
     }

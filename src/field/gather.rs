@@ -84,7 +84,7 @@ pub(crate) fn register_at<T: Real, S: Simd>(rank: usize, index: usize) -> (usize
     (start, first - start)
 }
 
-/// A register of components. `FULL` promises that `values` fill it, which is faster.
+/// A register of components. If `FULL`, `values` must fill it, which is faster.
 #[inline(always)]
 pub(crate) fn load<T: Real, S: Simd, const FULL: bool>(simd: S, values: &[T]) -> T::Register<S> {
     if FULL { T::load_full(simd, values) } else { T::load(simd, values) }

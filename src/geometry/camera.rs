@@ -25,7 +25,7 @@ pub struct Camera {
 
 /// Numbers that do not form a camera pose.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a camera pose must be {expected}, found {found}")]
+#[error("a camera pose must be {expected}; found {found}")]
 pub struct PoseError {
     /// The property that a pose must have.
     pub expected: &'static str,

@@ -32,10 +32,10 @@ pub struct Keyframe {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PathError {
     /// There are no keyframes.
-    #[error("a camera path must have at least one keyframe, found none")]
+    #[error("a camera path must have at least one keyframe; found none")]
     Empty,
     /// An invalid keyframe.
-    #[error("keyframe {index}: {what} must be {expected}, found {found}")]
+    #[error("keyframe {index}: {what} must be {expected}; found {found}")]
     Keyframe {
         /// The keyframe's index, from 0.
         index: usize,

@@ -8,7 +8,7 @@ const TOLERANCE: f64 = 1e-3;
 
 /// The first property of a pose that a matrix lacks.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a pose must be {expected}, found {found}")]
+#[error("a pose must be {expected}; found {found}")]
 pub struct NotRigid {
     /// The property that the matrix lacks.
     pub expected: &'static str,

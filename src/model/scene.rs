@@ -51,7 +51,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// The first invariant that does not hold.
+    /// If an invariant does not hold. The error names the first one.
     ///
     /// # Examples
     ///
@@ -76,7 +76,7 @@ impl Scene {
             return Err(BrokenInvariant::new(
                 "rules step",
                 format!("long enough for at most {MAX_SAMPLES} steps across the bounds"),
-                samples,
+                format!("{samples} steps"),
             ));
         }
         if self.scales.is_empty() {

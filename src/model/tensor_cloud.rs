@@ -106,12 +106,8 @@ impl TensorCloud {
                 return Err(BrokenInvariant::new(format!("{place} center {n}"), "finite numbers", center));
             }
             if previous.is_some_and(|p| [p.z, p.y, p.x] >= [center.z, center.y, center.x]) {
-                let place = format!("{place} center {n}");
-                return Err(BrokenInvariant::new(
-                    format!("{place} centers"),
-                    "strictly ascending by (z, y, x)",
-                    center,
-                ));
+                let expected = "after the previous center, strictly ascending by (z, y, x)";
+                return Err(BrokenInvariant::new(format!("{place} center {n}"), expected, center));
             }
             previous = Some(center);
         }

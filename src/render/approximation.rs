@@ -43,7 +43,7 @@ impl Default for Approximation {
 
 /// The first option of an [`Approximation`] that is invalid for a scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{option}` must be {expected}, found {found}")]
+#[error("`{option}` must be {expected}; found {found}")]
 pub struct ApproximationError {
     /// The field of [`Approximation`].
     pub option: &'static str,
@@ -63,7 +63,7 @@ impl Approximation {
     ///
     /// # Errors
     ///
-    /// The first option that is out of range.
+    /// If an option is out of range. The error names the first one.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
         let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
         for (option, value, [min, max]) in [

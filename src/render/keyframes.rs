@@ -36,7 +36,7 @@ pub enum KeyframesError {
     #[error("this build reads version {VERSION} of camera paths, this file has version {0}")]
     Version(u64),
     /// An invalid camera of a keyframe.
-    #[error("keyframe {index}: `{key}` must be {expected}, found {found}")]
+    #[error("keyframe {index}: `{key}` must be {expected}; found {found}")]
     Camera {
         /// The keyframe's index, from 0.
         index: usize,
@@ -266,7 +266,7 @@ mod tests {
             ),
             (file("").replace("1,", "2,"), "this build reads version 1 of camera paths, this file has version 2"),
             (file("").replace("1,", "-1,"), "expected u64 at line 1"),
-            (file(""), "a camera path must have at least one keyframe, found none"),
+            (file(""), "a camera path must have at least one keyframe; found none"),
             (file("{}"), "missing field `seconds` at line 1"),
             (one(&format!("\"seconds\": NaN, {LOOKING}")), "expected value at line 1"),
             (one(&format!("\"seconds\": 1e999, {LOOKING}")), "number out of range at line 1"),
@@ -274,13 +274,13 @@ mod tests {
             (one(&format!("\"seconds\": 0, \"fov\": 3, {LOOKING}")), "unknown field `fov`"),
             (
                 one("\"seconds\": 0, \"vertical_fov_degrees\": 40"),
-                "by `transform_matrix`, or by `position`, `target` and `up`, found none of them",
+                "by `transform_matrix`, or by `position`, `target` and `up`; found none of them",
             ),
             (
                 looking("\"up\": [0, 0, 2]", "\"up\": null"),
                 "keyframe 0: `camera` must be given by `transform_matrix`, or by `position`, `target`",
             ),
-            (looking("40", "180"), "keyframe 0: `vertical_fov_degrees` must be 0.1 to 170 degrees, found 180"),
+            (looking("40", "180"), "keyframe 0: `vertical_fov_degrees` must be 0.1 to 170 degrees; found 180"),
             (looking("[4, 0, 1]", "[0, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
             (looking("[4, 0, 1]", "[1e300, 0, 1]"), "keyframe 0: `target` must be another point than `position`"),
             (looking("[4, 0, 1]", "[4e12, 0, 1]"), "keyframe 0: position must be within ±1e12 on every axis"),
@@ -301,7 +301,7 @@ mod tests {
             ),
             (
                 file(&["3", "2"].map(|n| format!("{{\"seconds\": {n}, {LOOKING}}}")).join(",")),
-                "keyframe 1: seconds must be from 3.000001 (after the previous keyframe) to 1000000, found 2",
+                "keyframe 1: seconds must be from 3.000001 (after the previous keyframe) to 1000000; found 2",
             ),
             (format!("{}{}", file(""), "x"), "trailing characters"),
             (format!("{{\"format\": {}", "[".repeat(100_000)), "at line 1"),

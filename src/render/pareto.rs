@@ -79,7 +79,7 @@ pub enum QualitySelector {
 
 /// An invalid stored [`ParetoFront`], or a [`QualitySelector`] that matches none of its points.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{what} must be {expected}, found {found}")]
+#[error("{what} must be {expected}; found {found}")]
 pub struct ParetoError {
     /// The invalid part of the note, or the kind of the selector.
     pub what: String,

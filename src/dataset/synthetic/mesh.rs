@@ -10,18 +10,18 @@ use super::portable::{angle, cos_sin};
 use super::scene::Scene;
 use super::solid::{About, Solid};
 
-/// A round surface is at most this far from its triangles.
+/// The largest distance of a round surface from its triangles.
 const SAGITTA: f64 = 2e-4;
 
-/// Triangles of all solids; each solid has vertices of its own.
+/// The triangles of all solids; solids share no vertices.
 #[derive(Default)]
 pub(super) struct Mesh {
-    /// In the world.
+    /// Positions in the world.
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// A ring of the profile: its height, and its distance from the axis or `None` where it follows the box.
+/// A ring of the profile: its height, and its distance from the axis, or `None` if it follows the box.
 struct Ring {
     radius: Option<f64>,
     z: f64,
@@ -42,7 +42,7 @@ impl Mesh {
         let directions = directions(solid);
         let (rings, closed) = profile(solid);
         let count = directions.len() as u32;
-        // The first index of each ring and how many vertices it has: a ring on the axis is a single vertex.
+        // The first index of each ring and its number of vertices: a ring on the axis is a single vertex.
         let mut first = Vec::with_capacity(rings.len());
         for ring in &rings {
             first.push(self.vertices.len() as u32);
@@ -104,8 +104,8 @@ impl Mesh {
     }
 }
 
-/// Unit directions around the axis, counterclockwise: evenly spaced where the solid is round, to the corners where a
-/// box shows.
+/// Unit directions around the axis, counterclockwise: evenly spaced if the solid is round, and to the corners if a
+/// box is visible.
 fn directions(solid: &Solid) -> Vec<DVec2> {
     let mut directions = Vec::new();
     let shows_box = solid.round.is_none_or(|round| round.outer.is_infinite());
@@ -135,7 +135,7 @@ fn to_box(solid: &Solid, direction: DVec2) -> f64 {
     along(0).abs().min(along(1).abs())
 }
 
-/// The rings from below outwards and up, and whether the last is joined to the first.
+/// The rings, from below outwards and up, and true if the last is joined to the first.
 fn profile(solid: &Solid) -> (Vec<Ring>, bool) {
     let (low, high) = (solid.bounds.min.z, solid.bounds.max.z);
     let at = |radius, z| Ring { radius: Some(radius), z };

@@ -1,7 +1,8 @@
-//! A scene whose geometry is known exactly, photographed: the project's demo and the ground truth of its tests.
+//! Synthetic photographs of a scene with exact geometry: the project's demo and the ground truth of its tests.
 //!
-//! In: how many views, how large, a seed. Out: a folder in the Blender layout and, beside it, the scene's exact mesh,
-//! points on its surface and an occupancy grid; or a folder in ScanNet's layout with a mesh that has holes. The same seed gives the same bytes on any number of threads.
+//! In: the number and size of views, and a seed. Out: a folder in the Blender layout with the scene's exact mesh,
+//! points on its surface and an occupancy grid; or a folder in ScanNet's layout with a mesh that has holes. The same
+//! seed gives the same bytes on any number of threads.
 
 mod mesh;
 mod occupancy;
@@ -36,31 +37,34 @@ use self::shading::Lights;
 use super::Error;
 use crate::geometry::Camera;
 
-/// Points in `points.ply`.
+/// Number of points in `points.ply`.
 const POINTS: usize = 100_000;
-/// What [`synthesize`] made.
+/// Counts of a dataset made by [`synthesize`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Synthesized {
-    /// Pictures of all splits.
+    /// Number of pictures of all splits.
     pub pictures: usize,
-    /// Triangles of the mesh.
+    /// Number of triangles of the mesh.
     pub triangles: usize,
-    /// Points on the surface.
+    /// Number of points on the surface.
     pub points: usize,
-    /// Cells that the scene fills.
+    /// Number of cells that the scene occupies.
     pub occupied_cells: usize,
 }
 
-/// Makes the folder `out` with a synthetic dataset:
+/// Writes a synthetic dataset to the folder `out`:
 ///
 /// - `transforms_{train,val,test}.json` and `{train,val,test}/r_*.png`: the Blender layout, straight alpha;
 /// - `mesh.ply` and `mesh.obj`: the surface of each solid as triangles, closed, outward, vertices exact (PLY: in f32);
 /// - `points.ply`: 100 000 points, uniform by area, with normals and sRGB diffuse colors;
-/// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], a cell being true when it, as a closed box, has a point in common
-///   with a solid or its inside (1e-9 to spare); `bounds`, float64 (2, 3), the grid's corners.
+/// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], true if the cell, a closed box, has a point in common with a
+///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
-/// The scene lies within \[−1, 1\]³, z up. Fails on options out of range, on a folder that is not empty (unless forced)
-/// and where a file cannot be written.
+/// The scene lies within \[−1, 1\]³, z up.
+///
+/// # Errors
+///
+/// If an option is out of range, the folder is not empty (unless forced), or a file cannot be written.
 pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     check(options)?;
     prepare(out, options.force)?;

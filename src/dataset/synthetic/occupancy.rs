@@ -1,4 +1,4 @@
-//! Which cells of a grid the scene fills.
+//! The cells of a grid that the scene occupies.
 
 use std::io::{self, Seek, Write};
 
@@ -11,11 +11,11 @@ use super::solid::{About, Solid};
 use crate::geometry::{Aabb, Lattice};
 use crate::npy::NpzWriter;
 
-/// Cells along each axis.
+/// Number of cells along each axis.
 pub(super) const CELLS: usize = 100;
-/// What the grid spans.
+/// The bounds of the grid.
 pub(super) const BOUNDS: Aabb = Aabb { min: DVec3::NEG_ONE, max: DVec3::ONE };
-/// Cells are this much larger on each side than they are, so that rounding never loses a cell.
+/// The margin by which cells are enlarged on each side, so that rounding never loses a cell.
 const MARGIN: f64 = 1e-9;
 
 /// The grid's cells.
@@ -23,15 +23,15 @@ pub(super) fn lattice() -> Lattice {
     Lattice { origin: BOUNDS.min, pitch: BOUNDS.size() / CELLS as f64 }
 }
 
-/// Whether each cell, \[z\]\[y\]\[x\], has a point in common with a solid: the closed cell, the closed solid, its inside
-/// included, and 1e-9 to spare.
+/// \[z\]\[y\]\[x\] true if the closed cell, enlarged by 1e-9, has a point in common with a closed solid, its inside
+/// included.
 pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
     let lattice = lattice();
     let mut cells = vec![false; CELLS * CELLS * CELLS];
     cells.par_chunks_exact_mut(CELLS * CELLS).enumerate().for_each(|(z, layer)| {
         for solid in scene.things.iter().map(|thing| &thing.solid) {
             let around = around(solid);
-            // One cell more on each side: a cell may touch the box with its face alone.
+            // One more cell on each side: a cell may touch the box with a face only.
             let (first, last) = (lattice.cell_of(around.min) - 1, lattice.cell_of(around.max) + 1);
             let (first, last) = (first.max(IVec3::ZERO), last.min(IVec3::splat(CELLS as i32 - 1)));
             if (z as i32) < first.z || (z as i32) > last.z {
@@ -62,10 +62,11 @@ fn around(solid: &Solid) -> Aabb {
     Aabb::from_points(solid.bounds.corners().map(|corner| solid.world(corner)))
 }
 
-/// Whether a closed cell and a closed solid have a point in common.
+/// True if a closed cell and a closed solid have a point in common.
 ///
-/// What the solid's box leaves of the cell is convex, hence connected, so distances from the center or axis take every
-/// value between their least and greatest there, and it is enough that these reach into what is kept.
+/// The intersection of the cell with the solid's box is convex, hence connected. Distances from the center or axis
+/// therefore take every value between their least and greatest there, so it suffices that this range overlaps the range
+/// that is kept.
 fn meets(solid: &Solid, cell: &Aabb) -> bool {
     let grown = cell.grown(DVec3::splat(MARGIN));
     let mut rest = Polytope::of_box(&grown, solid.world_from_local.transpose(), solid.center);
@@ -145,7 +146,7 @@ mod tests {
                 unseen += u32::from(exact && !sampled);
             }
         }
-        // What the samples miss is thin: corners that only just touch.
+        // The samples miss only thin overlaps: corners that barely touch.
         assert!(occupied > 300 && unseen * 25 < occupied, "{unseen} of {occupied}");
     }
 }

@@ -16,13 +16,14 @@ const MAX_EDGE: u32 = 4096;
 pub struct SynthOptions {
     /// Training views, 1 to 10 000.
     pub views: u32,
-    /// Test views, from other places than the training views, 1 to 10 000; a quarter as many are made for validation.
+    /// Test views, from other positions than the training views, 1 to 10 000; a quarter of this number is made for
+    /// validation.
     pub test_views: u32,
     /// Columns and rows of the pictures, each 1 to 4096.
     pub size: [u32; 2],
-    /// Decides where the cameras stand and how the textures vary; the geometry is always the same.
+    /// Seed of the cameras' positions and the textures' variations; the geometry is always the same.
     pub seed: u64,
-    /// Also writes into a folder that is not empty, replacing files of the same names and leaving all others.
+    /// If true, also writes to a folder that is not empty, replacing files of the same names and keeping all others.
     pub force: bool,
 }
 
@@ -33,12 +34,12 @@ impl Default for SynthOptions {
     }
 }
 
-/// Refuses options that make no sense.
+/// Rejects options that are out of range.
 pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
     let SynthOptions { views, test_views, size: [width, height], .. } = *options;
     for (what, limit, found) in [
         ("views", MAX_VIEWS, views),
-        ("test views", MAX_VIEWS, test_views),
+        ("test_views", MAX_VIEWS, test_views),
         ("width", MAX_EDGE, width),
         ("height", MAX_EDGE, height),
     ] {
@@ -49,7 +50,7 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
     Ok(())
 }
 
-/// Makes the folder and refuses one with anything in it unless `force`d.
+/// Creates the folder. Rejects one that is not empty unless `force` is true.
 pub(super) fn prepare(out: &Path, force: bool) -> Result<(), Error> {
     fs::create_dir_all(out).map_err(Error::write(out))?;
     let occupied = fs::read_dir(out).map_err(Error::read(out))?.next().is_some();
@@ -59,7 +60,7 @@ pub(super) fn prepare(out: &Path, force: bool) -> Result<(), Error> {
     Ok(())
 }
 
-/// Creates `path` and fills it.
+/// Creates the file `path` with the bytes that `fill` writes.
 pub(super) fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
     let written = File::create(path).map(BufWriter::new).and_then(|mut file| {
         fill(&mut file)?;

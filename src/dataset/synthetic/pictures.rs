@@ -1,4 +1,4 @@
-//! Cameras around the scene, and the pictures that they take.
+//! Cameras around the scene, and their pictures.
 
 use glam::DVec3;
 use image::RgbaImage;
@@ -14,7 +14,7 @@ use crate::geometry::Camera;
 pub(super) const CAMERA_ANGLE: f64 = 0.691_111_207_008_361_8;
 /// The cameras' distance from the origin.
 pub(super) const DISTANCE: f64 = 4.031_128_874_149_275;
-/// Samples of a pixel in each direction.
+/// Number of samples of a pixel in each direction.
 const SAMPLES: u32 = 4;
 
 /// `count` cameras on a sphere around the origin that look at it, mostly from above: a Fibonacci spiral in equal steps
@@ -36,10 +36,10 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
         .collect()
 }
 
-/// The picture that `camera` takes: straight alpha, transparent where it sees nothing.
+/// The picture of `camera`: straight alpha, transparent outside the scene.
 ///
-/// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values: what volume rendering and downscaling in
-/// display colors average too.
+/// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values, because volume rendering and downscaling
+/// average display colors too.
 pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {

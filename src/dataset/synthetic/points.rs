@@ -14,18 +14,19 @@ const RADIUS: f64 = 1.35;
 
 /// A point on the surface.
 pub(super) struct Point {
-    /// In the world.
+    /// The position in the world.
     pub(super) position: DVec3,
-    /// Outward, of length 1.
+    /// The outward unit normal.
     pub(super) normal: DVec3,
-    /// The diffuse color there, sRGB.
+    /// The diffuse color, sRGB.
     pub(super) color: [u8; 3],
 }
 
-/// `count` points: where random lines cross the solids.
+/// `count` points, at the crossings of random lines and solids.
 ///
 /// Lines that are uniform in direction and in position meet any surface uniformly by area (Cauchy and Crofton), so
-/// this needs no formula for each shape. What lies on or in another solid, as where one stands on another, is left out.
+/// this needs no formula for each shape. Points on or in another solid, such as
+/// those between a solid and its support, are left out.
 pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
     let mut counter = 0;
     let mut random = || {

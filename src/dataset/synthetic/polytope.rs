@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::geometry::Aabb;
 
-/// A convex polyhedron as its faces, each a convex polygon; no faces: empty.
+/// A convex polyhedron as its faces, each a convex polygon; empty if there are no faces.
 pub(super) struct Polytope {
     faces: Vec<Vec<DVec3>>,
 }
@@ -57,12 +57,12 @@ impl Polytope {
         }
     }
 
-    /// Whether no point is left.
+    /// True if no point is left.
     pub(super) fn is_empty(&self) -> bool {
         self.faces.is_empty()
     }
 
-    /// The corners, each as often as faces meet there.
+    /// The corners, each repeated for every face that meets there.
     pub(super) fn corners(&self) -> impl Iterator<Item = &DVec3> {
         self.faces.iter().flatten()
     }

@@ -1,5 +1,5 @@
 //! Sines, angles, roots and random numbers from IEEE arithmetic alone, so that the same seed gives the same bytes
-//! whatever the platform's mathematics library.
+//! with any mathematics library of the platform.
 
 use std::f64::consts::TAU;
 
@@ -63,7 +63,7 @@ pub(super) fn linear(rgb: u32) -> DVec3 {
     DVec3::new(channel(16), channel(8), channel(0))
 }
 
-/// A number that depends on all bits of `seed` and `counter` and looks random: SplitMix64's output function.
+/// A pseudorandom number that depends on all bits of `seed` and `counter`: SplitMix64's output function.
 pub(super) fn hash(seed: u64, counter: u64) -> u64 {
     let mut z = seed.wrapping_add(counter.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,4 +1,4 @@
-//! The scene as a scanned room: ScanNet's layout, a mesh with holes, poses that still have to be aligned.
+//! The scene as a scanned room: ScanNet's layout, a mesh with holes, and poses before alignment.
 
 use std::fs;
 use std::io::{self, Write};
@@ -20,43 +20,44 @@ use crate::color::byte;
 use crate::dataset::{Error, photographs};
 use crate::geometry::Camera;
 
-/// Metres of a unit of the scene: 4.8 m from wall to wall.
+/// Meters per unit of the scene: 4.8 m from wall to wall.
 const SCALE: f64 = 2.4;
 /// The longest edge of the mesh's triangles and the radii of its holes, in the scene's units.
 const LONGEST: f64 = 0.03;
 const RADII: [f64; 2] = [0.05, 0.15];
-/// The share of its area that the mesh lacks.
+/// The share of the surface's area that is missing in the mesh.
 const TORN: f64 = 0.08;
-/// Frames whose pose was lost.
+/// Number of frames whose pose is lost.
 const LOST: u32 = 2;
-/// JPEG's, of 100.
+/// JPEG quality, 1 to 100.
 const QUALITY: u8 = 95;
 
-/// What [`synthesize_scan`] made.
+/// Counts of a scan made by [`synthesize_scan`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SynthesizedScan {
-    /// Pictures, those without a pose included.
+    /// Number of pictures, including those without a pose.
     pub pictures: usize,
-    /// Pictures whose pose says that it was lost.
+    /// Number of pictures whose pose is lost.
     pub lost: usize,
-    /// Triangles of the mesh.
+    /// Number of triangles of the mesh.
     pub triangles: usize,
-    /// The share of the surface's area that the mesh lacks.
+    /// The share of the surface's area that is missing in the mesh.
     pub torn: f64,
 }
 
-/// Makes the folder `out` with the synthetic scene in ScanNet's layout, its files named after the folder:
+/// Writes the synthetic scene to the folder `out` in ScanNet's layout, with files named after the folder:
 ///
-/// - `color/N.jpg` on white, and `pose/N.txt` with OpenCV's axes; two poses more than views are asked for are infinite, as
-///   where a scanner is lost. The layout has no splits: `views` and `test_views` are added up.
-/// - `intrinsic/intrinsic_color.txt`; `NAME.txt` with sizes, focal lengths and an axis alignment that both tilts and turns.
-/// - `NAME_vh_clean_2.ply`: the surface, not yet aligned, with colors of its vertices; 8 % of its area are torn out in holes.
+/// - `color/N.jpg` on white, and `pose/N.txt` with OpenCV's axes; two frames beyond the number of views have infinite
+///   poses, like the lost frames of a scanner. The layout has no splits: `views` and `test_views` are added up.
+/// - `intrinsic/intrinsic_color.txt`; `NAME.txt` with sizes, focal lengths and an axis alignment that turns about z and
+///   tilts.
+/// - `NAME_vh_clean_2.ply`: the surface before alignment, with vertex colors; holes of 8 % of its area.
 ///
 /// Aligned, the scene lies within ±2.4 m, z up. The same seed gives the same bytes on any number of threads.
 ///
 /// # Errors
 ///
-/// On options out of range, on a folder that is not empty (unless forced) and where a file cannot be written.
+/// If an option is out of range, the folder is not empty (unless forced), or a file cannot be written.
 pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<SynthesizedScan, Error> {
     check(options)?;
     prepare(out, options.force)?;
@@ -114,7 +115,8 @@ pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<Synthesized
     Ok(SynthesizedScan { pictures: cameras.len(), lost: lost.len(), triangles: mesh.triangles.len(), torn })
 }
 
-/// Where the scanner's space is turned to have z up: a turn, a little tilt, a shift in meters.
+/// The map from the scanner's space to the aligned space, whose z is up: a rotation about z, a small tilt, and a shift
+/// in meters.
 fn aligned_from_stored() -> DMat4 {
     let ((c, s), (cos, sin)) = (cos_sin(1.0 / 11.0), cos_sin(0.02));
     let turn = DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z);
@@ -129,7 +131,7 @@ fn lost(count: u32, seed: u64) -> [u32; LOST as usize] {
     [first, training((first + count / 2) % count)]
 }
 
-/// The rows of a matrix as a scan's files have them.
+/// The rows of a matrix, as text of a scan's file.
 fn lines(matrix: &DMat4) -> String {
     let row = |row: [f64; 4]| row.map(|value| format!("{value:.6}")).join(" ") + "\n";
     matrix.transpose().to_cols_array_2d().map(row).concat()
@@ -147,14 +149,14 @@ fn constants(camera: &Camera, frames: u32) -> String {
     )
 }
 
-/// Red, green and blue of `picture` before white.
+/// Red, green and blue of `picture` on white.
 fn on_white(picture: &RgbaImage) -> Vec<u8> {
     let over =
         |value: u8, alpha: u8| byte((f64::from(value) * f64::from(alpha) / 255.0 + f64::from(255 - alpha)) / 255.0);
     picture.pixels().flat_map(|p| [over(p[0], p[3]), over(p[1], p[3]), over(p[2], p[3])]).collect()
 }
 
-/// The diffuse color of `thing` at `point`, which is on its surface or, between a mesh's vertices, near it.
+/// The diffuse color of `thing` at `point`, which is on its surface or, between vertices of a mesh, near it.
 fn color_at(thing: &Thing, point: DVec3) -> [u8; 3] {
     let p = thing.solid.local(point);
     let bounds = &thing.solid.bounds;
@@ -165,7 +167,7 @@ fn color_at(thing: &Thing, point: DVec3) -> [u8; 3] {
     }
     if let Some(round) = thing.solid.round {
         let distance = round.about.offset(p).length();
-        // First, for what is flat there is the box of a round thing too.
+        // First, because flat parts also belong to the box of a round solid.
         faces.insert(0, ((distance - round.outer).abs(), Face::Outer));
         if round.inner > 0.0 {
             faces.insert(0, ((distance - round.inner).abs(), Face::Inner));
@@ -175,8 +177,8 @@ fn color_at(thing: &Thing, point: DVec3) -> [u8; 3] {
     thing.texture.albedo(p, nearest.1, thing.texture_seed).to_array().map(srgb).map(byte)
 }
 
-/// A binary little-endian PLY file as ScanNet's: `vertex` with float x, y, z and uchar red, green, blue, alpha; `face` with
-/// uchar, int `vertex_indices`.
+/// A binary little-endian PLY file as in ScanNet: `vertex` with float x, y, z and uchar red, green, blue, alpha; `face`
+/// with uchar, int `vertex_indices`.
 fn write_ply(mesh: &Mesh, colors: &[[u8; 3]], out: &mut impl Write) -> io::Result<()> {
     write!(
         out,

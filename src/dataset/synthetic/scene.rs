@@ -9,14 +9,14 @@ use super::solid::{Face, Solid};
 use super::texture::Texture;
 use crate::geometry::{Aabb, Ray};
 
-/// The height of the plinth's top, on which everything stands.
+/// The height of the plinth's top, on which all other solids stand.
 const FLOOR: f64 = -0.74;
 
-/// A solid and what it looks like.
+/// A solid and its texture.
 pub(super) struct Thing {
     pub(super) solid: Solid,
     pub(super) texture: Texture,
-    /// Which of its kind, and of which seed, the texture is.
+    /// The number that selects a variant of the texture, from the seed.
     pub(super) texture_seed: u64,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct Scene {
     pub(super) things: Vec<Thing>,
 }
 
-/// Where a ray meets the scene.
+/// The intersection of a ray with the scene.
 pub(super) struct Hit<'a> {
     pub(super) thing: &'a Thing,
     pub(super) t: f64,
@@ -62,7 +62,7 @@ impl Scene {
         best
     }
 
-    /// Whether `ray` is inside a solid anywhere after its origin.
+    /// True if any point of `ray` after its origin is inside a solid.
     pub(super) fn blocks(&self, ray: &Ray) -> bool {
         let meets = |solid: &Solid| solid.spans(ray).into_iter().flatten().any(|[_, leave]| leave.t > 0.0);
         self.things.iter().any(|thing| thing.solid.may_meet(ray) && meets(&thing.solid))

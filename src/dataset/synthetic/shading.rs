@@ -38,7 +38,7 @@ impl Lights {
     }
 }
 
-/// The sRGB color in [0, 1] that arrives along `ray`, `None` where it meets nothing.
+/// The sRGB color in [0, 1] that arrives along `ray`; `None` if the ray misses the scene.
 pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray) -> Option<[f64; 3]> {
     let hit = scene.hit(ray, 0.0)?;
     Some(shade(scene, lights, ray, &hit, true).to_array().map(srgb))
@@ -58,7 +58,7 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
     };
 
     let sunlight = arrives(lights.sun);
-    // What the ground around throws back, from below.
+    // Light from the surrounding ground, from below.
     let mut light = DVec3::new(0.10, 0.09, 0.075) * (1.5 - 0.5 * normal.z) + lights.sun_color * sunlight;
     for (direction, color) in &lights.sky {
         light += *color * arrives(*direction);
@@ -85,7 +85,7 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
     leaving
 }
 
-/// What a mirror shows where it shows nothing of the scene: a sky that pales towards the horizon, dark ground below.
+/// The environment that mirrors reflect: a sky that pales towards the horizon, and dark ground below.
 fn surroundings(direction: DVec3) -> DVec3 {
     let horizon = DVec3::new(0.85, 0.88, 0.90);
     if direction.z >= 0.0 {

@@ -1,13 +1,13 @@
-//! Solids that are known exactly: a box, cut by an inner and an outer sphere or cylinder.
+//! Exact solids: a box, cut by an inner and an outer sphere or cylinder.
 //!
-//! That one form holds blocks, rods, spheres, pipes, bowls and blocks with a hole, so rays, distances, occupancy and
-//! tessellation each need a single routine.
+//! This form includes blocks, rods, spheres, pipes, bowls and blocks with a hole, so rays, distances, occupancy and
+//! tessellation need one routine each.
 
 use glam::{DMat3, DVec3};
 
 use crate::geometry::{Aabb, Ray};
 
-/// What [`Solid::round`] is measured from, in the solid's own space.
+/// The point or axis from which [`Solid::round`] measures distances, in the solid's own space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum About {
     /// The origin: the round surfaces are spheres.
@@ -16,13 +16,13 @@ pub(super) enum About {
     Axis,
 }
 
-/// Keeps what is `inner` to `outer` away from `about`.
+/// Keeps the points at distances from `inner` to `outer` from `about`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Round {
     pub(super) about: About,
-    /// 0 where nothing is cut out.
+    /// The inner radius; 0 if nothing is cut out.
     pub(super) inner: f64,
-    /// Infinite where the box alone is the limit.
+    /// The outer radius; infinite if only the box is the limit.
     pub(super) outer: f64,
 }
 
@@ -40,11 +40,11 @@ pub(super) enum Face {
 /// A closed solid: the points of `bounds` that `round` keeps.
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
-    /// Its columns are the solid's axes in the world; orthonormal.
+    /// Orthonormal; the columns are the solid's axes in the world.
     pub(super) world_from_local: DMat3,
-    /// The origin of its own space, in the world.
+    /// The origin of the solid's own space, in the world.
     pub(super) center: DVec3,
-    /// In its own space.
+    /// The box, in the solid's own space.
     pub(super) bounds: Aabb,
     pub(super) round: Option<Round>,
     /// Center (in the world) and squared radius of a sphere around it.
@@ -54,13 +54,13 @@ pub(super) struct Solid {
 /// One crossing of a ray and a solid's surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
-    /// Distance along the ray, also negative.
+    /// Distance along the ray; negative behind its origin.
     pub(super) t: f64,
     pub(super) face: Face,
 }
 
 impl Solid {
-    /// What `bounds` and `round` keep, with its axes along the world's and its origin at `center`.
+    /// The solid that `bounds` and `round` keep, with its axes along the world's and its origin at `center`.
     fn new(center: DVec3, bounds: Aabb, round: Option<Round>) -> Self {
         let world_from_local = DMat3::IDENTITY;
         let mut solid = Self { world_from_local, center, bounds, round, reach: (center, 0.0) };
@@ -113,18 +113,18 @@ impl Solid {
         self.reach = (self.world(self.bounds.center()), radius * radius);
     }
 
-    /// `point` of the world in the solid's own space.
+    /// `point`, in the world, mapped to the solid's own space.
     pub(super) fn local(&self, point: DVec3) -> DVec3 {
         self.world_from_local.transpose() * (point - self.center)
     }
 
-    /// `point` of the solid's own space in the world.
+    /// `point`, in the solid's own space, mapped to the world.
     pub(super) fn world(&self, point: DVec3) -> DVec3 {
         self.world_from_local * point + self.center
     }
 
-    /// How far `point` (of the world) is within the surface it is least within; 0 on the surface, negative outside and
-    /// there at most the distance from the solid.
+    /// The depth of `point` (in the world) below the nearest of the solid's surfaces; 0 on the surface. Negative
+    /// outside, with an absolute value of at most the distance from the solid.
     pub(super) fn depth(&self, point: DVec3) -> f64 {
         let p = self.local(point);
         let flat = (p - self.bounds.min).min(self.bounds.max - p).min_element();
@@ -135,7 +135,7 @@ impl Solid {
         })
     }
 
-    /// The outward unit normal, in the world, of `face` at `point` (of the world).
+    /// The outward unit normal, in the world, of `face` at `point` (in the world).
     pub(super) fn normal(&self, face: Face, point: DVec3) -> DVec3 {
         let about = self.round.map_or(About::Point, |round| round.about);
         let local = match face {
@@ -146,8 +146,8 @@ impl Solid {
         self.world_from_local * local
     }
 
-    /// Whether a sphere around the solid lies on the ray, ahead of its origin or around it: quick, and necessary for a
-    /// crossing at a positive distance.
+    /// True if a sphere around the solid lies on the ray, ahead of its origin or around it: a quick test that is
+    /// necessary for a crossing at a positive distance.
     #[inline]
     pub(super) fn may_meet(&self, ray: &Ray) -> bool {
         let to_reach = self.reach.0 - ray.origin;
@@ -155,11 +155,11 @@ impl Solid {
         squared - along * along <= self.reach.1 && (along >= 0.0 || squared <= self.reach.1)
     }
 
-    /// Where the line of `ray` enters and leaves the solid, in order: twice where a hole is between.
+    /// The spans of the line of `ray` within the solid, in order: two if a hole lies between them.
     pub(super) fn spans(&self, ray: &Ray) -> [Option<[Crossing; 2]>; 2] {
         let to_local = self.world_from_local.transpose();
         let (origin, direction) = (to_local * (ray.origin - self.center), to_local * ray.direction);
-        // The round surface first: it is cheaper to miss.
+        // The round surface first: its miss is cheaper to compute.
         let outside = match self.round {
             Some(round) if round.outer.is_finite() => match round.about.roots(origin, direction, round.outer) {
                 None => return [None, None],
@@ -186,7 +186,7 @@ impl Solid {
         [span(enter, before), span(after, leave)]
     }
 
-    /// Where a line enters and leaves `bounds`, all in the solid's own space.
+    /// The crossings of a line into and out of `bounds`, all in the solid's own space.
     fn flat_span(&self, origin: DVec3, direction: DVec3) -> Option<[Crossing; 2]> {
         let mut enter = Crossing { t: f64::NEG_INFINITY, face: Face::Outer };
         let mut leave = Crossing { t: f64::INFINITY, face: Face::Outer };
@@ -213,7 +213,7 @@ impl Solid {
 }
 
 impl About {
-    /// From what the distance is measured to `p`, both in the solid's own space.
+    /// The vector to `p` from this point or the nearest point of this axis, in the solid's own space.
     pub(super) fn offset(self, p: DVec3) -> DVec3 {
         match self {
             Self::Point => p,
@@ -221,8 +221,8 @@ impl About {
         }
     }
 
-    /// Where the line origin + t·direction crosses the sphere or cylinder of `radius`; `None` where it does not or only
-    /// touches it. A line along a cylinder inside it crosses it at ∓∞.
+    /// The values of t at which the line origin + t·direction crosses the sphere or cylinder of `radius`; `None` if it
+    /// misses or only touches it. A line along a cylinder inside it crosses it at ∓∞.
     fn roots(self, origin: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]> {
         let (o, d) = (self.offset(origin), self.offset(direction));
         let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - radius * radius);

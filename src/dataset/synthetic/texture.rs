@@ -1,4 +1,4 @@
-//! What the solids' surfaces look like: fine patterns that are functions of the point alone.
+//! Textures of the solids' surfaces: fine patterns that are functions of the point alone.
 
 use glam::{DVec2, DVec3};
 
@@ -30,7 +30,7 @@ pub(super) enum Texture {
     Brass,
 }
 
-/// How a surface reflects besides its diffuse color.
+/// Specular reflection of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gloss {
     /// Share of light that is mirrored at normal incidence; 0 for a surface that mirrors nothing at any angle.
@@ -40,7 +40,7 @@ pub(super) struct Gloss {
 }
 
 impl Texture {
-    /// How it reflects.
+    /// Its specular reflection.
     pub(super) fn gloss(self) -> Gloss {
         let (mirror, highlight) = match self {
             Self::Lacquer => (0.10, 1.2),
@@ -253,7 +253,7 @@ fn wave(x: f64) -> f64 {
     2.0 * (x - x.round()).abs()
 }
 
-/// How far `x` is from the next whole number, in [0, ½].
+/// The distance of `x` from the nearest whole number, in [0, ½].
 fn border(x: f64) -> f64 {
     (x - x.round()).abs()
 }

@@ -1,4 +1,4 @@
-//! Meshes as scanners leave them: of small triangles, with holes.
+//! Meshes like those of scanners: small triangles, with holes.
 
 use std::collections::HashMap;
 
@@ -7,8 +7,8 @@ use super::portable::{hash, uniform};
 use glam::DVec3;
 
 impl Mesh {
-    /// Splits edges longer than `longest` in the middle until there are none. What is closed stays closed: whether an edge is
-    /// split depends on the edge alone, so its two triangles agree.
+    /// Splits edges longer than `longest` in the middle until there are none. A closed mesh stays closed, because the
+    /// decision to split an edge depends on the edge alone, so its two triangles agree.
     pub(super) fn refine(&mut self, longest: f64) {
         loop {
             let mut middles = HashMap::new();
@@ -43,13 +43,13 @@ impl Mesh {
         }
     }
 
-    /// Removes the triangles in balls around random points of the surface, of radii from `radii[0]` to `radii[1]`, until
-    /// `share` of its area is gone, and vertices that then belong to no triangle. Returns the share that is gone and, for
-    /// each vertex that is left, which it was.
+    /// Removes the triangles in balls around random points of the surface, of radii from `radii[0]` to `radii[1]`,
+    /// until `share` of its area is removed, and then vertices of no triangle. Returns the removed share and, for each
+    /// remaining vertex, its previous index.
     pub(super) fn tear(&mut self, share: f64, radii: [f64; 2], seed: u64) -> (f64, Vec<u32>) {
         let corners = |triangle: &[u32; 3]| triangle.map(|index| self.vertices[index as usize]);
         let mut below = 0.0;
-        // The area of all triangles up to each.
+        // [triangle] the area of all triangles up to this one.
         let areas: Vec<f64> = (self.triangles.iter())
             .map(|triangle| {
                 let [a, b, c] = corners(triangle);
@@ -79,7 +79,7 @@ impl Mesh {
         (gone / below, self.prune_dead_components())
     }
 
-    /// Drops vertices of no triangle; returns which each of the others was.
+    /// Removes vertices of no triangle. Returns the previous index of each remaining vertex.
     fn prune_dead_components(&mut self) -> Vec<u32> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.as_flattened().iter().for_each(|&index| used[index as usize] = true);
@@ -141,7 +141,7 @@ mod tests {
         assert!((area(&mesh) / area(&whole) - (1.0 - gone)).abs() < 1e-9);
         assert_eq!(was.len(), mesh.vertices.len());
         assert!(was.iter().zip(&mesh.vertices).all(|(&was, &vertex)| whole.vertices[was as usize] == vertex));
-        // Most of what is left is far from every hole: few triangles border on one.
+        // Most of the remaining surface is far from every hole: few triangles border on one.
         let edges: HashSet<_> = mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
         let open = edges.iter().filter(|&&(a, b)| !edges.contains(&(b, a))).count();
         assert!(open > 100 && 10 * open < edges.len(), "{open} of {}", edges.len());

@@ -13,7 +13,7 @@ pub enum GpuError {
     #[error("the graphics device failed: {0}")]
     Device(String),
     /// The scene or the picture exceeds a limit of the device (caller).
-    #[error("this graphics device supports at most {limit} {what}, found {found}")]
+    #[error("this graphics device supports at most {limit} {what}; found {found}")]
     TooLarge {
         /// The limited quantity, a plural.
         what: &'static str,
