@@ -189,6 +189,6 @@ mod tests {
     fn a_bit_past_the_last_vertex_is_named() {
         let mut grid = one_vertex();
         *grid.words.last_mut().unwrap() |= 1 << 63;
-        assert_eq!(grid.check().unwrap_err().place, "occupancy words");
+        assert_eq!(grid.check().unwrap_err().place, "unused bits of the occupancy words");
     }
 }

@@ -270,7 +270,10 @@ mod tests {
             (file("{}"), "missing field `seconds` at line 1"),
             (one(&format!("\"seconds\": NaN, {LOOKING}")), "expected value at line 1"),
             (one(&format!("\"seconds\": 1e999, {LOOKING}")), "number out of range at line 1"),
-            (one(&format!("\"seconds\": -1, {LOOKING}")), "keyframe 0: seconds: expected 0 to 1000000"),
+            (
+                one(&format!("\"seconds\": -1, {LOOKING}")),
+                "keyframe 0: seconds must be from 0 (after the previous keyframe) to 1000000; found -1",
+            ),
             (one(&format!("\"seconds\": 0, \"fov\": 3, {LOOKING}")), "unknown field `fov`"),
             (
                 one("\"seconds\": 0, \"vertical_fov_degrees\": 40"),

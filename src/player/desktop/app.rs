@@ -256,10 +256,7 @@ impl App {
         }
         let names: Vec<_> = slot.choices.iter().map(|(name, _)| name.as_str()).collect();
         let text = if names.is_empty() {
-            format!(
-                "{}: the file has no quality settings; `strivec trade --store` measures and stores them",
-                opening.place
-            )
+            format!("{}: the file stores no quality settings", opening.place)
         } else {
             format!("{}: the file has no quality setting `{name}`; choose one of {}", opening.place, names.join(", "))
         };

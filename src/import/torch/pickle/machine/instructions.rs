@@ -78,7 +78,9 @@ impl Machine<'_> {
                     return Err(self.malformed("a protocol of 2 to 5", version));
                 }
             }
-            FRAME => drop(self.take(8)?),
+            FRAME => {
+                self.take(8)?;
+            }
             POP => drop(self.pop()?),
             POP_MARK => drop(self.pop_mark()?),
             MARK => self.marks.push(self.stack.len()),
@@ -158,9 +160,9 @@ impl Machine<'_> {
             _ => return Ok(false),
         };
         if matches!(code, BINGET | LONG_BINGET) {
-            self.recall(key)?
+            self.recall(key)?;
         } else {
-            self.memoize(key)?
+            self.memoize(key)?;
         }
         Ok(true)
     }
