@@ -6,7 +6,10 @@ use std::sync::LazyLock;
 const FEATURES: [(&str, bool); 3] =
     [("cli", cfg!(feature = "cli")), ("gpu", cfg!(feature = "gpu")), ("player", cfg!(feature = "player"))];
 
-static VERSION: LazyLock<String> = LazyLock::new(|| text(env!("STRIVEC_BUILD")));
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let features: Vec<&str> = FEATURES.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect();
+    text(env!("STRIVEC_BUILD"), &features)
+});
 
 /// Version, commit and features of this build, such as `0.1.0 (1a2b3c4d5; features: cli, gpu)`. Debug builds and builds
 /// outside a repository name no commit.
@@ -14,10 +17,10 @@ pub fn version() -> &'static str {
     &VERSION
 }
 
-fn text(commit: &str) -> String {
-    let features: Vec<&str> = FEATURES.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect();
+fn text(commit: &str, features: &[&str]) -> String {
     let separator = if commit.is_empty() { "" } else { "; " };
-    format!("{} ({commit}{separator}features: {})", env!("CARGO_PKG_VERSION"), features.join(", "))
+    let features = if features.is_empty() { "none".into() } else { features.join(", ") };
+    format!("{} ({commit}{separator}features: {features})", env!("CARGO_PKG_VERSION"))
 }
 
 #[cfg(test)]
@@ -27,8 +30,8 @@ mod tests {
     #[test]
     fn versions_name_commit_and_features() {
         let number = env!("CARGO_PKG_VERSION");
-        assert!(text("1a2b3c4d5").starts_with(&format!("{number} (1a2b3c4d5; features: cli")));
-        assert!(text("").starts_with(&format!("{number} (features: cli")));
+        assert_eq!(text("1a2b3c4d5", &["cli", "gpu"]), format!("{number} (1a2b3c4d5; features: cli, gpu)"));
+        assert_eq!(text("", &[]), format!("{number} (features: none)"));
         assert!(version().starts_with(number));
     }
 }
