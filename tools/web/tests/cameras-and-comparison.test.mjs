@@ -195,7 +195,7 @@ test("training cameras can be chosen, and their photographs blended in", async (
     await viewer.call((v, text) => v.photographs([new File([text], "transforms_train.json")]), other);
     await keyboard.press("PageDown");
     await viewer.until("it is not this scene's", (v) => v.shadowRoot.querySelector("#message.failed") !== null);
-    assert.match(await viewer.message(), /is this the scene's dataset/);
+    assert.match(await viewer.message(), /choose the scene's own dataset/);
     assert.equal(await viewer.call((v) => v.photographShare), 0);
     assert.equal(await viewer.call((v) => v.photographs("nowhere.json")), false);
     assert.match(await viewer.message(), /nowhere.json cannot be read/);
