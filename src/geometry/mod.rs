@@ -4,6 +4,7 @@
 mod aabb;
 mod camera;
 mod lattice;
+mod lens;
 pub mod morton;
 mod path;
 mod pose;
@@ -14,6 +15,7 @@ mod viewpoint;
 pub use aabb::Aabb;
 pub use camera::{Camera, PoseError};
 pub use lattice::{Lattice, cell_at, index_of};
+pub use lens::{Distortion, Lens, Projection};
 pub use path::{CameraPath, Keyframe, PathError};
 pub use pose::{NotRigid, rigid};
 pub use ray::Ray;
