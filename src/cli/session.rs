@@ -1,4 +1,4 @@
-//! What every command starts with: the global options, the console and the exit code.
+//! The start of every command: global options, console and exit code.
 
 use std::process::ExitCode;
 

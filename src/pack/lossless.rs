@@ -4,7 +4,6 @@ use crate::container::{
     ArrayOptions, EncodeOptions, Encoding, Error, FactorOptions, Limits, SceneFile, decode_scene_file,
     encode_scene_file,
 };
-use crate::model::Scene;
 
 /// Options that encode `file` without loss: its own, and floats for arrays that its own would round, as after an edit.
 ///
@@ -34,12 +33,14 @@ pub fn lossless(file: &SceneFile) -> Result<EncodeOptions, Error> {
         options.density.push(choose(density, &file.encoding.density, &floats.density));
         options.appearance.push(choose(appearance, &file.encoding.appearance, &floats.appearance));
     }
-    let networks = |scene: &Scene| {
-        let matrices: Vec<_> = scene.scales.iter().map(|scale| scale.appearance_matrix.clone()).collect();
-        (scene.decoder.clone(), matrices)
-    };
     let same = |read: &SceneFile| {
-        networks(&read.scene) == networks(&file.scene) && read.metadata.prefixes == file.metadata.prefixes
+        let mut scales = read.scene.scales.iter().zip(&file.scene.scales);
+        // A reader returns `None` for each scale without a correction; an edit leaves out the whole list.
+        let prefixes = [&read.metadata.prefixes, &file.metadata.prefixes].map(|prefixes| prefixes.iter().flatten());
+        let [read_prefixes, own_prefixes] = prefixes;
+        read.scene.decoder == file.scene.decoder
+            && scales.all(|(read, own)| read.appearance_matrix == own.appearance_matrix)
+            && read_prefixes.eq(own_prefixes)
     };
     if !read.as_ref().is_some_and(same) {
         options.networks = ArrayOptions::best(Encoding::F32);

@@ -86,7 +86,7 @@ impl Distortion {
         let [n, dn] = polynomial(&self.radial, s);
         let [d, dd] = polynomial(&self.divisor, s);
         let radial = n / d;
-        // Of `radial` by s; that of s is 2·(x, y).
+        // The derivative of `radial` by s. The gradient of s is 2·(x, y).
         let slope = (dn * d - n * dd) / (d * d);
         let [t1, t2] = self.tangential;
         let [s1, s2] = self.prism;

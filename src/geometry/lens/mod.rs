@@ -28,7 +28,7 @@ pub enum Projection {
 pub struct Lens {
     /// The projection.
     pub projection: Projection,
-    /// What bends the projected picture.
+    /// The distortion of the projected picture.
     pub distortion: Distortion,
 }
 
