@@ -33,7 +33,7 @@ static FIELD: LazyLock<Field<f32>> = LazyLock::new(|| Field::new(&SCENE));
 fn rays(count: usize) -> Vec<Ray> {
     let camera = ball_views(1, 100).remove(0).camera;
     let middle = (30..70).flat_map(|row| (30..70).map(move |column| (row, column)));
-    middle.take(count).map(|(row, column)| camera.ray(column, row)).collect()
+    middle.take(count).map(|(row, column)| camera.ray(column, row).unwrap()).collect()
 }
 
 fn marched(rays: &[Ray]) -> Samples<f32> {

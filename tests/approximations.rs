@@ -187,7 +187,7 @@ fn a_picture_has_the_pixels_of_its_rays() {
     let renderer = CpuRenderer::new(&scene());
     let (camera, picture) = (camera(), renderer.render(&camera()));
     for (row, column) in [(0, 0), (20, 17), (38, 44), (15, 16), (16, 15), (25, 31)] {
-        let seen = renderer.trace(&[camera.ray(column, row)])[0];
+        let seen = renderer.trace(&[camera.ray(column, row).unwrap()])[0];
         let pixel = picture.pixels[(row * camera.width + column) as usize];
         let close = |a: f32, b: f32| (a - b).abs() < 1e-5;
         assert!((0..3).all(|i| close(seen.color[i], pixel.color[i])), "{seen:?}, {pixel:?}");

@@ -10,7 +10,8 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec3};
 use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
 use serde_json::{Value, json};
-use strivec::dataset::{Error, ErrorKind, LoadOptions, Pixels, load, load_blender, load_blender_cameras};
+use strivec::dataset::{Error, ErrorKind, Layout, LoadOptions, Pixels, load, load_cameras, load_transforms_cameras};
+use strivec::geometry::{Distortion, Projection};
 use tempfile::TempDir;
 
 const POSE: [[f64; 4]; 4] = [[1.0, 0.0, 0.0, 0.5], [0.0, 0.0, -1.0, -4.0], [0.0, 1.0, 0.0, 0.25], [0.0, 0.0, 0.0, 1.0]];
@@ -45,7 +46,7 @@ impl Small {
 
     fn load(&self, options: &LoadOptions) -> Result<strivec::dataset::Dataset, Error> {
         fs::write(self.path("transforms_train.json"), self.json.to_string()).unwrap();
-        load_blender(self.folder.path(), "train", options)
+        load(self.folder.path(), "train", options)
     }
 
     /// The error of loading: its kind and its line, which must be one line that names a file unless it is an argument.
@@ -80,8 +81,8 @@ fn blender_layout_gives_names_cameras_and_composited_pixels() {
     assert!((view.camera.focal[0] - 3.0 / 0.4_f64.tan()).abs() < 1e-12);
     assert_eq!(view.camera.position, DVec3::new(0.5, -4.0, 0.25));
     // The camera looks along its −z: here along the world's +y, with the world's z upwards.
-    assert!((view.camera.ray_through(3.0, 2.0).direction - DVec3::Y).length() < 1e-12);
-    assert!(view.camera.ray(0, 0).direction.z > 0.0);
+    assert!((view.camera.ray_through(3.0, 2.0).unwrap().direction - DVec3::Y).length() < 1e-12);
+    assert!(view.camera.ray(0, 0).unwrap().direction.z > 0.0);
     let Pixels::Rgba8(pixels) = &view.pixels else { panic!("8-bit files stay so") };
     assert_eq!([pixels[0], pixels[5]], [[255, 0, 0, 51], [0, 0, 255, 255]]);
     assert_eq!(view.pixels.color(0, [1.0; 3]), [1.0, 0.8, 0.8]);
@@ -126,7 +127,9 @@ fn cameras_take_their_size_from_keys_then_pictures_then_the_caller() {
     let mut small = Small::new();
     small.load(&LoadOptions::default()).unwrap();
     let json = small.path("transforms_train.json");
-    let size = |given| load_blender_cameras(&json, given, 2).map(|c| (c.len(), c[1].camera.width, c[1].camera.height));
+    let half = LoadOptions { downscale: 2, ..LoadOptions::default() };
+    let size =
+        |given| load_transforms_cameras(&json, given, &half).map(|c| (c.len(), c[1].camera.width, c[1].camera.height));
     assert_eq!(size(Some([100, 50])).unwrap(), (2, 3, 2));
     fs::remove_dir_all(small.path("train")).unwrap();
     assert_eq!(size(Some([100, 50])).unwrap(), (2, 50, 25));
@@ -140,16 +143,21 @@ fn cameras_take_their_size_from_keys_then_pictures_then_the_caller() {
 #[test]
 fn missing_files_are_the_system_s_fault() {
     let mut small = Small::new();
+    small.load(&LoadOptions::default()).unwrap();
     assert_error(
-        described(load_blender(small.folder.path(), "test", &LoadOptions::default()).unwrap_err()),
+        described(load(small.folder.path(), "test", &LoadOptions::default()).unwrap_err()),
         ErrorKind::Io,
         &["transforms_test.json"],
     );
     small.json["frames"][1]["file_path"] = json!("./train/r_7");
-    assert_error(small.error(), ErrorKind::Io, &["transforms_train.json: frame 1", "r_7.png", "does not exist"]);
+    assert_error(
+        small.error(),
+        ErrorKind::Io,
+        &["transforms_train.json: 1 of 2 pictures", "r_7.png", "`skip_missing`"],
+    );
     small.json["frames"][1]["file_path"] = json!("train");
     fs::create_dir(small.path("train.png")).unwrap();
-    assert_error(small.error(), ErrorKind::Io, &["frame 1"]);
+    assert_error(small.error(), ErrorKind::Io, &["1 of 2", "train.png"]);
 }
 
 #[test]
@@ -163,11 +171,11 @@ fn malformed_json_is_reported_with_line_and_column() {
         ("{\"frames\": [{\"file_path\": \"a\"}]}", "`transform_matrix`"),
         ("{\"frames\": [{\"file_path\": \"a\", \"transform_matrix\": [[1, 2], [3]]}]}", "line 1"),
         ("{\"frames\": 1e999}", "line 1"),
-        (&deep, "EOF"),
+        (&deep, "line 1 column"),
         ("\u{0}\u{1}", "line 1"),
     ] {
         fs::write(folder.path().join("transforms_train.json"), text).unwrap();
-        let error = load_blender(folder.path(), "train", &LoadOptions::default()).unwrap_err();
+        let error = load(folder.path(), "train", &LoadOptions::default()).unwrap_err();
         assert_error(described(error), ErrorKind::Malformed, &["transforms_train.json", part]);
     }
 }
@@ -196,47 +204,107 @@ fn senseless_frames_are_malformed() {
 
 #[test]
 fn senseless_intrinsics_are_malformed() {
-    for (key, value, part) in [
-        ("camera_angle_x", json!(0.0), "between 0 and"),
-        ("camera_angle_x", json!(3.2), "between 0 and"),
-        ("camera_angle_x", json!(-1.0), "between 0 and"),
-        ("camera_angle_x", json!(null), "neither"),
-        ("fl_x", json!(0.0), "positive"),
-        ("fl_y", json!(-2.0), "positive"),
-        ("k1", json!(0.1), "distortion"),
-        ("cx", json!(1e308), "within"),
-        ("w", json!(6.5), "whole"),
-        ("w", json!(1e9), "whole"),
+    for (key, value, place, part) in [
+        ("camera_angle_x", json!(0.0), "frame 0: the angle of view", "between 0 and"),
+        ("camera_angle_x", json!(3.2), "frame 0: the angle of view", "between 0 and"),
+        ("camera_angle_x", json!(-1.0), "frame 0: the angle of view", "between 0 and"),
+        ("camera_angle_x", json!(null), "frame 0: camera_angle_x", "neither"),
+        ("fl_x", json!(0.0), "frame 0: the focal length along columns", "positive"),
+        ("fl_x", json!(-2.0), "frame 0: the focal length along columns", "positive"),
+        ("cx", json!(1e308), "frame 0: the principal point's column", "within"),
+        ("cx", json!(5.9), "the principal point's column", "middle half"),
+        ("w", json!(6.5), "frame 0: w", "whole"),
+        ("w", json!(1e9), "frame 0: w", "whole"),
+        ("camera_model", json!("FOV"), "frame 0: camera_model", "OPENCV_FISHEYE"),
+        ("aabb_scale", json!(0.0), "aabb_scale", "positive"),
+        ("mask_path", json!("../mask.png"), "mask_path", "in the dataset's folder"),
     ] {
         let mut small = Small::new();
-        small.json["h"] = json!(4);
+        if key == "w" {
+            small.json["h"] = json!(4);
+        }
         small.json[key] = value;
-        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", key, part]);
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", place, part]);
+        // The same of a frame alone.
+        if place.starts_with("frame 0") && key != "camera_angle_x" {
+            let value = small.json[key].take();
+            small.json.as_object_mut().unwrap().remove(key);
+            small.json["frames"][1][key] = value;
+            small.json["frames"][1]["h"] = json!(4);
+            let place = place.replace("frame 0", "frame 1");
+            assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", &place, part]);
+        }
     }
 }
 
 #[test]
-fn unsupported_keys_are_refused_by_name() {
-    for (key, value, part) in [
-        ("k1", json!(0.3), "lens distortion (k1 = 3e-1)"),
-        ("k3", json!(0.1), "lens distortion (k3"),
-        ("k4", json!(-0.1), "lens distortion (k4"),
-        ("p2", json!(1e-3), "lens distortion (p2"),
-        ("camera_model", json!("OPENCV_FISHEYE"), "camera_model \"OPENCV_FISHEYE\""),
-        ("camera_model", json!("EQUIRECTANGULAR"), "camera_model \"EQUIRECTANGULAR\""),
-        ("is_fisheye", json!(true), "is_fisheye"),
-        ("mask_path", json!("mask.png"), "mask_path"),
-    ] {
-        let mut small = Small::new();
-        small.json[key] = value;
-        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", part, "is not supported"]);
+fn frames_override_the_intrinsics_at_the_top() {
+    let mut small = Small::new();
+    for (key, value) in [("w", 6.0), ("h", 4.0), ("fl_x", 7.0), ("fl_y", 8.0), ("cx", 2.5), ("cy", 1.5), ("k1", 0.1)] {
+        small.json[key] = json!(value);
     }
-    for key in ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k4", "camera_angle_x", "camera_model", "mask_path"] {
-        let mut small = Small::new();
-        small.json["frames"][1][key] = json!(50);
-        let place = format!("frame 1: {key} is not supported");
-        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", &place]);
+    small.json["frames"][1]["fl_x"] = json!(20.0);
+    small.json["frames"][1]["cx"] = json!(3.5);
+    let views = small.load(&LoadOptions::default()).unwrap().views;
+    let [common, own] = [views[0].camera, views[1].camera];
+    assert_eq!((common.focal, common.principal), ([7.0, 8.0], [2.5, 1.5]));
+    // A focal length of its own comes with its own fl_y, or square pixels.
+    assert_eq!((own.focal, own.principal), ([20.0, 20.0], [3.5, 1.5]));
+    assert!(own.lens == common.lens && !own.lens.is_pinhole());
+    small.json["frames"][1]["k1"] = json!(-0.2);
+    small.json["frames"][1]["camera_model"] = json!("OPENCV_FISHEYE");
+    let own = small.load(&LoadOptions::default()).unwrap().views[1].camera;
+    assert_eq!(own.lens.projection, Projection::Fisheye);
+    assert_eq!(own.lens.distortion, Distortion::new([-0.2, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap());
+}
+
+#[test]
+fn distortion_bends_rays_as_opencv_does() {
+    let mut small = Small::new();
+    for (key, value) in [("w", 6.0), ("h", 4.0), ("fl_x", 5.0), ("k1", 0.1), ("k2", -0.02), ("p1", 0.01), ("p2", 0.003)]
+    {
+        small.json[key] = json!(value);
     }
+    let camera = small.load(&LoadOptions::default()).unwrap().views[0].camera;
+    // The point (0.4, −0.3) of the undistorted picture, by OpenCV's formula.
+    let (x, y) = (0.4, -0.3);
+    let s: f64 = x * x + y * y;
+    let radial = 1.0 + 0.1 * s - 0.02 * s * s;
+    let at = [
+        x * radial + 2.0 * 0.01 * x * y + 0.003 * (s + 2.0 * x * x),
+        y * radial + 0.01 * (s + 2.0 * y * y) + 2.0 * 0.003 * x * y,
+    ];
+    let ray = camera.ray_through(5.0 * at[0] + 3.0, 5.0 * at[1] + 2.0).unwrap();
+    let seen = camera.world_from_camera.transpose() * ray.direction;
+    assert!((seen / -seen.z - DVec3::new(x, -y, -1.0)).length() < 1e-12, "{seen}");
+}
+
+#[test]
+fn masked_pixels_do_not_count() {
+    let mut small = Small::new();
+    image::GrayImage::from_fn(6, 4, |x, y| image::Luma([if x == 2 && y == 1 { 0 } else { 255 }]))
+        .save(small.path("mask.png"))
+        .unwrap();
+    small.json["frames"][1]["mask_path"] = json!("mask.png");
+    let views = small.load(&LoadOptions::default()).unwrap().views;
+    assert_eq!(views[0].mask, None);
+    assert_eq!((0..24).filter(|&n| !views[1].counts(n)).collect::<Vec<_>>(), [8]);
+    let views = small.load(&LoadOptions { downscale: 2, ..LoadOptions::default() }).unwrap().views;
+    assert_eq!(views[1].mask.as_deref(), Some(&[true, false, true, true, true, true][..]));
+    image::GrayImage::new(4, 6).save(small.path("mask.png")).unwrap();
+    assert_error(small.error(), ErrorKind::Malformed, &["mask.png", "must be 6x4", "found 4x6"]);
+}
+
+#[test]
+fn pixels_beyond_the_fold_of_a_lens_do_not_count() {
+    let mut small = Small::new();
+    for (key, value) in [("w", 6.0), ("h", 4.0), ("fl_x", 3.0), ("k1", -0.45)] {
+        small.json[key] = json!(value);
+    }
+    let view = &small.load(&LoadOptions::default()).unwrap().views[0];
+    // r − 0.45 r³ reaches 0.574 at most: 1.72 pixels from the middle.
+    let distance = |n: usize| (n as f64 % 6.0 - 2.5).hypot((n / 6) as f64 - 1.5);
+    assert!((0..24).all(|n| view.counts(n) == (distance(n) < 1.72)), "{:?}", view.mask);
 }
 
 #[test]
@@ -250,11 +318,15 @@ fn harmless_keys_are_ignored() {
         ("k4", json!(0.0)),
         ("camera_model", json!("OPENCV")),
         ("is_fisheye", json!(false)),
+        ("applied_transform", json!([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]])),
+        ("ply_file_path", json!("absent.ply")),
     ] {
         small.json[key] = value;
     }
     small.json["frames"][0]["sharpness"] = json!(12.5);
-    assert_eq!(small.load(&LoadOptions::default()).unwrap().views.len(), 2);
+    let dataset = small.load(&LoadOptions::default()).unwrap();
+    assert!(dataset.views.len() == 2 && dataset.views.iter().all(|view| view.camera.lens.is_pinhole()));
+    assert_eq!(dataset.points, None);
 }
 
 #[test]
@@ -265,13 +337,12 @@ fn what_is_no_dataset_is_told_from_what_it_resembles() {
     let parts = ["transforms_test.json does not exist", "the splits of this dataset are train"];
     assert_error(load(small.folder.path(), "test"), ErrorKind::Io, &parts);
     assert_error(load(&small.path("transforms_train.json"), "train"), ErrorKind::Argument, &["is a file", "folder"]);
-    fs::rename(small.path("transforms_train.json"), small.path("transforms.json")).unwrap();
-    let parts = ["must have transforms_*.json", "pose and color", "found transforms.json", "rename it"];
+    fs::remove_file(small.path("transforms_train.json")).unwrap();
+    let parts = ["is not a dataset", "blender (transforms_train.json)", "sparse/0", "poses_bounds.npy", "pose/"];
     assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &parts);
-    fs::remove_file(small.path("transforms.json")).unwrap();
-    assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &["found neither"]);
-    fs::create_dir(small.path("sparse")).unwrap();
-    assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &["COLMAP"]);
+    let colmap = LoadOptions { layout: Some(Layout::Colmap), ..LoadOptions::default() };
+    let error = described(strivec::dataset::load(small.folder.path(), "train", &colmap).unwrap_err());
+    assert!(error.1.contains("colmap (") && !error.1.contains("blender"), "{}", error.1);
 }
 
 #[test]
@@ -312,7 +383,7 @@ fn senseless_arguments_are_the_caller_s_fault() {
         assert_error(described(error), ErrorKind::Argument, &["downscale", "1 to 4", &downscale.to_string()]);
     }
     for (start, end, every) in [(0, 3, 1), (1, 1, 1), (2, 1, 1), (5, usize::MAX, 1), (0, 2, 0)] {
-        let error = small.load(&LoadOptions { views: Some(start..end), every, downscale: 1 }).unwrap_err();
+        let error = small.load(&LoadOptions { views: Some(start..end), every, ..LoadOptions::default() }).unwrap_err();
         let found = format!("found {start}..{end} by {every}");
         assert_error(described(error), ErrorKind::Argument, &["transforms_train.json: views", "0..2", &found]);
     }
@@ -329,20 +400,20 @@ fn only_the_chosen_views_are_looked_at() {
     for (frame, x) in [(2, 0.0), (5, 1.0), (8, 2.0)] {
         small.json["frames"][frame]["transform_matrix"][0][3] = json!(x);
     }
-    let options = LoadOptions { views: Some(2..9), every: 3, downscale: 1 };
+    let options = LoadOptions { views: Some(2..9), every: 3, ..LoadOptions::default() };
     let views = small.load(&options).unwrap().views;
     assert_eq!(views.iter().map(|v| v.camera.position.x).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
     assert!(views.iter().all(|v| v.name == "r_1" && v.pixels.len() == 24));
-    let far = LoadOptions { every: 100, views: Some(5..10), downscale: 1 };
+    let far = LoadOptions { every: 100, views: Some(5..10), ..LoadOptions::default() };
     assert_eq!(small.load(&far).unwrap().views.len(), 1);
     let error = small.load(&LoadOptions { every: 2, ..options }).unwrap_err();
-    assert_error(described(error), ErrorKind::Io, &["frame 4", "r_4.png"]);
+    assert_error(described(error), ErrorKind::Io, &["2 of 4 pictures", "r_4.png"]);
 }
 
 #[test]
 fn lego_loads_with_orthonormal_poses_and_white_corners() {
     let Some(folder) = data::folder("lego") else { return };
-    let dataset = load_blender(&folder, "train", &LoadOptions { downscale: 8, ..LoadOptions::default() }).unwrap();
+    let dataset = load(&folder, "train", &LoadOptions { downscale: 8, ..LoadOptions::default() }).unwrap();
     assert_eq!((dataset.name.as_str(), dataset.views.len()), ("lego", 100));
     for view in &dataset.views {
         assert_eq!((view.camera.width, view.camera.height, view.pixels.len()), (100, 100, 10_000));
@@ -350,11 +421,11 @@ fn lego_loads_with_orthonormal_poses_and_white_corners() {
         assert!(gram.abs_diff_eq(DMat3::IDENTITY, 1e-15), "{}", view.name);
         // The cameras stand on a sphere of radius 4.03 around the origin and look at it.
         assert!((view.camera.position.length() - 4.031).abs() < 1e-3, "{}", view.name);
-        let middle = view.camera.ray_through(50.0, 50.0);
+        let middle = view.camera.ray_through(50.0, 50.0).unwrap();
         assert!(middle.at(view.camera.position.length()).length() < 1e-3, "{}", view.name);
         assert_eq!(view.pixels.color(0, [1.0; 3]), [1.0; 3], "{}", view.name);
     }
-    let cameras = load_blender_cameras(&folder.join("transforms_test.json"), None, 2).unwrap();
+    let cameras = load_cameras(&folder, "test", None, &LoadOptions { downscale: 2, ..LoadOptions::default() }).unwrap();
     assert_eq!((cameras.len(), cameras[0].camera.width), (200, 400));
 }
 
@@ -366,17 +437,22 @@ fn numbers_that_are_not_finite_are_named() {
         for (place, from) in [("pose", "0.25"), ("angle", "0.8")] {
             let small = Small::new();
             fs::write(small.path("transforms_train.json"), text.replacen(from, bad, 1)).unwrap();
-            let Err(error) = load_blender(small.folder.path(), "train", &LoadOptions::default()) else {
+            let Err(error) = load(small.folder.path(), "train", &LoadOptions::default()) else {
                 panic!("{bad} as {place} is read")
             };
             assert_error(described(error), ErrorKind::Malformed, &["transforms_train.json"]);
         }
     }
-    for (key, value) in [("w", 1e300), ("fl_x", -1.0), ("fl_x", 0.0), ("cx", 1e300), ("k1", 1e-300)] {
+    for (key, value) in [("w", 1e300), ("fl_x", -1.0), ("fl_x", 0.0), ("cx", 1e300)] {
         let mut small = Small::new();
         small.json["w"] = json!(6);
         small.json["h"] = json!(4);
         small.json[key] = json!(value);
-        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", key]);
+        let named = match key {
+            "w" => "w",
+            "fl_x" => "focal length",
+            _ => "principal point",
+        };
+        assert_error(small.error(), ErrorKind::Malformed, &["transforms_train.json", named]);
     }
 }

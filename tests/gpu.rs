@@ -81,7 +81,7 @@ fn the_device_computes_the_cameras_rays() {
         assert_eq!((drawn.width, drawn.height, drawn.pixels.len()), (size, size, (size * size) as usize));
         let (mut near, mut opaque) = (0, 0);
         for (n, drawn) in drawn.pixels.iter().enumerate() {
-            let expected = reference.trace_one(&camera.ray(n as u32 % size, n as u32 / size));
+            let expected = reference.trace_one(&camera.ray(n as u32 % size, n as u32 / size).unwrap());
             if expected.margin < position_error(&[camera]) {
                 near += 1;
                 continue;
@@ -117,7 +117,7 @@ fn batches_make_one_picture() {
     let camera = scenes::camera(600, 1.0);
     let drawn = renderer.render(&camera);
     let rays: Vec<_> = (0..600).step_by(59).flat_map(|y| (0..600).step_by(59).map(move |x| (x, y))).collect();
-    let traced = renderer.trace(&rays.iter().map(|&(x, y)| camera.ray(x, y)).collect::<Vec<_>>());
+    let traced = renderer.trace(&rays.iter().map(|&(x, y)| camera.ray(x, y).unwrap()).collect::<Vec<_>>());
     let far = rays.iter().zip(&traced).filter(|((x, y), traced)| {
         let pixel = drawn.pixels[(y * 600 + x) as usize];
         (0..3).any(|c| (pixel.color[c] - traced.color[c]).abs() > 1e-4)

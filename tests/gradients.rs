@@ -26,6 +26,7 @@ fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
         .map(|i| {
             scenes::camera(64, random.uniform(3 * i) * 6.0)
                 .ray_through(64.0 * random.uniform(3 * i + 1), 64.0 * random.uniform(3 * i + 2))
+                .unwrap()
         })
         .filter(|ray| {
             let trace = renderer.trace_one(ray);

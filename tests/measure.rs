@@ -78,7 +78,7 @@ fn psnr_is_numpys() {
 #[test]
 fn ssim_is_scipys_and_the_brute_force() {
     let [a, b] = pictures();
-    let found = ssim(SIZE, &a, &b).unwrap();
+    let found = ssim(SIZE, &a, &b, None).unwrap();
     assert!(close(found, SSIM, 1e-12), "{found}");
     assert!(close(found, brute_force_ssim(SIZE, &a, &b), 1e-12));
 }
@@ -105,7 +105,7 @@ fn one_changed_pixel_is_seen() {
 #[test]
 fn rows_of_another_length_make_another_picture() {
     let [a, b] = pictures();
-    let turned = ssim([SIZE[1], SIZE[0]], &a, &b).unwrap();
+    let turned = ssim([SIZE[1], SIZE[0]], &a, &b, None).unwrap();
     assert!(!close(turned, SSIM, 1e-3));
 }
 
@@ -136,11 +136,11 @@ fn sizes_are_checked() {
 #[test]
 fn a_report_averages_its_views_and_its_json_has_null_for_an_infinite_psnr() {
     let [a, b] = pictures();
-    let different = ViewReport::new("r_0", SIZE, &a, &b).unwrap();
+    let different = ViewReport::new("r_0", SIZE, &a, &b, None).unwrap();
     let report = Report::new(vec![different.clone(), different.clone()]).unwrap();
     assert!(close(report.psnr, PSNR, 1e-11));
     assert!(close(report.ssim.unwrap(), SSIM, 1e-12));
-    let report = Report::new(vec![different, ViewReport::new("r_1", SIZE, &a, &a).unwrap()]).unwrap();
+    let report = Report::new(vec![different, ViewReport::new("r_1", SIZE, &a, &a, None).unwrap()]).unwrap();
     assert_eq!(report.psnr, f64::INFINITY);
     let json: serde_json::Value = serde_json::to_value(&report).unwrap();
     assert_eq!(json["views"][1]["psnr"], serde_json::Value::Null);
@@ -151,7 +151,7 @@ fn a_report_averages_its_views_and_its_json_has_null_for_an_infinite_psnr() {
 
 #[test]
 fn a_view_smaller_than_the_window_has_no_ssim() {
-    let view = ViewReport::new("tiny", [2, 1], &[[0.0; 3]; 2], &[[0.5; 3]; 2]).unwrap();
+    let view = ViewReport::new("tiny", [2, 1], &[[0.0; 3]; 2], &[[0.5; 3]; 2], None).unwrap();
     assert_eq!(view.ssim, None);
     assert_eq!(Report::new(vec![view]).unwrap().ssim, None);
 }

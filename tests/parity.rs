@@ -58,7 +58,7 @@ fn opacity_and_depth_follow_the_reference_and_a_planted_difference_shows() {
     const BOUNDS: [f64; 2] = [2e-4, 1e-3];
     let scene = scenes::scene(&scenes::config());
     let camera = scenes::camera(32, 1.0);
-    let rays: Vec<Ray> = (0..1024).map(|n| camera.ray(n % 32, n / 32)).collect();
+    let rays: Vec<Ray> = (0..1024).map(|n| camera.ray(n % 32, n / 32).unwrap()).collect();
     let reference = ReferenceRenderer::new(&scene);
     let expected: Vec<Trace> = rays.iter().map(|ray| reference.trace_one(ray)).collect();
     let clear = expected.iter().filter(|e| e.margin > F32_POSITION_ERROR).count();
@@ -146,7 +146,7 @@ fn trace_info_has_the_references_normals_and_the_same_pixels() {
         if point.covered { field.density(field.density_feature(&point).feature) } else { 0.0 }
     };
     let camera = scenes::camera(40, 0.4);
-    let rays: Vec<_> = (0..1600).map(|n| camera.ray(n % 40, n / 40)).collect();
+    let rays: Vec<_> = (0..1600).map(|n| camera.ray(n % 40, n / 40).unwrap()).collect();
     let (pixels, infos) = (renderer.trace(&rays), renderer.trace_info(&rays, true));
     assert!(renderer.trace_info(&rays, false).iter().all(|info| info.normal.is_none()));
     let (mut normals, mut close) = (0, 0);

@@ -179,7 +179,7 @@ fn the_mode_changes_colors_alone() {
     let camera = scenes::camera(16, 0.7);
     let (mut colored, mut same) = (0, 0);
     for (column, row) in (0..16).flat_map(|row| (0..16).map(move |column| (column, row))) {
-        let ray = camera.ray(column, row);
+        let ray = camera.ray(column, row).unwrap();
         let [a, b] = [&once, &each].map(|scene| ReferenceRenderer::new(scene).trace_one(&ray));
         assert_eq!((a.opacity, a.depth, a.margin), (b.opacity, b.depth, b.margin));
         colored += usize::from(a.opacity > 0.1);

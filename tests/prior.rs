@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3, IVec3, UVec3};
-use strivec::dataset::{Dataset, LoadOptions, Pixels, View, load_blender};
+use strivec::dataset::{Dataset, LoadOptions, Pixels, View, load};
 use strivec::geometry::{Aabb, Camera, Lattice, Ray, Similarity};
 use strivec::model::{Placement, TensorCloud};
 use strivec::prior::coarse::reconstruct;
@@ -27,10 +27,10 @@ fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
         let radius = (1.0 - height * height).sqrt();
         let position = 3.0 * scale * DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
         let camera = Camera::looking_at([size, size], 1.3 * f64::from(size), position, DVec3::ZERO, DVec3::Z);
-        let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size))));
-        View { name: format!("r_{n}"), camera, pixels }
+        let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size).unwrap())));
+        View::new(format!("r_{n}"), camera, pixels)
     };
-    Dataset { name: "box".into(), views: (0..views).map(view).collect(), lost: 0 }
+    Dataset::new("box", (0..views).map(view).collect())
 }
 
 fn color(solid: &Aabb, ray: &Ray) -> [f32; 3] {
@@ -110,7 +110,7 @@ fn coarse_reconstruction_names_what_is_wrong() {
     assert!(matches!(error, Error::EmptyReconstruction { steps: 20, .. }), "{error}");
     assert!(error.to_string().contains("background"), "{error}");
 
-    let none = Dataset { name: "none".into(), views: vec![], lost: 0 };
+    let none = Dataset::new("none", vec![]);
     assert_eq!(run(&none, &options), Err(Error::NoViews { dataset: "none".into() }));
 
     let mut short = dataset.clone();
@@ -136,13 +136,13 @@ fn coarse_reconstruction_names_what_is_wrong() {
 
 #[test]
 fn one_view_and_parallel_views_give_a_solid_box_and_empty_pictures_are_an_error() {
-    let one = Dataset { name: "one".into(), views: photographs(6, 24, 1.0).views[..1].to_vec(), lost: 0 };
+    let one = Dataset::new("one", photographs(6, 24, 1.0).views[..1].to_vec());
     let mut parallel = photographs(3, 24, 1.0);
     let mut empty = parallel.clone();
     for (n, view) in parallel.views.iter_mut().enumerate() {
         let position = DVec3::new(0.2 * n as f64, -3.0, 0.0);
         view.camera = Camera::looking_at([24, 24], 31.2, position, position + DVec3::Y, DVec3::Z);
-        view.pixels = Pixels::opaque((0..576).map(|p| color(&SOLID, &view.camera.ray(p % 24, p / 24))));
+        view.pixels = Pixels::opaque((0..576).map(|p| color(&SOLID, &view.camera.ray(p % 24, p / 24).unwrap())));
     }
     let options = CoarseOptions { steps: vec![80], ..small_options() };
     for (name, dataset) in [("one view", one), ("parallel views", parallel)] {
@@ -298,8 +298,8 @@ fn world_scale_and_origin_do_not_change_the_placement() {
 #[test]
 fn lego_is_found_without_a_hole_and_keeps_its_units() {
     let Some(folder) = data::folder("lego") else { return };
-    let load = LoadOptions { downscale: 8, ..LoadOptions::default() };
-    let dataset = load_blender(&folder, "train", &load).unwrap();
+    let small = LoadOptions { downscale: 8, ..LoadOptions::default() };
+    let dataset = load(&folder, "train", &small).unwrap();
     let options = CoarseOptions { steps: vec![200, 200], rays: 1024, visibility_stride: 2, ..CoarseOptions::default() };
     let boxes = run(&dataset, &options).unwrap();
     let bounds = boxes.bounds();
@@ -316,7 +316,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     let (mut object, mut missed, mut empty, mut fog) = (0, 0, 0, 0);
     for view in dataset.views.iter().step_by(5) {
         for (n, color) in view.pixels.colors([1.0; 3]).iter().enumerate() {
-            let ray = view.camera.ray(n as u32 % view.camera.width, n as u32 / view.camera.width);
+            let ray = view.camera.ray(n as u32 % view.camera.width, n as u32 / view.camera.width).unwrap();
             if color.iter().any(|&c| c < 0.7) {
                 object += 1;
                 missed += u32::from(!hits(&ray));
@@ -398,7 +398,7 @@ fn eight_tensors_name_what_is_wrong() {
     empty.views.iter_mut().for_each(|v| v.pixels = Pixels::opaque(vec![[1.0; 3]; v.pixels.len()]));
     let error = run(&config, &empty);
     assert!(error.contains("empty after 20 steps") && error.contains("background"), "{error}");
-    let none = Dataset { name: "none".into(), views: vec![], lost: 0 };
+    let none = Dataset::new("none", vec![]);
     assert!(run(&config, &none).contains("no views"));
     let mut short = dataset.clone();
     short.views[3].pixels = Pixels::opaque(vec![[1.0; 3]; 16 * 16 - 1]);

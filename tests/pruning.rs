@@ -35,7 +35,7 @@ fn one_sided(coverage: Coverage, listed: bool) -> Scene {
 
 fn rays() -> Vec<Ray> {
     let cameras = (0..4).map(|i| scenes::camera(12, f64::from(i)));
-    cameras.flat_map(|camera| (0..144).map(move |p| camera.ray(p % 12, p / 12))).collect()
+    cameras.flat_map(|camera| (0..144).map(move |p| camera.ray(p % 12, p / 12).unwrap())).collect()
 }
 
 /// Colors and depths in the reference renderer, as bits.
@@ -133,7 +133,7 @@ fn views(scene: &Scene) -> Vec<View> {
             let pixels = renderer.render(&camera).pixels;
             let pixels = (0..).zip(&pixels).map(|(n, p)| p.color.map(|c| c + 0.1 * (noise.uniform(n) as f32 - 0.5)));
             let pixels = Pixels::opaque(pixels);
-            View { name: i.to_string(), camera, pixels }
+            View::new(i.to_string(), camera, pixels)
         })
         .collect()
 }

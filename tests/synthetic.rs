@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use strivec::dataset::{Error, ErrorKind, LoadOptions, SynthOptions, load_blender, synthesize};
+use strivec::dataset::{Error, ErrorKind, LoadOptions, SynthOptions, load, synthesize};
 use strivec::npy::{Header, Number};
 
 const OPTIONS: SynthOptions = SynthOptions { views: 5, test_views: 3, size: [32, 24], seed: 7, force: false };
@@ -57,7 +57,7 @@ fn dataset_reads_back_with_distinct_cameras_and_soft_silhouettes() {
     assert_eq!(made.pictures, 5 + 1 + 3);
     let mut positions = Vec::new();
     for (split, count) in [("train", 5), ("val", 1), ("test", 3)] {
-        let dataset = load_blender(folder.path(), split, &LoadOptions::default()).unwrap();
+        let dataset = load(folder.path(), split, &LoadOptions::default()).unwrap();
         assert_eq!(dataset.views.len(), count);
         for view in &dataset.views {
             assert_eq!((view.camera.width, view.camera.height), (32, 24));

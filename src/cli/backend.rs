@@ -260,4 +260,8 @@ impl Renderer for Watched<'_> {
             vec![Pixel::default(); rays.len()]
         })
     }
+
+    fn background(&self) -> [f32; 3] {
+        self.renderer.borrow().background()
+    }
 }

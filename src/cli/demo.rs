@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
         let (size, rendered) = ([picture.width, picture.height], colors(&picture));
         let photograph = view.pixels.colors(scene.frame.background);
-        reports.push(ViewReport::new(&view.name, size, &rendered, &photograph)?);
+        reports.push(ViewReport::new(&view.name, size, &rendered, &photograph, None)?);
         if rows.len() < ON_SHEET {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
             let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });

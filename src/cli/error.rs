@@ -77,7 +77,7 @@ impl Error {
 
 impl From<dataset::Error> for Error {
     fn from(error: dataset::Error) -> Self {
-        let message = error.to_string();
+        let message = with_flags(&error.to_string());
         match error.kind() {
             dataset::ErrorKind::Io => Self::Io(message),
             dataset::ErrorKind::Malformed | dataset::ErrorKind::Limit => Self::Malformed(message),
@@ -167,7 +167,7 @@ const RENAMED: [(&str, &str); 5] = [
     ("files", "--prior"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 20] = [
+const SAME: [&str; 21] = [
     "background",
     "bounds",
     "close",
@@ -182,6 +182,7 @@ const SAME: [&str; 20] = [
     "outliers",
     "scale",
     "seed",
+    "skip_missing",
     "steps",
     "thickness",
     "threshold",

@@ -15,7 +15,7 @@ use super::view_selection::ViewSelection;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::dataset::{self, Dataset, View};
 use crate::measure::{
-    self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, error_map, side_by_side,
+    self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, counted, error_map, side_by_side,
 };
 use crate::render::{RenderSettings, upsample_bilinear};
 
@@ -113,8 +113,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let picture = upsample_bilinear(&renderer.render(&camera.downscaled(settings.divisor))?, size);
         seconds += start.elapsed().as_secs_f64();
         let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
-        let report = ViewReport::new(&view.name, size, &rendered, &photograph)?;
-        errors.add(&Region::from_photograph(size, &photograph, &view.pixels.opacities())?, &rendered, &photograph)?;
+        let report = ViewReport::new(&view.name, size, &rendered, &photograph, view.mask.as_deref())?;
+        let regions = Region::from_photograph(size, &photograph, &view.pixels.opacities())?;
+        match &view.mask {
+            None => errors.add(&regions, &rendered, &photograph)?,
+            Some(mask) => {
+                errors.add(&counted(&regions, mask), &counted(&rendered, mask), &counted(&photograph, mask))?;
+            }
+        }
         if let Some(folder) = &args.sheets {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
             let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });

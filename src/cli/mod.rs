@@ -8,6 +8,7 @@ mod backend;
 mod bench;
 mod camera_path;
 mod console;
+mod dataset_options;
 mod demo;
 mod error;
 mod eval;

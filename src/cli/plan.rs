@@ -78,7 +78,7 @@ struct Machine {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let config = args.settings.configuration()?;
     let options = args.settings.basics.photographs();
-    let named = dataset::load_cameras(&args.dataset, "train", None, options.downscale)?;
+    let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
     let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
     let interrupted = interrupts()?;
     let start = Instant::now();

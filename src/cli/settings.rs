@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use super::dataset_options::DatasetOptions;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
 use crate::dataset::LoadOptions;
@@ -51,6 +52,8 @@ pub(super) struct Basics {
     /// Use every Nth photograph only
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
     every: usize,
+    #[command(flatten)]
+    dataset: DatasetOptions,
     /// Random seed [default: the configuration's, else 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -76,7 +79,7 @@ fn every(text: &str) -> Result<usize, String> {
 impl Basics {
     /// Selection and size of the photographs.
     pub(super) fn photographs(&self) -> LoadOptions {
-        LoadOptions { downscale: self.downscale, every: self.every, ..LoadOptions::default() }
+        LoadOptions { every: self.every, ..self.dataset.load_options(self.downscale) }
     }
 
     /// The settings: `preset`, overridden by the file, overridden by single arguments.

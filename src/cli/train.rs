@@ -17,7 +17,7 @@ use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, LoadOptions, View};
 use crate::digits::grouped;
-use crate::measure;
+use crate::measure::ViewReport;
 use crate::model::Scene;
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
@@ -95,7 +95,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
-            let count = dataset::load_cameras(folder, "test", None, 1)?.len();
+            let count = dataset::load_cameras(folder, "test", None, &options)?.len();
             let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
             dataset::load(folder, "test", &options)?.views
         }
@@ -248,7 +248,9 @@ impl Run<'_> {
         let psnrs: Vec<f64> = (self.held_out.iter())
             .map(|view| {
                 let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
-                measure::psnr(&colors(&picture), &view.pixels.colors(background)).unwrap_or(f64::NAN)
+                let size = [picture.width, picture.height];
+                let (photograph, mask) = (view.pixels.colors(background), view.mask.as_deref());
+                ViewReport::new(&view.name, size, &colors(&picture), &photograph, mask).map_or(f64::NAN, |r| r.psnr)
             })
             .collect();
         psnrs.iter().sum::<f64>() / psnrs.len() as f64

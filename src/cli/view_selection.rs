@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::dataset_options::DatasetOptions;
 use crate::dataset::LoadOptions;
 
 /// Views by their number in the split, from 0.
@@ -13,12 +14,15 @@ pub(super) struct ViewSelection {
     /// Use every Nth view only, beginning with the first [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     every: Option<u32>,
+    #[command(flatten)]
+    dataset: DatasetOptions,
 }
 
 impl ViewSelection {
     /// Options to load the selected views, downscaled `downscale` times.
     pub(super) fn options(&self, downscale: u32) -> LoadOptions {
-        LoadOptions { downscale, views: self.views.clone(), every: self.every.unwrap_or(1) as usize }
+        let (views, every) = (self.views.clone(), self.every.unwrap_or(1) as usize);
+        LoadOptions { views, every, ..self.dataset.load_options(downscale) }
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use super::camera_path::{CameraPathOptions, Way, numbered};
+use super::dataset_options::DatasetOptions;
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};
@@ -35,6 +36,8 @@ pub(super) struct Viewpoints {
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with_all = ["orbit", "pose", "path"],
         value_parser = clap::value_parser!(u32).range(1..))]
     downscale: u32,
+    #[command(flatten)]
+    dataset: DatasetOptions,
     /// Size of the pictures in pixels [default: the dataset's, else 800x800]
     #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
@@ -69,10 +72,11 @@ impl Viewpoints {
     /// The cameras, at least one, for the scene of this `frame` whose `bounds` are in model units.
     pub(super) fn cameras(&self, frame: &Frame, bounds: &Aabb) -> Result<Vec<NamedCamera>, Error> {
         if let Some(path) = &self.cameras {
+            let options = self.dataset.load_options(self.downscale);
             return Ok(if path.is_dir() {
-                dataset::load_cameras(path, "test", self.size, self.downscale)?
+                dataset::load_cameras(path, "test", self.size, &options)?
             } else {
-                dataset::load_blender_cameras(path, self.size, self.downscale)?
+                dataset::load_transforms_cameras(path, self.size, &options)?
             });
         }
         let size = self.size.unwrap_or([800, 800]);
@@ -118,6 +122,7 @@ impl Viewpoints {
             pose: None,
             path: CameraPathOptions::NONE,
             downscale: 1,
+            dataset: DatasetOptions::default(),
             size: None,
             fov: None,
             elevation: None,
@@ -221,8 +226,8 @@ mod tests {
                 let from_target = camera.position - DVec3::new(2.0, 0.0, 0.0);
                 assert!((from_target.length() - 5.0).abs() < 1e-12);
                 assert!((from_target.dot(axis) - 2.5).abs() < 1e-12);
-                assert!((camera.ray_through(20.0, 10.0).direction + from_target / 5.0).length() < 1e-12);
-                assert!(camera.ray_through(20.0, 0.0).direction.dot(axis) > -0.5, "up is up");
+                assert!((camera.ray_through(20.0, 10.0).unwrap().direction + from_target / 5.0).length() < 1e-12);
+                assert!(camera.ray_through(20.0, 0.0).unwrap().direction.dot(axis) > -0.5, "up is up");
             }
         }
     }

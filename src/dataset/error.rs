@@ -38,15 +38,20 @@ pub enum Error {
         /// The system's error.
         source: io::Error,
     },
-    /// A frame names a picture that does not exist.
-    #[error("{}: frame {frame}: the picture {} does not exist", path.display(), picture.display())]
-    MissingPicture {
-        /// The JSON file, or the scan's folder of poses.
+    /// Photographs whose pictures do not exist.
+    #[error(
+        "{}: {count} of {of} pictures do not exist, the first is {}; `skip_missing` leaves them out",
+        path.display(), picture.display()
+    )]
+    MissingPictures {
+        /// The file or folder that lists the photographs.
         path: PathBuf,
-        /// Index in `frames`, or the pose's number.
-        frame: usize,
-        /// The picture's path.
+        /// The first picture's path.
         picture: PathBuf,
+        /// Number of pictures that do not exist.
+        count: usize,
+        /// Number of photographs.
+        of: usize,
     },
     /// A file that is not JSON, or JSON of another layout. The source names line and column.
     #[error("{}: not the JSON of a dataset: {source}", path.display())]
@@ -62,20 +67,16 @@ pub enum Error {
         /// The JSON file, or the scan's folder of poses.
         path: PathBuf,
     },
-    /// A folder of no known layout.
-    #[error(
-        "{}: the folder is not a dataset: it must have transforms_*.json (Blender's layout) or the folders pose and \
-         color (ScanNet's layout); found {found}",
-        path.display()
-    )]
+    /// A folder without the files of a layout.
+    #[error("{}: the folder is not a dataset of the layouts {wanted}", path.display())]
     Layout {
         /// The folder.
         path: PathBuf,
-        /// The layout that the folder resembles.
-        found: &'static str,
+        /// The layouts with the files that each needs.
+        wanted: String,
     },
     /// A file instead of a folder.
-    #[error("{} is a file; pass the folder of the dataset, which contains transforms_train.json", path.display())]
+    #[error("{} is a file; pass the folder of the dataset", path.display())]
     NotAFolder {
         /// The file.
         path: PathBuf,
@@ -88,18 +89,8 @@ pub enum Error {
         /// The splits that exist.
         splits: Vec<String>,
     },
-    /// A key that changes the meaning of pictures and is not supported.
-    #[error("{}: {place} is not supported: {reason}", path.display())]
-    Unsupported {
-        /// The JSON file.
-        path: PathBuf,
-        /// The frame, if any, the key and its value.
-        place: String,
-        /// The supported alternative.
-        reason: &'static str,
-    },
     /// A split that the layout does not have.
-    #[error("{}: the split must be train or test; found {found:?}", path.display())]
+    #[error("{}: the split must be train, test or all; found {found:?}", path.display())]
     Split {
         /// The dataset.
         path: PathBuf,
@@ -140,26 +131,14 @@ pub enum Error {
         /// The deviation, or the values.
         found: String,
     },
-    /// A missing or invalid camera constant.
-    #[error("{}: {key} must be {expected}; found {found}", path.display())]
-    Intrinsics {
-        /// The JSON file.
-        path: PathBuf,
-        /// The JSON key.
-        key: &'static str,
-        /// The valid values.
-        expected: &'static str,
-        /// The value found, or `neither`.
-        found: String,
-    },
     /// The size of the pictures is in neither the JSON file nor a picture nor the caller's arguments.
     #[error("{}: the picture size is unknown; add the keys w and h, add a picture, or set `size`", path.display())]
     UnknownSize {
-        /// The JSON file.
+        /// The file or folder that lists the photographs.
         path: PathBuf,
     },
     /// A picture that cannot be decoded.
-    #[error("{}: the file must be a PNG or JPEG picture: {found}", path.display())]
+    #[error("{}: the file must be a PNG, JPEG, WebP or TIFF picture: {found}", path.display())]
     Picture {
         /// The picture.
         path: PathBuf,
@@ -242,19 +221,17 @@ impl Error {
     /// The party that must act.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Read { .. } | Self::Write { .. } | Self::MissingPicture { .. } | Self::MissingSplit { .. } => {
+            Self::Read { .. } | Self::Write { .. } | Self::MissingPictures { .. } | Self::MissingSplit { .. } => {
                 ErrorKind::Io
             }
             Self::Json { .. }
             | Self::NoFrames { .. }
             | Self::FilePath { .. }
             | Self::Pose { .. }
-            | Self::Intrinsics { .. }
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
             | Self::PictureSize { .. }
             | Self::Layout { .. }
-            | Self::Unsupported { .. }
             | Self::Text { .. } => ErrorKind::Malformed,
             Self::Downscale { .. }
             | Self::FolderNotEmpty { .. }

@@ -1,74 +1,182 @@
-//! Detection of a folder's layout.
+//! The layouts of datasets, and which one a folder has.
 
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::{Dataset, Error, LoadOptions, NamedCamera};
-use super::{load_blender, load_blender_cameras, load_scannet, load_scannet_cameras};
+use super::capture::Capture;
+use super::shot::Split;
+use super::{Dataset, Error, LoadOptions, NamedCamera, Scan};
+use super::{colmap, llff, nsvf, photographs, scannet, transforms};
 
-/// The layout of photographs in a folder.
-enum Layout {
-    /// `transforms_*.json`.
+/// How photographs and their poses lie in a folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Layout {
+    /// `transforms_train.json` and its kin, of NeRF-synthetic.
     Blender,
-    /// `pose` and `color`.
+    /// One `transforms.json`, of Instant-NGP and nerfstudio.
+    Transforms,
+    /// `cameras` and `images` of a sparse reconstruction, and `images/`.
+    Colmap,
+    /// `intrinsics.txt`, `pose/` and `rgb/`, of Tanks and Temples.
+    Nsvf,
+    /// `poses_bounds.npy` and `images/`.
+    Llff,
+    /// `pose/` and `color/`.
     ScanNet,
 }
 
-/// The split `split` of the dataset in `folder`, of any layout: Blender's if there is a `transforms_*.json`, else
-/// ScanNet's if there is a folder `pose`.
-///
-/// # Errors
-///
-/// If the dataset cannot be read or is invalid: all of [`Error`] but those of writing.
-pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
-    match Layout::of(folder)? {
-        Layout::Blender => load_blender(folder, split, options),
-        Layout::ScanNet => load_scannet(folder, split, options),
+impl Layout {
+    /// All layouts, in the order in which a folder is compared with them.
+    pub const ALL: [Self; 6] = [Self::Blender, Self::Transforms, Self::Colmap, Self::Nsvf, Self::ScanNet, Self::Llff];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blender => "blender",
+            Self::Transforms => "transforms",
+            Self::Colmap => "colmap",
+            Self::Nsvf => "nsvf",
+            Self::Llff => "llff",
+            Self::ScanNet => "scannet",
+        }
+    }
+
+    /// The files by which it is recognized.
+    pub fn files(self) -> &'static str {
+        match self {
+            Self::Blender => "transforms_train.json",
+            Self::Transforms => "transforms.json",
+            Self::Colmap => {
+                "cameras and images (.bin or .txt) in sparse/0, sparse or colmap/sparse/0; pictures in images/"
+            }
+            Self::Nsvf => "intrinsics.txt, pose/ and rgb/",
+            Self::Llff => "poses_bounds.npy; pictures in images/",
+            Self::ScanNet => "pose/ and color/",
+        }
+    }
+
+    /// The error that `folder` has none of the `layouts`.
+    fn not_found(folder: &Path, layouts: &[Self]) -> Error {
+        let wanted: Vec<_> = layouts.iter().map(|layout| format!("{} ({})", layout.name(), layout.files())).collect();
+        Error::Layout { path: folder.to_path_buf(), wanted: wanted.join(", ") }
+    }
+
+    /// The layout of `folder`.
+    ///
+    /// # Errors
+    ///
+    /// If it is not a folder or has no layout's files.
+    pub fn of(folder: &Path) -> Result<Self, Error> {
+        if folder.is_file() {
+            return Err(Error::NotAFolder { path: folder.to_path_buf() });
+        }
+        // A folder that cannot be read has no layout for that reason.
+        std::fs::read_dir(folder).map_err(Error::read(folder))?;
+        for layout in Self::ALL {
+            if layout.is_in(folder)? {
+                return Ok(layout);
+            }
+        }
+        Err(Self::not_found(folder, &Self::ALL))
+    }
+
+    fn is_in(self, folder: &Path) -> Result<bool, Error> {
+        Ok(match self {
+            Self::Blender => !transforms::splits(folder)?.is_empty(),
+            Self::Transforms => folder.join("transforms.json").is_file(),
+            Self::Colmap => colmap::Project::find(folder).is_some(),
+            Self::Nsvf => nsvf::is_in(folder),
+            Self::ScanNet => Scan::open(folder)?.is_some(),
+            Self::Llff => folder.join(llff::POSES).is_file(),
+        })
+    }
+
+    /// The dataset in `folder`, as far as the split `split` needs it.
+    fn read(self, folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
+        let not_found = || Self::not_found(folder, &[self]);
+        match self {
+            Self::Blender => blender(folder, split, downscale),
+            Self::Transforms => {
+                let mut capture = transforms::read(&folder.join("transforms.json"), None, downscale)?;
+                // Instant-NGP leaves them out, too, and its own examples lack some.
+                capture.leave_out_missing();
+                Ok(capture)
+            }
+            Self::Colmap => {
+                let project = colmap::Project::find(folder).ok_or_else(not_found)?;
+                let shots = project.shots(folder, downscale)?;
+                Ok(Capture { points: project.points(), ..Capture::new(&project.model, shots) })
+            }
+            Self::Nsvf => nsvf::read(folder),
+            Self::Llff => llff::read(folder, downscale),
+            Self::ScanNet => scannet::read(Scan::open(folder)?.ok_or_else(not_found)?, split),
+        }
     }
 }
 
-/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before
-/// downscaling) is for datasets that do not define the size of their pictures.
+/// The file of one split; of all, for `all`.
+fn blender(folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
+    let splits = transforms::splits(folder)?;
+    let json = |split: &str| -> PathBuf { folder.join(format!("transforms_{split}.json")) };
+    let is_all = split == "all";
+    let wanted: Vec<&str> = match split {
+        "all" => splits.iter().map(String::as_str).collect(),
+        split => vec![split],
+    };
+    let mut shots = Vec::new();
+    for name in wanted {
+        if !json(name).is_file() {
+            return Err(Error::MissingSplit { path: json(name), splits });
+        }
+        let of_name = match name {
+            "test" => Split::Test,
+            "val" => Split::Validation,
+            _ => Split::Train,
+        };
+        // Another split's own name stands for itself.
+        shots.extend(transforms::read(&json(name), Some(of_name), downscale)?.shots);
+    }
+    Ok(Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, shots))
+}
+
+/// The split `split` (`train`, `val`, `test` or `all`) of the dataset in `folder`.
 ///
 /// # Errors
 ///
-/// If [`load`] fails, except for errors of pictures; or with [`Error::UnknownSize`].
+/// On everything [`Error`] lists but writing.
+pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    let capture = capture(folder, split, options)?;
+    photographs::load(photographs::name_of(folder), capture, split, options)
+}
+
+/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
+/// is for datasets that do not say how large their pictures are.
+///
+/// # Errors
+///
+/// As [`load`]'s, but for pictures; and if no size is known.
 pub fn load_cameras(
     folder: &Path,
     split: &str,
     size: Option<[u32; 2]>,
-    downscale: u32,
+    options: &LoadOptions,
 ) -> Result<Vec<NamedCamera>, Error> {
-    match Layout::of(folder)? {
-        Layout::Blender => load_blender_cameras(&folder.join(format!("transforms_{split}.json")), size, downscale),
-        Layout::ScanNet => load_scannet_cameras(folder, split, size, downscale),
-    }
+    photographs::cameras(capture(folder, split, options)?, split, size, options)
 }
 
-impl Layout {
-    fn of(folder: &Path) -> Result<Self, Error> {
-        if folder.is_file() {
-            return Err(Error::NotAFolder { path: folder.to_path_buf() });
-        }
-        for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
-            let name = entry.map_err(Error::read(folder))?.file_name();
-            if name.to_str().is_some_and(|name| name.starts_with("transforms_") && name.ends_with(".json")) {
-                return Ok(Self::Blender);
-            }
-        }
-        // Cameras alone need no pictures.
-        if folder.join("pose").is_dir() {
-            return Ok(Self::ScanNet);
-        }
-        let found = if folder.join("transforms.json").is_file() {
-            "transforms.json (rename it to transforms_train.json)"
-        } else if folder.join("sparse").is_dir() || folder.join("colmap_sparse").is_dir() {
-            "a COLMAP reconstruction (convert it to transforms_train.json)"
-        } else if folder.join("poses_bounds.npy").is_file() {
-            "LLFF's poses_bounds.npy (convert it to transforms_train.json)"
-        } else {
-            "neither"
-        };
-        Err(Error::Layout { path: folder.to_path_buf(), found })
-    }
+/// The cameras of all frames of one `transforms.json` file, which need not be in a dataset; else as [`load_cameras`].
+///
+/// # Errors
+///
+/// As [`load_cameras`]'.
+pub fn load_transforms_cameras(
+    json: &Path,
+    size: Option<[u32; 2]>,
+    options: &LoadOptions,
+) -> Result<Vec<NamedCamera>, Error> {
+    photographs::cameras(transforms::read(json, None, options.downscale)?, "all", size, options)
+}
+
+fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Result<Capture, Error> {
+    let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
+    layout.read(folder, split, options.downscale)
 }

@@ -1,30 +1,36 @@
-//! Posed photographs. Each layout has a file and returns a [`Dataset`].
+//! Posed photographs. Each layout has a file and returns a `Capture`, which `photographs` makes a [`Dataset`] of.
 //!
 //! In: an untrusted folder of pictures with their camera poses. Out: cameras and colors in the dataset's own space. The
 //! caller maps that space to the model's.
 #![forbid(unsafe_code)]
 
-mod blender;
+mod capture;
+mod colmap;
 mod error;
+mod files;
 mod layout;
+mod llff;
+mod nsvf;
 mod photographs;
 mod picture;
 mod pixels;
 mod scan;
 mod scannet;
+mod shot;
 mod synthetic;
+mod transforms;
 
-pub use blender::{load_blender, load_blender_cameras};
+pub use capture::Holdout;
 pub use error::{Error, ErrorKind};
-pub use layout::{load, load_cameras};
+pub use layout::{Layout, load, load_cameras, load_transforms_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
-pub use scannet::{load_scannet, load_scannet_cameras};
 pub use synthetic::{SynthOptions, Synthesized, SynthesizedScan, synthesize, synthesize_scan};
 
 use std::ops::Range;
+use std::path::PathBuf;
 
-use crate::geometry::Camera;
+use crate::geometry::{Aabb, Camera};
 
 /// The photographs of one split of a dataset, with their cameras in the dataset's own space.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +41,19 @@ pub struct Dataset {
     pub views: Vec<View>,
     /// Number of frames of the split without a pose, which are not among the views.
     pub lost: usize,
+    /// The pictures that do not exist and that the options, or the layout, leave out.
+    pub left_out: Vec<PathBuf>,
+    /// A file of points on the scene's surfaces, in the dataset's space, such as COLMAP's sparse points.
+    pub points: Option<PathBuf>,
+    /// The scene's box in the dataset's space, if its files have one.
+    pub bounds: Option<Aabb>,
+}
+
+impl Dataset {
+    /// The dataset of `views` alone.
+    pub fn new(name: impl Into<String>, views: Vec<View>) -> Self {
+        Self { name: name.into(), views, lost: 0, left_out: Vec::new(), points: None, bounds: None }
+    }
 }
 
 /// One photograph.
@@ -46,6 +65,27 @@ pub struct View {
     pub camera: Camera,
     /// The colors of the picture.
     pub pixels: Pixels,
+    /// \[height\]\[width\] true for the pixels that count: those that no mask covers and that the camera has a ray
+    /// for. `None` if all do.
+    pub mask: Option<Vec<bool>>,
+}
+
+impl View {
+    /// A view all of whose pixels count.
+    pub fn new(name: impl Into<String>, camera: Camera, pixels: Pixels) -> Self {
+        Self { name: name.into(), camera, pixels, mask: None }
+    }
+
+    /// The numbers of the pixels that count, ascending; `None` if all do.
+    pub fn counting(&self) -> Option<Vec<u32>> {
+        let mask = self.mask.as_ref()?;
+        Some((0..).zip(mask).filter(|(_, counts)| **counts).map(|(pixel, _)| pixel).collect())
+    }
+
+    /// True if pixel number `pixel`, row by row from the top left, counts.
+    pub fn counts(&self, pixel: usize) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask[pixel])
+    }
 }
 
 /// A camera without its photograph.
@@ -67,11 +107,17 @@ pub struct LoadOptions {
     pub views: Option<Range<usize>>,
     /// The stride in this range: every n-th view is loaded, starting with the first. At least 1.
     pub every: usize,
+    /// The layout; `None`: the one whose files the folder has.
+    pub layout: Option<Layout>,
+    /// The test views of datasets without splits of their own.
+    pub holdout: Holdout,
+    /// True to leave out photographs whose picture does not exist.
+    pub skip_missing: bool,
 }
 
 impl Default for LoadOptions {
     /// All views at full size.
     fn default() -> Self {
-        Self { downscale: 1, views: None, every: 1 }
+        Self { downscale: 1, views: None, every: 1, layout: None, holdout: Holdout::default(), skip_missing: false }
     }
 }

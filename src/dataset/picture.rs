@@ -1,12 +1,13 @@
-//! PNG and JPEG pictures to pixels: decoding within limits, averaging blocks.
+//! Pictures (PNG, JPEG, WebP, TIFF) to pixels: decoding within limits, averaging blocks.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::{Error, Pixels};
+use super::{Error, Pixels, files};
 
 /// The longest edge of a picture that is decoded.
 pub(super) const MAX_EDGE: u32 = 16_384;
@@ -14,47 +15,63 @@ pub(super) const MAX_EDGE: u32 = 16_384;
 const MAX_DECODED_BYTES: u64 = 512 << 20;
 /// The first bytes of a JPEG file: start of image, and the next marker's first byte.
 const JPEG_START: [u8; 3] = [0xff, 0xd8, 0xff];
-/// The most bytes that a file of a dataset may have.
-const MAX_FILE_BYTES: u64 = 512 << 20;
 
-/// The bytes of a regular file of at most [`MAX_FILE_BYTES`].
-pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
-    read_at_most(path, MAX_FILE_BYTES)
+/// The bytes with which a file begins; enough for the header of nearly every picture.
+const HEAD_BYTES: u64 = 256 << 10;
+
+/// What a picture's header says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    /// Columns and rows as stored.
+    pub(super) size: [u32; 2],
+    /// How to turn the stored picture so that up is up.
+    pub(super) orientation: Orientation,
 }
 
-/// The bytes of a regular file of at most `limit`.
-pub(super) fn read_at_most(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
+impl Header {
+    /// The header of a picture of `size` that is upright.
+    pub(super) fn upright(size: [u32; 2]) -> Self {
+        Self { size, orientation: Orientation::NoTransforms }
+    }
+
+    /// Columns and rows once the picture is turned.
+    pub(super) fn turned_size(&self) -> [u32; 2] {
+        use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+        let [width, height] = self.size;
+        match self.orientation {
+            Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH => [height, width],
+            _ => [width, height],
+        }
+    }
+}
+
+/// The header of the picture at `path`. Reads the beginning of the file, or all of it if that is not enough.
+pub(super) fn header(path: &Path) -> Result<Header, Error> {
+    let mut head = Vec::new();
     let file = File::open(path).map_err(Error::read(path))?;
-    let mut bytes = Vec::new();
-    // A device or a pipe has no length to check beforehand, so the read itself is bounded.
-    file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
-    let found = bytes.len() as u64;
-    if found > limit {
-        return Err(Error::TooLarge { path: path.to_path_buf(), what: "bytes", limit, found });
+    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::read(path))?;
+    let header = |bytes: &[u8]| {
+        let mut decoder = decoder(path, bytes)?;
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        Ok(Header { size: decoder.dimensions().into(), orientation })
+    };
+    match header(&head) {
+        Err(_) if head.len() as u64 == HEAD_BYTES => {
+            let bytes = files::read(path)?;
+            check_end(path, &bytes).and_then(|()| header(&bytes))
+        }
+        Err(error) => check_end(path, &head).and(Err(error)),
+        found => found,
     }
-    Ok(bytes)
 }
 
-/// Columns and rows of the picture at `path`, from its header.
-pub(super) fn size(path: &Path) -> Result<[u32; 2], Error> {
-    let bytes = read_file(path)?;
-    let (width, height) = decoder(path, &bytes)?.dimensions();
-    Ok([width, height])
-}
-
-/// The colors of the picture at `path`, of `size` (columns and rows) divided by `downscale`, rounded down. `size` comes
-/// from the file `like`; a picture of another size is an error.
-pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> Result<Pixels, Error> {
-    let bytes = read_file(path)?;
-    let decoder = decoder(path, &bytes)?;
-    let found: [u32; 2] = decoder.dimensions().into();
-    if found != size {
-        return Err(Error::PictureSize { path: path.to_path_buf(), expected: size, like: like.to_path_buf(), found });
-    }
-    let deep = matches!(decoder.color_type(), ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16);
-    let picture = DynamicImage::from_decoder(decoder).map_err(undecodable(path))?;
-    let (width, downscale) = (size[0] as usize, downscale as usize);
-    Ok(if deep {
+/// The colors of the picture at `path`, turned by its orientation if `is_turned`, then made `downscale` times smaller;
+/// columns and rows that do not fill a block are dropped.
+pub(super) fn load(path: &Path, is_turned: bool, downscale: u32) -> Result<Pixels, Error> {
+    let picture = decoded(path, is_turned)?;
+    let (width, downscale) = (picture.width() as usize, downscale as usize);
+    let is_deep = !matches!(picture.color(), ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8);
+    Ok(if is_deep {
         averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), downscale)
     } else if downscale > 1 {
         averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), downscale)
@@ -63,14 +80,55 @@ pub(super) fn load(path: &Path, size: [u32; 2], like: &Path, downscale: u32) -> 
     })
 }
 
+/// \[height\]\[width\] true where the mask at `path` is not black, made `downscale` times smaller: a block counts if all
+/// of it does. The mask must have the `size` (columns and rows) of its photograph.
+pub(super) fn load_mask(path: &Path, is_turned: bool, size: [u32; 2], downscale: u32) -> Result<Vec<bool>, Error> {
+    let mask = decoded(path, is_turned)?.into_luma8();
+    let found: [u32; 2] = mask.dimensions().into();
+    if found != size {
+        let like = path.to_path_buf();
+        return Err(Error::PictureSize { path: path.to_path_buf(), expected: size, like, found });
+    }
+    let [width, columns, rows] = [size[0], size[0] / downscale, size[1] / downscale].map(|n| n as usize);
+    let (factor, raw) = (downscale as usize, mask.as_raw());
+    let counts = |row: usize, column: usize| {
+        (row * factor..(row + 1) * factor).all(|y| raw[y * width + column * factor..][..factor].iter().all(|&v| v > 0))
+    };
+    Ok((0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| counts(r, c)).collect())
+}
+
+/// The whole picture at `path`.
+fn decoded(path: &Path, is_turned: bool) -> Result<DynamicImage, Error> {
+    let bytes = files::read(path)?;
+    check_end(path, &bytes)?;
+    let mut decoder = decoder(path, &bytes)?;
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable(path))?;
+    if is_turned {
+        picture.apply_orientation(orientation);
+    }
+    Ok(picture)
+}
+
+/// Refuses a truncated JPEG file, whose missing part the decoder fills with gray.
+fn check_end(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    if bytes.starts_with(&JPEG_START) && is_cut_short(bytes) {
+        return Err(Error::Picture { path: path.to_path_buf(), found: "the JPEG file is truncated".into() });
+    }
+    Ok(())
+}
+
 /// The format by the first bytes of a file, regardless of its extension.
 fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, Error> {
     let undecodable = |found: String| Error::Picture { path: path.to_path_buf(), found };
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         Ok(ImageFormat::Png)
     } else if bytes.starts_with(&JPEG_START) {
-        // The decoder fills the missing part of a truncated file with gray.
-        if is_cut_short(bytes) { Err(undecodable("the JPEG file is truncated".into())) } else { Ok(ImageFormat::Jpeg) }
+        Ok(ImageFormat::Jpeg)
+    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+        Ok(ImageFormat::WebP)
+    } else if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
+        Ok(ImageFormat::Tiff)
     } else {
         Err(undecodable(format!("the first bytes are {:02x?}", &bytes[..bytes.len().min(8)])))
     }

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 
-use super::{Error, photographs, picture};
+use super::files::read_text;
+use super::{Error, photographs, shot};
 use crate::geometry::{NotRigid, rigid};
 
 /// Endings of a scan's mesh after its name, in order of preference.
 const MESHES: [&str; 2] = ["_vh_clean_2.ply", "_vh_clean.ply"];
-/// The most bytes of a text file of a scan. The largest, the file of constants, has about two thousand.
-const MAX_TEXT_BYTES: u64 = 1 << 20;
 
 /// A folder as written by ScanNet's exporter: `NAME/` with `NAME.txt`, `NAME_vh_clean_2.ply`, `pose/` and `color/`.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +81,7 @@ fn name_in(folder: &Path) -> Result<Option<String>, Error> {
 
 /// `NAME.txt`: lines `key = value`.
 pub(super) struct Constants {
-    pub(super) path: PathBuf,
+    path: PathBuf,
     text: String,
 }
 
@@ -110,6 +109,11 @@ impl Constants {
             Some(found) => Ok(Some(found)),
             None => Err(Error::text(&self.path, key, "a number", format!("{:?}", shortened(value)))),
         }
+    }
+
+    /// The extent `value` of pictures, which `key` has, in pixels.
+    pub(super) fn extent(&self, key: &str, value: f64) -> Result<u32, Error> {
+        shot::extent(value).ok_or_else(|| Error::text(&self.path, key, shot::EXTENT, value.to_string()))
     }
 
     /// `axisAlignment`, made exactly rigid.
@@ -142,6 +146,17 @@ fn matrix(path: &Path, place: &str, text: &str) -> Result<[[f64; 4]; 4], Error> 
     Ok(rows)
 }
 
+/// The numbers of the file `path`, which need not be finite. Words from the first `#` of a line on are no numbers.
+pub(super) fn numbers_of(path: &Path) -> Result<Vec<f64>, Error> {
+    let text = read_text(path)?;
+    let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().split_whitespace());
+    let parsed = |word: &str| {
+        let found = || format!("the word {:?}", shortened(word));
+        number(word).ok_or_else(|| Error::text(path, "the file", "numbers", found()))
+    };
+    words.map(parsed).collect()
+}
+
 /// Parses a number as Rust does. Also accepts infinities and NaN as printed by Microsoft's C library, as in `-1.#INF`;
 /// all of these become NaN.
 fn number(word: &str) -> Option<f64> {
@@ -151,15 +166,6 @@ fn number(word: &str) -> Option<f64> {
 /// At most the first 40 characters, for messages.
 fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
-}
-
-/// The contents of a text file.
-fn read_text(path: &Path) -> Result<String, Error> {
-    let bytes = picture::read_at_most(path, MAX_TEXT_BYTES)?;
-    String::from_utf8(bytes).map_err(|error| {
-        let place = format!("byte {}", error.utf8_error().valid_up_to());
-        Error::text(path, place, "UTF-8 text", "other bytes")
-    })
 }
 
 #[cfg(test)]

@@ -1,10 +1,12 @@
-//! Pinhole cameras: the only definition of the camera's axes and of pixel centers.
+//! Cameras: the only definition of the camera's axes and of pixel centers.
 
-use glam::{DMat3, DMat4, DVec3};
+use std::ops::Range;
 
-use super::{NotRigid, Ray, Similarity, rigid};
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
-/// A pinhole camera in OpenGL's and Blender's axes: x to the right, y up, looking along −z.
+use super::{Lens, NotRigid, Ray, Similarity, rigid};
+
+/// A camera in OpenGL's and Blender's axes: x to the right, y up, looking along −z.
 ///
 /// Pixel (column, row) counts from the top left; its center is (column + ½, row + ½).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +19,8 @@ pub struct Camera {
     pub focal: [f64; 2],
     /// The principal point in pixels from the top left corner of the picture.
     pub principal: [f64; 2],
+    /// The projection and its distortion.
+    pub lens: Lens,
     /// Orthonormal, right-handed: its columns are the camera's x, y and z axes in the world.
     pub world_from_camera: DMat3,
     /// The camera's position in the world.
@@ -49,6 +53,7 @@ impl Camera {
             height: size[1],
             focal: [focal, focal],
             principal: [0.5 * f64::from(size[0]), 0.5 * f64::from(size[1])],
+            lens: Lens::PINHOLE,
             world_from_camera: DMat3::from_cols(right, back.cross(right), back),
             position,
         }
@@ -66,7 +71,9 @@ impl Camera {
         let (world_from_camera, position) =
             rigid(&rows).map_err(|NotRigid { expected, .. }| PoseError { expected, found: format!("{pose:?}") })?;
         let principal = size.map(|extent| 0.5 * f64::from(extent));
-        Ok(Self { width: size[0], height: size[1], focal: [focal; 2], principal, world_from_camera, position })
+        let [width, height] = size;
+        let lens = Lens::PINHOLE;
+        Ok(Self { width, height, focal: [focal; 2], principal, lens, world_from_camera, position })
     }
 
     /// The row-major camera-to-world matrix, as accepted by [`Camera::posed`].
@@ -77,16 +84,49 @@ impl Camera {
             .to_cols_array()
     }
 
-    /// The ray from the camera through the picture point (x, y), in pixels from the top left corner.
-    pub fn ray_through(&self, x: f64, y: f64) -> Ray {
-        let in_camera =
-            DVec3::new((x - self.principal[0]) / self.focal[0], -(y - self.principal[1]) / self.focal[1], -1.0);
-        Ray { origin: self.position, direction: (self.world_from_camera * in_camera).normalize() }
+    /// The ray from the camera through the picture point (x, y), in pixels from the top left corner. `None` where the
+    /// lens sees nothing: never for a pinhole, beyond the fold of a distortion or the sphere of directions for others.
+    pub fn ray_through(&self, x: f64, y: f64) -> Option<Ray> {
+        let point = DVec2::new((x - self.principal[0]) / self.focal[0], (y - self.principal[1]) / self.focal[1]);
+        let in_camera = if self.lens.is_pinhole() {
+            DVec3::new(point.x, -point.y, -1.0)
+        } else {
+            let direction = self.lens.direction(point)?;
+            DVec3::new(direction.x, -direction.y, -direction.z)
+        };
+        Some(Ray { origin: self.position, direction: (self.world_from_camera * in_camera).normalize() })
     }
 
-    /// The ray through the center of pixel (`column`, `row`).
-    pub fn ray(&self, column: u32, row: u32) -> Ray {
+    /// The ray through the center of pixel (`column`, `row`); `None` as for [`Camera::ray_through`].
+    pub fn ray(&self, column: u32, row: u32) -> Option<Ray> {
         self.ray_through(f64::from(column) + 0.5, f64::from(row) + 0.5)
+    }
+
+    /// The rays of all pixels of `rows`, row by row.
+    pub fn rays(&self, rows: Range<u32>) -> impl Iterator<Item = Option<Ray>> + '_ {
+        rows.flat_map(move |row| (0..self.width).map(move |column| self.ray(column, row)))
+    }
+
+    /// \[height\]\[width\] true for the pixels that have a ray; `None` if all do.
+    pub fn seen_pixels(&self) -> Option<Vec<bool>> {
+        if self.lens.is_pinhole() {
+            return None;
+        }
+        let has_ray = |ray: Option<Ray>| ray.is_some();
+        // A lens sees less the farther from its axis, so that a picture whose border is seen is seen wholly.
+        let [right, bottom] = [self.width - 1, self.height - 1];
+        let border = (0..self.width).flat_map(|x| [(x, 0), (x, bottom)]);
+        let border = border.chain((0..self.height).flat_map(|y| [(0, y), (right, y)]));
+        let is_whole = border.into_iter().all(|(x, y)| has_ray(self.ray(x, y)));
+        (!is_whole).then(|| self.rays(0..self.height).map(has_ray).collect())
+    }
+
+    /// The picture point, in pixels from the top left corner, on which `point` of the world falls, inside the picture or
+    /// not. `None` behind a perspective camera and beyond the fold of a distortion.
+    pub fn project(&self, point: DVec3) -> Option<DVec2> {
+        let seen = self.world_from_camera.transpose() * (point - self.position);
+        let at = self.lens.point(DVec3::new(seen.x, -seen.y, -seen.z))?;
+        Some(DVec2::from(self.focal) * at + DVec2::from(self.principal))
     }
 
     /// The same view in the target space of `map`.
@@ -119,9 +159,9 @@ mod tests {
     #[test]
     fn middle_of_the_picture_looks_at_the_target_and_columns_grow_to_the_right() {
         let camera = Camera::looking_at([4, 2], 3.0, DVec3::new(0.0, -5.0, 0.0), DVec3::ZERO, DVec3::Z);
-        assert!((camera.ray_through(2.0, 1.0).direction - DVec3::Y).length() < 1e-15);
-        assert!(camera.ray(3, 0).direction.x > 0.0, "columns grow to the right");
-        assert!(camera.ray(3, 0).direction.z > 0.0, "rows grow downwards");
+        assert!((camera.ray_through(2.0, 1.0).unwrap().direction - DVec3::Y).length() < 1e-15);
+        assert!(camera.ray(3, 0).unwrap().direction.x > 0.0, "columns grow to the right");
+        assert!(camera.ray(3, 0).unwrap().direction.z > 0.0, "rows grow downwards");
     }
 
     #[test]
@@ -137,7 +177,7 @@ mod tests {
     fn downscaled_pixel_center_is_the_middle_of_its_block() {
         let camera = Camera::looking_at([8, 8], 5.0, DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
         let small = camera.downscaled(4);
-        let difference = small.ray(1, 0).direction - camera.ray_through(6.0, 2.0).direction;
+        let difference = small.ray(1, 0).unwrap().direction - camera.ray_through(6.0, 2.0).unwrap().direction;
         assert!(difference.length() < 1e-15);
     }
 }

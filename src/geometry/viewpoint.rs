@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::Camera;
+use super::{Camera, Lens};
 
 /// A camera's position, rotation and field of view. The size of its picture is not part of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +33,7 @@ impl Viewpoint {
             height: size[1],
             focal: [focal, focal],
             principal: size.map(|extent| 0.5 * f64::from(extent)),
+            lens: Lens::PINHOLE,
             world_from_camera: DMat3::from_quat(self.rotation),
             position: self.position,
         }

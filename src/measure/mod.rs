@@ -26,6 +26,6 @@ pub use png::{color_png, depth_png, opacity_png};
 pub use probes::{PROBE_MARGIN, ProbeReport, check_probes, make_probes, probe_density_error};
 pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
-pub use report::{Report, ViewReport};
+pub use report::{Report, ViewReport, counted};
 pub use sheet::{Canvas, side_by_side, stacked};
 pub use ssim::{SSIM_WINDOW, ssim};

@@ -40,8 +40,7 @@ pub fn parity(scene: &Scene, renderer: &impl Renderer, cameras: &[Camera], posit
     let reference = ReferenceRenderer::new(scene);
     let (mut clear, mut near) = (Vec::new(), Vec::new());
     for camera in cameras {
-        let rays: Vec<Ray> =
-            (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| camera.ray(column, row))).collect();
+        let rays: Vec<Ray> = camera.rays(0..camera.height).flatten().collect();
         let expected: Vec<_> = rays.par_iter().map(|ray| reference.trace_one(ray)).collect();
         for (expected, found) in expected.iter().zip(renderer.trace(&rays)) {
             let differences = if expected.margin > position_error { &mut clear } else { &mut near };

@@ -19,20 +19,48 @@ pub struct ViewReport {
 }
 
 impl ViewReport {
-    /// Compares the picture `rendered` with the photograph `truth`, both of `size` (columns, rows).
+    /// Compares the picture `rendered` with the photograph `truth`, both of `size` (columns, rows), in the pixels for
+    /// which `mask` is true; in all without one. SSIM takes the others as identical.
     ///
     /// # Errors
     ///
-    /// [`Error::Size`] if one of the two has another size.
-    pub fn new(name: &str, size: [u32; 2], rendered: &[[f32; 3]], truth: &[[f32; 3]]) -> Result<Self, Error> {
+    /// [`Error::Size`] if one of the three has another size, [`Error::Empty`] if `mask` is true nowhere.
+    pub fn new(
+        name: &str,
+        size: [u32; 2],
+        rendered: &[[f32; 3]],
+        truth: &[[f32; 3]],
+        mask: Option<&[bool]>,
+    ) -> Result<Self, Error> {
         Error::unless_size(size, rendered.len())?;
-        let mse = super::mse(rendered, truth)?;
+        let Some(mask) = mask else { return Self::compared(name, size, rendered, truth, super::mse(rendered, truth)?) };
+        for found in [truth.len(), mask.len()] {
+            Error::unless_size(size, found)?;
+        }
+        let mse = super::mse(&counted(rendered, mask), &counted(truth, mask))?;
+        let same = |((&rendered, &truth), &counts)| if counts { rendered } else { truth };
+        let covered: Vec<_> = rendered.iter().zip(truth).zip(mask).map(same).collect();
+        Self::compared(name, size, &covered, truth, mse)
+    }
+
+    fn compared(
+        name: &str,
+        size: [u32; 2],
+        rendered: &[[f32; 3]],
+        truth: &[[f32; 3]],
+        mse: f64,
+    ) -> Result<Self, Error> {
         let ssim = match ssim(size, rendered, truth) {
             Err(Error::SmallerThanWindow { .. }) => None,
             other => Some(other?),
         };
         Ok(Self { name: name.to_owned(), mse, psnr: psnr_of_mse(mse), ssim })
     }
+}
+
+/// The colors for which `mask` is true.
+pub fn counted<T: Copy>(colors: &[T], mask: &[bool]) -> Vec<T> {
+    colors.iter().zip(mask).filter(|(_, counts)| **counts).map(|(color, _)| *color).collect()
 }
 
 /// The quality of several views.

@@ -13,6 +13,8 @@ pub struct Distortion {
     cameras: Vec<Camera>,
     /// \[camera\]\[pixel\].
     pictures: Vec<Vec<[f32; 3]>>,
+    /// \[camera\] the pixels that count; `None` if all do.
+    counting: Vec<Option<Vec<u32>>>,
     reference: Reference,
 }
 
@@ -27,7 +29,8 @@ impl Distortion {
     /// Against `scene`'s own pictures from `views`.
     pub fn from_own_pictures(scene: &Scene, views: Views) -> Self {
         let pictures = pictures(scene, &views.cameras).collect();
-        Self { cameras: views.cameras, pictures, reference: Reference::OwnPictures }
+        let counting = vec![None; views.cameras.len()];
+        Self { cameras: views.cameras, pictures, counting, reference: Reference::OwnPictures }
     }
 
     /// Against photographs of what `scene` shows.
@@ -35,6 +38,7 @@ impl Distortion {
         Self {
             cameras: views.iter().map(|view| view.camera.mapped(&scene.frame.model_from_dataset)).collect(),
             pictures: views.iter().map(|view| view.pixels.colors(scene.frame.background)).collect(),
+            counting: views.iter().map(View::counting).collect(),
             reference: Reference::Photographs,
         }
     }
@@ -42,11 +46,17 @@ impl Distortion {
     /// The mean squared error of `scene`'s pictures. Against own pictures it is the mean over all pixels and channels;
     /// against photographs it is the error whose PSNR is the mean of the views' PSNR.
     pub fn mse(&self, scene: &Scene) -> f64 {
-        let of_view = |(before, after): (&Vec<[f32; 3]>, Vec<[f32; 3]>)| {
-            let differences = before.iter().zip(&after).flat_map(|(b, a)| (0..3).map(move |c| f64::from(b[c] - a[c])));
-            (differences.map(|d| d * d).sum::<f64>(), 3 * before.len())
+        let squared = |before: [f32; 3], after: [f32; 3]| (0..3).map(move |c| f64::from(before[c] - after[c]).powi(2));
+        let of_view = |((before, counting), after): ((&Vec<[f32; 3]>, &Option<Vec<u32>>), Vec<[f32; 3]>)| match counting
+        {
+            None => (before.iter().zip(&after).flat_map(|(b, a)| squared(*b, *a)).sum::<f64>(), 3 * before.len()),
+            Some(pixels) => {
+                let errors = pixels.iter().flat_map(|&n| squared(before[n as usize], after[n as usize]));
+                (errors.sum::<f64>(), 3 * pixels.len())
+            }
         };
-        let errors = self.pictures.iter().zip(pictures(scene, &self.cameras)).map(of_view);
+        let references = self.pictures.iter().zip(&self.counting);
+        let errors = references.zip(pictures(scene, &self.cameras)).map(of_view);
         match self.reference {
             Reference::OwnPictures => {
                 let (sum, count) = errors.fold((0.0, 0), |(sum, count), (e, n)| (sum + e, count + n));

@@ -3,7 +3,7 @@
 use glam::DMat3;
 
 use crate::container::TrainingCamera;
-use crate::geometry::{Camera, Ray};
+use crate::geometry::{Camera, Lens, Ray};
 use crate::model::Scene;
 use crate::random::Random;
 use crate::train::FactorImportance;
@@ -32,7 +32,7 @@ impl Views {
     /// `count` rays through random points of the pictures of random cameras. The same `random` gives the same rays.
     pub fn rays(&self, count: usize, random: &Random) -> Vec<Ray> {
         (0..count as u64)
-            .map(|n| {
+            .filter_map(|n| {
                 let camera = &self.cameras[random.below(3 * n, self.cameras.len() as u64) as usize];
                 let (x, y) = (random.uniform(3 * n + 1), random.uniform(3 * n + 2));
                 camera.ray_through(x * f64::from(camera.width), y * f64::from(camera.height))
@@ -55,6 +55,7 @@ fn of_training(known: &TrainingCamera, size: u32) -> Camera {
         height: (f64::from(height) * scale).round().max(1.0) as u32,
         focal: known.focal.map(|f| f * scale),
         principal: known.principal.map(|p| p * scale),
+        lens: Lens::PINHOLE,
         world_from_camera: DMat3::from_quat(known.pose.rotation),
         position: known.pose.position,
     }

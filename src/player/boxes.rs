@@ -200,7 +200,7 @@ mod tests {
         };
         let origin = DVec3::new(100.0, 0.0, 0.0);
         for (x, y, distance) in [(0.0, 0.0, 2.0), (17.5, 3.25, 0.7), (30.0, 20.0, 9.0)] {
-            let point = camera.ray_through(x, y).at(distance);
+            let point = camera.ray_through(x, y).unwrap().at(distance);
             let clip = clip_from_model(&camera, origin) * (point - origin).extend(1.0);
             assert!(clip.w > 0.0);
             let ndc = clip.truncate() / clip.w;
@@ -214,7 +214,7 @@ mod tests {
             assert!(ends.iter().all(|p| p.is_finite()) && color[3] > 0.0);
         });
         assert_eq!(lines, 12 * scene.scales[0].cloud.len());
-        let behind = camera.position - camera.ray_through(15.0, 10.0).direction;
+        let behind = camera.position - camera.ray_through(15.0, 10.0).unwrap().direction;
         assert!((clip_from_model(&camera, DVec3::ZERO) * behind.extend(1.0)).w < 0.0);
     }
 }

@@ -9,7 +9,7 @@ use super::action::MAX_SAVED_VIEWS;
 use super::first_view::{Stand, first_view};
 use super::{Action, Gesture, Gestures, action_of};
 use crate::container::{Pose, TrainingCamera, Views};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Lens};
 use crate::model::Scene;
 
 /// Minimum angle between the line of sight and the vertical, in radians.
@@ -77,6 +77,7 @@ impl Controls {
             height: size[1],
             focal: [focal; 2],
             principal: size.map(|v| 0.5 * f64::from(v)),
+            lens: Lens::PINHOLE,
             world_from_camera: DMat3::from_quat(self.now.pose.rotation),
             position: self.now.pose.position,
         }

@@ -78,7 +78,7 @@ fn rays(cameras: &[Camera], (side, most): (u32, usize)) -> Vec<Ray> {
     let of = |camera: &Camera| {
         let camera = *camera;
         (0..side * side)
-            .map(move |i| camera.ray_through(at(i % side, camera.width), at(i / side, camera.height)))
+            .filter_map(move |i| camera.ray_through(at(i % side, camera.width), at(i / side, camera.height)))
             .collect::<Vec<_>>()
     };
     chosen.flat_map(of).collect()

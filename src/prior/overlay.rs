@@ -41,7 +41,7 @@ pub fn overlay(
         return Err(Error::option("colors", "one color for each cell", colors.len()));
     }
     let ray = |pixel: usize| camera.ray((pixel % camera.width as usize) as u32, (pixel / camera.width as usize) as u32);
-    let hits: Vec<Option<FirstHit>> = (0..pixels).into_par_iter().map(|pixel| tree.cast_ray(&ray(pixel))).collect();
+    let hits: Vec<Option<FirstHit>> = (0..pixels).into_par_iter().map(|pixel| tree.cast_ray(&ray(pixel)?)).collect();
     let distances = || hits.iter().flatten().map(|hit| hit.t);
     let (nearest, farthest) = (distances().fold(f64::INFINITY, f64::min), distances().fold(0.0, f64::max));
     let shaded = |pixel: usize, hit: &FirstHit| {
@@ -52,7 +52,7 @@ pub fn overlay(
                 [0, 1, 2].map(|c| NEAR_COLOR[c] + depth * (FAR_COLOR[c] - NEAR_COLOR[c]))
             }
         };
-        let light = light(boxes, camera, &ray(pixel), hit);
+        let light = ray(pixel).map_or(1.0, |ray| light(boxes, camera, &ray, hit));
         base.map(|channel| channel * light)
     };
     let blended = |(pixel, photographed): (usize, &[f32; 3])| match &hits[pixel] {

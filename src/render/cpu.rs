@@ -200,11 +200,19 @@ impl<T: Real> CpuRenderer<T> {
     #[inline(always)]
     fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) {
         let [left, top] = tile.corner;
-        let width = tile.rows.first().map_or(0, |row| row.len());
-        let rays: Vec<Ray> = (0..tile.rows.len() as u32)
-            .flat_map(|y| (0..width as u32).map(move |x| camera.ray(left + x, top + y)))
-            .collect();
-        let mut pixels = tile.rows.into_iter().flatten();
+        let (mut rays, mut pixels) = (Vec::with_capacity(TILE * TILE), Vec::with_capacity(TILE * TILE));
+        for (y, row) in (top..).zip(tile.rows) {
+            for (x, pixel) in (left..).zip(row) {
+                match camera.ray(x, y) {
+                    Some(ray) => {
+                        rays.push(ray);
+                        pixels.push(pixel);
+                    }
+                    None => *pixel = Pixel { color: self.background(), ..Pixel::default() },
+                }
+            }
+        }
+        let mut pixels = pixels.into_iter();
         self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("one pixel per ray") = pixel);
     }
 }
@@ -212,6 +220,10 @@ impl<T: Real> CpuRenderer<T> {
 impl<T: Real> Renderer for CpuRenderer<T> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
         self.trace_with_work(rays).0
+    }
+
+    fn background(&self) -> [f32; 3] {
+        self.field.background.map(T::f32)
     }
 
     fn render(&self, camera: &Camera) -> Picture {

@@ -46,11 +46,17 @@ pub trait Renderer {
     /// The pixels of `rays`, in their order.
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel>;
 
+    /// The scene's background color in sRGB, which pixels without a ray have.
+    fn background(&self) -> [f32; 3];
+
     /// Renders the picture of `camera`.
     fn render(&self, camera: &Camera) -> Picture {
         let (width, height) = (camera.width, camera.height);
-        let rays: Vec<Ray> =
-            (0..height).flat_map(|row| (0..width).map(move |column| camera.ray(column, row))).collect();
-        Picture { width, height, pixels: self.trace(&rays) }
+        let rays: Vec<Option<Ray>> = camera.rays(0..height).collect();
+        let seen: Vec<Ray> = rays.iter().copied().flatten().collect();
+        let mut traced = self.trace(&seen).into_iter();
+        let unseen = Pixel { color: self.background(), ..Pixel::default() };
+        let pixel = |ray: Option<Ray>| ray.and_then(|_| traced.next()).unwrap_or(unseen);
+        Picture { width, height, pixels: rays.into_iter().map(pixel).collect() }
     }
 }

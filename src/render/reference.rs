@@ -171,4 +171,8 @@ impl Renderer for ReferenceRenderer<'_> {
         };
         rays.par_iter().map(pixel).collect()
     }
+
+    fn background(&self) -> [f32; 3] {
+        self.field.scene().frame.background
+    }
 }

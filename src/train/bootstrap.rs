@@ -212,7 +212,8 @@ impl CoarseCube {
             let camera = view.camera.mapped(&self.model_from_dataset);
             let mut samples = Samples::default();
             for row in (0..camera.height).step_by(stride) {
-                let rays: Vec<Ray> = (0..camera.width).step_by(stride).map(|column| camera.ray(column, row)).collect();
+                let rays: Vec<Ray> =
+                    (0..camera.width).step_by(stride).filter_map(|column| camera.ray(column, row)).collect();
                 vectorized(
                     #[inline(always)]
                     || field.march(&rays, &mut samples),

@@ -102,13 +102,12 @@ mod tests {
 
     #[test]
     fn rays_of_cameras_in_a_room_begin_at_once_and_reach_its_corners() {
-        let view = |x: f64, y: f64, z: f64| View {
-            name: String::new(),
-            camera: Camera::looking_at([8, 8], 9.0, DVec3::new(x, y, z), DVec3::ZERO, DVec3::Z),
-            pixels: Pixels::opaque([[0.0; 3]; 64]),
+        let view = |x: f64, y: f64, z: f64| {
+            let camera = Camera::looking_at([8, 8], 9.0, DVec3::new(x, y, z), DVec3::ZERO, DVec3::Z);
+            View::new("", camera, Pixels::opaque([[0.0; 3]; 64]))
         };
         let room = Aabb::around(DVec3::ZERO, DVec3::new(3.0, 4.0, 0.5));
-        let dataset = |views| Dataset { name: String::new(), views, lost: 0 };
+        let dataset = |views| Dataset::new("", views);
         let inside = near_far(&dataset(vec![view(1.0, 0.0, 0.0), view(-9.0, 0.0, 0.0)]), &room);
         assert_eq!(inside, [0.0, DVec3::new(12.0, 4.0, 0.5).length()]);
         let [near, far] = near_far(&dataset(vec![view(4.0, 0.0, 3.0), view(0.0, 4.0, 3.0)]), &room);

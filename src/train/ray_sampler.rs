@@ -53,10 +53,12 @@ impl<'a> RaySampler<'a> {
         let active_of_row = |&(v, row): &(usize, u32)| {
             let camera = &self.cameras[v];
             let first = self.firsts[v] as u32 + row * camera.width;
+            let counts = |column: u32| self.views[v].counts((row * camera.width + column) as usize);
             let is_active = |column: &u32| {
+                let Some(ray) = camera.ray(*column, row).filter(|_| counts(*column)) else { return false };
                 vectorized(
                     #[inline(always)]
-                    || field.first_sample(&camera.ray(*column, row)).is_some(),
+                    || field.first_sample(&ray).is_some(),
                 )
             };
             (0..camera.width).filter(is_active).map(|column| first + column).collect::<Vec<u32>>()
@@ -108,7 +110,7 @@ impl<'a> RaySampler<'a> {
         let v = self.firsts.partition_point(|&first| first <= pixel) - 1;
         let within = (pixel - self.firsts[v]) as u32;
         let camera = &self.cameras[v];
-        let ray = camera.ray(within % camera.width, within / camera.width);
+        let ray = camera.ray(within % camera.width, within / camera.width).expect("active pixels have a ray");
         let background = match &self.random {
             Some((random, transparent)) if transparent[v] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
             _ => self.background,

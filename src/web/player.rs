@@ -434,7 +434,7 @@ async fn with_renderer<T>(
 /// Sets the pivot under the pointer.
 async fn focus(app: &Rc<RefCell<App>>) {
     let Some((camera, [x, y])) = app.borrow().pointed_at() else { return };
-    let ray = camera.ray_through(x, y);
+    let Some(ray) = camera.ray_through(x, y) else { return };
     let traced = with_renderer(app, 0, async |renderer| renderer.trace_async(&[ray]).await).await;
     let Some(Ok(pixels)) = traced else { return };
     let mut app = app.borrow_mut();

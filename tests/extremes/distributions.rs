@@ -20,7 +20,7 @@ fn distributions_of_errors_by_renderer_and_decoder_mode() {
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
         let cameras = [0.4, 2.9, 4.4].map(|angle| scenes::camera(40, angle));
         let rays: Vec<Ray> =
-            (cameras.iter()).flat_map(|camera| (0..1600).map(move |n| camera.ray(n % 40, n / 40))).collect();
+            (cameras.iter()).flat_map(|camera| (0..1600).map(move |n| camera.ray(n % 40, n / 40).unwrap())).collect();
         // Empty rays would make every median 0.
         let seen = expected(&scene, &rays).into_iter().zip(rays).filter(|(trace, _)| trace.opacity > 0.0);
         let (exact, rays): (Vec<_>, Vec<_>) = seen.unzip();

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use strivec::container::{EncodeOptions, Encoding, decode, encode};
-use strivec::dataset::load_blender_cameras;
+use strivec::dataset::{LoadOptions, load_transforms_cameras};
 use strivec::geometry::{Camera, Ray, Similarity};
 use strivec::model::{DecoderMode, Placement, Scene};
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
@@ -78,11 +78,13 @@ fn apart_through_datasets(scene: &Scene, dataset_from_model: &Similarity, model_
         "frames": [{ "file_path": "0", "transform_matrix": matrix }],
     });
     std::fs::write(&file, json.to_string()).unwrap();
-    let read = load_blender_cameras(&file, None, 1).unwrap().remove(0).camera;
+    let read = load_transforms_cameras(&file, None, &LoadOptions::default()).unwrap().remove(0).camera;
     let mapped = read.mapped(&other.frame.model_from_dataset);
 
     let rays_of = |camera: &Camera| -> Vec<_> {
-        (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| camera.ray(column, row))).collect()
+        (0..camera.height)
+            .flat_map(|row| (0..camera.width).map(move |column| camera.ray(column, row).unwrap()))
+            .collect()
     };
     largest_difference([scene, &other], [&rays_of(&camera), &rays_of(&mapped)], Way::CpuF64, 1e-9)
 }

@@ -78,7 +78,7 @@ fn views(count: usize) -> Vec<View> {
     let view = |i: usize| {
         let camera = scenes::camera(24, i as f64);
         let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
-        View { name: i.to_string(), camera, pixels }
+        View::new(i.to_string(), camera, pixels)
     };
     (0..count).map(view).collect()
 }
@@ -139,7 +139,7 @@ fn every_world_scale_and_place_trains_to_the_same_error() {
     config.prior.steps = vec![100];
     config.prior.rays = 512;
     let run = |factor: f64, offset: DVec3| {
-        let dataset = Dataset { name: "world".into(), views: in_world(&seen, factor, offset), lost: 0 };
+        let dataset = Dataset::new("world", in_world(&seen, factor, offset));
         let occupied: VoxelBoxes = reconstruct_prior(&config, &dataset, &mut |_| ControlFlow::Continue(())).unwrap();
         let scene = place_scene(&config, &dataset, &occupied).unwrap();
         let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();

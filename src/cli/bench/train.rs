@@ -7,11 +7,12 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
+use crate::cli::dataset_options::DatasetOptions;
 use crate::cli::settings::Preset;
 use crate::cli::table::plural;
 use crate::cli::training::{begin, read_state};
 use crate::cli::{Error, Session, scene_file};
-use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::dataset::{self, Dataset, View};
 use crate::measure::bench::{Measured, MemoryMark, Peak, at_rest, ball, ball_views, training_steps};
 use crate::model::Scene;
 use crate::train::{TrainConfig, Trainer};
@@ -46,6 +47,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..),
         requires = "dataset")]
     downscale: u32,
+    #[command(flatten)]
+    photographs: DatasetOptions,
     /// Preset of the ball, of --at and of --scene [default: the scene's, else 24]
     #[arg(long, value_enum, conflicts_with = "resume")]
     preset: Option<Preset>,
@@ -101,6 +104,7 @@ impl Args {
             start: Start::default(),
             upsampled: Vec::new(),
             downscale: 1,
+            photographs: DatasetOptions::default(),
             preset: None,
             batch: None,
             repeats: Repeats::quick(3),
@@ -126,10 +130,7 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     if let Some(found) = upsampled.iter().find(|&&n| n > last) {
         return Err(Error::Usage(format!("--upsampled {found}: preset {preset} allows 0 to {last}")));
     }
-    let load = |folder: &Path| {
-        let options = LoadOptions { downscale: args.downscale, ..LoadOptions::default() };
-        dataset::load(folder, "train", &options)
-    };
+    let load = |folder: &Path| dataset::load(folder, "train", &args.photographs.load_options(args.downscale));
     let dataset = args.dataset.as_deref().map(load).transpose()?;
     let subject = Subject { args, config, session };
     let measured = args.repeats.on_each_pool(session, |peak| {

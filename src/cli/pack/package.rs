@@ -9,6 +9,7 @@ use super::convert::warn_of_growth;
 use super::encoding::LayoutArgs;
 use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
+use crate::cli::dataset_options::DatasetOptions;
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
 use crate::cli::table::plural;
@@ -91,13 +92,15 @@ struct DataArgs {
     /// Use every Nth photograph only, beginning with the first
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
     every: u32,
+    #[command(flatten)]
+    dataset: DatasetOptions,
 }
 
 impl DataArgs {
     /// The photographs, and what they are called.
     fn load(&self) -> Result<Option<(Vec<View>, String)>, Error> {
         let Some(folder) = &self.data else { return Ok(None) };
-        let options = LoadOptions { downscale: self.downscale, views: None, every: self.every as usize };
+        let options = LoadOptions { every: self.every as usize, ..self.dataset.load_options(self.downscale) };
         let Dataset { name, views, .. } = dataset::load(folder, &self.split, &options)?;
         let mut what = format!("{name}, {} of {}", plural(views.len(), "view"), self.split);
         if self.downscale > 1 {
@@ -108,7 +111,7 @@ impl DataArgs {
 
     fn training_cameras(&self, scene: &Scene) -> Result<Vec<TrainingCamera>, Error> {
         let Some(folder) = &self.data else { return Ok(Vec::new()) };
-        let cameras = dataset::load_cameras(folder, "train", None, self.downscale)?;
+        let cameras = dataset::load_cameras(folder, "train", None, &self.dataset.load_options(self.downscale))?;
         let map = scene.frame.model_from_dataset;
         Ok(cameras.iter().map(|named| TrainingCamera::from(&named.camera.mapped(&map))).collect())
     }

@@ -15,6 +15,7 @@ use shaping::Shaping;
 use super::error::with_flags;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
+use crate::cli::dataset_options::DatasetOptions;
 use crate::dataset;
 use crate::prior::{self, Counts};
 
@@ -46,6 +47,8 @@ pub(super) struct Args {
     /// Dataset folder: report the share of its cameras' rays that meet the prior, and the likely cause if it is small
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
+    #[command(flatten)]
+    dataset: DatasetOptions,
     #[command(flatten)]
     shaping: Shaping,
 }
@@ -87,7 +90,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let built = inputs::build(&args.inputs, &args.shaping, &NEVER, session)?;
     let sight = match &args.data {
         Some(folder) => {
-            let cameras = dataset::load_cameras(folder, "train", None, 1)?;
+            let cameras = dataset::load_cameras(folder, "train", None, &args.dataset.load_options(1))?;
             Some(inputs::check_sight(&built.boxes, cameras.into_iter().map(|named| named.camera), session))
         }
         None => None,

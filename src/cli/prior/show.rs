@@ -70,7 +70,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let Built { boxes, colors, .. } = build(&args.inputs, &args.shaping, &NEVER, session)?;
     let mut options = args.selection.options(args.downscale);
     if options.views.is_none() && options.every == 1 {
-        let count = dataset::load_cameras(&args.data, &args.split, None, 1)?.len();
+        let count = dataset::load_cameras(&args.data, &args.split, None, &options)?.len();
         options.every = count.div_ceil(ROWS).max(1);
     }
     let Dataset { views, .. } = dataset::load(&args.data, &args.split, &options)?;

@@ -23,6 +23,7 @@ use training::Training;
 use views::Views;
 
 use super::backend::Backend;
+use super::dataset_options::DatasetOptions;
 use super::output::make_folder;
 use super::settings::configuration;
 use super::table::plural;
@@ -59,6 +60,8 @@ pub(super) struct Args {
     /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]
     downscale: u32,
+    #[command(flatten)]
+    dataset: DatasetOptions,
     /// Width of the pictures in pixels without --data, 16 to 4096
     #[arg(long, value_name = "PIXELS", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=4096), conflicts_with = "data")]
     size: u32,
@@ -118,8 +121,9 @@ fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
     config.check().map_err(|e| Error::Usage(e.to_string()))?;
     make_folder(&args.out)?;
-    let (split, downscale, views) = (args.split.as_str(), args.downscale, usize::from(args.views));
-    training::run(&Training { folder, split, downscale, views, config, out: &args.out }, session)
+    let (split, views) = (args.split.as_str(), usize::from(args.views));
+    let options = &args.dataset.load_options(args.downscale);
+    training::run(&Training { folder, split, options, views, config, out: &args.out }, session)
 }
 
 /// Measures render settings of the scene in `file`, reports, and stores the front if asked to.
@@ -127,7 +131,10 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     let console = &session.console;
     let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(file)?;
     let views = match &args.data {
-        Some(folder) => Views::of_dataset(folder, &args.split, args.downscale, args.views.into(), &scene, console)?,
+        Some(folder) => {
+            let options = args.dataset.load_options(args.downscale);
+            Views::of_dataset(folder, &args.split, &options, args.views.into(), &scene, console)?
+        }
         None => Views::own(&scene, &metadata.cameras, args.views.into(), args.size, console)?,
     };
     // The difference to photographs includes the scene's error already.

@@ -22,7 +22,8 @@ use crate::train::{ScaleConfig, TrainConfig};
 pub(super) struct Training<'a> {
     pub(super) folder: &'a Path,
     pub(super) split: &'a str,
-    pub(super) downscale: u32,
+    /// All photographs.
+    pub(super) options: &'a LoadOptions,
     /// Number of test views, evenly spaced.
     pub(super) views: usize,
     /// Base settings; every variant changes one of them.
@@ -106,16 +107,15 @@ pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Erro
     let key = serde_json::to_string(&(
         training.folder,
         training.split,
-        training.downscale,
+        training.options.downscale,
         training.views,
         training.config.to_toml(),
     ))
     .expect("plain data");
     let mut rows = read_log(&log, &key, session.force)?;
-    let options = LoadOptions { downscale: training.downscale, ..LoadOptions::default() };
-    let photographs = dataset::load(training.folder, "train", &options)?;
-    let all = dataset::load_cameras(training.folder, training.split, None, training.downscale)?.len();
-    let options = LoadOptions { every: all.div_ceil(training.views).max(1), ..options };
+    let photographs = dataset::load(training.folder, "train", training.options)?;
+    let all = dataset::load_cameras(training.folder, training.split, None, training.options)?.len();
+    let options = LoadOptions { every: all.div_ceil(training.views).max(1), ..training.options.clone() };
     let held_out = dataset::load(training.folder, training.split, &options)?;
     let variants = variants(&training.config);
     let interrupted = interrupts()?;
@@ -141,7 +141,7 @@ pub(super) fn run(training: &Training<'_>, session: &Session) -> Result<(), Erro
     rows.sort_by_key(place);
     let report = Report {
         dataset: photographs.name.clone(),
-        downscale: training.downscale,
+        downscale: training.options.downscale,
         steps: training.config.steps,
         test_views: held_out.views.len(),
         seed: training.config.seed,
@@ -238,7 +238,8 @@ fn train(
     for view in &turned(held_out).views {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
         let photograph = view.pixels.colors(scene.frame.background);
-        reports.push(ViewReport::new(&view.name, [picture.width, picture.height], &colors(&picture), &photograph)?);
+        let (size, mask) = ([picture.width, picture.height], view.mask.as_deref());
+        reports.push(ViewReport::new(&view.name, size, &colors(&picture), &photograph, mask)?);
     }
     let report = measure::Report::new(reports).ok_or_else(|| Error::Runtime("no held-out views".into()))?;
     session.console.say(&format!("{:.2} dB in {:.1} minutes", report.psnr, seconds / 60.0));

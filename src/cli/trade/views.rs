@@ -23,6 +23,9 @@ pub(super) struct View {
     pub(super) exact: Vec<[f32; 3]>,
 }
 
+/// A photograph's colors, and the pixels that count if not all do.
+type MaskedPhotograph = (Vec<[f32; 3]>, Option<Vec<bool>>);
+
 /// All views, and their description.
 pub(super) struct Views {
     pub(super) views: Vec<View>,
@@ -34,17 +37,17 @@ impl Views {
     pub(super) fn of_dataset(
         folder: &Path,
         split: &str,
-        downscale: u32,
+        options: &LoadOptions,
         count: usize,
         scene: &Scene,
         console: &Console,
     ) -> Result<Self, Error> {
-        let all = dataset::load_cameras(folder, split, None, downscale)?.len();
-        let options = LoadOptions { downscale, views: None, every: all.div_ceil(count).max(1) };
+        let all = dataset::load_cameras(folder, split, None, options)?.len();
+        let options = LoadOptions { every: all.div_ceil(count).max(1), ..options.clone() };
         let Dataset { name, views, .. } = dataset::load(folder, split, &options)?;
         let photographs = views.iter().map(|view| {
             let camera = view.camera.mapped(&scene.frame.model_from_dataset);
-            (camera, Some(view.pixels.colors(scene.frame.background)))
+            (camera, Some((view.pixels.colors(scene.frame.background), view.mask.clone())))
         });
         let what = format!("{name}, {} of {split}", plural(views.len(), "view"));
         Self::of(photographs.collect(), what, scene, console)
@@ -64,7 +67,7 @@ impl Views {
     }
 
     fn of(
-        pictures: Vec<(Camera, Option<Vec<[f32; 3]>>)>,
+        pictures: Vec<(Camera, Option<MaskedPhotograph>)>,
         what: String,
         scene: &Scene,
         console: &Console,
@@ -76,7 +79,13 @@ impl Views {
         let mut views = Vec::new();
         for (camera, photograph) in pictures {
             let exact = colors(&renderer.render(&camera)?);
-            views.push(View { camera, truth: photograph.unwrap_or_else(|| exact.clone()), exact });
+            let mut truth = exact.clone();
+            // Pixels that do not count are no error.
+            if let Some((photograph, mask)) = photograph {
+                let counts = |n: usize| mask.as_ref().is_none_or(|mask| mask[n]);
+                truth.iter_mut().zip(photograph).enumerate().filter(|(n, _)| counts(*n)).for_each(|(_, (t, p))| *t = p);
+            }
+            views.push(View { camera, truth, exact });
         }
         Ok(Self { views, what })
     }

@@ -236,7 +236,7 @@ mod tests {
         let mesh = Mesh::of_scene(&scene);
         let (mut met, mut differ) = (0, 0);
         for camera in cameras(6, [20, 20], 4) {
-            for ray in (0..400).map(|i| camera.ray(i % 20, i / 20)) {
+            for ray in camera.rays(0..20).flatten() {
                 let exact = scene.hit(&ray, 0.0);
                 let found = nearest(&mesh, &ray);
                 met += u32::from(exact.is_some());

@@ -47,7 +47,8 @@ pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaIm
             let at = |index: usize, sample| index as f64 + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
             let (mut sum, mut covered) = (DVec3::ZERO, 0);
             for (y, x) in (0..SAMPLES).flat_map(|y| (0..SAMPLES).map(move |x| (y, x))) {
-                if let Some(seen) = color(scene, lights, &camera.ray_through(at(column, x), at(row, y))) {
+                let ray = camera.ray_through(at(column, x), at(row, y));
+                if let Some(seen) = ray.and_then(|ray| color(scene, lights, &ray)) {
                     sum += DVec3::from_array(seen);
                     covered += 1;
                 }

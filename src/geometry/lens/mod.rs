@@ -36,6 +36,9 @@ impl Lens {
     /// A perspective projection without distortion.
     pub const PINHOLE: Self = Self { projection: Projection::Perspective, distortion: Distortion::NONE };
 
+    /// The whole sphere without distortion.
+    pub const PANORAMA: Self = Self { projection: Projection::Equirectangular, distortion: Distortion::NONE };
+
     /// True for [`Lens::PINHOLE`].
     pub fn is_pinhole(&self) -> bool {
         self.projection == Projection::Perspective && self.distortion.is_none()

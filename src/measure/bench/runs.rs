@@ -59,7 +59,7 @@ pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: M
     let field = Field::<f32>::new(scene);
     let shape = FieldShape::new(&field);
     let renderer = CpuRenderer::from_field(field);
-    let rays: Vec<Ray> = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
+    let rays: Vec<Ray> = camera.rays(0..camera.height).flatten().collect();
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.trace_with_work(&rays).1));
     let Ok((seconds, works)) = timed;
     measured(seconds, works.into_iter(), &shape, peak, memory.peak())

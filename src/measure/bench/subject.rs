@@ -81,7 +81,7 @@ pub fn ball_views(count: u32, size: u32) -> Vec<View> {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(n) / f64::from(count)).sin_cos();
             let position = DISTANCE * DVec3::new(0.8 * cos, 0.8 * sin, 0.6);
             let camera = Camera::looking_at([size; 2], FOCAL * f64::from(size), position, DVec3::ZERO, DVec3::Z);
-            View { name: n.to_string(), camera, pixels: Pixels::opaque(vec![[0.5; 3]; size as usize * size as usize]) }
+            View::new(n.to_string(), camera, Pixels::opaque(vec![[0.5; 3]; size as usize * size as usize]))
         })
         .collect()
 }

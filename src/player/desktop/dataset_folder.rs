@@ -17,7 +17,7 @@ type Rgba = ([u32; 2], Vec<u8>);
 ///
 /// If `folder` is not a dataset.
 pub(super) fn add_cameras(folder: &Path, scene: &Scene, cameras: &mut Vec<TrainingCamera>) -> Result<(), String> {
-    let named = dataset::load_cameras(folder, "train", None, 1).map_err(|e| e.to_string())?;
+    let named = dataset::load_cameras(folder, "train", None, &LoadOptions::default()).map_err(|e| e.to_string())?;
     if cameras.is_empty() {
         let map = scene.frame.model_from_dataset;
         cameras.extend(named.iter().map(|named| TrainingCamera::from(&named.camera.mapped(&map))));

@@ -185,7 +185,7 @@ impl Painter for DesktopPainter {
 impl DesktopPainter {
     /// The visible point at `at`, in parts of the picture's width and height, in the model's space.
     pub(super) fn point_at(&mut self, camera: &Camera, at: [f64; 2]) -> Option<glam::DVec3> {
-        let ray = camera.ray_through(at[0] * f64::from(camera.width), at[1] * f64::from(camera.height));
+        let ray = camera.ray_through(at[0] * f64::from(camera.width), at[1] * f64::from(camera.height))?;
         let pixel = match &mut self.renderer {
             SceneRenderer::Gpu(renderer) => renderer.trace(&[ray]).ok()?.first().copied(),
             SceneRenderer::Cpu(painter) => painter.renderer.trace(&[ray]).first().copied(),
@@ -221,7 +221,8 @@ impl CpuPainter {
         let camera = self.camera?;
         let row = self.traced.len() as u32 / camera.width;
         let rows = (most_rays / camera.width).clamp(1, camera.height - row);
-        let rays: Vec<Ray> = (row..row + rows).flat_map(|y| (0..camera.width).map(move |x| camera.ray(x, y))).collect();
+        // The player draws pinhole cameras only, which have a ray for each pixel.
+        let rays: Vec<Ray> = camera.rays(row..row + rows).flatten().collect();
         self.traced.extend(self.renderer.trace_info(&rays, self.has_normals));
         (row + rows < camera.height).then_some(self.traced.len() as u32)
     }

@@ -8,8 +8,10 @@ use crate::random::Random;
 /// Draws random pixels of a dataset, with their rays and colors.
 pub(super) struct RaySampler<'a> {
     dataset: &'a Dataset,
-    /// \[view + 1\]: index of each view's first pixel among all pixels, then the number of all.
+    /// \[view + 1\]: index of each view's first pixel among all pixels that count, then the number of all.
     begins: Vec<u64>,
+    /// \[view\]: the pixels that count, ascending; `None` if all do.
+    counting: Vec<Option<Vec<u32>>>,
     /// sRGB color behind transparent pixels.
     background: [f32; 3],
 }
@@ -17,21 +19,27 @@ pub(super) struct RaySampler<'a> {
 impl<'a> RaySampler<'a> {
     pub(super) fn new(dataset: &'a Dataset, background: [f32; 3]) -> Result<Self, Error> {
         check_views(dataset)?;
+        let counting: Vec<_> = dataset.views.iter().map(View::counting).collect();
         let mut begins = vec![0];
-        for view in &dataset.views {
-            begins.push(begins[begins.len() - 1] + view.pixels.len() as u64);
+        for (view, counting) in dataset.views.iter().zip(&counting) {
+            let count = counting.as_ref().map_or(view.pixels.len(), Vec::len);
+            begins.push(begins[begins.len() - 1] + count as u64);
         }
-        Ok(Self { dataset, begins, background })
+        if begins[dataset.views.len()] == 0 {
+            return Err(Error::NoViews { dataset: dataset.name.clone() });
+        }
+        Ok(Self { dataset, begins, counting, background })
     }
 
-    /// The ray and the color of random pixel `draw`.
-    pub(super) fn pixel(&self, random: &Random, draw: u64) -> (Ray, [f32; 3]) {
+    /// The ray and the color of random pixel `draw`; `None` if the camera has no ray there.
+    pub(super) fn pixel(&self, random: &Random, draw: u64) -> Option<(Ray, [f32; 3])> {
         let number = random.below(draw, self.begins[self.begins.len() - 1]);
         let index = self.begins.partition_point(|&b| b <= number) - 1;
         let view = &self.dataset.views[index];
         let pixel = (number - self.begins[index]) as u32;
-        let ray = view.camera.ray(pixel % view.camera.width, pixel / view.camera.width);
-        (ray, view.pixels.color(pixel as usize, self.background))
+        let pixel = self.counting[index].as_ref().map_or(pixel, |counting| counting[pixel as usize]);
+        let ray = view.camera.ray(pixel % view.camera.width, pixel / view.camera.width)?;
+        Some((ray, view.pixels.color(pixel as usize, self.background)))
     }
 
     pub(super) fn views(&self) -> &[View] {
@@ -55,7 +63,12 @@ pub(crate) fn check_views(dataset: &Dataset) -> Result<(), Error> {
             let found = format!("{} for {} x {}", view.pixels.len(), camera.width, camera.height);
             return wrong("one pixel for each of the camera's, at least one", found);
         }
-        if !camera.position.is_finite() || !camera.ray(0, 0).direction.is_finite() {
+        if view.mask.as_ref().is_some_and(|mask| mask.len() as u64 != pixels) {
+            return wrong("a mask with one value for each pixel", format!("a mask for {pixels} pixels"));
+        }
+        let intrinsics = camera.focal.iter().chain(&camera.principal);
+        let is_finite = camera.position.is_finite() && intrinsics.into_iter().all(|v| v.is_finite());
+        if !is_finite || camera.ray(0, 0).is_some_and(|ray| !ray.direction.is_finite()) {
             return wrong("a finite camera", format!("{camera:?}"));
         }
     }

@@ -109,7 +109,7 @@ impl CoarseTrainer {
         chunks.par_iter_mut().zip(&mut batches).enumerate().for_each(|(n, (chunk, batch))| {
             let n = n as u32;
             let rays = n * CHUNK..self.rays.min((n + 1) * CHUNK);
-            let pixels = rays.map(|ray| photographs.pixel(&random, u64::from(ray)));
+            let pixels = rays.filter_map(|ray| photographs.pixel(&random, u64::from(ray)));
             // The kernels are compiled for each instruction set; this selects the widest one of the processor.
             arch.dispatch(|| self.trace_chunk(pixels, chunk, batch));
         });
@@ -170,7 +170,7 @@ impl CoarseTrainer {
         let mut chunk = Chunk::default();
         for y in (0..camera.height).step_by(stride as usize) {
             for x in (0..camera.width).step_by(stride as usize) {
-                let Some(segment) = self.segment(&camera.ray(x, y)) else { continue };
+                let Some(segment) = camera.ray(x, y).and_then(|ray| self.segment(&ray)) else { continue };
                 chunk.samples.clear();
                 trace(&medium, &segment, [0.0; 3], &mut chunk.samples, &mut chunk.shaded);
                 let shaded = chunk.samples.iter().zip(&chunk.shaded);

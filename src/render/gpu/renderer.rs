@@ -35,6 +35,7 @@ pub struct GpuRenderer {
     origin: glam::DVec3,
     bounds: Aabb,
     near_far: [f64; 2],
+    background: [f32; 3],
 }
 
 /// Maximum loop iterations per invocation on software adapters. Mesa's llvmpipe silently ends the loops of a workgroup
@@ -94,6 +95,7 @@ impl GpuRenderer {
             origin: field.origin,
             bounds: field.bounds,
             near_far: field.near_far,
+            background: field.background,
         })
     }
 
@@ -129,13 +131,19 @@ impl GpuRenderer {
     ///
     /// As [`GpuRenderer::render_async`].
     pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
-        self.abandon();
-        let given: Vec<_> = rays.iter().map(|ray| self.device_ray(ray)).collect();
-        self.reserve(rays.len() as u64, rays.len() as u64)?;
-        let frame = Frame { rays_are_given: 1, ..Frame::default() };
-        self.job = Some(Job::new(frame, rays.len() as u32, given, self.workspace.batch_rays()));
+        self.begin_rays(rays.iter().map(|ray| self.device_ray(ray)).collect())?;
         self.finish().await?;
         self.read_pixels(rays.len()).await
+    }
+
+    /// Begins the pixels of `rays`.
+    fn begin_rays(&mut self, rays: Vec<DeviceRay>) -> Result<(), GpuError> {
+        self.abandon();
+        let count = rays.len();
+        self.reserve(count as u64, count as u64)?;
+        let frame = Frame { rays_are_given: 1, ..Frame::default() };
+        self.job = Some(Job::new(frame, count as u32, rays, self.workspace.batch_rays()));
+        Ok(())
     }
 
     /// Begins the picture of `camera`, which is in model space, and abandons any unfinished one.
@@ -145,6 +153,12 @@ impl GpuRenderer {
     ///
     /// [`GpuError::TooLarge`] for a picture with more pixels than the device supports.
     pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
+        if !camera.lens.is_pinhole() {
+            // The device inverts no distortion. A pixel without a ray has an empty one.
+            let unseen = DeviceRay { direction: [0.0, 0.0, 1.0], ..DeviceRay::default() };
+            let ray = |ray: Option<Ray>| ray.map_or(unseen, |ray| self.device_ray(&ray));
+            return self.begin_rays(camera.rays(0..camera.height).map(ray).collect());
+        }
         self.abandon();
         let tiles = u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE));
         let rays = tiles * u64::from(TILE * TILE);
@@ -185,6 +199,11 @@ impl GpuRenderer {
         if self.job.take().is_some_and(|job| job.completion().is_some()) {
             self.workspace.counters_back.unmap();
         }
+    }
+
+    /// The scene's background color in sRGB.
+    pub fn background(&self) -> [f32; 3] {
+        self.background
     }
 
     /// Turns normals on or off for pictures that are begun from now on.

@@ -1,0 +1,42 @@
+//! Options of commands that read a dataset.
+
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use crate::dataset::{Holdout, Layout, LoadOptions};
+
+/// Layout and splits of a dataset.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct DatasetOptions {
+    /// Layout of the dataset's folder [default: detected by its files]
+    #[arg(long, value_parser = layouts(), help_heading = "Dataset")]
+    layout: Option<Layout>,
+    /// Test views of a dataset without splits: every Nth photograph by name; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 8, conflicts_with = "test_names", help_heading = "Dataset")]
+    test_every: usize,
+    /// Test views of a dataset without splits: those named in a text file, one name per line
+    #[arg(long, value_name = "FILE", help_heading = "Dataset")]
+    test_names: Option<PathBuf>,
+    /// Leave out photographs whose pictures do not exist
+    #[arg(long, help_heading = "Dataset")]
+    skip_missing: bool,
+}
+
+impl DatasetOptions {
+    /// Options to load all views, downscaled `downscale` times.
+    pub(super) fn load_options(&self, downscale: u32) -> LoadOptions {
+        LoadOptions {
+            downscale,
+            layout: self.layout,
+            holdout: Holdout { every: self.test_every, names: self.test_names.clone() },
+            skip_missing: self.skip_missing,
+            ..LoadOptions::default()
+        }
+    }
+}
+
+fn layouts() -> impl TypedValueParser<Value = Layout> {
+    PossibleValuesParser::new(Layout::ALL.map(Layout::name))
+        .map(|name| Layout::ALL.into_iter().find(|layout| layout.name() == name).expect("a possible value"))
+}
