@@ -10,7 +10,7 @@ use strivec::geometry::{Camera, Ray};
 use strivec::measure::{Parity, parity};
 use strivec::model::Scene;
 use strivec::render::gpu::{Gpu, GpuRenderer, POSITION_ERROR, Precision};
-use strivec::render::{Approximation, Picture, Pixel, ReferenceRenderer, Renderer};
+use strivec::render::{Approximation, CpuRenderer, Picture, Pixel, ReferenceRenderer, Renderer};
 
 /// A renderer whose device errors fail the test.
 struct Unwrapped(RefCell<GpuRenderer>);
@@ -18,6 +18,10 @@ struct Unwrapped(RefCell<GpuRenderer>);
 impl Renderer for Unwrapped {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
         self.0.borrow_mut().trace(rays).unwrap()
+    }
+
+    fn background(&self) -> [f32; 3] {
+        self.0.borrow().background()
     }
 
     fn render(&self, camera: &Camera) -> Picture {
@@ -94,6 +98,17 @@ fn the_device_computes_the_cameras_rays() {
         }
         assert!(near * 20 <= drawn.pixels.len() && opaque * 10 >= drawn.pixels.len(), "{near}, {opaque}");
     }
+}
+
+#[test]
+fn cameras_with_lenses_have_the_pixels_of_the_cpu() {
+    let (_, scene) = scenes::rule_cases().swap_remove(0);
+    let drawn = renderer(&gpu(), &scene, Precision::F32);
+    let camera = scenes::bent_camera(40);
+    let [found, expected] = [drawn.render(&camera), CpuRenderer::new(&scene).render(&camera)].map(|p| p.pixels);
+    let is_far = |(a, b): &(&Pixel, &Pixel)| (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4);
+    assert!(found.iter().zip(&expected).filter(is_far).count() <= 4);
+    assert_eq!((found[0].opacity, found[0].color), (0.0, scene.frame.background), "beyond the lens");
 }
 
 /// 16-bit factors have a relative error of 1/2000; the pictures' bound is in docs/numerics.md.

@@ -42,6 +42,29 @@ fn the_fast_field_in_double_precision_is_the_reference_to_rounding() {
     }
 }
 
+#[test]
+fn pixels_that_a_lens_does_not_see_are_background_and_all_others_are_those_of_their_rays() {
+    let scene = scenes::scene(&scenes::config());
+    let camera = scenes::bent_camera(40);
+    let rays: Vec<Option<Ray>> = camera.rays(0..40).collect();
+    let seen: Vec<Ray> = rays.iter().copied().flatten().collect();
+    assert!((1000..1500).contains(&seen.len()), "{}", seen.len());
+    let (fast, reference) = (CpuRenderer::new(&scene), ReferenceRenderer::new(&scene));
+    let of_renderer = |picture: Vec<Pixel>, mut traced: std::vec::IntoIter<Pixel>| {
+        for (ray, pixel) in rays.iter().zip(picture) {
+            match ray {
+                Some(_) => assert_eq!(Some(pixel), traced.next()),
+                None => assert_eq!((pixel.color, pixel.opacity), (scene.frame.background, 0.0)),
+            }
+        }
+    };
+    of_renderer(fast.render(&camera).pixels, fast.trace(&seen).into_iter());
+    of_renderer(reference.render(&camera).pixels, reference.trace(&seen).into_iter());
+    assert!(fast.trace(&seen).iter().filter(|pixel| pixel.opacity > 0.3).count() > 100, "the scene is in the picture");
+    assert_eq!(camera.seen_pixels().unwrap(), rays.iter().map(Option::is_some).collect::<Vec<_>>());
+    assert_eq!(scenes::camera(40, 1.0).seen_pixels(), None);
+}
+
 /// Largest differences of opacity, and of depth times opacity, on the clear rays: those whose decision margin exceeds
 /// the position error. Depth alone is ill-conditioned on rays of little opacity.
 fn opacity_and_depth_differences(expected: &[Trace], found: &[Pixel]) -> [f64; 2] {

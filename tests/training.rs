@@ -22,7 +22,7 @@ fn views() -> Vec<View> {
         .map(|i| {
             let camera = scenes::camera(24, f64::from(i));
             let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
-            View { name: i.to_string(), camera, pixels }
+            View::new(i.to_string(), camera, pixels)
         })
         .collect()
 }

@@ -64,6 +64,7 @@ struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "a process has one")]
 enum Command {
     /// Make a small synthetic dataset, train a scene on it and evaluate it
     Demo(demo::Args),

@@ -103,6 +103,12 @@ pub(super) fn reduced(folder: &Path, downscale: u32) -> (PathBuf, u32) {
     if downscale > 1 && smaller.is_dir() { (smaller, downscale) } else { (folder.to_path_buf(), 1) }
 }
 
+/// The last component of `folder`, also where it is written as `.` or ends in `..`.
+pub(super) fn name_of(folder: &Path) -> String {
+    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().map_or_else(|| "dataset".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

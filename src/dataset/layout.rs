@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
 use super::shot::Split;
-use super::{Dataset, Error, LoadOptions, NamedCamera, Scan};
-use super::{colmap, llff, nsvf, photographs, scannet, transforms};
+use super::{Error, Scan, colmap, llff, nsvf, scannet, transforms};
 
 /// How photographs and their poses lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -91,7 +90,7 @@ impl Layout {
     }
 
     /// The dataset in `folder`, as far as the split `split` needs it.
-    fn read(self, folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
+    pub(super) fn read(self, folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
         let not_found = || Self::not_found(folder, &[self]);
         match self {
             Self::Blender => blender(folder, split, downscale),
@@ -136,47 +135,4 @@ fn blender(folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error>
         shots.extend(transforms::read(&json(name), Some(of_name), downscale)?.shots);
     }
     Ok(Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, shots))
-}
-
-/// The split `split` (`train`, `val`, `test` or `all`) of the dataset in `folder`.
-///
-/// # Errors
-///
-/// On everything [`Error`] lists but writing.
-pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
-    let capture = capture(folder, split, options)?;
-    photographs::load(photographs::name_of(folder), capture, split, options)
-}
-
-/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
-/// is for datasets that do not say how large their pictures are.
-///
-/// # Errors
-///
-/// As [`load`]'s, but for pictures; and if no size is known.
-pub fn load_cameras(
-    folder: &Path,
-    split: &str,
-    size: Option<[u32; 2]>,
-    options: &LoadOptions,
-) -> Result<Vec<NamedCamera>, Error> {
-    photographs::cameras(capture(folder, split, options)?, split, size, options)
-}
-
-/// The cameras of all frames of one `transforms.json` file, which need not be in a dataset; else as [`load_cameras`].
-///
-/// # Errors
-///
-/// As [`load_cameras`]'.
-pub fn load_transforms_cameras(
-    json: &Path,
-    size: Option<[u32; 2]>,
-    options: &LoadOptions,
-) -> Result<Vec<NamedCamera>, Error> {
-    photographs::cameras(transforms::read(json, None, options.downscale)?, "all", size, options)
-}
-
-fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Result<Capture, Error> {
-    let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
-    layout.read(folder, split, options.downscale)
 }

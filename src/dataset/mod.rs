@@ -22,7 +22,8 @@ mod transforms;
 
 pub use capture::Holdout;
 pub use error::{Error, ErrorKind};
-pub use layout::{Layout, load, load_cameras, load_transforms_cameras};
+pub use layout::Layout;
+pub use photographs::{load, load_cameras, load_transforms_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
 pub use synthetic::{SynthOptions, Synthesized, SynthesizedScan, synthesize, synthesize_scan};

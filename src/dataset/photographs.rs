@@ -1,6 +1,5 @@
 //! What all layouts have in common: which views are chosen, and their pictures, decoded in parallel.
 
-use std::fs;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -8,7 +7,7 @@ use rayon::prelude::*;
 use super::capture::Capture;
 use super::picture::{self, Header};
 use super::shot::Shot;
-use super::{Dataset, Error, LoadOptions, NamedCamera, View};
+use super::{Dataset, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
 use crate::geometry::Camera;
 
 /// The most pixels of what is loaded, after downscaling; they take 4 bytes each, 16 where they were averaged or are deep.
@@ -26,8 +25,51 @@ struct Fitted<'a> {
     camera: Camera,
 }
 
+/// The split `split` (`train`, `val`, `test` or `all`) of the dataset in `folder`.
+///
+/// # Errors
+///
+/// On everything [`Error`] lists but writing.
+pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    let capture = capture(folder, split, options)?;
+    loaded(files::name_of(folder), capture, split, options)
+}
+
+/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
+/// is for datasets that do not say how large their pictures are.
+///
+/// # Errors
+///
+/// As [`load`]'s, but for pictures; and if no size is known.
+pub fn load_cameras(
+    folder: &Path,
+    split: &str,
+    size: Option<[u32; 2]>,
+    options: &LoadOptions,
+) -> Result<Vec<NamedCamera>, Error> {
+    cameras(capture(folder, split, options)?, split, size, options)
+}
+
+/// The cameras of all frames of one `transforms.json` file, which need not be in a dataset; else as [`load_cameras`].
+///
+/// # Errors
+///
+/// As [`load_cameras`]'.
+pub fn load_transforms_cameras(
+    json: &Path,
+    size: Option<[u32; 2]>,
+    options: &LoadOptions,
+) -> Result<Vec<NamedCamera>, Error> {
+    cameras(transforms::read(json, None, options.downscale)?, "all", size, options)
+}
+
+fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Result<Capture, Error> {
+    let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
+    layout.read(folder, split, options.downscale)
+}
+
 /// The photographs of the split `split` of `capture` that `options` select.
-pub(super) fn load(name: String, mut capture: Capture, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+fn loaded(name: String, mut capture: Capture, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
     if options.skip_missing {
         capture.leave_out_missing();
     }
@@ -60,7 +102,7 @@ pub(super) fn load(name: String, mut capture: Capture, split: &str, options: &Lo
 
 /// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows) is for pictures that
 /// do not exist and whose size the layout does not say.
-pub(super) fn cameras(
+fn cameras(
     mut capture: Capture,
     split: &str,
     size: Option<[u32; 2]>,
@@ -156,10 +198,4 @@ fn chosen(path: &Path, count: usize, options: &LoadOptions) -> Result<Vec<usize>
         return Err(Error::Views { path: path.to_path_buf(), count, range, every });
     }
     Ok(range.step_by(every).collect())
-}
-
-/// The last component of `folder`, also where it is written as `.` or ends in `..`.
-pub(super) fn name_of(folder: &Path) -> String {
-    let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_path_buf());
-    whole.file_name().map_or_else(|| "dataset".to_owned(), |name| name.to_string_lossy().into_owned())
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec3};
 
 use super::files::read_text;
-use super::{Error, photographs, shot};
+use super::{Error, files, shot};
 use crate::geometry::{NotRigid, rigid};
 
 /// Endings of a scan's mesh after its name, in order of preference.
@@ -59,7 +59,7 @@ impl Scan {
 
 /// The name of the scan in `folder`; `None` if there is no scan.
 fn name_in(folder: &Path) -> Result<Option<String>, Error> {
-    let own = photographs::name_of(folder);
+    let own = files::name_of(folder);
     if MESHES.iter().any(|ending| folder.join(format!("{own}{ending}")).is_file()) {
         return Ok(Some(own));
     }

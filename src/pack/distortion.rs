@@ -11,11 +11,16 @@ use crate::render::{CpuRenderer, Renderer};
 pub struct Distortion {
     /// In the model's space.
     cameras: Vec<Camera>,
-    /// \[camera\]\[pixel\].
-    pictures: Vec<Vec<[f32; 3]>>,
-    /// \[camera\] the pixels that count; `None` if all do.
-    counting: Vec<Option<Vec<u32>>>,
+    /// \[camera\].
+    pictures: Vec<ReferencePicture>,
     reference: Reference,
+}
+
+#[derive(Clone, Debug)]
+struct ReferencePicture {
+    colors: Vec<[f32; 3]>,
+    /// The pixels that count; `None` if all do.
+    counting: Option<Vec<u32>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,17 +33,20 @@ enum Reference {
 impl Distortion {
     /// Against `scene`'s own pictures from `views`.
     pub fn from_own_pictures(scene: &Scene, views: Views) -> Self {
-        let pictures = pictures(scene, &views.cameras).collect();
-        let counting = vec![None; views.cameras.len()];
-        Self { cameras: views.cameras, pictures, counting, reference: Reference::OwnPictures }
+        let own = |colors| ReferencePicture { colors, counting: None };
+        let pictures = pictures(scene, &views.cameras).map(own).collect();
+        Self { cameras: views.cameras, pictures, reference: Reference::OwnPictures }
     }
 
     /// Against photographs of what `scene` shows.
     pub fn from_photographs(scene: &Scene, views: &[View]) -> Self {
+        let photograph = |view: &View| ReferencePicture {
+            colors: view.pixels.colors(scene.frame.background),
+            counting: view.counting(),
+        };
         Self {
             cameras: views.iter().map(|view| view.camera.mapped(&scene.frame.model_from_dataset)).collect(),
-            pictures: views.iter().map(|view| view.pixels.colors(scene.frame.background)).collect(),
-            counting: views.iter().map(View::counting).collect(),
+            pictures: views.iter().map(photograph).collect(),
             reference: Reference::Photographs,
         }
     }
@@ -46,17 +54,8 @@ impl Distortion {
     /// The mean squared error of `scene`'s pictures. Against own pictures it is the mean over all pixels and channels;
     /// against photographs it is the error whose PSNR is the mean of the views' PSNR.
     pub fn mse(&self, scene: &Scene) -> f64 {
-        let squared = |before: [f32; 3], after: [f32; 3]| (0..3).map(move |c| f64::from(before[c] - after[c]).powi(2));
-        let of_view = |((before, counting), after): ((&Vec<[f32; 3]>, &Option<Vec<u32>>), Vec<[f32; 3]>)| match counting
-        {
-            None => (before.iter().zip(&after).flat_map(|(b, a)| squared(*b, *a)).sum::<f64>(), 3 * before.len()),
-            Some(pixels) => {
-                let errors = pixels.iter().flat_map(|&n| squared(before[n as usize], after[n as usize]));
-                (errors.sum::<f64>(), 3 * pixels.len())
-            }
-        };
-        let references = self.pictures.iter().zip(&self.counting);
-        let errors = references.zip(pictures(scene, &self.cameras)).map(of_view);
+        let errors =
+            self.pictures.iter().zip(pictures(scene, &self.cameras)).map(|(before, after)| before.error(&after));
         match self.reference {
             Reference::OwnPictures => {
                 let (sum, count) = errors.fold((0.0, 0), |(sum, count), (e, n)| (sum + e, count + n));
@@ -65,6 +64,20 @@ impl Distortion {
             Reference::Photographs => {
                 let logarithms = errors.map(|(sum, count)| (sum / count.max(1) as f64).ln());
                 (logarithms.sum::<f64>() / self.pictures.len().max(1) as f64).exp()
+            }
+        }
+    }
+}
+
+impl ReferencePicture {
+    /// The sum of the squared differences to `after`, and their number.
+    fn error(&self, after: &[[f32; 3]]) -> (f64, usize) {
+        let squared = |b: [f32; 3], a: [f32; 3]| (0..3).map(move |c| f64::from(b[c] - a[c])).map(|d| d * d);
+        match &self.counting {
+            None => (self.colors.iter().zip(after).flat_map(|(b, a)| squared(*b, *a)).sum(), 3 * after.len()),
+            Some(pixels) => {
+                let errors = pixels.iter().flat_map(|&n| squared(self.colors[n as usize], after[n as usize]));
+                (errors.sum(), 3 * pixels.len())
             }
         }
     }

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use glam::{DVec3, UVec3};
-use strivec::geometry::{Aabb, Camera, Lattice, Similarity};
+use strivec::geometry::{Aabb, Camera, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
     Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, TensorCloud, UpAxis,
 };
@@ -80,6 +80,12 @@ pub(crate) fn scene(config: &TrainConfig) -> Scene {
 pub(crate) fn camera(size: u32, angle: f64) -> Camera {
     let position = 3.0 * DVec3::new(angle.cos(), angle.sin(), 0.4);
     Camera::looking_at([size, size], 1.6 * f64::from(size), position, DVec3::ZERO, DVec3::Z)
+}
+
+/// The same with a lens that bends rays so much that its picture ends within 0.3 focal lengths of the middle.
+pub(crate) fn bent_camera(size: u32) -> Camera {
+    let distortion = Distortion::new([-1.646, 0.0, 0.0, 0.0], [0.0; 3], [1e-3, 0.0], [0.0; 2]).unwrap();
+    Camera { lens: Lens { projection: Projection::Perspective, distortion }, ..camera(size, 1.0) }
 }
 
 /// Every combination of rules, with an occupancy that cuts through the model.

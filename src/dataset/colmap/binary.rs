@@ -5,7 +5,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use super::super::Error;
-use super::{BINARY_MODELS, RawCamera, RawImage};
+use super::raw::{BINARY_MODELS, RawCamera, RawImage};
 
 /// Bytes of a camera without parameters.
 const CAMERA_BYTES: u64 = 4 + 4 + 8 + 8;

@@ -3,6 +3,7 @@
 //! Poses are `camera_from_world` in OpenCV's axes. Pictures that were not registered have no entry.
 
 mod binary;
+mod raw;
 mod text;
 
 use std::collections::BTreeMap;
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 
+use self::raw::{RawCamera, RawImage};
 use super::shot::{Focal, Intrinsics, MODELS, OPENGL_FROM_OPENCV, Shot, lens_of};
 use super::{Error, files};
 use crate::geometry::Lens;
@@ -24,43 +26,6 @@ pub(super) struct Project {
     is_binary: bool,
 }
 
-/// A camera as its file has it: the model's name, size and parameters.
-struct RawCamera {
-    model: String,
-    size: [u64; 2],
-    parameters: Vec<f64>,
-}
-
-/// An image as its file has it.
-struct RawImage {
-    /// w, x, y, z of the rotation `camera_from_world`.
-    rotation: [f64; 4],
-    translation: [f64; 3],
-    camera: u32,
-    name: String,
-}
-
-/// Names of models by their number in binary files, with the number of parameters of all.
-const BINARY_MODELS: [(&str, usize); 18] = [
-    ("SIMPLE_PINHOLE", 3),
-    ("PINHOLE", 4),
-    ("SIMPLE_RADIAL", 4),
-    ("RADIAL", 5),
-    ("OPENCV", 8),
-    ("OPENCV_FISHEYE", 8),
-    ("FULL_OPENCV", 12),
-    ("FOV", 5),
-    ("SIMPLE_RADIAL_FISHEYE", 4),
-    ("RADIAL_FISHEYE", 5),
-    ("THIN_PRISM_FISHEYE", 12),
-    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
-    ("SIMPLE_DIVISION", 4),
-    ("DIVISION", 5),
-    ("SIMPLE_FISHEYE", 3),
-    ("FISHEYE", 4),
-    ("EUCM", 6),
-    ("EQUIRECTANGULAR", 2),
-];
 /// Models with one focal length for columns and rows.
 const ONE_FOCAL: [&str; 6] =
     ["SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_FISHEYE"];

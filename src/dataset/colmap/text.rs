@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::super::{Error, files};
-use super::{RawCamera, RawImage};
+use super::raw::{RawCamera, RawImage};
 
 /// The cameras of `path` with their numbers.
 pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, RawCamera)>, Error> {

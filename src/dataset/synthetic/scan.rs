@@ -17,7 +17,7 @@ use super::scene::{Scene, Thing};
 use super::shading::Lights;
 use super::solid::Face;
 use crate::color::byte;
-use crate::dataset::{Error, photographs};
+use crate::dataset::{Error, files};
 use crate::geometry::Camera;
 
 /// Meters per unit of the scene: 4.8 m from wall to wall.
@@ -61,7 +61,7 @@ pub struct SynthesizedScan {
 pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<SynthesizedScan, Error> {
     check(options)?;
     prepare(out, options.force)?;
-    let name = photographs::name_of(out);
+    let name = files::name_of(out);
     let scene = Scene::new(hash(options.seed, 0));
     let stored_from_aligned = aligned_from_stored().inverse();
 
