@@ -35,7 +35,7 @@ fn views(scene: &Scene) -> Vec<View> {
     let view = |i: u32| {
         let camera = scenes::camera(24, f64::from(i));
         let pixels = renderer.render(&camera).pixels;
-        View { name: i.to_string(), camera, pixels: Pixels::opaque(pixels.iter().map(|p| p.color)) }
+        View::new(i.to_string(), camera, Pixels::opaque(pixels.iter().map(|p| p.color)))
     };
     (0..6).map(view).collect()
 }
