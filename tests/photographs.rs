@@ -15,10 +15,9 @@ const PIXELS: u64 = (SIZE * SIZE) as u64;
 
 /// An opaque view and one with transparent pixels, all of one color.
 fn views() -> [View; 2] {
-    [255, 51].map(|alpha| View {
-        name: alpha.to_string(),
-        camera: scenes::camera(SIZE, f64::from(alpha)),
-        pixels: Pixels::Rgba8(vec![[255, 0, 102, alpha]; PIXELS as usize]),
+    [255, 51].map(|alpha| {
+        let pixels = Pixels::Rgba8(vec![[255, 0, 102, alpha]; PIXELS as usize]);
+        View::new(alpha.to_string(), scenes::camera(SIZE, f64::from(alpha)), pixels)
     })
 }
 
