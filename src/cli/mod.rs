@@ -19,6 +19,7 @@ pub mod pack;
 mod picture_size;
 mod plan;
 mod plots;
+mod pose;
 mod prior;
 mod progress;
 mod quantity;
@@ -68,6 +69,8 @@ struct Cli {
 enum Command {
     /// Make a small synthetic dataset, train a scene on it and evaluate it
     Demo(demo::Args),
+    /// Compute camera poses of photographs or of a video by COLMAP
+    Pose(pose::Args),
     /// Train a scene from photographs
     Train(train::Args),
     /// Remove the parameters that a scene needs least
@@ -102,6 +105,7 @@ enum Command {
 pub fn main() -> ExitCode {
     run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
         Command::Demo(args) => demo::run(args, session),
+        Command::Pose(args) => pose::run(args, session),
         Command::Train(args) => train::run(args, session),
         Command::Shrink(args) => resize::run_shrink(args, session),
         Command::Grow(args) => resize::run_grow(args, session),

@@ -1,0 +1,302 @@
+//! `strivec pose`: camera poses of photographs or of a video, by COLMAP.
+//!
+//! Four stages: the pictures are placed in the folder of the capture, COLMAP finds features in them, matches pairs, and
+//! computes poses and points. Each finished stage is recorded, so that the same command resumes.
+
+mod database;
+mod folder;
+mod frames;
+mod model;
+mod options;
+mod photographs;
+mod process;
+mod programs;
+mod report;
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use super::output::make_folder;
+use super::progress::Progress;
+use super::table::plural;
+use super::training::interrupts;
+use super::{Error, Session, write_atomically};
+use folder::{Capture, DATABASE, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
+use frames::Video;
+use options::{Matching, Options, name_of};
+use photographs::Photographs;
+use programs::{Colmap, Search};
+use report::Report;
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec pose photos -o capture
+  strivec pose walk.mp4 -o capture --frames 200
+  strivec pose photos -o capture --camera-each --camera-model SIMPLE_RADIAL
+  strivec pose photos -o capture --program pycolmap --python venv/bin/python --mapper global
+
+Needs COLMAP (apt install colmap) or pycolmap (pip install pycolmap), and for videos ffmpeg (apt install ffmpeg). DIR \
+receives the pictures (images), COLMAP's models (sparse/0 is the largest), logs, and pose.json, which records finished \
+stages. Ctrl-C stops with exit code 4; the same command resumes after the last finished stage. --force begins anew: it \
+removes what a run with the same DIR has written. Photographs are JPEG, PNG or TIFF files; they are never changed. \
+`strivec train` does not read TIFF.";
+
+/// Pictures below which no model can be computed.
+const MIN_PICTURES: usize = 3;
+/// Skipped files that messages list.
+const LISTED: usize = 5;
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Folder of photographs, or a video
+    #[arg(value_name = "PHOTOS|VIDEO")]
+    source: PathBuf,
+    /// Folder for the pictures and COLMAP's model; created if absent
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+    /// Hard-link photographs if the file system can [default: copy]
+    #[arg(long)]
+    link: bool,
+    /// Frames of a video, at most; the sharpest of each interval is used
+    #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(3..=100_000))]
+    frames: u32,
+    /// Time between two frames of a video, in seconds, at least
+    #[arg(long, value_name = "S", default_value_t = 0.2, value_parser = seconds)]
+    min_gap: f64,
+    #[command(flatten)]
+    options: Options,
+    #[command(flatten)]
+    search: Search,
+}
+
+/// Computes the poses.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let interrupted = interrupts()?;
+    let source = Source::open(args)?;
+    if let Some(file) = &args.options.vocab_tree {
+        fs::File::open(file).map_err(Error::io("read", file))?;
+    }
+    let colmap = args.search.find(&args.options)?;
+    let inputs = inputs(args, &source, &colmap)?;
+    let mut capture = Capture::open(&args.output, &args.source, inputs, session.force)?;
+    session.console.say(&format!("pose: {} with {}", capture.folder().display(), colmap.describe()));
+    source.skipped().iter().take(LISTED).for_each(|file| session.console.say(&format!("skipped: {file}")));
+    if source.skipped().len() > LISTED {
+        session.console.say(&format!("skipped: {} more", source.skipped().len() - LISTED));
+    }
+    let names = Work { args, session, interrupted: &interrupted, capture: &mut capture }.all(&source, &colmap)?;
+    let report = Report::read(&capture, colmap.describe(), &names, source.skipped().to_vec())?;
+    session.console.result(&report, Report::text)
+}
+
+/// The photographs or the video.
+enum Source {
+    Photographs(Photographs),
+    Video(Video),
+}
+
+impl Source {
+    fn open(args: &Args) -> Result<Self, Error> {
+        let path = &args.source;
+        if !fs::metadata(path).map_err(Error::io("read", path))?.is_dir() {
+            return Ok(Self::Video(Video::open(path)?));
+        }
+        let photographs = Photographs::list(path)?;
+        let count = photographs.pictures.len();
+        if count < MIN_PICTURES {
+            let skipped = photographs.skipped.first().map_or_else(String::new, |file| format!(" (skipped: {file})"));
+            return Err(Error::Malformed(format!(
+                "{}: {} in the folder{skipped}; at least {MIN_PICTURES} JPEG, PNG or TIFF files are needed",
+                path.display(),
+                plural(count, "photograph")
+            )));
+        }
+        if !args.options.camera_each {
+            photographs.check_one_size()?;
+        }
+        Ok(Self::Photographs(photographs))
+    }
+
+    fn skipped(&self) -> &[String] {
+        match self {
+            Self::Photographs(photographs) => &photographs.skipped,
+            Self::Video(_) => &[],
+        }
+    }
+}
+
+/// What decides the result, for comparison with the run that a command resumes.
+fn inputs(args: &Args, source: &Source, colmap: &Colmap) -> Result<Inputs, Error> {
+    let Options { camera_model, camera_each, max_features, matching, vocab_tree, mapper, gpu } = &args.options;
+    let path = fs::canonicalize(&args.source).map_err(Error::io("read", &args.source))?;
+    let mut inputs: Vec<(&str, String)> = vec![
+        ("source", path.display().to_string()),
+        ("COLMAP", colmap.describe()),
+        ("--camera-model", camera_model.clone()),
+        ("--camera-each", camera_each.to_string()),
+        ("--max-features", max_features.to_string()),
+        ("--matching", name_of(*matching)),
+        ("--vocab-tree", vocab_tree.as_ref().map_or_else(|| "none".into(), |file| file.display().to_string())),
+        ("--mapper", name_of(*mapper)),
+        ("--gpu", gpu.to_string()),
+    ];
+    match source {
+        Source::Photographs(photographs) => inputs.push(("photographs", photographs.fingerprint())),
+        Source::Video(video) => {
+            inputs.push(("video", video.fingerprint()?));
+            inputs.push(("--frames", args.frames.to_string()));
+            inputs.push(("--min-gap", args.min_gap.to_string()));
+        }
+    }
+    Ok(inputs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
+}
+
+/// A run.
+struct Work<'a> {
+    args: &'a Args,
+    session: &'a Session,
+    interrupted: &'a AtomicBool,
+    capture: &'a mut Capture,
+}
+
+impl Work<'_> {
+    /// All stages that are not finished; returns the names of the pictures.
+    fn all(&mut self, source: &Source, colmap: &Colmap) -> Result<Vec<String>, Error> {
+        let threads = rayon::current_num_threads();
+        let options = &self.args.options;
+        match source {
+            Source::Photographs(photographs) => {
+                let total = photographs.pictures.len() as u64;
+                self.stage(Stage::Pictures, total, |work, progress| work.photographs(photographs, progress))?;
+            }
+            Source::Video(video) => {
+                self.stage(Stage::Pictures, video.frames(), |work, progress| work.frames(video, progress))?;
+            }
+        }
+        let listed = self.capture.path(PICTURES);
+        let names = fs::read_to_string(&listed).map_err(Error::io("read", &listed))?;
+        let names: Vec<String> = names.lines().map(str::to_owned).collect();
+        let count = names.len();
+
+        let database = self.capture.path(DATABASE);
+        self.stage(Stage::Features, count as u64, |work, progress| {
+            let scaled = |line: &str| process::counter(line).map(|[done, _]| done);
+            work.program("features", colmap.features(options, threads), progress, &scaled)?;
+            report::features_found(&database, count)
+        })?;
+
+        let pairs = options.matching.of(count);
+        let total = (count * count.saturating_sub(1) / 2) as u64;
+        self.stage(Stage::Matching, total, |work, progress| {
+            if pairs == Matching::Sequential && options.vocab_tree.is_none() {
+                progress.say("matching: sequential without loop detection; --vocab-tree FILE adds it");
+            }
+            let scaled = |line: &str| process::counter(line).map(|[done, of]| done * total / of.max(1));
+            work.program("matching", colmap.matching(options, pairs, threads), progress, &scaled)?;
+            Ok(format!("{}, {}", report::matching_found(&database)?, name_of(pairs)))
+        })?;
+
+        self.stage(Stage::Mapping, count as u64, |work, progress| {
+            let unsorted = work.capture.path(UNSORTED);
+            folder::remove(&unsorted, |path| fs::remove_dir_all(path))?;
+            make_folder(&unsorted)?;
+            work.program("mapping", colmap.mapping(options, threads), progress, &process::registered)?;
+            if !model::sort(work.capture.folder())? {
+                let end = process::end_of(&work.capture.log("mapping")?);
+                let hint = "if the pictures overlap too little, take more between them";
+                return Err(Error::Runtime(format!("mapping: COLMAP found no model; {hint}; {end}")));
+            }
+            report::mapping_found(work.capture.folder(), count)
+        })?;
+        Ok(names)
+    }
+
+    /// Runs `work`, which returns what it found, as `stage` of `total` steps, unless it is finished.
+    fn stage(
+        &mut self,
+        stage: Stage,
+        total: u64,
+        work: impl FnOnce(&mut Self, &Progress<'_>) -> Result<String, Error>,
+    ) -> Result<(), Error> {
+        let task = name_of(stage);
+        let console = &self.session.console;
+        if let Some(finished) = self.capture.finished(stage) {
+            console.say(&format!("{task}: {} (finished before)", finished.found));
+            return Ok(());
+        }
+        let progress = Progress::start(console, &task, total);
+        let start = Instant::now();
+        let found = work(self, &progress)?;
+        let seconds = start.elapsed().as_secs_f64();
+        progress.finish(&format!("{task}: {found} in {seconds:.1} s"));
+        self.capture.finish(Finished { stage, seconds, found })
+    }
+
+    /// Runs `command` in the folder of the capture; `done` reads the number of steps from a line of its output.
+    fn program(
+        &mut self,
+        task: &str,
+        mut command: Command,
+        progress: &Progress<'_>,
+        done: &dyn Fn(&str) -> Option<u64>,
+    ) -> Result<(), Error> {
+        command.current_dir(self.capture.folder());
+        let log = self.capture.log(task)?;
+        let mut line = |line: &str| {
+            if let Some(done) = done(line) {
+                progress.set(done, String::new);
+            }
+        };
+        process::run(task, command, &log, self.interrupted, &mut line)
+    }
+
+    /// Places photographs.
+    fn photographs(&mut self, photographs: &Photographs, progress: &Progress<'_>) -> Result<String, Error> {
+        let images = self.capture.path(IMAGES);
+        let names = || photographs.pictures.iter().map(|picture| picture.name.clone());
+        let count = plural(photographs.pictures.len(), "photograph");
+        self.list(names())?;
+        if photographs.are_in(&images) {
+            self.capture.place([])?;
+            return Ok(format!("{count} in place"));
+        }
+        self.capture.place(names())?;
+        make_folder(&images)?;
+        photographs.place(&images, self.args.link, progress, self.interrupted)?;
+        Ok(format!("{count} {}", if self.args.link { "linked or copied" } else { "copied" }))
+    }
+
+    /// Extracts the frames of a video.
+    fn frames(&mut self, video: &Video, progress: &Progress<'_>) -> Result<String, Error> {
+        let images = self.capture.path(IMAGES);
+        make_folder(&images)?;
+        let (count, gap) = (self.args.frames as usize, self.args.min_gap);
+        let log = self.capture.log("frames")?;
+        let chosen = video.sharpest(count, gap, &log, progress, self.interrupted)?;
+        if chosen.len() < MIN_PICTURES {
+            let message = format!("{}: too short for {MIN_PICTURES} frames", self.args.source.display());
+            return Err(Error::Malformed(message));
+        }
+        self.list(frames::frame_names(chosen.len()))?;
+        self.capture.place(frames::frame_names(chosen.len()))?;
+        let extraction = Progress::start(&self.session.console, "writing frames", chosen.len() as u64);
+        video.extract(&chosen, &images, &log, &extraction, self.interrupted)?;
+        drop(extraction);
+        Ok(format!("the {} sharpest frames", chosen.len()))
+    }
+
+    /// Writes the list of pictures for COLMAP.
+    fn list(&self, names: impl Iterator<Item = String>) -> Result<(), Error> {
+        let text: String = names.map(|name| name + "\n").collect();
+        write_atomically(&self.capture.path(PICTURES), text.as_bytes(), true)
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(|| "not a time in seconds".into())
+}

@@ -1,0 +1,193 @@
+//! The photographs of a folder: which of its files are pictures, and their copies in the capture.
+
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use image::{ImageFormat, ImageReader};
+
+use super::super::Error;
+use super::super::progress::Progress;
+use super::process::stopped;
+use crate::escape::escaped;
+
+/// A photograph.
+#[derive(Debug)]
+pub(super) struct Photograph {
+    /// Its name in the folder.
+    pub(super) name: String,
+    path: PathBuf,
+    bytes: u64,
+    /// Seconds since 1970, or 0 if unknown.
+    modified: u64,
+    /// Columns and rows, if the format is known.
+    size: Option<(u32, u32)>,
+}
+
+/// The photographs of a folder.
+#[derive(Debug)]
+pub(super) struct Photographs {
+    folder: PathBuf,
+    /// In the order of their names.
+    pub(super) pictures: Vec<Photograph>,
+    /// Files that are not used, with the reason.
+    pub(super) skipped: Vec<String>,
+}
+
+/// File formats by their first bytes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Jpeg,
+    Png,
+    Tiff,
+    Webp,
+    Heic,
+    Unknown,
+}
+
+impl Photographs {
+    /// The photographs in `folder`, not in its subfolders. Hidden files are passed over.
+    ///
+    /// # Errors
+    ///
+    /// If the folder cannot be read.
+    pub(super) fn list(folder: &Path) -> Result<Self, Error> {
+        let (mut pictures, mut skipped) = (Vec::new(), Vec::new());
+        for entry in fs::read_dir(folder).map_err(Error::io("read", folder))? {
+            let entry = entry.map_err(Error::io("read", folder))?;
+            let file_name = entry.file_name();
+            if file_name.as_encoded_bytes().starts_with(b".") {
+                continue;
+            }
+            match photograph(&entry.path(), file_name.to_str()) {
+                Ok(picture) => pictures.push(picture),
+                Err(why) => skipped.push(format!("{}: {why}", escaped(&file_name.to_string_lossy()))),
+            }
+        }
+        pictures.sort_by(|a, b| a.name.cmp(&b.name));
+        skipped.sort();
+        Ok(Self { folder: folder.to_path_buf(), pictures, skipped })
+    }
+
+    /// A text that changes if a photograph does.
+    pub(super) fn fingerprint(&self) -> String {
+        let mut hasher = crc32fast::Hasher::new();
+        for Photograph { name, bytes, modified, .. } in &self.pictures {
+            hasher.update(format!("{name}\n{bytes} {modified}\n").as_bytes());
+        }
+        format!("{} files (checksum {:08x})", self.pictures.len(), hasher.finalize())
+    }
+
+    /// Errors if two photographs differ in size, which one camera cannot have.
+    pub(super) fn check_one_size(&self) -> Result<(), Error> {
+        let mut sized = self.pictures.iter().filter_map(|picture| Some((picture, picture.size?)));
+        let Some((first, size)) = sized.next() else { return Ok(()) };
+        let Some((other, found)) = sized.find(|(_, found)| *found != size) else { return Ok(()) };
+        Err(Error::Usage(format!(
+            "{}: {} has {}x{} pixels and {} has {}x{}, but one camera is shared; give pictures of one size, or --camera-each",
+            self.folder.display(),
+            escaped(&first.name),
+            size.0,
+            size.1,
+            escaped(&other.name),
+            found.0,
+            found.1
+        )))
+    }
+
+    /// True if the photographs are already in `images`.
+    pub(super) fn are_in(&self, images: &Path) -> bool {
+        fs::canonicalize(images).is_ok_and(|images| fs::canonicalize(&self.folder).is_ok_and(|own| own == images))
+    }
+
+    /// Copies the photographs into `images`; with `link` as hard links if the file system can.
+    pub(super) fn place(
+        &self,
+        images: &Path,
+        link: bool,
+        progress: &Progress<'_>,
+        interrupted: &AtomicBool,
+    ) -> Result<(), Error> {
+        for (done, picture) in self.pictures.iter().enumerate() {
+            if interrupted.load(Ordering::SeqCst) {
+                return Err(stopped("pictures"));
+            }
+            let to = images.join(&picture.name);
+            // A picture of an interrupted run; a copy over a hard link would write into the original.
+            super::folder::remove(&to, |path| fs::remove_file(path))?;
+            // A link to a symbolic link would depend on its target.
+            let from = fs::canonicalize(&picture.path).map_err(Error::io("read", &picture.path))?;
+            if !link || fs::hard_link(&from, &to).is_err() {
+                copy(&from, &to)?;
+            }
+            progress.set(done as u64 + 1, String::new);
+        }
+        Ok(())
+    }
+}
+
+/// Copies the content, not the permissions: a copy of a read-only file can be removed and replaced.
+fn copy(from: &Path, to: &Path) -> Result<(), Error> {
+    let mut source = File::open(from).map_err(Error::io("read", from))?;
+    let mut copy = File::create_new(to).map_err(Error::io("write", to))?;
+    io::copy(&mut source, &mut copy).map(drop).map_err(Error::io("write", to))
+}
+
+/// The photograph in the file `path`, else why it is none.
+fn photograph(path: &Path, name: Option<&str>) -> Result<Photograph, String> {
+    let Some(name) = name else { return Err("the name is not UTF-8".into()) };
+    if name.contains(['\n', '\r']) || name.trim() != name {
+        return Err("the name has a line feed, or a blank at an end".into());
+    }
+    // Follows symbolic links.
+    let metadata = fs::metadata(path).map_err(|error| format!("cannot be read: {error}"))?;
+    if metadata.is_dir() {
+        return Err("a folder; its pictures are not used".into());
+    }
+    if !metadata.is_file() {
+        return Err("a device or a pipe".into());
+    }
+    let format = format_of(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let size = match format {
+        Format::Jpeg => dimensions(path, ImageFormat::Jpeg)?,
+        Format::Png => dimensions(path, ImageFormat::Png)?,
+        Format::Tiff => None,
+        Format::Webp => return Err("a WebP picture; convert it to JPEG or PNG".into()),
+        Format::Heic => return Err("a HEIC or AVIF picture; convert it to JPEG or PNG".into()),
+        Format::Unknown => return Err("not a JPEG, PNG or TIFF picture".into()),
+    };
+    let modified = metadata.modified().ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
+    Ok(Photograph {
+        name: name.to_owned(),
+        path: path.to_path_buf(),
+        bytes: metadata.len(),
+        modified: modified.map_or(0, |since| since.as_secs()),
+        size,
+    })
+}
+
+fn format_of(path: &Path) -> io::Result<Format> {
+    let mut start = Vec::new();
+    File::open(path)?.take(12).read_to_end(&mut start)?;
+    let at = |offset: usize, magic: &[u8]| start.get(offset..).is_some_and(|rest| rest.starts_with(magic));
+    Ok(if at(0, b"\xff\xd8\xff") {
+        Format::Jpeg
+    } else if at(0, b"\x89PNG\r\n\x1a\n") {
+        Format::Png
+    } else if at(0, b"II*\0") || at(0, b"MM\0*") {
+        Format::Tiff
+    } else if at(0, b"RIFF") && at(8, b"WEBP") {
+        Format::Webp
+    } else if at(4, b"ftyp") && [&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|brand| at(8, brand)) {
+        Format::Heic
+    } else {
+        Format::Unknown
+    })
+}
+
+fn dimensions(path: &Path, format: ImageFormat) -> Result<Option<(u32, u32)>, String> {
+    let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let size = ImageReader::with_format(BufReader::new(file), format).into_dimensions();
+    size.map(Some).map_err(|error| format!("cannot be decoded: {error}"))
+}
