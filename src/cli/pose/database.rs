@@ -74,6 +74,12 @@ impl Value<'_> {
     }
 }
 
+/// Pages and levels that a walk may still enter, so that a damaged tree with a cycle ends.
+struct Budget {
+    pages: usize,
+    levels: u32,
+}
+
 /// The pages of a database and the root page of each table.
 struct Tables<'a> {
     bytes: &'a [u8],
@@ -93,7 +99,7 @@ impl<'a> Tables<'a> {
         }
         let mut tables = Self { bytes, page_bytes, roots: BTreeMap::new() };
         let mut records = Vec::new();
-        tables.collect(1, 0, &mut records)?;
+        tables.collect(1, &mut tables.budget(), &mut records)?;
         for (_, record) in records {
             // Columns: type, name, table, root page, SQL.
             let [kind, name, _, root] = columns::<4>(record)?;
@@ -107,16 +113,19 @@ impl<'a> Tables<'a> {
     /// The key and the second column of each row of `table`. The first column of these tables is the key.
     fn rows(&self, table: &str) -> Option<Vec<(i64, Value<'a>)>> {
         let mut records = Vec::new();
-        self.collect(*self.roots.get(table)?, 0, &mut records)?;
+        self.collect(*self.roots.get(table)?, &mut self.budget(), &mut records)?;
         let row = |(key, record)| columns::<2>(record).map(|[_, second]| (key, second));
         records.into_iter().map(row).collect()
     }
 
+    fn budget(&self) -> Budget {
+        Budget { pages: self.bytes.len() / self.page_bytes, levels: MAX_DEPTH }
+    }
+
     /// Appends the key and the record, as far as it is on the page, of each row in the tree of `page`.
-    fn collect(&self, page: usize, depth: u32, rows: &mut Vec<(i64, &'a [u8])>) -> Option<()> {
-        if depth > MAX_DEPTH {
-            return None;
-        }
+    fn collect(&self, page: usize, budget: &mut Budget, rows: &mut Vec<(i64, &'a [u8])>) -> Option<()> {
+        budget.pages = budget.pages.checked_sub(1)?;
+        budget.levels = budget.levels.checked_sub(1)?;
         let start = page.checked_sub(1)?.checked_mul(self.page_bytes)?;
         let bytes = self.bytes.get(start..start.checked_add(self.page_bytes)?)?;
         // The first page begins with the file's header.
@@ -135,10 +144,14 @@ impl<'a> Tables<'a> {
                 let (_, rest) = varint(cell)?;
                 rows.push(varint(rest)?);
             } else {
-                self.collect(child(cell)?, depth + 1, rows)?;
+                self.collect(child(cell)?, budget, rows)?;
             }
         }
-        if is_leaf { Some(()) } else { self.collect(child(header.get(8..)?)?, depth + 1, rows) }
+        if !is_leaf {
+            self.collect(child(header.get(8..)?)?, budget, rows)?;
+        }
+        budget.levels += 1;
+        Some(())
     }
 }
 
@@ -188,4 +201,52 @@ fn varint(bytes: &[u8]) -> Option<(i64, &[u8])> {
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Made by `fixtures/pose/make.py`.
+    const DATABASE: &[u8] = include_bytes!("../../../fixtures/pose/database.db");
+
+    #[test]
+    fn features_and_matches_of_each_picture_are_read() {
+        let pictures = pictures(DATABASE).unwrap();
+        let counts: Vec<(&str, u64)> = pictures.iter().map(|(name, found)| (name.as_str(), found.count)).collect();
+        let expected = [
+            ("a.png", 4000),
+            ("b b.png", 4100),
+            ("c.png", 3900),
+            ("dark.png", 12),
+            ("far.png", 3800),
+            ("twice.png", 4200),
+        ];
+        assert_eq!(counts, expected);
+        let matches = |name: &str| pictures[name].matches.clone().into_iter().collect::<Vec<_>>();
+        assert_eq!(matches("far.png"), [("b b.png".to_owned(), 14), ("c.png".to_owned(), 16)]);
+        assert_eq!(matches("a.png").len(), 3, "no entry for the pair without matches");
+        assert_eq!(matches("dark.png"), []);
+    }
+
+    #[test]
+    fn a_damaged_database_is_refused_or_read_but_never_a_panic() {
+        for length in 0..DATABASE.len().min(3000) {
+            let _ = pictures(&DATABASE[..length]);
+        }
+        assert!(pictures(&DATABASE[..DATABASE.len() / 2]).is_none());
+        for at in 0..DATABASE.len() {
+            let mut bytes = DATABASE.to_vec();
+            bytes[at] ^= 0xff;
+            let _ = pictures(&bytes);
+        }
+    }
+
+    #[test]
+    fn integers_of_seven_bits_per_byte() {
+        assert_eq!(varint(&[0x05, 9]), Some((5, &[9][..])));
+        assert_eq!(varint(&[0x81, 0x00]), Some((128, &[][..])));
+        assert_eq!(varint(&[0xff; 9]), Some((-1, &[][..])));
+        assert_eq!(varint(&[0x80]), None);
+    }
 }

@@ -90,7 +90,7 @@ impl Capture {
         }
         let mut capture = Self { folder: folder.to_path_buf(), state };
         if force {
-            capture.clear()?;
+            capture.clear(source)?;
             capture.state = empty;
         } else if let Some(difference) = difference(&capture.state.inputs, &inputs) {
             let folder = folder.display();
@@ -145,10 +145,14 @@ impl Capture {
         write_atomically(&file, &json, true)
     }
 
-    /// Removes what a run has written, and no other file.
-    fn clear(&self) -> Result<(), Error> {
+    /// Removes what a run has written, and no other file; keeps the pictures if they are now the `source`.
+    fn clear(&self, source: &Path) -> Result<(), Error> {
         let images = self.folder.join(IMAGES);
-        for name in &self.state.placed {
+        let is_source = fs::canonicalize(&images).is_ok_and(|images| {
+            let source = fs::canonicalize(source);
+            source.is_ok_and(|source| source.starts_with(images))
+        });
+        for name in self.state.placed.iter().filter(|_| !is_source) {
             remove(&images.join(Path::new(name).file_name().unwrap_or_default()), |path| fs::remove_file(path))?;
         }
         for name in [DATABASE, "database.db-wal", "database.db-shm", PICTURES] {

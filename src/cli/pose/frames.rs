@@ -195,9 +195,9 @@ fn rate_of(fraction: &str) -> (String, f64) {
 /// Variance of the Laplacian of a gray picture `width` pixels wide: high if edges are sharp.
 fn laplacian_variance(gray: &[u8], width: usize) -> f64 {
     let (mut sum, mut squares, mut count) = (0_i64, 0_i64, 0_i64);
-    for (above, (row, below)) in gray.chunks_exact(width).zip(
-        gray.chunks_exact(width).skip(1).zip(gray.chunks_exact(width).skip(2)),
-    ) {
+    for (above, (row, below)) in
+        gray.chunks_exact(width).zip(gray.chunks_exact(width).skip(1).zip(gray.chunks_exact(width).skip(2)))
+    {
         for x in 1..width.saturating_sub(1) {
             let around = [row[x - 1], row[x + 1], above[x], below[x]].map(i64::from).iter().sum::<i64>();
             let laplacian = 4 * i64::from(row[x]) - around;

@@ -9,6 +9,7 @@ use image::{ImageFormat, ImageReader};
 
 use super::super::Error;
 use super::super::progress::Progress;
+use super::folder::remove;
 use super::process::stopped;
 use crate::escape::escaped;
 
@@ -114,12 +115,15 @@ impl Photographs {
                 return Err(stopped("pictures"));
             }
             let to = images.join(&picture.name);
-            // A picture of an interrupted run; a copy over a hard link would write into the original.
-            super::folder::remove(&to, |path| fs::remove_file(path))?;
-            // A link to a symbolic link would depend on its target.
+            // A hard link to a symbolic link would depend on its target.
             let from = fs::canonicalize(&picture.path).map_err(Error::io("read", &picture.path))?;
-            if !link || fs::hard_link(&from, &to).is_err() {
-                copy(&from, &to)?;
+            let is_there = fs::canonicalize(&to).is_ok_and(|there| there == from);
+            if !is_there {
+                // A picture of an interrupted run; a copy over a hard link would write into the original.
+                remove(&to, |path| fs::remove_file(path))?;
+                if !link || fs::hard_link(&from, &to).is_err() {
+                    copy(&from, &to)?;
+                }
             }
             progress.set(done as u64 + 1, String::new);
         }

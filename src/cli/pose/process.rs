@@ -85,19 +85,21 @@ pub(super) fn end_of(log: &Path) -> String {
     format!("its log {} ends with:{}", log.display(), last.iter().map(shown).collect::<String>())
 }
 
-/// The steps done and their total in a line of COLMAP such as `Processed file [3/50]` or `Matching block [1/5, 2/5]`.
+/// The steps done and their total in a line of COLMAP such as `Processed file [3/50]`, `Matching block [1/5, 2/5]` or
+/// `Processing block [1/5, 2/5]`, which has only begun.
 pub(super) fn counter(line: &str) -> Option<[u64; 2]> {
-    let (_, rest) = line.rsplit_once('[')?;
+    let (before, rest) = line.rsplit_once('[')?;
+    let begun = u64::from(before.contains("Processing"));
     let (inside, _) = rest.split_once(']')?;
     let pair = |text: &str| {
         let (at, of) = text.trim().split_once('/')?;
         Some([at.parse::<u64>().ok()?, of.parse::<u64>().ok()?])
     };
     match inside.split_once(',') {
-        None => pair(inside),
+        None => pair(inside).map(|[at, of]| [at.saturating_sub(begun), of]),
         Some((row, column)) => {
             let ([row, rows], [column, columns]) = (pair(row)?, pair(column)?);
-            let done = row.checked_sub(1)?.checked_mul(columns)?.checked_add(column)?;
+            let done = row.checked_sub(1)?.checked_mul(columns)?.checked_add(column)?.saturating_sub(begun);
             Some([done, rows.checked_mul(columns)?])
         }
     }
@@ -121,6 +123,8 @@ mod tests {
         assert_eq!(counter("Processed file [3/50]"), Some([3, 50]));
         assert_eq!(counter("I20261123 06:43 140 feature_extraction.cc:270] Processed file [1/50]"), Some([1, 50]));
         assert_eq!(counter("Matching block [2/5, 1/5] in 3.2s"), Some([6, 25]));
+        assert_eq!(counter("I2026 pairing.cc:214] Processing block [2/5, 1/5]"), Some([5, 25]));
+        assert_eq!(counter("Processing image [3/50]"), Some([2, 50]));
         assert_eq!(counter("Matching image [0/9, 0/9]"), None);
         for other in ["", "[", "[]", "[1/]", "[a/b]", "][", "Features:  9154"] {
             assert_eq!(counter(other), None, "{other}");
