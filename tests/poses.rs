@@ -20,7 +20,7 @@ const DATABASE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/pose/datab
 const COLMAP: &str = r#"#!/bin/sh
 PATH=/usr/bin:/bin
 here=$(dirname "$0")
-if [ "$1" = help ]; then echo "COLMAP $(cat "$here/version") -- Structure-from-Motion"; exit 0; fi
+if [ "$1" = help ]; then echo "COLMAP $(cat "$here/version") -- Structure-from-Motion, $(cat "$here/groups")"; exit 0; fi
 if [ "$2" = -h ]; then cat "$here/groups"; exit 0; fi
 echo "$@" >> "$here/calls"
 if [ -e "$here/hang-$1" ]; then sleep 30; fi
@@ -354,7 +354,10 @@ fn the_newer_program_is_used_and_newer_options_have_other_names() {
     let place = Place::new();
     place.program("python3", PYTHON);
     fs::write(place.path("programs/python-version"), r#"{"version": "4.2.1", "global": true}"#).unwrap();
+    image::RgbImage::new(8, 6).save(place.path("photos/d.webp")).unwrap();
     let report = place.report(&pose(&["--mapper", "global"]));
+    let skipped = "d.webp: a WebP picture, which pycolmap 4.2.1 (python3) does not read; convert it to JPEG or PNG";
+    assert_eq!(report["skipped"], serde_json::json!([skipped]));
     assert_eq!(report["program"], "pycolmap 4.2.1 (python3)");
     let calls = place.calls();
     assert!(calls[0].starts_with("features --database database.db --threads "), "{}", calls[0]);
@@ -362,12 +365,16 @@ fn the_newer_program_is_used_and_newer_options_have_other_names() {
     assert!(calls[2].ends_with("--output sparse.partial --mapper global"), "{}", calls[2]);
 
     fs::write(place.path("programs/version"), "4.3").unwrap();
-    fs::write(place.path("programs/groups"), "--FeatureExtraction.use_gpu --FeatureMatching.use_gpu").unwrap();
-    let report = place.report(&pose(&["--gpu", "--force"]));
-    assert_eq!(report["program"], "COLMAP 4.3 (colmap)");
+    let groups = "--FeatureExtraction.use_gpu --FeatureMatching.use_gpu global_mapper";
+    fs::write(place.path("programs/groups"), groups).unwrap();
+    let report = place.report(&pose(&["--gpu", "--force", "--mapper", "global"]));
+    assert_eq!((&report["program"], &report["pictures"]), (&"COLMAP 4.3 (colmap)".into(), &7.into()));
     let calls = place.calls();
     assert!(calls[0].contains("--FeatureExtraction.use_gpu 1"), "{}", calls[0]);
     assert!(calls[1].contains("--FeatureMatching.use_gpu 1"), "{}", calls[1]);
+    assert_eq!(calls[2], "view_graph_calibrator --database_path database.db");
+    let expected = "global_mapper --database_path database.db --image_path images --output_path sparse.partial";
+    assert_eq!(calls[3..], [expected]);
 }
 
 #[test]
@@ -429,8 +436,8 @@ fn files_that_are_no_pictures_are_skipped_with_a_reason() {
         "caf\u{fffd}.png: the name is not UTF-8",
         "lost.png: cannot be read: ",
         "more: a folder; its pictures are not used",
-        "notes.txt: not a JPEG, PNG or TIFF picture",
-        "photo.webp: a WebP picture; convert it to JPEG or PNG",
+        "notes.txt: not a JPEG, PNG, TIFF or WebP picture",
+        "photo.webp: cannot be decoded: ",
     ];
     assert_eq!(skipped.len(), starts.len(), "{skipped:?}");
     for (skipped, start) in skipped.iter().zip(starts) {
@@ -471,7 +478,7 @@ fn only_a_free_folder_becomes_a_capture() {
     fs::copy(place.path("photos/a.png"), place.path("few/a.png")).unwrap();
     let message = place.failure(&["few", "-o", "x"], 3);
     assert!(
-        message.contains("few: 1 photograph in the folder; at least 3 JPEG, PNG or TIFF files are needed"),
+        message.contains("few: 1 photograph in the folder; at least 3 JPEG, PNG, TIFF or WebP files are needed"),
         "{message}"
     );
     assert_eq!(place.calls(), [""; 0]);

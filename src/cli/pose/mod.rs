@@ -26,7 +26,7 @@ use super::training::interrupts;
 use super::{Error, Session, write_atomically};
 use folder::{Capture, DATABASE, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
 use frames::Video;
-use options::{Matching, Options, name_of};
+use options::{Mapper, Matching, Options, name_of};
 use photographs::Photographs;
 use programs::{Colmap, Search};
 use report::Report;
@@ -41,8 +41,8 @@ Examples:
 Needs COLMAP (apt install colmap) or pycolmap (pip install pycolmap), and for videos ffmpeg (apt install ffmpeg). DIR \
 receives the pictures (images), COLMAP's models (sparse/0 is the largest), logs, and pose.json, which records finished \
 stages. Ctrl-C stops with exit code 4; the same command resumes after the last finished stage. --force begins anew: it \
-removes what a run with the same DIR has written. Photographs are JPEG, PNG or TIFF files; they are never changed. \
-`strivec train` does not read TIFF.";
+removes what a run with the same DIR has written. Photographs are JPEG, PNG, TIFF or, with COLMAP's \
+program, WebP files; they are never changed.";
 
 /// Pictures below which no model can be computed.
 const MIN_PICTURES: usize = 3;
@@ -77,11 +77,16 @@ pub(super) struct Args {
 /// Computes the poses.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let interrupted = interrupts()?;
-    let source = Source::open(args)?;
+    let metadata = fs::metadata(&args.source).map_err(Error::io("read", &args.source))?;
     if let Some(file) = &args.options.vocab_tree {
         fs::File::open(file).map_err(Error::io("read", file))?;
     }
     let colmap = args.search.find(&args.options)?;
+    let source = if metadata.is_dir() {
+        Source::Photographs(photographs(args, &colmap)?)
+    } else {
+        Source::Video(Video::open(&args.source)?)
+    };
     let inputs = inputs(args, &source, &colmap)?;
     let mut capture = Capture::open(&args.output, &args.source, inputs, session.force)?;
     session.console.say(&format!("pose: {} with {}", capture.folder().display(), colmap.describe()));
@@ -101,33 +106,33 @@ enum Source {
 }
 
 impl Source {
-    fn open(args: &Args) -> Result<Self, Error> {
-        let path = &args.source;
-        if !fs::metadata(path).map_err(Error::io("read", path))?.is_dir() {
-            return Ok(Self::Video(Video::open(path)?));
-        }
-        let photographs = Photographs::list(path)?;
-        let count = photographs.pictures.len();
-        if count < MIN_PICTURES {
-            let skipped = photographs.skipped.first().map_or_else(String::new, |file| format!(" (skipped: {file})"));
-            return Err(Error::Malformed(format!(
-                "{}: {} in the folder{skipped}; at least {MIN_PICTURES} JPEG, PNG or TIFF files are needed",
-                path.display(),
-                plural(count, "photograph")
-            )));
-        }
-        if !args.options.camera_each {
-            photographs.check_one_size()?;
-        }
-        Ok(Self::Photographs(photographs))
-    }
-
     fn skipped(&self) -> &[String] {
         match self {
             Self::Photographs(photographs) => &photographs.skipped,
             Self::Video(_) => &[],
         }
     }
+}
+
+/// The photographs in the source's folder that `colmap` reads.
+fn photographs(args: &Args, colmap: &Colmap) -> Result<Photographs, Error> {
+    let mut photographs = Photographs::list(&args.source)?;
+    if !colmap.reads_webp() {
+        photographs.skip_webp(&colmap.describe());
+    }
+    let count = photographs.pictures.len();
+    if count < MIN_PICTURES {
+        let skipped = photographs.skipped.first().map_or_else(String::new, |file| format!(" (skipped: {file})"));
+        return Err(Error::Malformed(format!(
+            "{}: {} in the folder{skipped}; at least {MIN_PICTURES} JPEG, PNG, TIFF or WebP files are needed",
+            args.source.display(),
+            plural(count, "photograph")
+        )));
+    }
+    if !args.options.camera_each {
+        photographs.check_one_size()?;
+    }
+    Ok(photographs)
 }
 
 /// What decides the result, for comparison with the run that a command resumes.
@@ -205,7 +210,14 @@ impl Work<'_> {
             let unsorted = work.capture.path(UNSORTED);
             folder::remove(&unsorted, |path| fs::remove_dir_all(path))?;
             make_folder(&unsorted)?;
-            work.program("mapping", colmap.mapping(options, threads), progress, &process::registered)?;
+            if options.mapper == Mapper::Global {
+                progress.say(
+                    "mapping: global; without focal lengths in the EXIF data, poses may be wrong at a small reprojection error",
+                );
+            }
+            for (task, command) in colmap.mapping(options, threads) {
+                work.program(task, command, progress, &process::registered)?;
+            }
             if !model::sort(work.capture.folder())? {
                 let end = process::end_of(&work.capture.log("mapping")?);
                 let hint = "if the pictures overlap too little, take more between them";

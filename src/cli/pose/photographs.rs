@@ -22,8 +22,9 @@ pub(super) struct Photograph {
     bytes: u64,
     /// Seconds since 1970, or 0 if unknown.
     modified: u64,
-    /// Columns and rows, if the format is known.
-    size: Option<(u32, u32)>,
+    format: ImageFormat,
+    /// Columns and rows.
+    size: (u32, u32),
 }
 
 /// The photographs of a folder.
@@ -34,17 +35,6 @@ pub(super) struct Photographs {
     pub(super) pictures: Vec<Photograph>,
     /// Files that are not used, with the reason.
     pub(super) skipped: Vec<String>,
-}
-
-/// File formats by their first bytes.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Jpeg,
-    Png,
-    Tiff,
-    Webp,
-    Heic,
-    Unknown,
 }
 
 impl Photographs {
@@ -71,6 +61,16 @@ impl Photographs {
         Ok(Self { folder: folder.to_path_buf(), pictures, skipped })
     }
 
+    /// Skips WebP pictures, which the COLMAP `program` does not read.
+    pub(super) fn skip_webp(&mut self, program: &str) {
+        let is_webp = |picture: &mut Photograph| picture.format == ImageFormat::WebP;
+        for Photograph { name, .. } in self.pictures.extract_if(.., is_webp) {
+            let why = format!("a WebP picture, which {program} does not read; convert it to JPEG or PNG");
+            self.skipped.push(format!("{}: {why}", escaped(&name)));
+        }
+        self.skipped.sort();
+    }
+
     /// A text that changes if a photograph does.
     pub(super) fn fingerprint(&self) -> String {
         let mut hasher = crc32fast::Hasher::new();
@@ -82,18 +82,17 @@ impl Photographs {
 
     /// Errors if two photographs differ in size, which one camera cannot have.
     pub(super) fn check_one_size(&self) -> Result<(), Error> {
-        let mut sized = self.pictures.iter().filter_map(|picture| Some((picture, picture.size?)));
-        let Some((first, size)) = sized.next() else { return Ok(()) };
-        let Some((other, found)) = sized.find(|(_, found)| *found != size) else { return Ok(()) };
+        let Some(first) = self.pictures.first() else { return Ok(()) };
+        let Some(other) = self.pictures.iter().find(|picture| picture.size != first.size) else { return Ok(()) };
         Err(Error::Usage(format!(
             "{}: {} has {}x{} pixels and {} has {}x{}, but one camera is shared; give pictures of one size, or --camera-each",
             self.folder.display(),
             escaped(&first.name),
-            size.0,
-            size.1,
+            first.size.0,
+            first.size.1,
             escaped(&other.name),
-            found.0,
-            found.1
+            other.size.0,
+            other.size.1
         )))
     }
 
@@ -152,46 +151,41 @@ fn photograph(path: &Path, name: Option<&str>) -> Result<Photograph, String> {
     if !metadata.is_file() {
         return Err("a device or a pipe".into());
     }
-    let format = format_of(path).map_err(|error| format!("cannot be read: {error}"))?;
-    let size = match format {
-        Format::Jpeg => dimensions(path, ImageFormat::Jpeg)?,
-        Format::Png => dimensions(path, ImageFormat::Png)?,
-        Format::Tiff => None,
-        Format::Webp => return Err("a WebP picture; convert it to JPEG or PNG".into()),
-        Format::Heic => return Err("a HEIC or AVIF picture; convert it to JPEG or PNG".into()),
-        Format::Unknown => return Err("not a JPEG, PNG or TIFF picture".into()),
-    };
+    let format = format_of(path).map_err(|error| format!("cannot be read: {error}"))??;
+    let size = dimensions(path, format)?;
     let modified = metadata.modified().ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
     Ok(Photograph {
         name: name.to_owned(),
         path: path.to_path_buf(),
         bytes: metadata.len(),
         modified: modified.map_or(0, |since| since.as_secs()),
+        format,
         size,
     })
 }
 
-fn format_of(path: &Path) -> io::Result<Format> {
+/// The format by the first bytes of a file, regardless of its extension; else why it is none that COLMAP reads.
+fn format_of(path: &Path) -> io::Result<Result<ImageFormat, String>> {
     let mut start = Vec::new();
     File::open(path)?.take(12).read_to_end(&mut start)?;
     let at = |offset: usize, magic: &[u8]| start.get(offset..).is_some_and(|rest| rest.starts_with(magic));
     Ok(if at(0, b"\xff\xd8\xff") {
-        Format::Jpeg
+        Ok(ImageFormat::Jpeg)
     } else if at(0, b"\x89PNG\r\n\x1a\n") {
-        Format::Png
+        Ok(ImageFormat::Png)
     } else if at(0, b"II*\0") || at(0, b"MM\0*") {
-        Format::Tiff
+        Ok(ImageFormat::Tiff)
     } else if at(0, b"RIFF") && at(8, b"WEBP") {
-        Format::Webp
+        Ok(ImageFormat::WebP)
     } else if at(4, b"ftyp") && [&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|brand| at(8, brand)) {
-        Format::Heic
+        Err("a HEIC or AVIF picture; convert it to JPEG or PNG".into())
     } else {
-        Format::Unknown
+        Err("not a JPEG, PNG, TIFF or WebP picture".into())
     })
 }
 
-fn dimensions(path: &Path, format: ImageFormat) -> Result<Option<(u32, u32)>, String> {
+fn dimensions(path: &Path, format: ImageFormat) -> Result<(u32, u32), String> {
     let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
     let size = ImageReader::with_format(BufReader::new(file), format).into_dimensions();
-    size.map(Some).map_err(|error| format!("cannot be decoded: {error}"))
+    size.map_err(|error| format!("cannot be decoded: {error}"))
 }

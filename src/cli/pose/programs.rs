@@ -17,6 +17,8 @@ use super::options::{Mapper, Matching, Options, name_of};
 const SCRIPT: &str = include_str!("pycolmap_stage.py");
 /// Pictures per block of exhaustive matching; an interrupted matching resumes at a block.
 const BLOCK: &str = "10";
+/// COLMAP's command for global mapping.
+const COLMAP_GLOBAL: &str = "global_mapper";
 const INSTALL: &str = "install one of them: apt install colmap, or pip install pycolmap";
 
 /// Where to look for COLMAP.
@@ -129,8 +131,8 @@ fn colmap_program(program: &Path) -> Result<Colmap, String> {
     let extraction =
         if feature("feature_extractor", "FeatureExtraction") { "FeatureExtraction" } else { "SiftExtraction" };
     let matching = if feature("exhaustive_matcher", "FeatureMatching") { "FeatureMatching" } else { "SiftMatching" };
-    let global = if text.contains("global_mapper") {
-        Some((program.clone(), "global_mapper"))
+    let global = if text.contains(COLMAP_GLOBAL) {
+        Some((program.clone(), COLMAP_GLOBAL))
     } else {
         run(Path::new("glomap"), &["-h"]).is_ok().then(|| (PathBuf::from("glomap"), "mapper"))
     };
@@ -162,6 +164,11 @@ impl Colmap {
             Kind::Python { .. } => "pycolmap",
         };
         format!("{name} {} ({})", self.version, self.program.display())
+    }
+
+    /// True if it decodes WebP; the packages of pycolmap do not.
+    pub(super) fn reads_webp(&self) -> bool {
+        matches!(self.kind, Kind::Program { .. })
     }
 
     fn has_global_mapper(&self) -> bool {
@@ -229,16 +236,22 @@ impl Colmap {
         command
     }
 
-    /// Computes poses and points.
-    pub(super) fn mapping(&self, options: &Options, threads: usize) -> Command {
+    /// Computes poses and points: commands to run in order, with the names of their logs.
+    pub(super) fn mapping(&self, options: &Options, threads: usize) -> Vec<(&'static str, Command)> {
+        let mut commands = Vec::new();
         let threads_text = threads.to_string();
         let mut command = match (&self.kind, options.mapper) {
             (Kind::Python { .. }, mapper) => {
                 let mut command = self.script("mapping", options, threads);
                 command.args(["--images", IMAGES, "--output", UNSORTED, "--mapper", &name_of(mapper)]);
-                return command;
+                return vec![("mapping", command)];
             }
             (Kind::Program { global: Some((program, mapper)), .. }, Mapper::Global) => {
+                if *mapper == COLMAP_GLOBAL {
+                    // The global mapper depends on focal lengths, which pictures without EXIF data lack. The program
+                    // glomap calibrates by itself.
+                    commands.push(("calibration", self.stage("view_graph_calibrator")));
+                }
                 let mut command = Command::new(program);
                 command.args([mapper, "--database_path", DATABASE]);
                 command
@@ -250,7 +263,8 @@ impl Colmap {
             }
         };
         command.args(["--image_path", IMAGES, "--output_path", UNSORTED]);
-        command
+        commands.push(("mapping", command));
+        commands
     }
 
     fn stage(&self, name: &str) -> Command {

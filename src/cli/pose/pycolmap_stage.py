@@ -44,6 +44,8 @@ def matching(args):
 
 def mapping(args):
     if args.mapper == "global":
+        # The global mapper depends on focal lengths, which pictures without EXIF data lack.
+        pycolmap.calibrate_view_graph(args.database)
         options = pycolmap.GlobalPipelineOptions()
         options.mapper.global_positioning.use_gpu = args.gpu
         options.mapper.bundle_adjustment.ceres.use_gpu = args.gpu
