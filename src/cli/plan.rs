@@ -9,11 +9,12 @@ use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::training::{interrupts, reconstruct};
+use super::training::{interrupts, locate, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
 use crate::digits::grouped;
 use crate::measure::bench;
+use crate::prior::ray_range;
 use crate::train::{self, PhotographMemory, Plan};
 
 const EXAMPLES: &str = "\
@@ -76,16 +77,20 @@ struct Machine {
 
 /// Estimates size, memory and time.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let config = args.settings.configuration()?;
+    let mut config = args.settings.configuration()?;
     let options = args.settings.basics.photographs();
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
     let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
     let interrupted = interrupts()?;
     let start = Instant::now();
     let (occupied, prior_seconds) = match args.prior.voxels(&cameras, &interrupted, session)? {
-        Some(occupied) => (occupied, None),
+        Some(occupied) => {
+            config.near_far.get_or_insert_with(|| ray_range(&cameras, Some(&occupied)));
+            (occupied, None)
+        }
         None => {
-            let dataset = dataset::load(&args.dataset, "train", &options)?;
+            let mut dataset = dataset::load(&args.dataset, "train", &options)?;
+            locate(&mut config, &mut dataset, session)?;
             let occupied = reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }

@@ -12,13 +12,14 @@ use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::table::plural;
-use super::training::{Meter, cameras, encode, interrupts, place, read_state, reconstruct};
+use super::training::{Meter, cameras, encode, interrupts, locate, place, read_state, reconstruct};
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, LoadOptions, View};
 use crate::digits::grouped;
 use crate::measure::ViewReport;
 use crate::model::Scene;
+use crate::prior::ray_range;
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{DeadComponents, Trainer};
@@ -81,7 +82,7 @@ pub(super) struct Args {
 
 /// Trains a scene and writes it.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let config = args.settings.configuration()?;
+    let mut config = args.settings.configuration()?;
     if args.print_config {
         return session.console.print(&config.to_toml());
     }
@@ -92,7 +93,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
     let options = args.settings.basics.photographs();
-    let dataset = dataset::load(folder, "train", &options)?;
+    let mut dataset = dataset::load(folder, "train", &options)?;
     let held_out = match args.eval_every {
         Some(_) => {
             let count = dataset::load_cameras(folder, "test", None, &options)?.len();
@@ -106,9 +107,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
         None => {
+            if !args.prior.is_given() {
+                locate(&mut config, &mut dataset, session)?;
+            }
             let cameras = cameras(&dataset);
             let occupied = match args.prior.voxels(&cameras, &interrupted, session)? {
-                Some(occupied) => occupied,
+                Some(occupied) => {
+                    config.near_far.get_or_insert_with(|| ray_range(&cameras, Some(&occupied)));
+                    occupied
+                }
                 None => reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?,
             };
             let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;

@@ -15,9 +15,14 @@ use crate::dataset::Dataset;
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::prior::{CoarseProgress, VoxelBoxes};
+use crate::prior::{self, BuildError, BuildOptions, CoarseProgress, Outliers, VoxelBoxes};
 use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
+
+/// The rule for outliers among the sparse points of structure from motion.
+const SPARSE_OUTLIERS: Outliers = Outliers { neighbors: 16, deviations: 2.0 };
+/// The margin around the sparse points' box, as a share of its size: surfaces without texture have no points.
+const SPARSE_MARGIN: f64 = 0.1;
 
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
@@ -91,6 +96,29 @@ pub(super) fn place<'a>(
         grouped(trainer.ray_count() as u64)
     ));
     Ok(trainer)
+}
+
+/// The box and the range of rays of the scene that `dataset` shows, as far as neither is known: around its sparse points.
+/// Photographs alone, or a prior of files, leave both to later steps.
+pub(super) fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
+    let Some(points) = &dataset.points else { return Ok(()) };
+    let options = BuildOptions { outliers: Some(SPARSE_OUTLIERS), ..BuildOptions::default() };
+    let boxes = match prior::build(std::slice::from_ref(points), &options, &mut |_| ControlFlow::Continue(())) {
+        Ok(built) => built.boxes,
+        Err(BuildError::Nothing { .. }) => return Ok(()),
+        Err(error) => return Err(error.into()),
+    };
+    let bounds = boxes.bounds();
+    let bounds = *dataset.bounds.get_or_insert(bounds.grown(SPARSE_MARGIN * bounds.size()));
+    let range = prior::ray_range(&cameras(dataset), Some(&boxes));
+    let [near, far] = *config.near_far.get_or_insert(range);
+    session.console.say(&format!(
+        "{}: the scene is in {:.3} to {:.3}; rays from {near:.3} to {far:.3}",
+        points.display(),
+        bounds.min,
+        bounds.max
+    ));
+    Ok(())
 }
 
 /// The bytes of `scene`'s file.

@@ -129,6 +129,11 @@ impl Camera {
         Some(DVec2::from(self.focal) * at + DVec2::from(self.principal))
     }
 
+    /// True if the picture point `at`, in pixels from the top left corner, is in the picture.
+    pub fn is_inside(&self, at: DVec2) -> bool {
+        (0.0..=f64::from(self.width)).contains(&at.x) && (0.0..=f64::from(self.height)).contains(&at.y)
+    }
+
     /// The same view in the target space of `map`.
     pub fn mapped(&self, map: &Similarity) -> Self {
         Self {

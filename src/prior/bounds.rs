@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
+use super::VoxelBoxes;
 use crate::geometry::{Aabb, Camera};
 
 /// Near and far as multiples of the mean distance between the cameras and the point they look at.
@@ -37,6 +38,36 @@ impl CameraBounds {
         let distance = cameras.map(|c| c.position.distance(focus)).sum::<f64>() / count;
         Self { focus, near: NEAR_FAR.0 * distance, far: NEAR_FAR.1 * distance }
     }
+}
+
+/// The most cells, and cameras, whose distances are looked at; of more, some at equal steps.
+const RANGE_CELLS: usize = 4096;
+const RANGE_CAMERAS: usize = 128;
+/// The share of the distances below and above a range: single cells may be outliers.
+const RANGE_OUTLIERS: f64 = 0.002;
+/// The margin of a range around cells, as a share of the diagonal of their box: tensors reach past the cells.
+const RANGE_MARGIN: f64 = 0.05;
+
+/// Distances at which rays begin and end, in dataset units. With `geometry`, which is in the cameras' space, the range
+/// holds its cells as the cameras that have them in their pictures see them. Without, or if none is in a picture, it is
+/// that of [`CameraBounds`].
+pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] {
+    let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras.iter());
+    let Some(boxes) = geometry else { return [near, far] };
+    let evenly = |count: usize, most: usize| (0..count).step_by(count.div_ceil(most).max(1));
+    let places: Vec<DVec3> = evenly(boxes.cells.len(), RANGE_CELLS).map(|n| boxes.cell_box(n).center()).collect();
+    let mut distances = Vec::new();
+    for camera in evenly(cameras.len(), RANGE_CAMERAS).map(|n| &cameras[n]) {
+        let is_seen = |place: &&DVec3| camera.project(**place).is_some_and(|at| camera.is_inside(at));
+        distances.extend(places.iter().filter(is_seen).map(|place| place.distance(camera.position)));
+    }
+    distances.sort_by(f64::total_cmp);
+    let quantile = |q: f64| distances.get((q * distances.len().saturating_sub(1) as f64) as usize);
+    let (Some(least), Some(most)) = (quantile(RANGE_OUTLIERS), quantile(1.0 - RANGE_OUTLIERS)) else {
+        return [near, far];
+    };
+    let margin = RANGE_MARGIN * boxes.bounds().size().length() + boxes.lattice.pitch.length();
+    [(least - margin).max(0.0), most + margin]
 }
 
 /// The box of all frusta between `near` and `far`; [`Aabb::EMPTY`] without cameras.
@@ -92,7 +123,10 @@ fn focus_ahead<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64
 
 #[cfg(test)]
 mod tests {
+    use glam::UVec3;
+
     use super::*;
+    use crate::geometry::Lattice;
 
     fn ring(radius: f64, target: DVec3, scale: f64) -> Vec<Camera> {
         (0..12)
@@ -158,6 +192,27 @@ mod tests {
             assert!(bounds.near > 0.0 && bounds.near < bounds.far && bounds.far.is_finite(), "{bounds:?}");
             assert!(bounds.focus.is_finite());
         }
+    }
+
+    #[test]
+    fn the_range_holds_the_cells_that_cameras_see() {
+        // A room: cameras in its middle look at its walls, which are farther than the cameras are apart.
+        let cameras: Vec<_> = (0..8)
+            .map(|i| {
+                let out = DVec3::new(f64::from(i).cos(), f64::from(i).sin(), 0.0);
+                Camera::looking_at([8, 8], 9.0, 0.1 * out, out, DVec3::Z)
+            })
+            .collect();
+        let lattice = Lattice { origin: DVec3::splat(-3.0), pitch: DVec3::splat(0.1) };
+        let cells = (0..60).flat_map(|i| [UVec3::new(i, 0, 30), UVec3::new(i, 59, 30)]).collect();
+        let room = VoxelBoxes { lattice, cells };
+        let [near, far] = ray_range(&cameras, Some(&room));
+        assert!((1.9..2.9).contains(&near) && (3.0..5.0).contains(&far), "{near} {far}");
+        let [unaided, end] = ray_range(&cameras, None);
+        assert!(end < near, "the cameras alone end at {end}");
+        // Cells that no picture shows say nothing.
+        let above = VoxelBoxes { cells: vec![UVec3::new(30, 30, 90)], ..room };
+        assert_eq!(ray_range(&cameras, Some(&above)), [unaided, end]);
     }
 
     #[test]

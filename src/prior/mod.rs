@@ -23,11 +23,11 @@ mod voxel_boxes;
 mod voxels;
 
 pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
-pub use bounds::{CameraBounds, frusta_box};
+pub use bounds::{CameraBounds, frusta_box, ray_range};
 pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
-pub(crate) use coarse::{check_views, near_and_far};
+pub(crate) use coarse::{check_views, frusta_within, near_and_far};
 pub use error::{BuildError, Error};
 pub use file::to_npz;
 pub use outliers::Outliers;

@@ -40,7 +40,7 @@ pub fn bootstrap_prior(
     options.check()?;
     prior::check_views(dataset)?;
     let [near, far] = prior::near_and_far(dataset, config.near_far.map(|n| n[0]), config.near_far.map(|n| n[1]))?;
-    let frusta = prior::frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    let frusta = prior::frusta_within(dataset, near, far);
     if !frusta.is_solid() {
         return Err(prior::Error::View {
             view: dataset.views[0].name.clone(),

@@ -2,13 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use glam::DVec3;
-
 use super::{ConfigError, TrainConfig, TrainError, initial_scene};
 use crate::dataset::Dataset;
-use crate::geometry::{Aabb, Similarity};
+use crate::geometry::Similarity;
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
-use crate::prior::{self, CameraBounds, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
+use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
 /// A scene that cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +45,9 @@ pub fn reconstruct_prior(
     prior::coarse::reconstruct(dataset, &options, config.seed, progress)
 }
 
-/// A scene of random tensors on `occupied`, which is in the dataset's space (paper, "Distributing local tensors").
+/// A scene of random tensors on `occupied`, which is in the dataset's space (paper, "Distributing local tensors"). Without
+/// `config`'s own, the range of rays is that of the coarse reconstruction; for a prior of files, set
+/// [`prior::ray_range`]'s first.
 ///
 /// # Errors
 ///
@@ -61,7 +61,8 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
             prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let near_far = config.near_far.unwrap_or_else(|| near_far(dataset, &bounds));
+    let cameras: Vec<_> = dataset.views.iter().map(|view| view.camera).collect();
+    let near_far = config.near_far.unwrap_or_else(|| prior::ray_range(&cameras, None));
     let scene = initial_scene(config, clouds, frame(config, map, near_far), &dataset.name)?;
     scene.check()?;
     Ok(scene)
@@ -78,39 +79,5 @@ pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_f
         far,
         background: config.background,
         color_space: ColorSpace::Srgb,
-    }
-}
-
-/// The range of rays, in the dataset's units. It is derived from the cameras alone, unless one of them is inside
-/// `bounds`, as in a room: then rays begin at the camera and reach the farthest corner.
-fn near_far(dataset: &Dataset, bounds: &Aabb) -> [f64; 2] {
-    let cameras = dataset.views.iter().map(|view| &view.camera);
-    let inside = |p: DVec3| p.clamp(bounds.min, bounds.max) == p;
-    if !cameras.clone().any(|camera| inside(camera.position)) {
-        let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras);
-        return [near, far];
-    }
-    let farthest = |p: DVec3| (p - bounds.min).abs().max((p - bounds.max).abs()).length();
-    [0.0, cameras.map(|camera| farthest(camera.position)).fold(0.0, f64::max)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dataset::{Pixels, View};
-    use crate::geometry::Camera;
-
-    #[test]
-    fn rays_of_cameras_in_a_room_begin_at_once_and_reach_its_corners() {
-        let view = |x: f64, y: f64, z: f64| {
-            let camera = Camera::looking_at([8, 8], 9.0, DVec3::new(x, y, z), DVec3::ZERO, DVec3::Z);
-            View::new("", camera, Pixels::opaque([[0.0; 3]; 64]))
-        };
-        let room = Aabb::around(DVec3::ZERO, DVec3::new(3.0, 4.0, 0.5));
-        let dataset = |views| Dataset::new("", views);
-        let inside = near_far(&dataset(vec![view(1.0, 0.0, 0.0), view(-9.0, 0.0, 0.0)]), &room);
-        assert_eq!(inside, [0.0, DVec3::new(12.0, 4.0, 0.5).length()]);
-        let [near, far] = near_far(&dataset(vec![view(4.0, 0.0, 3.0), view(0.0, 4.0, 3.0)]), &room);
-        assert!((near - 2.5).abs() < 1e-9 && (far - 7.5).abs() < 1e-9, "{near} {far}");
     }
 }

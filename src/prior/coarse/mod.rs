@@ -63,7 +63,7 @@ pub fn reconstruct(
     options.check()?;
     let photographs = RaySampler::new(dataset, options.background)?;
     let [near, far] = near_and_far(dataset, options.near, options.far)?;
-    let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    let frusta = frusta_within(dataset, near, far);
     if !frusta.is_solid() {
         let view = dataset.views[0].name.clone();
         return Err(Error::View {
@@ -105,6 +105,13 @@ pub fn reconstruct(
         return Err(Error::empty(dataset, done, fit.psnr(), options.background));
     }
     Ok(boxes)
+}
+
+/// The box of the dataset's frusta between `near` and `far`, or its part in the box that the dataset itself has.
+pub(crate) fn frusta_within(dataset: &Dataset, near: f64, far: f64) -> Aabb {
+    let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    let within = dataset.bounds.map(|bounds| frusta.intersection(&bounds));
+    within.filter(Aabb::is_solid).unwrap_or(frusta)
 }
 
 /// Distances at which rays begin and end, in dataset units: those given, else those of [`CameraBounds`].

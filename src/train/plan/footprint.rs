@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::geometry::Camera;
-use crate::prior::{CameraBounds, VoxelBoxes};
+use crate::prior::{self, VoxelBoxes};
 use crate::train::TrainConfig;
 
 /// The share of seen cells with smaller pixels than [`Footprints::near_pixel`], so that a few cells close to one camera
@@ -29,8 +29,7 @@ impl Footprints {
     /// smallest sphere around the cell may be in its picture, between near and far. Occlusion is ignored, as the prior
     /// is only approximate.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
-        let derived = CameraBounds::from_cameras(cameras.iter());
-        let [near, far] = config.near_far.unwrap_or([derived.near, derived.far]);
+        let [near, far] = config.near_far.unwrap_or_else(|| prior::ray_range(cameras, None));
         let radius = 0.5 * occupied.lattice.pitch.length();
         let frusta: Vec<_> = cameras.iter().map(Frustum::new).collect();
         let width = |n: usize| {
