@@ -8,7 +8,7 @@ mod backend;
 mod bench;
 mod camera_path;
 mod console;
-mod dataset_options;
+mod dataset;
 mod demo;
 mod error;
 mod eval;
@@ -83,6 +83,8 @@ enum Command {
     Render(render::Args),
     /// Turn meshes, point clouds, grids and octrees into a prior (occupied cells)
     Prior(prior::Args),
+    /// Print what was understood of a dataset
+    Dataset(dataset::Args),
     /// Compare a scene's pictures with photographs
     Eval(eval::Args),
     /// Measure speed against quality and store render settings in the file
@@ -112,6 +114,7 @@ pub fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),
+        Command::Dataset(args) => dataset::run(args, session),
         Command::Eval(args) => eval::run(args, session),
         Command::Trade(args) => trade::run(args, session),
         Command::Info(args) => info::run(args, session),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use super::dataset_options::DatasetOptions;
+use super::dataset::DatasetOptions;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
 use crate::dataset::LoadOptions;

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
+
 use super::console::Console;
 use super::progress::Progress;
 use super::table::plural;
@@ -15,7 +17,7 @@ use crate::dataset::Dataset;
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::prior::{self, BuildError, BuildOptions, CoarseProgress, Outliers, VoxelBoxes};
+use crate::prior::{self, BuildError, BuildOptions, Built, CoarseProgress, Outliers, VoxelBoxes};
 use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
 
@@ -98,26 +100,44 @@ pub(super) fn place<'a>(
     Ok(trainer)
 }
 
-/// The box and the range of rays of the scene that `dataset` shows, as far as neither is known: around its sparse points.
-/// Photographs alone, or a prior of files, leave both to later steps.
-pub(super) fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
-    let Some(points) = &dataset.points else { return Ok(()) };
+/// The place of a scene by its sparse points.
+pub(super) struct SparsePoints {
+    /// The cells that hold points, without outliers, in the dataset's space.
+    pub(super) boxes: VoxelBoxes,
+    /// The distances at which rays begin and end.
+    pub(super) near_far: [f64; 2],
+}
+
+/// The place of the sparse points in the file `path`, which `cameras` see; `None` if it has no points.
+pub(super) fn sparse_points(path: &Path, cameras: &[Camera]) -> Result<Option<SparsePoints>, Error> {
     let options = BuildOptions { outliers: Some(SPARSE_OUTLIERS), ..BuildOptions::default() };
-    let boxes = match prior::build(std::slice::from_ref(points), &options, &mut |_| ControlFlow::Continue(())) {
-        Ok(built) => built.boxes,
-        Err(BuildError::Nothing { .. }) => return Ok(()),
-        Err(error) => return Err(error.into()),
+    match prior::build(&[path.to_path_buf()], &options, &mut |_| ControlFlow::Continue(())) {
+        Ok(Built { boxes, .. }) => Ok(Some(SparsePoints { near_far: prior::ray_range(cameras, Some(&boxes)), boxes })),
+        Err(BuildError::Nothing { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The box and the range of rays of the scene that `dataset` shows, as far as they are not given: around its sparse
+/// points, in its own box, or behind the focus if photographs are opaque. Of photographs with transparent backgrounds
+/// the cameras alone decide, in later steps.
+pub(super) fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
+    let cameras = cameras(dataset);
+    let points = dataset.points.as_ref().map(|path| sparse_points(path, &cameras)).transpose()?.flatten();
+    let range = match points {
+        Some(SparsePoints { boxes, near_far }) => {
+            let bounds = boxes.bounds();
+            dataset.bounds.get_or_insert(bounds.grown(SPARSE_MARGIN * bounds.size()));
+            near_far
+        }
+        None if dataset.views.par_iter().all(|view| view.pixels.is_opaque()) => {
+            prior::ray_range_of_surroundings(&cameras, dataset.bounds.as_ref())
+        }
+        None => return Ok(()),
     };
-    let bounds = boxes.bounds();
-    let bounds = *dataset.bounds.get_or_insert(bounds.grown(SPARSE_MARGIN * bounds.size()));
-    let range = prior::ray_range(&cameras(dataset), Some(&boxes));
     let [near, far] = *config.near_far.get_or_insert(range);
-    session.console.say(&format!(
-        "{}: the scene is in {:.3} to {:.3}; rays from {near:.3} to {far:.3}",
-        points.display(),
-        bounds.min,
-        bounds.max
-    ));
+    let bounds = dataset.bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
+    session.console.say(&format!("rays from {near:.3} to {far:.3}{bounds}"));
     Ok(())
 }
 

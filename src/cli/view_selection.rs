@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::dataset_options::DatasetOptions;
+use super::dataset::DatasetOptions;
 use crate::dataset::LoadOptions;
 
 /// Views by their number in the split, from 0.

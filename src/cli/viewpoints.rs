@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use super::camera_path::{CameraPathOptions, Way, numbered};
-use super::dataset_options::DatasetOptions;
+use super::dataset::DatasetOptions;
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};

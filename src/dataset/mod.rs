@@ -6,6 +6,7 @@
 
 mod capture;
 mod colmap;
+mod description;
 mod error;
 mod files;
 mod layout;
@@ -21,6 +22,7 @@ mod synthetic;
 mod transforms;
 
 pub use capture::Holdout;
+pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
 pub use layout::Layout;
 pub use photographs::{load, load_cameras, load_transforms_cameras};

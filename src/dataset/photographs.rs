@@ -102,7 +102,7 @@ fn loaded(name: String, mut capture: Capture, split: &str, options: &LoadOptions
 
 /// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows) is for pictures that
 /// do not exist and whose size the layout does not say.
-fn cameras(
+pub(super) fn cameras(
     mut capture: Capture,
     split: &str,
     size: Option<[u32; 2]>,

@@ -7,6 +7,8 @@ use crate::geometry::{Aabb, Camera};
 
 /// Near and far as multiples of the mean distance between the cameras and the point they look at.
 const NEAR_FAR: (f64, f64) = (0.5, 1.5);
+/// Far as the same multiple if photographs show what is behind the thing that the cameras look at.
+const FAR_OF_SURROUNDINGS: f64 = 2.5;
 /// Optical axes count as parallel if the point nearest to all of them is ill-conditioned: a bound on the smallest
 /// eigenvalue of the mean of I − a·aᵀ, which is the mean squared sine to the best common direction (about 0.6°).
 const PARALLEL: f64 = 1e-4;
@@ -68,6 +70,19 @@ pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] 
     };
     let margin = RANGE_MARGIN * boxes.bounds().size().length() + boxes.lattice.pitch.length();
     [(least - margin).max(0.0), most + margin]
+}
+
+/// Distances at which rays begin and end, in dataset units, for photographs with opaque backgrounds of which no geometry
+/// is known. Rays end where they leave `bounds`, if the scene's box is known, else farther behind the focus than those
+/// of [`CameraBounds`]: walls and ground that no ray reaches would be painted into the space before them.
+pub fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb>) -> [f64; 2] {
+    let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras.iter());
+    let Some(bounds) = bounds else { return [near, far / NEAR_FAR.1 * FAR_OF_SURROUNDINGS] };
+    let farthest = |camera: &Camera| (camera.position - bounds.min).abs().max((camera.position - bounds.max).abs());
+    let far = cameras.iter().map(|camera| farthest(camera).length()).fold(0.0, f64::max);
+    let outside = |camera: &Camera| camera.position.distance(camera.position.clamp(bounds.min, bounds.max));
+    let nearest = cameras.iter().map(outside).fold(f64::INFINITY, f64::min);
+    [if nearest > 0.0 { nearest } else { near.min(0.5 * far) }, far]
 }
 
 /// The box of all frusta between `near` and `far`; [`Aabb::EMPTY`] without cameras.
@@ -213,6 +228,19 @@ mod tests {
         // Cells that no picture shows say nothing.
         let above = VoxelBoxes { cells: vec![UVec3::new(30, 30, 90)], ..room };
         assert_eq!(ray_range(&cameras, Some(&above)), [unaided, end]);
+    }
+
+    #[test]
+    fn surroundings_reach_behind_the_focus_or_to_the_far_corner_of_the_box() {
+        let cameras = ring(4.0, DVec3::ZERO, 1.0);
+        let [near, far] = ray_range_of_surroundings(&cameras, None);
+        assert!((near - 2.0).abs() < 1e-9 && (far - 10.0).abs() < 1e-9, "{near} {far}");
+        let small = Aabb::around(DVec3::ZERO, DVec3::splat(1.0));
+        let [near, far] = ray_range_of_surroundings(&cameras, Some(&small));
+        assert!((2.2..3.1).contains(&near) && (5.0..5.8).contains(&far), "{near} {far}");
+        let large = Aabb::around(DVec3::ZERO, DVec3::splat(6.0));
+        let [near, far] = ray_range_of_surroundings(&cameras, Some(&large));
+        assert!((near - 2.0).abs() < 1e-9 && far > 12.0, "{near} {far}");
     }
 
     #[test]

@@ -23,7 +23,7 @@ mod voxel_boxes;
 mod voxels;
 
 pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
-pub use bounds::{CameraBounds, frusta_box, ray_range};
+pub use bounds::{CameraBounds, frusta_box, ray_range, ray_range_of_surroundings};
 pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};

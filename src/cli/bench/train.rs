@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
-use crate::cli::dataset_options::DatasetOptions;
+use crate::cli::dataset::DatasetOptions;
 use crate::cli::settings::Preset;
 use crate::cli::table::plural;
 use crate::cli::training::{begin, read_state};

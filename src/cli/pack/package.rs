@@ -9,7 +9,7 @@ use super::convert::warn_of_growth;
 use super::encoding::LayoutArgs;
 use super::input::{self, Inputs, Outputs};
 use super::showing::{default_views, thumbnail};
-use crate::cli::dataset_options::DatasetOptions;
+use crate::cli::dataset::DatasetOptions;
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
 use crate::cli::table::plural;

@@ -15,7 +15,7 @@ use shaping::Shaping;
 use super::error::with_flags;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
-use crate::cli::dataset_options::DatasetOptions;
+use crate::cli::dataset::DatasetOptions;
 use crate::dataset;
 use crate::prior::{self, Counts};
 

@@ -23,7 +23,7 @@ use training::Training;
 use views::Views;
 
 use super::backend::Backend;
-use super::dataset_options::DatasetOptions;
+use super::dataset::DatasetOptions;
 use super::output::make_folder;
 use super::settings::configuration;
 use super::table::plural;

@@ -44,6 +44,16 @@ impl Lens {
         self.projection == Projection::Perspective && self.distortion.is_none()
     }
 
+    /// Its projection, and whether it distorts, in words.
+    pub fn name(&self) -> String {
+        let projection = match self.projection {
+            Projection::Perspective => "perspective",
+            Projection::Fisheye => "fisheye",
+            Projection::Equirectangular => "equirectangular",
+        };
+        format!("{projection}{}", if self.distortion.is_none() { "" } else { " with distortion" })
+    }
+
     /// The point on which `direction`, of any length, falls. `None` behind a perspective camera, and beyond the fold of
     /// the distortion.
     pub fn point(&self, direction: DVec3) -> Option<DVec2> {

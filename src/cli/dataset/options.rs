@@ -8,7 +8,7 @@ use crate::dataset::{Holdout, Layout, LoadOptions};
 
 /// Layout and splits of a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub(super) struct DatasetOptions {
+pub(in crate::cli) struct DatasetOptions {
     /// Layout of the dataset's folder [default: detected by its files]
     #[arg(long, value_parser = layouts(), help_heading = "Dataset")]
     layout: Option<Layout>,
@@ -25,7 +25,7 @@ pub(super) struct DatasetOptions {
 
 impl DatasetOptions {
     /// Options to load all views, downscaled `downscale` times.
-    pub(super) fn load_options(&self, downscale: u32) -> LoadOptions {
+    pub(in crate::cli) fn load_options(&self, downscale: u32) -> LoadOptions {
         LoadOptions {
             downscale,
             layout: self.layout,

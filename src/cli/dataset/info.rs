@@ -1,0 +1,220 @@
+//! `strivec dataset info`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::picture::Plan;
+use super::{DatasetOptions, Error, Session};
+use crate::cli::table::{plural, short};
+use crate::cli::training::sparse_points;
+use crate::cli::write_atomically;
+use crate::dataset::{self, Description, LoadOptions, NamedCamera};
+use crate::geometry::Camera;
+use crate::measure::color_png;
+use crate::prior::{CameraBounds, ray_range, ray_range_of_surroundings};
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec dataset info capture
+  strivec dataset info capture --picture cameras.png
+  strivec dataset info scene --layout colmap --json";
+/// Missing pictures that the text names.
+const NAMED_MISSING: usize = 5;
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Dataset folder
+    dataset: PathBuf,
+    /// Picture of the cameras and points to write, from above and from the side
+    #[arg(long, value_name = "PNG")]
+    picture: Option<PathBuf>,
+    #[command(flatten)]
+    options: DatasetOptions,
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Info<'a> {
+    name: &'a str,
+    layout: &'static str,
+    splits: Vec<Split<'a>>,
+    /// Kinds of cameras, those of the most photographs first.
+    cameras: Vec<Kind>,
+    masks: usize,
+    /// Frames without a pose.
+    lost: usize,
+    /// Photographs whose pictures do not exist.
+    missing: &'a [PathBuf],
+    points: Option<Points<'a>>,
+    /// The box of the dataset's files: the smallest and the largest corner.
+    bounds: Option<[[f64; 3]; 2]>,
+    /// The point nearest to all optical axes, and the distances of the cameras to it: smallest, mean, largest.
+    focus: [f64; 3],
+    focus_distances: [f64; 3],
+    /// The distances at which rays begin and end.
+    near_far: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct Split<'a> {
+    name: &'static str,
+    photographs: usize,
+    #[serde(skip)]
+    cameras: &'a [NamedCamera],
+}
+
+#[derive(Serialize)]
+struct Kind {
+    photographs: usize,
+    /// Columns and rows.
+    size: [u32; 2],
+    lens: String,
+    /// In pixels.
+    focal: [f64; 2],
+    /// Horizontal and vertical, in degrees; `None` if the lens does not see the picture's edges.
+    angles: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct Points<'a> {
+    file: &'a Path,
+    /// The points' box without outliers.
+    bounds: [[f64; 3]; 2],
+}
+
+/// Prints what the dataset is, and draws it.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
+    let Description { name, layout, splits, masks, lost, missing, points, bounds } = &description;
+    let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
+    let sparse = match points {
+        Some(points) => sparse_points(points, &cameras)?,
+        None => None,
+    };
+    let focus = CameraBounds::from_cameras(cameras.iter()).focus;
+    let distances = cameras.iter().map(|camera| camera.position.distance(focus));
+    let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
+    let corners = |bounds: &crate::geometry::Aabb| [bounds.min, bounds.max].map(|corner| corner.to_array());
+    let info = Info {
+        name,
+        layout: layout.name(),
+        splits: (splits.iter())
+            .map(|(name, cameras)| Split { name: *name, photographs: cameras.len(), cameras })
+            .collect(),
+        cameras: kinds(&cameras),
+        masks: *masks,
+        lost: *lost,
+        missing,
+        points: (points.as_ref().zip(sparse.as_ref()))
+            .map(|(file, sparse)| Points { file, bounds: corners(&sparse.boxes.bounds()) }),
+        bounds: bounds.as_ref().map(corners),
+        focus: focus.to_array(),
+        focus_distances: [distances.clone().fold(f64::INFINITY, f64::min), mean, distances.fold(0.0, f64::max)],
+        near_far: match &sparse {
+            Some(sparse) => sparse.near_far,
+            None if is_opaque(args) => ray_range_of_surroundings(&cameras, bounds.as_ref()),
+            None => ray_range(&cameras, None),
+        },
+    };
+    if let Some(path) = &args.picture {
+        let points =
+            sparse.map_or_else(Vec::new, |s| (0..s.boxes.cells.len()).map(|n| s.boxes.cell_box(n).center()).collect());
+        let plan = Plan {
+            splits: &info.splits.iter().map(|s| (s.name, s.cameras)).collect::<Vec<_>>(),
+            points,
+            bounds: *bounds,
+            focus,
+        };
+        let (size, colors) = plan.draw()?;
+        write_atomically(path, &color_png(size, &colors)?, session.force)?;
+    }
+    session.console.result(&info, text)
+}
+
+/// True if the first photograph has no transparent pixel; false if it cannot be read.
+fn is_opaque(args: &Args) -> bool {
+    let first = LoadOptions { views: Some(0..1), ..args.options.load_options(1) };
+    dataset::load(&args.dataset, "train", &first).is_ok_and(|dataset| dataset.views[0].pixels.is_opaque())
+}
+
+/// Cameras of the same size, lens and focal lengths are of one kind.
+fn kinds(cameras: &[Camera]) -> Vec<Kind> {
+    let mut kinds: BTreeMap<_, (usize, &Camera)> = BTreeMap::new();
+    for camera in cameras {
+        let key = (camera.width, camera.height, camera.focal.map(f64::to_bits), camera.lens.name());
+        kinds.entry(key).or_insert((0, camera)).0 += 1;
+    }
+    let mut kinds: Vec<Kind> = (kinds.into_values())
+        .map(|(photographs, camera)| Kind {
+            photographs,
+            size: [camera.width, camera.height],
+            lens: camera.lens.name(),
+            focal: camera.focal,
+            angles: angles(camera),
+        })
+        .collect();
+    kinds.sort_by_key(|kind| std::cmp::Reverse(kind.photographs));
+    kinds
+}
+
+/// The angles between the rays through the middles of opposite edges, in degrees.
+fn angles(camera: &Camera) -> Option<[f64; 2]> {
+    let [width, height] = [camera.width, camera.height].map(f64::from);
+    let [x, y] = camera.principal;
+    let through = |x: f64, y: f64| camera.ray_through(x, y).map(|ray| ray.direction);
+    let ahead = -camera.world_from_camera.z_axis;
+    let angle = |a: DVec3, b: DVec3| (a.angle_between(ahead) + b.angle_between(ahead)).to_degrees();
+    Some([angle(through(0.0, y)?, through(width, y)?), angle(through(x, 0.0)?, through(x, height)?)])
+}
+
+fn text(info: &Info<'_>) -> String {
+    // Digits below a ten-thousandth of the scene are noise.
+    let unit = 10f64.powf((1e-4 * info.focus_distances[1]).log10().floor());
+    let three = |v: &[f64; 3]| v.map(|v| short((v / unit).round() * unit)).join(" ");
+    let splits: Vec<_> = info.splits.iter().map(|split| format!("{} {}", split.photographs, split.name)).collect();
+    let mut lines = vec![
+        format!(
+            "{}: {} in the layout {}",
+            info.name,
+            plural(info.splits.iter().map(|s| s.photographs).sum(), "photograph"),
+            info.layout
+        ),
+        format!("splits        {}", splits.join(", ")),
+    ];
+    for kind in &info.cameras {
+        let [width, height] = kind.size;
+        let angles = kind.angles.map_or_else(String::new, |[x, y]| format!(", {x:.1} x {y:.1} degrees"));
+        let [fx, fy] = kind.focal.map(short);
+        lines.push(format!(
+            "cameras       {} of {width}x{height}: {}, focal length {fx} x {fy} pixels{angles}",
+            kind.photographs, kind.lens
+        ));
+    }
+    if info.masks > 0 {
+        lines.push(format!("masks         {}", plural(info.masks, "photograph")));
+    }
+    if info.lost > 0 {
+        lines.push(format!("without pose  {}", plural(info.lost, "frame")));
+    }
+    if let Some(first) = info.missing.get(..NAMED_MISSING.min(info.missing.len())).filter(|first| !first.is_empty()) {
+        let names: Vec<_> = first.iter().map(|path| path.display().to_string()).collect();
+        let more = if info.missing.len() > first.len() { ", …" } else { "" };
+        lines.push(format!("missing       {}: {}{more}", plural(info.missing.len(), "picture"), names.join(", ")));
+    }
+    if let Some(Points { file, bounds: [min, max] }) = &info.points {
+        lines.push(format!("points        {}, in {} to {}", file.display(), three(min), three(max)));
+    }
+    if let Some([min, max]) = &info.bounds {
+        lines.push(format!("box           {} to {}", three(min), three(max)));
+    }
+    let [least, mean, most] = info.focus_distances.map(short);
+    lines.push(format!("focus         {}, {least} to {most} from the cameras, mean {mean}", three(&info.focus)));
+    let [near, far] = info.near_far.map(short);
+    lines.push(format!("rays          from {near} to {far}"));
+    lines.join("\n") + "\n"
+}
