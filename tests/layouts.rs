@@ -314,6 +314,29 @@ fn photographs_are_turned_as_their_camera_held_them() {
     assert_eq!((view.camera.width, view.camera.height, view.pixels.len()), (16, 24, 384));
 }
 
+#[test]
+fn the_command_says_what_it_understood_and_draws_it() {
+    let folder = folder_of(|folder| write_colmap_text(folder, "OPENCV"));
+    fs::remove_file(folder.path().join(format!("images/{}.png", name(4)))).unwrap();
+    let drawn = folder.path().join("cameras.png");
+    let info = |arguments: &[&std::ffi::OsStr]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_strivec"));
+        let found = command.args(["dataset", "info"]).arg(folder.path()).args(arguments).output().unwrap();
+        assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
+        String::from_utf8(found.stdout).unwrap()
+    };
+    let text = info(&["--picture".as_ref(), drawn.as_ref()]);
+    for part in ["10 photographs in the layout colmap", "8 train, 2 test", "10 of 24x16: perspective with distortion"] {
+        assert!(text.contains(part), "{part:?} is not in {text}");
+    }
+    assert!(text.contains("missing       1 picture: ") && text.contains("photo 04.png"), "{text}");
+    let picture = image::open(&drawn).unwrap().into_rgb8();
+    assert!(picture.pixels().any(|p| p.0 == [31, 119, 180]), "training cameras are blue");
+    assert!(picture.pixels().any(|p| p.0 == [255, 127, 14]), "test cameras are orange");
+    let json: serde_json::Value = serde_json::from_str(&info(&["--json".as_ref()])).unwrap();
+    assert_eq!((&json["layout"], &json["splits"][0]["photographs"]), (&json!("colmap"), &json!(8)));
+}
+
 #[track_caller]
 fn refused(folder: &Path, parts: &[&str]) {
     let error: Error = load(folder, "all", &LoadOptions::default()).unwrap_err();

@@ -36,7 +36,7 @@ pub(super) struct Args {
     file: PathBuf,
     /// Dataset folder
     dataset: PathBuf,
-    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
     #[arg(long, value_name = "S", default_value = "test")]
     split: String,
     /// Downscale photographs N times

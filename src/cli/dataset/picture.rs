@@ -74,6 +74,7 @@ impl Plan<'_> {
             let corners = [flat(clamped(bounds.min)), flat(clamped(bounds.max))];
             chart.draw_series([Rectangle::new(corners, BOX)])?;
         }
+        chart.draw_series([Cross::new(flat(self.focus), 6, BLACK)])?;
         for (n, (name, cameras)) in self.splits.iter().enumerate() {
             let color = SPLITS[n % SPLITS.len()];
             let symbols = cameras.iter().flat_map(|named| symbol(&named.camera, 2.0 * half * SYMBOL));

@@ -83,7 +83,7 @@ struct DataArgs {
     /// Dataset folder: measure --max-loss against its photographs and store their PSNR in the file
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
     #[arg(long, value_name = "S", default_value = "test", requires = "data")]
     split: String,
     /// Downscale photographs N times

@@ -40,7 +40,7 @@ pub(in crate::cli) struct Args {
     /// Picture to write
     #[arg(long, value_name = "PNG")]
     out: PathBuf,
-    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
     #[arg(long, value_name = "S", default_value = "train")]
     split: String,
     /// Downscale photographs N times

@@ -54,7 +54,7 @@ pub(super) struct Args {
     /// Dataset folder: compare with its photographs [default: compare with the scene's exact pictures]
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Split of the dataset: S of transforms_S.json; train or test for ScanNet
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
     #[arg(long, value_name = "S", default_value = "test", requires = "data")]
     split: String,
     /// Downscale photographs N times

@@ -146,6 +146,7 @@ mod tests {
     use glam::{DVec2, DVec3};
 
     use super::*;
+    use crate::geometry::Camera;
 
     #[derive(serde::Deserialize)]
     struct Case {
@@ -160,22 +161,10 @@ mod tests {
     #[test]
     fn cameras_are_those_of_colmap_and_opencv() {
         let cases: Vec<Case> = serde_json::from_str(include_str!("../../../fixtures/lenses.json")).unwrap();
-        for Case { by, model, parameters, rows } in cases {
-            let (focal, principal, lens) = camera_of(&model, &parameters).unwrap();
-            let size = Some([640, 480]);
-            let shot = Shot {
-                name: String::new(),
-                picture: PathBuf::new(),
-                reduced: 1,
-                mask: None,
-                intrinsics: Intrinsics { size, focal, principal, lens },
-                world_from_camera: OPENGL_FROM_OPENCV,
-                position: DVec3::ZERO,
-                split: None,
-            };
-            let camera = shot.camera([640, 480]);
+        for Case { by, model, mut parameters, rows } in cases {
+            let camera = camera(&model, &parameters);
             let focal = DVec2::from(camera.focal);
-            for [x, y, z, u, v] in rows {
+            for &[x, y, z, u, v] in &rows {
                 let (direction, pixel) = (DVec3::new(x, y, z), DVec2::new(u, v));
                 let found = camera.project(direction).unwrap();
                 let far = ((found - pixel) / focal).abs().max_element();
@@ -184,6 +173,33 @@ mod tests {
                 let far = (ray.direction - direction.normalize()).length();
                 assert!(far < 1e-9, "{by} {model}: through {pixel} {}, not {direction}", ray.direction);
             }
+            if model != "EQUIRECTANGULAR" {
+                *parameters.last_mut().unwrap() += 1e-5;
+                let planted = self::camera(&model, &parameters);
+                let far = |&[x, y, z, u, v]: &[f64; 5]| {
+                    let found = planted.project(DVec3::new(x, y, z)).unwrap();
+                    ((found - DVec2::new(u, v)) / focal).abs().max_element()
+                };
+                assert!(
+                    rows.iter().map(far).fold(0.0, f64::max) > 1e-9,
+                    "{model}: a planted difference goes unnoticed"
+                );
+            }
         }
+    }
+
+    fn camera(model: &str, parameters: &[f64]) -> Camera {
+        let (focal, principal, lens) = camera_of(model, parameters).unwrap();
+        let shot = Shot {
+            name: String::new(),
+            picture: PathBuf::new(),
+            reduced: 1,
+            mask: None,
+            intrinsics: Intrinsics { size: Some([640, 480]), focal, principal, lens },
+            world_from_camera: OPENGL_FROM_OPENCV,
+            position: DVec3::ZERO,
+            split: None,
+        };
+        shot.camera([640, 480])
     }
 }
