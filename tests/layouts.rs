@@ -156,8 +156,8 @@ fn folder_of(make: impl FnOnce(&Path)) -> TempDir {
 fn assert_same(found: &Camera, expected: &Camera) {
     let far = (found.world_from_camera - expected.world_from_camera).to_cols_array().map(f64::abs);
     assert!(far.iter().all(|v| *v < 1e-12), "{found:?}");
-    assert!(found.position.distance(expected.position) < 1e-12);
-    assert_eq!((found.width, found.height), (expected.width, expected.height));
+    assert!(found.position.distance(expected.position) < 1e-12, "{found:?}");
+    assert_eq!((found.width, found.height), (expected.width, expected.height), "columns and rows");
     for axis in 0..2 {
         assert!((found.focal[axis] - expected.focal[axis]).abs() < 1e-12, "{found:?}");
         assert!((found.principal[axis] - expected.principal[axis]).abs() < 1e-12, "{found:?}");
@@ -348,17 +348,20 @@ fn refused(folder: &Path, parts: &[&str]) {
     }
 }
 
+/// A change of a file's bytes.
+type Change<'a> = &'a dyn Fn(&mut Vec<u8>);
+
 #[test]
 fn hostile_colmap_projects_are_refused() {
     let [cameras, images] = colmap_binary();
-    let with = |name: &str, change: &dyn Fn(&mut Vec<u8>)| {
+    let with = |name: &str, change: Change<'_>| {
         let folder = folder_of(write_colmap_binary);
         let mut bytes = if name == "cameras.bin" { cameras.clone() } else { images.clone() };
         change(&mut bytes);
         write(&folder.path().join("sparse").join(name), bytes);
         folder
     };
-    let cases: [(&str, &dyn Fn(&mut Vec<u8>), &[&str]); 12] = [
+    let cases: [(&str, Change<'_>, &[&str]); 12] = [
         ("cameras.bin", &|b| b[..8].fill(0xff), &["cameras.bin: byte 0", "at most 2 cameras", "18446744073709551615"]),
         ("cameras.bin", &|b| b[12] = 99, &["cameras.bin: byte 8", "number 0 to 17", "99"]),
         ("cameras.bin", &|b| b.truncate(30), &["cameras.bin"]),

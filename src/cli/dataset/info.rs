@@ -103,9 +103,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let info = Info {
         name,
         layout: layout.name(),
-        splits: (splits.iter())
-            .map(|(name, cameras)| Split { name: *name, photographs: cameras.len(), cameras })
-            .collect(),
+        splits: (splits.iter()).map(|(name, cameras)| Split { name, photographs: cameras.len(), cameras }).collect(),
         cameras: kinds(&cameras),
         masks: *masks,
         lost: *lost,

@@ -1,4 +1,4 @@
-//! A visitor that checks the guarantees of geometry readers, shared by their targets.
+//! Checks of the guarantees of readers, shared by their targets.
 
 use strivec::geometry::Aabb;
 use strivec::import::{Fault, Input, Point, ReadOptions, Visitor};
@@ -55,5 +55,26 @@ pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn
     };
     for options in [usual, filtered] {
         let _ = read(&mut Input::from_bytes(bytes), &options, &mut CheckingVisitor::default());
+    }
+}
+
+/// Reads the cameras of a dataset of `files`, which are written into a folder of this process.
+pub fn describe(files: &[(&str, &[u8])]) {
+    let folder = std::env::temp_dir().join(format!("strivec-fuzz-{}", std::process::id()));
+    // Files of the last input would be read, too.
+    let _ = std::fs::remove_dir_all(&folder);
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().expect("a file in the folder")).expect("a folder");
+        std::fs::write(path, bytes).expect("a file");
+    }
+    let Ok(found) = strivec::dataset::describe(&folder, &Default::default()) else { return };
+    for named in found.splits.iter().flat_map(|(_, cameras)| cameras) {
+        let camera = &named.camera;
+        assert!(camera.position.is_finite() && camera.focal.iter().all(|f| f.is_finite() && *f > 0.0));
+        for (x, y) in [(0, 0), (camera.width / 2, camera.height / 2), (camera.width - 1, camera.height - 1)] {
+            let ray = camera.ray(x, y);
+            assert!(ray.is_none_or(|ray| (ray.direction.length() - 1.0).abs() < 1e-9), "a ray of length 1");
+        }
     }
 }
