@@ -211,9 +211,7 @@ impl Work<'_> {
             folder::remove(&unsorted, |path| fs::remove_dir_all(path))?;
             make_folder(&unsorted)?;
             if options.mapper == Mapper::Global {
-                progress.say(
-                    "mapping: global; without focal lengths in the EXIF data, poses may be wrong at a small reprojection error",
-                );
+                progress.say("mapping: global: poses may be wrong although the reprojection error is small");
             }
             for (task, command) in colmap.mapping(options, threads) {
                 work.program(task, command, progress, &process::registered)?;

@@ -63,8 +63,7 @@ pub(super) enum Mapper {
     /// One picture after the other
     #[default]
     Incremental,
-    /// All pictures at once: for many pictures whose EXIF data have the focal length, without which the poses may be wrong;
-    /// needs pycolmap 4, COLMAP 4 or glomap
+    /// All pictures at once: faster with many pictures, less reliable; needs pycolmap 4, COLMAP 4 or glomap
     Global,
 }
 
