@@ -113,7 +113,8 @@ pub(super) fn sparse_points(path: &Path, cameras: &[Camera]) -> Result<Option<Sp
     let options = BuildOptions { outliers: Some(SPARSE_OUTLIERS), ..BuildOptions::default() };
     match prior::build(&[path.to_path_buf()], &options, &mut |_| ControlFlow::Continue(())) {
         Ok(Built { boxes, .. }) => Ok(Some(SparsePoints { near_far: prior::ray_range(cameras, Some(&boxes)), boxes })),
-        Err(BuildError::Nothing { .. }) => Ok(None),
+        // Points in one place have no extent.
+        Err(BuildError::Nothing { .. } | BuildError::Prior(_)) => Ok(None),
         Err(error) => Err(error.into()),
     }
 }

@@ -10,8 +10,14 @@ pub(super) use options::DatasetOptions;
 
 use super::{Error, Session};
 
+const EXAMPLES: &str = "\
+Examples:
+  strivec dataset info capture
+  strivec dataset info capture --picture cameras.png";
+
 /// The arguments.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     #[command(subcommand)]
     command: Command,
