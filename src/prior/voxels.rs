@@ -12,8 +12,11 @@ use crate::geometry::{Aabb, Lattice};
 pub const MAX_CELLS: u64 = 1 << 25;
 /// Tests of a triangle or box against a block of cells, over all geometry: some minutes of work.
 const MAX_VISITS: u64 = 1 << 32;
-/// Distance in cells by which an axis-aligned box may reach into a cell as rounding.
+/// Distance in cells that counts as rounding: an axis-aligned box that reaches this far into a cell does not share it,
+/// and a surface this far from a cell touches it.
 const FUZZ: f64 = 1e-6;
+/// Bound on the error of a coordinate in the tests, relative to the largest coordinate.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Colors per cell that enter its mean, so that sums do not overflow.
 const MAX_COLORED: u32 = 1 << 24;
 
@@ -85,7 +88,8 @@ impl Voxels {
         Ok(())
     }
 
-    /// Adds all cells that intersect the triangle, grown by half of `thickness` along every axis.
+    /// Adds all cells that the triangle, grown by half of `thickness` along every axis, intersects or touches. A face on
+    /// the border of two cells therefore occupies both, and no rounding of its coordinates loses it.
     pub(super) fn add_triangle(
         &mut self,
         triangle: &Triangle,
@@ -115,15 +119,17 @@ impl Voxels {
         })
     }
 
-    /// Adds all cells that intersect `body`, grown by `margin` along every axis.
+    /// Adds all cells that `body`, grown by `margin` along every axis, intersects or touches within rounding. Cells that
+    /// only touch the crop are left out.
     pub(super) fn add_convex(
         &mut self,
         body: &impl Convex,
         color: Option<[u8; 3]>,
         margin: f64,
     ) -> Result<(), BuildError> {
-        let margin = DVec3::splat(margin);
-        let mut bounds = body.bounds().grown(margin);
+        let bounds = body.bounds();
+        let margin = DVec3::splat(margin) + self.rounding(&bounds);
+        let mut bounds = bounds.grown(margin);
         if let Some(within) = &self.within {
             bounds = bounds.intersection(within);
         }
@@ -131,15 +137,25 @@ impl Voxels {
             return Ok(());
         }
         let (first, last) = self.range(&bounds)?;
+        let least = FUZZ * self.lattice.pitch;
         self.descend(
             first,
             last,
             &mut |voxels, block| {
-                let block = voxels.within.map_or(*block, |within| within.intersection(block));
-                meets(body, &block.grown(margin))
+                let block = match &voxels.within {
+                    Some(within) => within.intersection(block),
+                    None => *block,
+                };
+                block.size().cmpgt(least).all() && meets(body, &block.grown(margin))
             },
             color,
         )
+    }
+
+    /// Distance along each axis within which a body of these bounds touches a cell.
+    fn rounding(&self, bounds: &Aabb) -> DVec3 {
+        let largest = bounds.min.abs().max(bounds.max.abs()).max(self.lattice.origin.abs());
+        FUZZ * self.lattice.pitch + ROUNDING * largest
     }
 
     /// Adds the cells from `first` to `last` for which `test` holds. Blocks for which it holds are halved, so the cost
@@ -276,6 +292,74 @@ mod tests {
             })
             .collect();
         assert_eq!(found(voxels, 9), expected);
+    }
+
+    /// The cells of the rectangle `from` to `to`, flat along one axis, as two triangles.
+    fn of_rectangle(voxels: &mut Voxels, from: DVec3, to: DVec3) {
+        let flat = (0..3).find(|&axis| from[axis] == to[axis]).unwrap();
+        let mut corners = [from, to, from, to];
+        corners[2][(flat + 1) % 3] = to[(flat + 1) % 3];
+        corners[3][(flat + 1) % 3] = from[(flat + 1) % 3];
+        for n in [2, 3] {
+            voxels.add_triangle(&Triangle { corners: [corners[0], corners[n], corners[1]] }, None, 0.0).unwrap();
+        }
+    }
+
+    #[test]
+    fn faces_on_the_border_of_cells_fill_both_sides_at_any_rounding() {
+        for pitch in [0.3, 0.02, 0.1, 0.2, 0.01, 0.05, 0.25, 7.0 / 3.0] {
+            for at in -20..20 {
+                for axis in 0..3 {
+                    for single in [false, true] {
+                        let mut voxels =
+                            Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(pitch) }, None);
+                        let (mut from, mut to) = (DVec3::splat(0.5 * pitch), DVec3::splat(2.5 * pitch));
+                        let height = f64::from(at) * pitch;
+                        from[axis] = if single { f64::from(height as f32) } else { height };
+                        to[axis] = from[axis];
+                        of_rectangle(&mut voxels, from, to);
+                        let cells = found(voxels, 0);
+                        assert_eq!(cells.len(), 18, "{pitch} {at} {axis}");
+                        assert!(cells.iter().all(|cell| (at - 1..=at).contains(&cell[axis])), "{pitch} {at} {axis}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_face_of_a_random_box_is_lost() {
+        let random = crate::random::Random::new(7, "boxes");
+        for n in 0..60 {
+            let number = |k: u64| random.uniform(16 * n + k);
+            // Rounded to six digits, as files are, far from the origin, and on a lattice that begins at the corner.
+            let rounded = |value: f64| (value * 1e6).round() / 1e6;
+            let vector = |k: u64| DVec3::new(number(k), number(k + 1), number(k + 2)).map(rounded);
+            let min = 1000.0 * (vector(0) - 0.5);
+            let max = min + vector(3) + 0.5;
+            let pitch = 0.01 + 0.1 * number(6);
+            let lattice = Lattice { origin: min, pitch: DVec3::splat(pitch) };
+            for axis in 0..3 {
+                for height in [min[axis], max[axis]] {
+                    let mut voxels = Voxels::new(lattice, None);
+                    let (mut from, mut to) = (min, max);
+                    (from[axis], to[axis]) = (height, height);
+                    of_rectangle(&mut voxels, from, to);
+                    let inner = (max - min) / pitch;
+                    let least: f64 = (0..3).filter(|&a| a != axis).map(|a| inner[a].floor()).product();
+                    let cells = found(voxels, 0).len() as f64;
+                    assert!(cells >= least, "{cells} of {least}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cells_that_only_touch_the_crop_are_left_out() {
+        let within = Aabb { min: DVec3::ZERO, max: DVec3::splat(2.0) };
+        let mut voxels = Voxels::new(LATTICE, Some(within));
+        of_rectangle(&mut voxels, DVec3::new(0.0, -5.0, -5.0), DVec3::new(0.0, 5.0, 5.0));
+        assert_eq!(found(voxels, 0), [[0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1]]);
     }
 
     #[test]
