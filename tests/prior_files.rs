@@ -171,7 +171,7 @@ fn too_little_to_go_by_is_said() {
     assert_eq!(refused(folder.path(), &["prior", "absent.ply", "-o", "p.npz"]).0, 2);
     fs::write(folder.path().join("one.xyz"), "1 2 3\n").unwrap();
     let (code, message) = refused(folder.path(), &["prior", "one.xyz", "-o", "p.npz"]);
-    assert!(code == 1 && message.contains("--voxel"), "{message}");
+    assert!(code == 3 && message.contains("one.xyz: ") && message.contains("--voxel"), "{message}");
     assert_eq!(done(folder.path(), &["prior", "one.xyz", "-o", "p.npz", "--voxel", "0.5"])["cells"], 1);
     assert_eq!(refused(folder.path(), &["prior", "one.xyz", "-o", "p.npz", "--voxel", "0"]).0, 1);
 }

@@ -101,7 +101,7 @@ impl From<prior::BuildError> for Error {
                 import::Fault::Io(_) => Self::Io(message),
                 _ => Self::Malformed(message),
             },
-            prior::BuildError::Nothing { .. } => Self::Malformed(message),
+            prior::BuildError::Nothing { .. } | prior::BuildError::OnePlace { .. } => Self::Malformed(message),
             prior::BuildError::Prior(_) | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
             prior::BuildError::Stopped => Self::Runtime(message),
         }

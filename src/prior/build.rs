@@ -6,21 +6,20 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use glam::{DAffine3, DVec3, IVec3};
+use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use super::holes::filled;
 use super::morphology::Runs;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
+use super::survey::{Survey, keeps_upright};
 use super::voxels::{MAX_CELLS, Voxels, boxes_of, too_many_cells};
-use super::{BuildError, Error, VoxelBoxes, coarse};
+use super::{BuildError, Error, VoxelBoxes};
 use crate::geometry::{Aabb, Lattice};
-use crate::import::{self, Fault, Point, ReadOptions, Visitor};
+use crate::import::{self, Fault, LeftOut, Point, ReadOptions, Visitor};
 
-/// Points among which outliers are searched; each takes some 50 bytes.
+/// Points among which outliers are searched; each takes some 100 bytes.
 const MAX_SEARCHED: usize = 1 << 27;
-/// Smallest default size of a cell as a share of the longest extent, for flat geometry.
-const MIN_SHARE: f64 = 1.0 / 1024.0;
 
 /// Options of [`build`].
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +30,9 @@ pub struct BuildOptions {
     pub transform: DAffine3,
     /// Geometry outside this box, in the dataset's space, is left out.
     pub crop: Option<Aabb>,
-    /// Edge length of a cell, in dataset units. `None` keeps the cells of grids, and divides other geometry into about
-    /// as many cells as the coarse trainer has.
+    /// Edge length of a cell, in dataset units. `None` keeps the cells of grids, and divides the bounds of other
+    /// geometry into about as many cells as the coarse trainer has; outliers and points far from most others do not
+    /// count for these bounds.
     pub voxel: Option<f64>,
     /// Thickness of surfaces and points, in dataset units.
     pub thickness: f64,
@@ -86,6 +86,12 @@ pub struct Counts {
     pub degenerate: u64,
     /// Cells of grids and octrees.
     pub cells: u64,
+    /// Points left out because their file marks them as withheld ([`ReadOptions::keep_noise`]).
+    pub withheld: u64,
+    /// Points left out because their class is noise ([`ReadOptions::keep_noise`]).
+    pub noise: u64,
+    /// Splats left out because of their opacity ([`ReadOptions::min_opacity`]).
+    pub transparent: u64,
 }
 
 /// Progress of the reading.
@@ -114,22 +120,17 @@ pub fn build(
     options.check()?;
     let passes = if options.voxel.is_some() { 1 } else { 2 };
     let mut run = Run { files, options, progress, passes, passed: 0 };
-    let lattice = match options.voxel {
-        Some(edge) => Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(edge) },
+    let (lattice, kept) = match options.voxel {
+        Some(edge) => (Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(edge) }, None),
         None => {
-            let mut survey = Survey::default();
-            run.pass(&mut survey)?;
-            survey.lattice(options)?
+            let mut first = FirstPass::new(options);
+            run.pass(&mut first)?;
+            first.finish(&run)?
         }
     };
     let mut filling = Filling::new(lattice, options);
-    let read = run.pass(&mut filling);
-    // An error of the cells reaches the reader as `Fault::Stopped`; the error itself is in `failure`.
-    if let Some(error) = filling.failure.take() {
-        return Err(error);
-    }
-    read?;
-    filling.finish()
+    run.pass(&mut filling)?;
+    filling.finish(kept)
 }
 
 impl BuildOptions {
@@ -173,6 +174,10 @@ impl Run<'_> {
             let mut placed =
                 Placed { transform: self.options.transform, shapes: &mut *shapes, at, progress: self.progress };
             let read = import::read(file, &self.options.read, &mut placed);
+            // An error of the cells reaches the reader as `Fault::Stopped`; the error itself is in `shapes`.
+            if let Some(error) = shapes.failure() {
+                return Err(error);
+            }
             read.map_err(|e| match e.fault {
                 Fault::Stopped => BuildError::Stopped,
                 _ => BuildError::Import(e),
@@ -186,8 +191,12 @@ impl Run<'_> {
 /// Receives shapes in the dataset's space.
 trait Shapes {
     fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault>;
+    fn splat(&mut self, at: DVec3, axes: [DVec3; 3], color: Option<[u8; 3]>) -> Result<(), Fault>;
     fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault>;
     fn cell(&mut self, cell: &Aabb, color: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault>;
+    fn left_out(&mut self, reason: LeftOut);
+    /// The error of the cells that ended the reading, if any.
+    fn failure(&mut self) -> Option<BuildError>;
 }
 
 /// Maps the geometry of a file to the dataset's space.
@@ -201,6 +210,15 @@ struct Placed<'a> {
 impl Visitor for Placed<'_> {
     fn point(&mut self, point: Point) -> Result<(), Fault> {
         self.shapes.point(self.transform.transform_point3(point.position), point.color)
+    }
+
+    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
+        let axes = axes.map(|axis| self.transform.transform_vector3(axis));
+        self.shapes.splat(self.transform.transform_point3(center.position), axes, center.color)
+    }
+
+    fn left_out(&mut self, reason: LeftOut) {
+        self.shapes.left_out(reason);
     }
 
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
@@ -226,81 +244,78 @@ fn mean_color(colors: [Option<[u8; 3]>; 3]) -> Option<[u8; 3]> {
     Some([0, 1, 2].map(|i| ((u32::from(a[i]) + u32::from(b[i]) + u32::from(c[i]) + 1) / 3) as u8))
 }
 
-/// True if `map` keeps boxes axis-aligned.
-fn keeps_upright(map: &DAffine3) -> bool {
-    map.matrix3.to_cols_array_2d().iter().all(|column| column.iter().filter(|v| **v != 0.0).count() == 1)
+/// The first pass: the bounds of the geometry, or, if outliers are removed, of the points that are kept.
+struct FirstPass {
+    survey: Survey,
+    /// Points within the crop, if outliers are removed.
+    searched: Option<Vec<DVec3>>,
+    crop: Option<Aabb>,
+    failure: Option<BuildError>,
 }
 
-/// The first pass: bounds, and the cells of grids.
-struct Survey {
-    bounds: Aabb,
-    /// Smallest corner of the first cell, and the smallest size of any cell.
-    grid: Option<(DVec3, DVec3)>,
-    /// True if all geometry is cells that the map keeps axis-aligned.
-    all_grid: bool,
-}
+impl FirstPass {
+    fn new(options: &BuildOptions) -> Self {
+        let searched = options.outliers.map(|_| Vec::new());
+        Self { survey: Survey::new(options.crop), searched, crop: options.crop, failure: None }
+    }
 
-impl Default for Survey {
-    fn default() -> Self {
-        Self { bounds: Aabb::EMPTY, grid: None, all_grid: true }
+    /// The lattice, and for each point within the crop whether it is kept.
+    fn finish(mut self, run: &Run<'_>) -> Result<(Lattice, Option<Vec<bool>>), BuildError> {
+        let kept = match (&self.searched, &run.options.outliers) {
+            (Some(searched), Some(rule)) => {
+                let kept = inliers(searched, rule);
+                searched.iter().zip(&kept).filter(|(_, kept)| **kept).for_each(|(at, _)| self.survey.point(*at));
+                Some(kept)
+            }
+            _ => None,
+        };
+        Ok((self.survey.lattice(run.files)?, kept))
     }
 }
 
-impl Shapes for Survey {
+impl Shapes for FirstPass {
     fn point(&mut self, at: DVec3, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        self.all_grid = false;
-        self.bounds = self.bounds.union(&Aabb { min: at, max: at });
+        match &mut self.searched {
+            // Points outside the crop do not influence which points are outliers.
+            Some(searched) if self.crop.is_none_or(|crop| crop.contains(at)) => {
+                if searched.len() == MAX_SEARCHED {
+                    self.failure = Some(BuildError::TooManyPoints { limit: MAX_SEARCHED });
+                    return Err(Fault::Stopped);
+                }
+                searched.push(at);
+            }
+            _ => self.survey.point(at),
+        }
         Ok(())
     }
 
+    fn splat(&mut self, at: DVec3, _: [DVec3; 3], color: Option<[u8; 3]>) -> Result<(), Fault> {
+        self.point(at, color)
+    }
+
     fn triangle(&mut self, triangle: Triangle, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        self.all_grid = false;
-        self.bounds = self.bounds.union(&triangle.bounds());
+        self.survey.triangle(&triangle);
         Ok(())
     }
 
     fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault> {
-        let image = Parallelepiped::image(cell, map).bounds();
-        self.bounds = self.bounds.union(&image);
-        self.all_grid &= keeps_upright(map);
-        let (corner, least) = self.grid.unwrap_or((image.min, image.size()));
-        self.grid = Some((corner, least.min(image.size())));
+        self.survey.cell(cell, map);
         Ok(())
+    }
+
+    fn left_out(&mut self, _: LeftOut) {}
+
+    fn failure(&mut self) -> Option<BuildError> {
+        self.failure.take()
     }
 }
 
-impl Survey {
-    fn lattice(&self, options: &BuildOptions) -> Result<Lattice, BuildError> {
-        let bounds = options.crop.map_or(self.bounds, |crop| crop.intersection(&self.bounds));
-        if bounds.min.cmpgt(bounds.max).any() {
-            let why = match options.crop {
-                Some(_) if self.bounds.min.cmple(self.bounds.max).all() => {
-                    format!(
-                        " within the `crop`: the geometry of the files spans {} to {}",
-                        self.bounds.min, self.bounds.max
-                    )
-                }
-                _ => String::new(),
-            };
-            return Err(BuildError::Nothing { why });
-        }
-        if let Some((corner, pitch)) = self.grid.filter(|_| self.all_grid) {
-            return Ok(Lattice { origin: corner, pitch });
-        }
-        let size = bounds.size();
-        let longest = size.max_element();
-        if longest <= 0.0 || !longest.is_finite() {
-            return Err(Error::Option {
-                name: "voxel",
-                expected: "given for a single point, which has no extent to derive it from",
-                found: "none".into(),
-            }
-            .into());
-        }
-        let voxels = f64::from(coarse::CoarseOptions::default().voxels);
-        let edge = (size.element_product() / voxels).cbrt().max(MIN_SHARE * longest);
-        Ok(Lattice { origin: bounds.min, pitch: DVec3::splat(edge) })
-    }
+/// A point that is held until outliers are known.
+struct Searched {
+    at: DVec3,
+    /// Half axes, if it is a splat.
+    axes: Option<[Vec3; 3]>,
+    color: Option<[u8; 3]>,
 }
 
 /// The last pass: the occupied cells.
@@ -309,8 +324,7 @@ struct Filling<'a> {
     lattice: Lattice,
     voxels: Voxels,
     /// Points, if outliers are removed.
-    searched: Vec<DVec3>,
-    searched_colors: Vec<Option<[u8; 3]>>,
+    searched: Vec<Searched>,
     colored: bool,
     counts: Counts,
     failure: Option<BuildError>,
@@ -323,11 +337,36 @@ impl<'a> Filling<'a> {
             lattice,
             voxels: Voxels::new(lattice, options.crop),
             searched: Vec::new(),
-            searched_colors: Vec::new(),
             colored: false,
             counts: Counts::default(),
             failure: None,
         }
+    }
+
+    fn add(&mut self, point: &Searched) -> Result<(), BuildError> {
+        match point.axes {
+            Some(axes) => self.voxels.add_splat(point.at, axes, point.color, self.options.thickness),
+            None => self.voxels.add_point(point.at, point.color, self.options.thickness),
+        }
+    }
+
+    /// Adds a point or splat, or holds it if outliers are removed.
+    fn take(&mut self, point: Searched) -> Result<(), Fault> {
+        self.counts.points += 1;
+        self.colored |= point.color.is_some();
+        if self.options.outliers.is_none() {
+            let added = self.add(&point);
+            return self.held(added);
+        }
+        // Points outside the crop do not influence which points are outliers.
+        if self.options.crop.is_some_and(|crop| !crop.contains(point.at)) {
+            return Ok(());
+        }
+        if self.searched.len() == MAX_SEARCHED {
+            return self.held(Err(BuildError::TooManyPoints { limit: MAX_SEARCHED }));
+        }
+        self.searched.push(point);
+        Ok(())
     }
 
     /// Keeps an error of the cells and ends the reading.
@@ -338,12 +377,16 @@ impl<'a> Filling<'a> {
         })
     }
 
-    fn finish(mut self) -> Result<Built, BuildError> {
+    /// `kept`: for each point within the crop whether it is kept, if the first pass has found that.
+    fn finish(mut self, kept: Option<Vec<bool>>) -> Result<Built, BuildError> {
         if let Some(rule) = &self.options.outliers {
-            let kept = inliers(&self.searched, rule);
-            for ((at, color), kept) in self.searched.iter().zip(&self.searched_colors).zip(kept) {
+            let searched = std::mem::take(&mut self.searched);
+            // Another length means that a file has changed in between.
+            let kept = kept.filter(|kept| kept.len() == searched.len());
+            let kept = kept.unwrap_or_else(|| inliers(&searched.iter().map(|s| s.at).collect::<Vec<_>>(), rule));
+            for (point, kept) in searched.iter().zip(kept) {
                 if kept {
-                    self.voxels.add_point(*at, *color, self.options.thickness)?;
+                    self.add(point)?;
                 } else {
                     self.counts.outliers += 1;
                 }
@@ -355,8 +398,15 @@ impl<'a> Filling<'a> {
         let Some(boxes) = boxes_of(&self.lattice, runs.cells()) else {
             let why = match all {
                 0 => format!(
-                    ": {} points ({} of them outliers), {} triangles, {} cells of grids",
-                    self.counts.points, self.counts.outliers, self.counts.triangles, self.counts.cells
+                    ": {} points ({} of them outliers), {} triangles, {} cells of grids; left out: {} withheld and {} \
+                     noise points, {} splats of low opacity",
+                    self.counts.points,
+                    self.counts.outliers,
+                    self.counts.triangles,
+                    self.counts.cells,
+                    self.counts.withheld,
+                    self.counts.noise,
+                    self.counts.transparent
                 ),
                 _ => format!(": none of {all} cells has {} points, the value of `min_points`", self.options.min_points),
             };
@@ -369,22 +419,26 @@ impl<'a> Filling<'a> {
 
 impl Shapes for Filling<'_> {
     fn point(&mut self, at: DVec3, color: Option<[u8; 3]>) -> Result<(), Fault> {
-        self.counts.points += 1;
-        self.colored |= color.is_some();
-        if self.options.outliers.is_none() {
-            let added = self.voxels.add_point(at, color, self.options.thickness);
-            return self.held(added);
-        }
-        // Points outside the crop do not influence which points are outliers.
-        if self.options.crop.is_some_and(|crop| !crop.contains(at)) {
-            return Ok(());
-        }
-        if self.searched.len() == MAX_SEARCHED {
-            return self.held(Err(BuildError::TooManyPoints { limit: MAX_SEARCHED }));
-        }
-        self.searched.push(at);
-        self.searched_colors.push(color);
-        Ok(())
+        self.take(Searched { at, axes: None, color })
+    }
+
+    fn splat(&mut self, at: DVec3, axes: [DVec3; 3], color: Option<[u8; 3]>) -> Result<(), Fault> {
+        // So that no number overflows.
+        let most = DVec3::splat(1e30);
+        self.take(Searched { at, axes: Some(axes.map(|axis| axis.clamp(-most, most).as_vec3())), color })
+    }
+
+    fn left_out(&mut self, reason: LeftOut) {
+        let count = match reason {
+            LeftOut::Withheld => &mut self.counts.withheld,
+            LeftOut::Noise => &mut self.counts.noise,
+            LeftOut::Transparent => &mut self.counts.transparent,
+        };
+        *count += 1;
+    }
+
+    fn failure(&mut self) -> Option<BuildError> {
+        self.failure.take()
     }
 
     fn triangle(&mut self, triangle: Triangle, color: Option<[u8; 3]>) -> Result<(), Fault> {

@@ -74,6 +74,16 @@ pub enum Error {
         /// A remedy, as an imperative.
         remedy: &'static str,
     },
+    /// A coordinate lies beyond the cells that have an index (the file, or the caller).
+    #[error(
+        "the position {at:?} is more than 2^31 cells of {pitch:?} from the origin: choose a larger `voxel`, or a `crop`"
+    )]
+    TooFar {
+        /// The position.
+        at: [f64; 3],
+        /// Edge lengths of a cell.
+        pitch: [f64; 3],
+    },
     /// The progress callback stopped the training.
     #[error("cancelled after {step} steps")]
     Cancelled {
@@ -114,6 +124,14 @@ pub enum BuildError {
     Nothing {
         /// The geometry that was read, as the rest of the sentence.
         why: String,
+    },
+    /// All geometry lies in one place, so no size of cells can be derived (the files' author, or the caller).
+    #[error("{files}: all geometry lies in one place, {place:?}, so no cell size follows from it: set `voxel`")]
+    OnePlace {
+        /// Names of the files.
+        files: String,
+        /// The place, in the dataset's space.
+        place: [f64; 3],
     },
     /// More points than the search for outliers supports.
     #[error("`outliers` supports at most {limit} points: set a `crop`, or keep the outliers")]

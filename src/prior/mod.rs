@@ -19,6 +19,7 @@ mod overlap;
 mod overlay;
 pub mod placement;
 mod sparse_voxel_tree;
+mod survey;
 mod voxel_boxes;
 mod voxels;
 
@@ -31,7 +32,7 @@ pub(crate) use coarse::{check_views, frusta_within, near_and_far};
 pub use error::{BuildError, Error};
 pub use file::to_npz;
 pub use outliers::Outliers;
-pub use overlay::overlay;
+pub use overlay::{Shading, distance_range, overlay};
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
 pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
 pub use voxel_boxes::VoxelBoxes;

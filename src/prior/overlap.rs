@@ -70,6 +70,37 @@ impl Convex for Parallelepiped {
     }
 }
 
+/// The convex hull of a center plus and minus each of three vectors, which may be 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Octahedron {
+    corners: [DVec3; 6],
+    axes: [DVec3; 3],
+}
+
+impl Octahedron {
+    /// The octahedron of `center` and `axes`.
+    pub(super) fn new(center: DVec3, axes: [DVec3; 3]) -> Self {
+        let [a, b, c] = axes;
+        Self { corners: [a, -a, b, -b, c, -c].map(|offset| center + offset), axes }
+    }
+}
+
+impl Convex for Octahedron {
+    fn corners(&self) -> &[DVec3] {
+        &self.corners
+    }
+
+    fn any_axis(&self, mut test: impl FnMut(DVec3) -> bool) -> bool {
+        let [a, b, c] = self.axes;
+        let edges = [a - b, a + b, b - c, b + c, c - a, c + a];
+        let normals = [(a - b).cross(a - c), (a - b).cross(a + c), (a + b).cross(a - c), (a + b).cross(a + c)];
+        // A flat one needs the normal of its plane.
+        let planes = [a.cross(b), b.cross(c), c.cross(a)];
+        normals.into_iter().chain(planes).any(&mut test)
+            || edges.into_iter().chain(self.axes).any(|edge| across(edge).into_iter().any(&mut test))
+    }
+}
+
 /// The cross products of the box's axes with `edge`.
 fn across(edge: DVec3) -> [DVec3; 3] {
     [DVec3::new(0.0, -edge.z, edge.y), DVec3::new(edge.z, 0.0, -edge.x), DVec3::new(-edge.y, edge.x, 0.0)]

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, I64Vec3, IVec3, UVec3};
+use glam::{DVec3, I64Vec3, IVec3, UVec3, Vec3};
 
-use super::overlap::{Convex, Triangle, meets};
+use super::overlap::{Convex, Octahedron, Triangle, meets};
 use super::{BuildError, Error, VoxelBoxes};
 use crate::geometry::{Aabb, Lattice};
 
@@ -17,6 +17,8 @@ const MAX_VISITS: u64 = 1 << 32;
 const FUZZ: f64 = 1e-6;
 /// Bound on the error of a coordinate in the tests, relative to the largest coordinate.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Length of a splat's half axis, in cells: the far background of a scene has splats of any size.
+const MAX_SPLAT: f64 = 8.0;
 /// Colors per cell that enter its mean, so that sums do not overflow.
 const MAX_COLORED: u32 = 1 << 24;
 
@@ -127,6 +129,38 @@ impl Voxels {
         color: Option<[u8; 3]>,
         margin: f64,
     ) -> Result<(), BuildError> {
+        self.mark_convex(body, margin, &mut |tally| {
+            tally.solid = true;
+            tally.add_color(color);
+        })
+    }
+
+    /// Adds a splat, as a point of each cell that its octahedron meets: the corners lie at its center plus and minus
+    /// each of `axes`, of which at most [`MAX_SPLAT`] cells count. `thickness` grows it as it does points.
+    pub(super) fn add_splat(
+        &mut self,
+        at: DVec3,
+        axes: [Vec3; 3],
+        color: Option<[u8; 3]>,
+        thickness: f64,
+    ) -> Result<(), BuildError> {
+        if self.within.is_some_and(|within| !within.contains(at)) {
+            return Ok(());
+        }
+        let most = MAX_SPLAT * self.lattice.pitch.min_element();
+        let axes = axes.map(|axis| axis.as_dvec3().clamp_length_max(most));
+        self.mark_convex(&Octahedron::new(at, axes), 0.5 * thickness, &mut |tally| {
+            tally.points = tally.points.saturating_add(1);
+            tally.add_color(color);
+        })
+    }
+
+    fn mark_convex(
+        &mut self,
+        body: &impl Convex,
+        margin: f64,
+        mark: &mut impl FnMut(&mut Tally),
+    ) -> Result<(), BuildError> {
         let bounds = body.bounds();
         let margin = DVec3::splat(margin) + self.rounding(&bounds);
         let mut bounds = bounds.grown(margin);
@@ -148,7 +182,7 @@ impl Voxels {
                 };
                 block.size().cmpgt(least).all() && meets(body, &block.grown(margin))
             },
-            color,
+            mark,
         )
     }
 
@@ -158,14 +192,14 @@ impl Voxels {
         FUZZ * self.lattice.pitch + ROUNDING * largest
     }
 
-    /// Adds the cells from `first` to `last` for which `test` holds. Blocks for which it holds are halved, so the cost
+    /// Marks the cells from `first` to `last` for which `test` holds. Blocks for which it holds are halved, so the cost
     /// of a large triangle grows with its area, not with its bounding box.
     fn descend(
         &mut self,
         first: IVec3,
         last: IVec3,
         test: &mut impl FnMut(&Self, &Aabb) -> bool,
-        color: Option<[u8; 3]>,
+        mark: &mut impl FnMut(&mut Tally),
     ) -> Result<(), BuildError> {
         // At most one pending half per level, 32 levels per axis.
         let mut pending = vec![(first, last)];
@@ -177,9 +211,7 @@ impl Voxels {
             }
             let extent = last - first;
             if extent == IVec3::ZERO {
-                let tally = self.touch(first)?;
-                tally.solid = true;
-                tally.add_color(color);
+                mark(self.touch(first)?);
                 continue;
             }
             let axis = (0..3).max_by_key(|&a| extent[a]).unwrap_or(0);
@@ -225,7 +257,10 @@ impl Voxels {
         let cell = ((at - self.lattice.origin) / self.lattice.pitch).floor();
         // Leave one cell at either end, for neighbors.
         let reach = f64::from(i32::MAX - 1);
-        if cell.abs().max_element() < reach { Ok(cell.as_ivec3()) } else { Err(self.too_many()) }
+        if cell.abs().max_element() < reach {
+            return Ok(cell.as_ivec3());
+        }
+        Err(Error::TooFar { at: at.into(), pitch: self.lattice.pitch.into() }.into())
     }
 
     /// The cells that contain the corners of `body`.
@@ -311,8 +346,7 @@ mod tests {
             for at in -20..20 {
                 for axis in 0..3 {
                     for single in [false, true] {
-                        let mut voxels =
-                            Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(pitch) }, None);
+                        let mut voxels = Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(pitch) }, None);
                         let (mut from, mut to) = (DVec3::splat(0.5 * pitch), DVec3::splat(2.5 * pitch));
                         let height = f64::from(at) * pitch;
                         from[axis] = if single { f64::from(height as f32) } else { height };
@@ -352,6 +386,21 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn splats_cover_their_extent_up_to_a_bound() {
+        let splat = |axes: [[f32; 3]; 3]| {
+            let mut voxels = Voxels::new(LATTICE, None);
+            voxels.add_splat(DVec3::splat(0.5), axes.map(Vec3::from), Some([1, 2, 3]), 0.0).unwrap();
+            (found(voxels.clone(), 1), found(voxels, 2).len())
+        };
+        assert_eq!(splat([[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0; 3]]), (vec![[0, 0, 0]], 0));
+        let long: Vec<_> = (-2..=2).map(|x| [x, 0, 0]).collect();
+        assert_eq!(splat([[2.2, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.01]]).0, long);
+        let (disk, _) = splat([[0.0, 2.2, 0.0], [2.2, 0.0, 0.0], [0.0; 3]]);
+        assert!(disk.len() > 9 && disk.iter().all(|cell| cell[2] == 0), "{disk:?}");
+        assert_eq!(splat([[1e30, 0.0, 0.0], [0.0; 3], [0.0; 3]]).0.len(), 17);
     }
 
     #[test]
@@ -404,9 +453,6 @@ mod tests {
         let mut voxels = Voxels::new(Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(1e-3) }, None);
         let huge = Aabb { min: DVec3::splat(-1e3), max: DVec3::splat(1e3) };
         assert!(matches!(voxels.add_box(&huge, None), Err(BuildError::Prior(Error::TooManyCells { .. }))));
-        assert!(matches!(
-            voxels.add_point(DVec3::splat(1e9), None, 0.0),
-            Err(BuildError::Prior(Error::TooManyCells { .. }))
-        ));
+        assert!(matches!(voxels.add_point(DVec3::splat(1e9), None, 0.0), Err(BuildError::Prior(Error::TooFar { .. }))));
     }
 }
