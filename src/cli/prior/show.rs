@@ -7,21 +7,22 @@ use serde::Serialize;
 use super::inputs::{NEVER, build};
 use super::shaping::Shaping;
 use crate::cli::error::with_flags;
-use crate::cli::table::plural;
+use crate::cli::table::{plural, short};
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
 use crate::dataset::{self, Dataset};
 use crate::geometry::Camera;
 use crate::measure::{Canvas, color_png, side_by_side, stacked};
-use crate::prior::{self, Built, PriorVisibility, SparseVoxelTree};
+use crate::prior::{self, Built, PriorVisibility, Shading, SparseVoxelTree};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec prior show room.npz --data scene0101_04 --out room.png --downscale 4 --every 50
   strivec prior show mesh.ply --data lego --out sheet.png --views 0..4
 
-Each row shows a photograph and the same photograph overlaid with the first cell met by each ray, in the cell's color or \
-from orange (near) to blue (far). A prior that fits covers the scene and nothing else.";
+Each row shows a photograph, and the same photograph overlaid with the first cell met by each ray: in the cell's color, if \
+the prior has colors, and in a color by distance, from red (near) to blue (far). A prior that fits covers the scene and \
+nothing else.";
 /// Default number of views on a sheet.
 const ROWS: usize = 4;
 /// Background color for transparent pixels.
@@ -60,6 +61,8 @@ struct Shown<'a> {
     cells: usize,
     /// The share of the shown cameras' rays that meet the prior.
     share_of_rays: f64,
+    /// Distances of the nearest and the farthest cell that a ray meets, in dataset units: red and blue on the sheet.
+    distances: Option<[f64; 2]>,
     /// The likely cause if that share is small.
     advice: Option<String>,
 }
@@ -75,29 +78,43 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let Dataset { views, .. } = dataset::load(&args.data, &args.split, &options)?;
     let tree = SparseVoxelTree::new(&boxes);
+    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+    let distances = prior::distance_range(&tree, &cameras);
+    let by_distance = Shading::Distance(distances.unwrap_or_default());
+    let shadings: Vec<_> = colors.as_deref().map(Shading::Cells).into_iter().chain([by_distance]).collect();
     let mut rows = Vec::new();
     for view in &views {
         let photograph = view.pixels.colors(BACKGROUND);
-        let covered = prior::overlay(&tree, &boxes, colors.as_deref(), &view.camera, &photograph)
-            .map_err(|error| Error::Runtime(error.to_string()))?;
         let size = [view.camera.width, view.camera.height];
-        rows.push(side_by_side(&[photograph, covered].map(|colors| Canvas { size, colors })));
+        let mut row = Vec::new();
+        for &shading in &shadings {
+            let colors = prior::overlay(&tree, &boxes, shading, &view.camera, &photograph)
+                .map_err(|error| Error::Runtime(error.to_string()))?;
+            row.push(Canvas { size, colors });
+        }
+        row.insert(0, Canvas { size, colors: photograph });
+        rows.push(side_by_side(&row));
     }
     let sheet = stacked(&rows);
     write_atomically(&args.out, &color_png(sheet.size, &sheet.colors)?, session.force)?;
 
-    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let PriorVisibility { share, advice } = prior::check_alignment(&boxes, &cameras);
     let shown = Shown {
         file: &args.out,
         views: views.len(),
         cells: boxes.cells.len(),
         share_of_rays: share,
+        distances,
         advice: advice.map(|advice| with_flags(&advice.to_string())),
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));
         let (file, views, cells) = (shown.file.display(), plural(shown.views, "view"), plural(shown.cells, "cell"));
-        format!("{file}: {views}, {cells}; {:.1} % of their rays meet one{advice}", 100.0 * share)
+        let distances = shown.distances.map_or_else(String::new, |range| {
+            let [near, far] = range.map(short);
+            format!(", {near} (red) to {far} (blue) away")
+        });
+        let share = 100.0 * shown.share_of_rays;
+        format!("{file}: {views}, {cells}; {share:.1} % of their rays meet one{distances}{advice}")
     })
 }
