@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 
-use super::{Fault, ImportError, Point, Visitor};
+use super::{Fault, ImportError, LeftOut, Point, Visitor};
 use crate::dataset::{self, Error};
 use crate::geometry::Aabb;
 
@@ -68,6 +68,15 @@ impl Visitor for Aligned<'_> {
         self.visitor.triangle(corners)
     }
 
+    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
+        let center = self.turn(center)?;
+        self.visitor.splat(center, axes.map(|axis| self.alignment.transform_vector3(axis)))
+    }
+
+    fn left_out(&mut self, reason: LeftOut) {
+        self.visitor.left_out(reason);
+    }
+
     fn cell(&mut self, _: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
         // A rotated cell is not a box. Meshes have no cells.
         Err(Fault::unsupported("a scan's grid", "use its mesh"))
@@ -81,8 +90,6 @@ impl Visitor for Aligned<'_> {
 #[cfg(test)]
 mod tests {
     use std::fs;
-
-    use glam::DVec3;
 
     use super::*;
 

@@ -1,6 +1,8 @@
 //! A visitor for readers' tests that records all geometry.
 
-use super::{Fault, Input, Point, ReadOptions, Visitor};
+use glam::DVec3;
+
+use super::{Fault, Input, LeftOut, Point, ReadOptions, Visitor};
 use crate::geometry::Aabb;
 
 /// The recorded geometry.
@@ -9,6 +11,8 @@ pub(crate) struct Seen {
     pub(crate) points: Vec<Point>,
     pub(crate) triangles: Vec<[Point; 3]>,
     pub(crate) cells: Vec<Aabb>,
+    pub(crate) splats: Vec<(Point, [DVec3; 3])>,
+    pub(crate) left_out: Vec<LeftOut>,
 }
 
 impl Seen {
@@ -31,6 +35,15 @@ impl Visitor for Seen {
     fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
         self.cells.push(*cell);
         Ok(())
+    }
+
+    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
+        self.splats.push((center, axes));
+        Ok(())
+    }
+
+    fn left_out(&mut self, reason: LeftOut) {
+        self.left_out.push(reason);
     }
 
     fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {

@@ -28,6 +28,18 @@ impl Point {
     }
 }
 
+/// A reader's reason to leave out a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LeftOut {
+    /// LAS: it is marked as withheld.
+    Withheld,
+    /// LAS: its class is noise, 7 or 18.
+    Noise,
+    /// It is a splat whose opacity is below [`ReadOptions::min_opacity`].
+    Transparent,
+}
+
 /// Receives geometry while it is read. An error of any method ends the reading.
 pub trait Visitor {
     /// A point of a cloud.
@@ -36,6 +48,19 @@ pub trait Visitor {
     ///
     /// Any error ends the reading.
     fn point(&mut self, point: Point) -> Result<(), Fault>;
+
+    /// A Gaussian splat: its center, and its three principal axes, each two standard deviations long. They are finite,
+    /// and may be 0. A visitor that does not override this receives the center as a point.
+    ///
+    /// # Errors
+    ///
+    /// Any error ends the reading.
+    fn splat(&mut self, center: Point, _axes: [DVec3; 3]) -> Result<(), Fault> {
+        self.point(center)
+    }
+
+    /// A point is left out for `reason`.
+    fn left_out(&mut self, _reason: LeftOut) {}
 
     /// A triangle of a mesh; it may be degenerate.
     ///
@@ -62,10 +87,14 @@ pub trait Visitor {
 /// The parts of a file that are read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReadOptions {
-    /// Meshes: read only the vertices, as points, as the paper does.
+    /// Meshes: read only the vertices, as points, as the paper does. Splats: read only the centers.
     pub vertices: bool,
     /// Files with confidences: points of a smaller confidence are left out.
     pub min_confidence: f64,
+    /// Gaussian splats: those of a smaller opacity are left out; 0 keeps all.
+    pub min_opacity: f64,
+    /// LAS: keep points that are marked as withheld or as noise (classes 7 and 18).
+    pub keep_noise: bool,
     /// COLMAP: points seen in fewer images are left out.
     pub min_track: u64,
     /// COLMAP: points of a larger mean reprojection error, in pixels, are left out.
@@ -84,6 +113,8 @@ impl Default for ReadOptions {
         Self {
             vertices: false,
             min_confidence: 0.0,
+            min_opacity: 0.1,
+            keep_noise: false,
             min_track: 0,
             max_reprojection_error: f64::INFINITY,
             min_alpha: 1e-4,

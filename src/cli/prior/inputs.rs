@@ -70,17 +70,27 @@ pub(super) fn build(
         if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     let counts = built.counts;
-    let parts = [
+    let listed = |parts: &[(u64, &str)]| {
+        let parts = parts.iter().filter(|(n, _)| *n > 0);
+        parts.map(|(n, what)| format!("{} {what}", grouped(*n))).collect::<Vec<_>>().join(", ")
+    };
+    let read = listed(&[
         (counts.triangles, "triangles"),
         (counts.degenerate, "of them without area"),
         (counts.points, "points"),
         (counts.outliers, "of them outliers"),
         (counts.cells, "cells of grids"),
-    ];
-    let read: Vec<_> =
-        parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", grouped(*n))).collect();
+    ]);
+    let mut left_out = listed(&[
+        (counts.withheld, "withheld points"),
+        (counts.noise, "points of the noise classes 7 and 18"),
+        (counts.transparent, "splats of low opacity"),
+    ]);
+    if !left_out.is_empty() {
+        left_out.insert_str(0, "; left out: ");
+    }
     let cells = plural(built.boxes.cells.len(), "occupied voxel");
-    progress.finish(&format!("prior: {cells} from {}", read.join(", ")));
+    progress.finish(&format!("prior: {cells} from {read}{left_out}"));
     Ok(built)
 }
 

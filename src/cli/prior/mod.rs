@@ -28,8 +28,8 @@ Examples:
   strivec prior model.glb -o prior.npz --up y --scale 0.001 --data lego
   strivec prior show prior.npz --data lego --out sheet.png
 
-Reads PLY, OBJ, glTF and GLB meshes; PLY, XYZ, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 clouds; COLMAP's \
-points3D.bin and .txt; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
+Reads PLY, OBJ, STL, OFF, glTF and GLB meshes; PLY, XYZ, XYZN, XYZRGB, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 \
+clouds; COLMAP's points3D.bin and .txt; Gaussian splats as PLY, .splat and SPZ; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
 Several inputs are joined. The output opens in NumPy: cells, origin, pitch and, if there are colors, colors.";
 
 /// The arguments.
@@ -71,6 +71,12 @@ struct Report<'a> {
     colored: bool,
     points: u64,
     outliers: u64,
+    /// Points left out because they are marked as withheld.
+    withheld: u64,
+    /// Points left out because their class is noise.
+    noise: u64,
+    /// Splats left out because of their opacity.
+    transparent: u64,
     triangles: u64,
     degenerate_triangles: u64,
     grid_cells: u64,
@@ -98,7 +104,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let bytes = prior::to_npz(&built).map_err(Error::io("write", output))?;
     write_atomically(output, &bytes, session.force)?;
     let bounds = built.boxes.bounds();
-    let Counts { points, outliers, triangles, degenerate, cells } = built.counts;
+    let Counts { points, outliers, triangles, degenerate, cells, withheld, noise, transparent } = built.counts;
     let report = Report {
         file: output,
         cells: built.boxes.cells.len(),
@@ -107,6 +113,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         colored: built.colors.is_some(),
         points,
         outliers,
+        withheld,
+        noise,
+        transparent,
         triangles,
         degenerate_triangles: degenerate,
         grid_cells: cells,

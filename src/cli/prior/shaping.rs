@@ -16,13 +16,13 @@ use crate::prior::{BuildOptions, Outliers};
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Prior geometry")]
 pub(in crate::cli) struct Shaping {
-    /// Edge of a cell, in dataset units [default: the grid's; else about a million cells in the files' bounds]
+    /// Edge of a cell, in dataset units [default: the grid's; else about a million cells in the files' bounds, without points far from the others]
     #[arg(long, value_name = "LENGTH")]
     voxel: Option<f64>,
     /// Thickness of surfaces and points, in dataset units
     #[arg(long, value_name = "LENGTH", default_value_t = 0.0)]
     thickness: f64,
-    /// Treat meshes as point clouds (use only their vertices)
+    /// Treat meshes and splats as point clouds: use only vertices and centers
     #[arg(long)]
     vertices: bool,
     /// Drop points whose mean distance to K neighbors exceeds the mean of all points by S standard deviations [default: keep all]
@@ -31,9 +31,15 @@ pub(in crate::cli) struct Shaping {
     /// Drop cells with fewer than N points
     #[arg(long, value_name = "N", default_value_t = 1)]
     min_points: u32,
-    /// Drop points with a confidence below C, in files with confidences
+    /// Drop points with a confidence below C, in files with confidences; that of a splat is its opacity
     #[arg(long, value_name = "C", default_value_t = 0.0)]
     min_confidence: f64,
+    /// Gaussian splats: drop those with a smaller opacity; 0 keeps all
+    #[arg(long, value_name = "ALPHA", default_value_t = ReadOptions::default().min_opacity)]
+    min_opacity: f64,
+    /// LAS: keep points marked as withheld or as noise (classes 7 and 18) [default: drop them]
+    #[arg(long)]
+    keep_noise: bool,
     /// COLMAP: drop points seen in fewer than N pictures; 0 keeps all
     #[arg(long, value_name = "N", default_value_t = 0)]
     min_track: u64,
@@ -75,6 +81,8 @@ impl Shaping {
         let read = ReadOptions {
             vertices: self.vertices,
             min_confidence: self.min_confidence,
+            min_opacity: self.min_opacity,
+            keep_noise: self.keep_noise,
             min_track: self.min_track,
             max_reprojection_error: self.max_error.unwrap_or(f64::INFINITY),
             min_alpha: self.min_alpha,

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::import::error::excerpt;
 use crate::import::input::bytes_at;
-use crate::import::{Fault, Input};
+use crate::import::{Fault, Input, LeftOut};
 
 /// Points of one read.
 pub(super) const BATCH: u64 = 4096;
@@ -131,13 +131,17 @@ impl Header {
         Err(Fault::malformed("the number of points", expected, self.points))
     }
 
-    /// True for withheld points and noise.
-    pub(super) fn leaves_out(&self, record: &[u8]) -> bool {
+    /// The reason to leave out `record`, if there is one.
+    pub(super) fn leaves_out(&self, record: &[u8]) -> Option<LeftOut> {
         let (withheld, class) = match self.format {
             EXTENDED.. => (record[15] & 4 != 0, record[16]),
             _ => (record[15] & 0x80 != 0, record[15] & 0x1f),
         };
-        withheld || NOISE.contains(&class)
+        match (withheld, NOISE.contains(&class)) {
+            (true, _) => Some(LeftOut::Withheld),
+            (false, true) => Some(LeftOut::Noise),
+            (false, false) => None,
+        }
     }
 
     /// Position of `record`.

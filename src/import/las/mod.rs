@@ -3,7 +3,8 @@
 //! LAS has a reader of our own because its records are fixed and short, and because it checks every length before
 //! `laz`, which trusts its input, decompresses.
 //!
-//! Withheld points and those of the noise classes 7 and 18 are left out. Colors have 16 bits; if the first ten thousand
+//! Withheld points and those of the noise classes 7 and 18 are left out and counted, unless
+//! [`ReadOptions::keep_noise`] is set. Colors have 16 bits; if the first ten thousand
 //! are all below 256, they are read as bytes. Waveforms, extra bytes and extended records are ignored.
 
 mod compressed;
@@ -25,9 +26,9 @@ const JUDGED: usize = 10_000;
 ///
 /// If the header contradicts itself or declares more than the file holds, compressed points are invalid, a coordinate
 /// is not finite, and those of `visitor`.
-pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let header = Header::read(input)?;
-    let mut points = Points { header: &header, held: Vec::new(), shift: None, done: 0 };
+    let mut points = Points { header: &header, keep_noise: options.keep_noise, held: Vec::new(), shift: None, done: 0 };
     if header.compressed {
         compressed::read(input, &header, &mut |records| points.take(records, visitor))?;
     } else {
@@ -49,6 +50,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
 /// Converts records to points.
 struct Points<'a> {
     header: &'a Header,
+    keep_noise: bool,
     held: Vec<(DVec3, [u16; 3])>,
     /// Right shift from 16-bit colors to bytes, once it is known.
     shift: Option<u32>,
@@ -61,7 +63,8 @@ impl Points<'_> {
         for record in records.chunks_exact(self.header.record as usize) {
             let at = self.done;
             self.done += 1;
-            if self.header.leaves_out(record) {
+            if let Some(reason) = self.header.leaves_out(record).filter(|_| !self.keep_noise) {
+                visitor.left_out(reason);
                 continue;
             }
             let position = self.header.position(record);

@@ -3,6 +3,7 @@ use std::io::Cursor;
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 
 use super::*;
+use crate::import::LeftOut;
 use crate::import::testing::{Seen, seen_with};
 
 fn read_of(bytes: &[u8]) -> Result<Seen, Fault> {
@@ -148,6 +149,9 @@ fn withheld_points_and_noise_are_left_out() {
         ];
         let seen = read_of(&las(4, format, &points)).unwrap();
         assert_eq!(seen.positions(), [[100.5, 0.5, -2.0], [102.5, 2.5, -10.0]], "format {format}");
+        assert_eq!(seen.left_out, [LeftOut::Withheld, LeftOut::Noise, LeftOut::Noise], "format {format}");
+        let all = ReadOptions { keep_noise: true, ..ReadOptions::default() };
+        assert_eq!(seen_with(&las(4, format, &points), &all, read).unwrap().points.len(), 5, "format {format}");
     }
 }
 
