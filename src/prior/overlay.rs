@@ -36,7 +36,7 @@ pub fn distance_range(tree: &SparseVoxelTree, cameras: &[Camera]) -> Option<[f64
     let of = |camera: &Camera| {
         let rays =
             (0..camera.height).into_par_iter().flat_map_iter(|row| (0..camera.width).map(move |column| (column, row)));
-        let hits = rays.filter_map(|(column, row)| tree.cast_ray(&camera.ray(column, row)));
+        let hits = rays.filter_map(|(column, row)| tree.cast_ray(&camera.ray(column, row)?));
         hits.map(|hit| [hit.t, hit.t]).reduce_with(joined)
     };
     cameras.iter().filter_map(of).reduce(joined)
