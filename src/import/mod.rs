@@ -28,4 +28,4 @@ pub mod xyz;
 pub use error::{Fault, ImportError};
 pub use format::{Format, read};
 pub use input::Input;
-pub use visitor::{Point, ReadOptions, Visitor};
+pub use visitor::{LeftOut, Point, ReadOptions, Visitor};
