@@ -31,7 +31,7 @@ pub struct Description {
 ///
 /// # Errors
 ///
-/// As [`load_cameras`]'.
+/// As [`load_cameras`](super::load_cameras)'s.
 pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Error> {
     let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
     let name = files::name_of(folder);
