@@ -114,7 +114,7 @@ pub(super) fn sparse_points(path: &Path, cameras: &[Camera]) -> Result<Option<Sp
     match prior::build(&[path.to_path_buf()], &options, &mut |_| ControlFlow::Continue(())) {
         Ok(Built { boxes, .. }) => Ok(Some(SparsePoints { near_far: prior::ray_range(cameras, Some(&boxes)), boxes })),
         // Points in one place have no extent.
-        Err(BuildError::Nothing { .. } | BuildError::Prior(_)) => Ok(None),
+        Err(BuildError::Nothing { .. } | BuildError::OnePlace { .. }) => Ok(None),
         Err(error) => Err(error.into()),
     }
 }
