@@ -23,10 +23,10 @@ pub(super) struct Capture {
     pub(super) bounds: Option<Aabb>,
 }
 
-/// Which photographs are test views, if the dataset has no splits of its own.
+/// The choice of test views in a dataset without splits of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Holdout {
-    /// Of the photographs ascending by name, the first of every so many; 0 for none.
+    /// The interval of test views among the photographs ascending by name, from the first on; 0 for none.
     pub every: usize,
     /// A text file of their names, one a line, with or without folder and ending; replaces `every`.
     pub names: Option<PathBuf>,

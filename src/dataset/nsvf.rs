@@ -14,7 +14,7 @@ use super::shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Shot, Split};
 use super::{Error, files};
 use crate::geometry::{Aabb, Lens, NotRigid, rigid};
 
-/// Whether `folder` has this layout.
+/// True if `folder` has this layout.
 pub(super) fn is_in(folder: &Path) -> bool {
     folder.join("intrinsics.txt").is_file() && folder.join("pose").is_dir() && folder.join("rgb").is_dir()
 }

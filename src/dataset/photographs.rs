@@ -1,4 +1,4 @@
-//! What all layouts have in common: which views are chosen, and their pictures, decoded in parallel.
+//! Loading, common to all layouts: the choice of views, and their pictures, decoded in parallel.
 
 use std::path::Path;
 

@@ -19,7 +19,7 @@ const JPEG_START: [u8; 3] = [0xff, 0xd8, 0xff];
 /// The bytes with which a file begins; enough for the header of nearly every picture.
 const HEAD_BYTES: u64 = 256 << 10;
 
-/// What a picture's header says.
+/// A picture's size and orientation, from its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     /// Columns and rows as stored.

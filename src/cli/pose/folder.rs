@@ -202,7 +202,7 @@ fn check_is_free(folder: &Path, source: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// What differs between the inputs of two runs.
+/// The differences between the inputs of two runs; `None` if they are equal.
 fn difference(before: &Inputs, now: &Inputs) -> Option<String> {
     let mut names: Vec<&String> = before.keys().chain(now.keys()).collect();
     names.sort();

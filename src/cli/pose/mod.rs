@@ -135,7 +135,7 @@ fn photographs(args: &Args, colmap: &Colmap) -> Result<Photographs, Error> {
     Ok(photographs)
 }
 
-/// What decides the result, for comparison with the run that a command resumes.
+/// The inputs that decide the result, for comparison with the run that a command resumes.
 fn inputs(args: &Args, source: &Source, colmap: &Colmap) -> Result<Inputs, Error> {
     let Options { camera_model, camera_each, max_features, matching, vocab_tree, mapper, gpu } = &args.options;
     let path = fs::canonicalize(&args.source).map_err(Error::io("read", &args.source))?;

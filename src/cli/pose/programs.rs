@@ -70,7 +70,7 @@ enum Kind {
     },
 }
 
-/// What `version` of the script prints.
+/// The output of the script's `version`.
 #[derive(Deserialize)]
 struct PythonVersion {
     version: String,
@@ -302,7 +302,7 @@ fn run(program: &Path, arguments: &[&str]) -> io::Result<Output> {
     Command::new(program).args(arguments).stdin(Stdio::null()).output()
 }
 
-/// What a program printed on both streams; versions of COLMAP differ in which they use.
+/// A program's output on both streams; versions of COLMAP differ in the stream that they use.
 fn printed(output: &Output) -> String {
     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).concat()
 }
