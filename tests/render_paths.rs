@@ -218,6 +218,24 @@ fn a_build_without_the_graphics_renderer_names_the_feature() {
     assert!(!folder.path().join("frames").exists(), "nothing was made on the way");
 }
 
+#[test]
+fn cameras_are_drawn_with_their_lens_and_without_it_on_request() {
+    let folder = folder();
+    let draw = |k1: f64, options: &[&str]| -> Vec<u8> {
+        let pose = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, -4.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        let frames = [serde_json::json!({ "file_path": "a.png", "transform_matrix": pose })];
+        let json = serde_json::json!({ "fl_x": 8.0, "w": 8, "h": 6, "k1": k1, "frames": frames });
+        fs::write(folder.path().join("cameras.json"), json.to_string()).unwrap();
+        let arguments = [&["--cameras", "cameras.json"], options].concat();
+        let picture = printed(&render(folder.path(), Path::new(""), &arguments)).remove(0);
+        image::open(folder.path().join(picture)).unwrap().into_rgb8().into_raw()
+    };
+    let pinhole = draw(0.0, &[]);
+    assert!(pinhole.iter().any(|byte| *byte != pinhole[0]), "something is seen");
+    assert_ne!(draw(0.5, &[]), pinhole, "the distortion shows");
+    assert_eq!(draw(0.5, &["--undistort"]), pinhole, "it is gone");
+}
+
 /// Needs an adapter, as `tests/gpu.rs` does.
 #[test]
 #[cfg(feature = "gpu")]

@@ -37,6 +37,9 @@ pub(super) struct Args {
     file: PathBuf,
     #[command(flatten)]
     viewpoints: Viewpoints,
+    /// Render --cameras without their distortion or projection: as pinholes of the same focal lengths
+    #[arg(long, requires = "cameras")]
+    undistort: bool,
     /// Folder for the pictures; created if absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -83,7 +86,10 @@ struct DepthScale {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
     let (scene_file, _) = scene_file::read_scene_file(&args.file)?;
-    let cameras = args.viewpoints.cameras(&scene_file.scene.frame, &scene_file.scene.bounds)?;
+    let mut cameras = args.viewpoints.cameras(&scene_file.scene.frame, &scene_file.scene.bounds)?;
+    if args.undistort {
+        cameras.iter_mut().for_each(|named| named.camera = named.camera.undistorted());
+    }
     let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
     let settings = args.approximations.settings(&scene_file, &args.file, size)?;
     let scene = scene_file::with_scales_of(scene_file, &settings.approximation);

@@ -143,6 +143,12 @@ impl Camera {
         }
     }
 
+    /// The pinhole camera of the same view and size: its focal lengths and its principal point are this camera's, so that
+    /// both pictures agree at the principal point.
+    pub fn undistorted(&self) -> Self {
+        Self { lens: Lens::PINHOLE, ..*self }
+    }
+
     /// The camera of the same view in a picture `factor` times smaller in both directions. The size is rounded
     /// down: the remaining last columns and rows lie outside the picture.
     pub fn downscaled(&self, factor: u32) -> Self {

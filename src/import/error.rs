@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Why reading failed, without the file's name, which readers of bytes do not have.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Fault {
     /// The system failed to read the file.
     #[error("cannot read it: {0}")]

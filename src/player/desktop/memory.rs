@@ -99,7 +99,7 @@ impl Photograph {
 }
 
 /// Bilinear interpolation of the four pixels around `at`.
-fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
+pub(super) fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
     let corner = (at - 0.5).floor();
     let part = at - 0.5 - corner;
     let [x, y] = corner.to_array().map(|v| v as i32);
