@@ -52,6 +52,10 @@ function slider(label: string, min: number, max: number, step: number, text: (va
   return { row, input, show };
 }
 
+function capitalized(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
 function hex(color: number[]): string {
   return "#" + color.map((v) => Math.round(255 * Math.min(Math.max(v, 0), 1)).toString(16).padStart(2, "0")).join("");
 }
@@ -96,16 +100,16 @@ export class Panel {
   readonly #boxes = element("input", { type: "checkbox" });
   readonly #boxesOf = element("div", { className: "row" });
   readonly #facts = element("dl", { id: "facts" });
-  readonly #topK = slider("neighbors", 1, 4, 1, (v) => `${v}`);
-  readonly #scales = slider("scales", 1, 1, 1, (v) => `${v}`);
-  readonly #step = slider("step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
-  readonly #threshold = slider("threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
-  readonly #finest = slider("resolution", 0, 4, 1, (v) => `1/${2 ** v}`);
-  readonly #frameTime = slider("moving, ms", 5, 500, 1, (v) => `${v}`);
+  readonly #topK = slider("Neighbors", 1, 4, 1, (v) => `${v}`);
+  readonly #scales = slider("Scales", 1, 1, 1, (v) => `${v}`);
+  readonly #step = slider("Step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
+  readonly #threshold = slider("Color threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
+  readonly #finest = slider("Resolution", 0, 4, 1, (v) => `1/${2 ** v}`);
+  readonly #frameTime = slider("ms while moving", 5, 500, 1, (v) => `${v}`);
   readonly #record: HTMLButtonElement;
   readonly #play: HTMLButtonElement;
-  readonly #camera = slider("training camera", 1, 1, 1, (v) => `${v}`);
-  readonly #photograph = slider("photograph", 0, 1, 0.05, (v) => `${Math.round(100 * v)} %`);
+  readonly #camera = slider("Training camera", 1, 1, 1, (v) => `${v}`);
+  readonly #photograph = slider("Photograph", 0, 1, 0.05, (v) => `${Math.round(100 * v)} %`);
   readonly #folder: HTMLElement;
   readonly #second = element("div");
   readonly #secondName = element("p");
@@ -117,11 +121,11 @@ export class Panel {
   constructor(owner: Owner) {
     this.#owner = owner;
     this.root.setAttribute("aria-label", "Scene and settings");
-    const open = chooser("open", { accept: ".strivec,.json", id: "file" }, ([file]) => file && owner.open(file));
+    const open = chooser("Open…", { accept: ".strivec,.json", id: "file" }, ([file]) => file && owner.open(file));
     this.#views.setAttribute("role", "radiogroup");
     this.#views.setAttribute("aria-label", "View");
 
-    const own = this.#button("as trained", (player) => player.set_background(new Float32Array()));
+    const own = this.#button("As trained", (player) => player.set_background(new Float32Array()));
     this.#background.addEventListener("input", () => {
       const color = [1, 3, 5].map((at) => parseInt(this.#background.value.slice(at, at + 2), 16) / 255);
       this.#do((player) => player.set_background(new Float32Array(color)));
@@ -137,22 +141,22 @@ export class Panel {
       this.#do((player) => player.set_frame_time(this.#frameTime.input.valueAsNumber)),
     );
 
-    this.#record = this.#key("record", "KeyC");
-    this.#play = this.#key("play", "Space");
+    this.#record = this.#key("Record path", "KeyC");
+    this.#play = this.#key("Play path", "Space");
     this.#camera.input.addEventListener("input", () =>
       this.#do((player) => player.go_to_camera(this.#camera.input.valueAsNumber - 1)),
     );
     this.#photograph.input.addEventListener("input", () =>
       this.#do((player) => player.set_photograph_share(this.#photograph.input.valueAsNumber)),
     );
-    this.#folder = chooser("folder of photographs", { webkitdirectory: true }, (files) => owner.photographs(files));
-    const compare = chooser("compare with", { accept: ".strivec" }, ([file]) => file && owner.compare(file));
+    this.#folder = chooser("Folder of photographs…", { webkitdirectory: true }, (files) => owner.photographs(files));
+    const compare = chooser("Compare with…", { accept: ".strivec" }, ([file]) => file && owner.compare(file));
     this.#sideBySide.addEventListener("change", () =>
       this.#do((player) => player.set_divider(this.#sideBySide.checked ? undefined : 0.5)),
     );
-    const close = this.#button("close", () => owner.compare());
+    const close = this.#button("Close", () => owner.compare());
     this.#second.append(
-      element("div", { className: "row" }, element("label", {}, this.#sideBySide, " side by side"), close),
+      element("div", { className: "row" }, element("label", {}, this.#sideBySide, " Side by side"), close),
       this.#secondName,
       this.#secondFacts,
     );
@@ -163,8 +167,8 @@ export class Panel {
       section(
         "View",
         this.#views,
-        element("div", { className: "row" }, element("label", {}, "background ", this.#background), own),
-        element("label", {}, this.#boxes, " tensor boxes"),
+        element("div", { className: "row" }, element("label", {}, "Background ", this.#background), own),
+        element("label", {}, this.#boxes, " Tensor boxes"),
         this.#boxesOf,
       ),
       section(
@@ -187,7 +191,7 @@ export class Panel {
       section("File", this.#facts),
       section("Comparison", compare, this.#second),
     );
-    const buttons = [this.#key("reset", "KeyR"), this.#key("screenshot", "KeyP"), this.#key("help", "KeyH")];
+    const buttons = [this.#key("First view", "KeyR"), this.#key("Screenshot", "KeyP"), this.#key("Help", "KeyH")];
     this.root.append(
       element("div", { className: "row" }, open, ...buttons),
       this.#name,
@@ -230,8 +234,8 @@ export class Panel {
   }
 
   #showCamera(state: State): void {
-    this.#record.textContent = state.is_recording ? "stop recording" : "record";
-    this.#play.textContent = state.is_playing ? "stop" : "play";
+    this.#record.textContent = state.is_recording ? "Stop recording" : "Record path";
+    this.#play.textContent = state.is_playing ? "Stop" : "Play path";
     this.#camera.row.hidden = state.cameras === 0;
     this.#camera.input.max = `${state.cameras}`;
     this.#camera.show((state.camera ?? 0) + 1);
@@ -242,8 +246,8 @@ export class Panel {
 
   #showSpeed(state: State): void {
     const milliseconds = (value: number | null): string => (value === null ? "…" : `${value.toFixed(1)} ms`);
-    const parts = [`full picture ${milliseconds(state.milliseconds)}`];
-    if (state.milliseconds_before !== null) parts.push(`before ${milliseconds(state.milliseconds_before)}`);
+    const parts = [`Full picture: ${milliseconds(state.milliseconds)}`];
+    if (state.milliseconds_before !== null) parts.push(`before: ${milliseconds(state.milliseconds_before)}`);
     if (state.rays_per_second !== null) parts.push(`${Math.round(1e-3 * state.rays_per_second)} thousand rays/s`);
     if (state.divisor !== null && state.divisor > state.quality.finest) parts.push(`resolution 1/${state.divisor}`);
     if (state.memory_bytes) {
@@ -259,7 +263,7 @@ export class Panel {
       for (const view of state.views) {
         const input = element("input", { type: "radio", name: "view", value: view });
         input.addEventListener("change", () => this.#do((player) => player.set_view(view)));
-        this.#views.append(element("label", { className: "choice" }, input, view));
+        this.#views.append(element("label", { className: "choice" }, input, capitalized(view)));
       }
     }
     for (const input of this.#views.querySelectorAll("input")) input.checked = input.value === state.view;
@@ -278,7 +282,7 @@ export class Panel {
       const scale = this.#boxesOf.childElementCount;
       const input = element("input", { type: "checkbox" });
       input.addEventListener("change", () => this.#do((player) => player.set_boxes_of(scale, input.checked)));
-      this.#boxesOf.append(element("label", {}, input, ` scale ${scale}`));
+      this.#boxesOf.append(element("label", {}, input, ` Scale ${scale}`));
     }
     this.#boxesOf.querySelectorAll("input").forEach((input, scale) => (input.checked = state.boxes[scale] ?? false));
   }
