@@ -18,6 +18,7 @@ pub mod obj;
 pub mod octomap;
 pub mod pcd;
 pub mod ply;
+mod polygon;
 mod scannet;
 #[cfg(test)]
 mod testing;

@@ -1,6 +1,6 @@
 //! OBJ: Wavefront's meshes, through `tobj`.
 //!
-//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into fans. A file without
+//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into triangles. A file without
 //! polygons is a point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are
 //! ignored; `mtllib` opens no file. Indices of faces may be positive or negative, but only of earlier vertices.
 //! Free-form surfaces are not supported.
@@ -16,13 +16,14 @@ mod tests;
 
 use glam::DVec3;
 
+use super::polygon::Triangulator;
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 use guard::Guard;
 use statements::Statements;
 
 /// Bytes of a file with polygons; point clouds may be of any size.
 pub const MAX_BYTES: u64 = 4 << 30;
-/// Triangles between two reports of progress.
+/// Polygons between two reports of progress.
 const REPORT_EVERY: usize = 1 << 16;
 
 /// Reads `input`.
@@ -36,23 +37,39 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     }
     Fault::unless_within("bytes of an OBJ mesh", MAX_BYTES, input.len())?;
     let mut guard = Guard::new(Statements::from_start(input)?, visitor);
-    let loaded = tobj::load_obj_buf(&mut guard, &tobj::GPU_LOAD_OPTIONS, |_| Err(tobj::LoadError::OpenFileFailed));
+    // `tobj` would cut polygons into fans, which cover dents.
+    let polygons = tobj::LoadOptions { triangulate: false, ..tobj::GPU_LOAD_OPTIONS };
+    let loaded = tobj::load_obj_buf(&mut guard, &polygons, |_| Err(tobj::LoadError::OpenFileFailed));
     let (models, _) = match (guard.end(), loaded) {
         (Some(fault), _) => return Err(fault),
         (None, Ok(loaded)) => loaded,
         (None, Err(error)) => return Err(Fault::invalid("the mesh", error.to_string())),
     };
 
+    let mut triangulator = Triangulator::default();
     let mut count = 0;
     for tobj::Model { mesh, .. } in &models {
-        let corner = |n: u32| {
+        let vertex = |n: u32| {
             let at = 3 * n as usize;
             let three = |values: &[f64]| values.get(at..at + 3).map(DVec3::from_slice);
             let color = three(&mesh.vertex_color).map(statements::color);
             Point::new(three(&mesh.positions).unwrap_or(DVec3::NAN), color, || "a face".into())
         };
-        for corners in mesh.indices.chunks_exact(3) {
-            visitor.triangle([corner(corners[0])?, corner(corners[1])?, corner(corners[2])?])?;
+        let mut corners = &mesh.indices[..];
+        // Meshes of triangles alone have no list of counts.
+        let counts = mesh.face_arities.iter().map(|&count| count as usize);
+        let counts =
+            counts.chain(std::iter::repeat_n(3, if mesh.face_arities.is_empty() { corners.len() / 3 } else { 0 }));
+        let mut polygon = Vec::new();
+        for corner_count in counts {
+            let own;
+            (own, corners) = corners.split_at(corner_count);
+            polygon.clear();
+            for &corner in own {
+                polygon.push(vertex(corner)?);
+            }
+            let each = |triangle: [usize; 3]| visitor.triangle(triangle.map(|n| polygon[n]));
+            triangulator.cut(polygon.len(), |n| polygon[n].position, each)?;
             count += 1;
             if count % REPORT_EVERY == 0 {
                 visitor.progress(input.len(), input.len())?;

@@ -21,8 +21,15 @@ pub(super) struct Statements<'i, 'a> {
 
 impl<'i, 'a> Statements<'i, 'a> {
     /// The statements of `input` from its beginning, without a byte order mark.
+    ///
+    /// # Errors
+    ///
+    /// If the text is UTF-16.
     pub(super) fn from_start(input: &'i mut Input<'a>) -> Result<Self, Fault> {
         input.go_to(0)?;
+        if matches!(input.peek(2)?[..], [0xff, 0xfe] | [0xfe, 0xff]) {
+            return Err(Fault::unsupported("text in UTF-16", "save it as UTF-8"));
+        }
         if input.peek(3)? == b"\xef\xbb\xbf" {
             input.go_to(3)?;
         }

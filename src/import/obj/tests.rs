@@ -1,7 +1,7 @@
 //! OBJ files as programs write them, and such as no reader should trust.
 
-use super::super::ReadOptions;
 use super::super::testing::{Seen, seen_with};
+use super::super::{Point, ReadOptions};
 use super::read;
 
 fn seen(file: impl AsRef<[u8]>) -> Seen {
@@ -17,7 +17,7 @@ fn corners(seen: &Seen) -> Vec<[f64; 3]> {
     seen.triangles.iter().map(|corners| corners.map(|corner| corner.position.x)).collect()
 }
 
-const VERTICES: &str = "v 1 0 0\nv 2 0 0.5\nv 3 1 -0.25\nv 4 1e-3 0\nv 5 0 0\n";
+const VERTICES: &str = "v 1 4 0\nv 2 +1. 0.5\nv 3 0 -0.25\nv 4 1e-0 0\nv 5 4 0\n";
 
 #[test]
 fn polygons_become_fans_whatever_their_corners_name() {
@@ -36,7 +36,7 @@ fn polygons_become_fans_whatever_their_corners_name() {
         [1.0, 2.0, 5.0],
     ];
     assert_eq!(corners(&seen), expected);
-    assert_eq!(seen.triangles[2][2].position.to_array(), [4.0, 1e-3, 0.0]);
+    assert_eq!(seen.triangles[2][2].position.to_array(), [4.0, 1.0, 0.0]);
     assert_eq!((seen.triangles[0][0].color, seen.points.len()), (None, 0));
 }
 
@@ -47,6 +47,23 @@ fn colors_stay_with_their_vertices() {
         seen.triangles[0].map(|corner| corner.color),
         [Some([128, 255, 0]), Some([255, 0, 0]), Some([0, 255, 0])]
     );
+}
+
+#[test]
+fn a_dent_stays_open() {
+    // A triangle of area 8 with a dent of area 4; a fan from the first corner covers the dent.
+    let seen = seen("v 0 0 0\nv 4 0 0\nv 2 2 0\nv 2 4 0\nf 2 3 4 1\nf 1/1 2/2 3/3 4/4\nf 1 2 4\n");
+    let area = |[a, b, c]: [Point; 3]| 0.5 * (b.position - a.position).cross(c.position - a.position).length();
+    let areas: Vec<f64> = seen.triangles.into_iter().map(area).collect();
+    assert_eq!(areas.len(), 5);
+    assert_eq!(areas.iter().sum::<f64>(), 2.0 * 6.0 + 8.0);
+}
+
+#[test]
+fn utf16_is_named() {
+    for mark in [b"\xff\xfe", b"\xfe\xff"] {
+        assert_eq!(fault([mark, &b"v\0 \0"[..]].concat()), "text in UTF-16 is not supported: save it as UTF-8");
+    }
 }
 
 #[test]
@@ -80,7 +97,7 @@ fn without_polygons_the_vertices_are_points() {
     for more in ["", "p 1 2\nl 1 2 3\n", "f 1\nf 1 2\n"] {
         let seen = seen(format!("{VERTICES}v 6 0 0 0 0 1\n{more}"));
         assert_eq!(seen.points.len(), 6, "{more}");
-        assert_eq!(seen.points[1].position.to_array(), [2.0, 0.0, 0.5]);
+        assert_eq!(seen.points[1].position.to_array(), [2.0, 1.0, 0.5]);
         assert_eq!([0, 5].map(|n| seen.points[n].color), [None, Some([0, 0, 255])]);
         assert!(seen.triangles.is_empty());
     }

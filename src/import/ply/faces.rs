@@ -1,5 +1,6 @@
 //! The elements `face` and `tristrips`: lists of vertices, cut into triangles while they are read.
 
+use super::super::polygon::{MAX_CORNERS, Triangulator};
 use super::super::{Fault, Visitor};
 use super::body::Body;
 use super::header::{Element, Kind};
@@ -15,17 +16,10 @@ pub(super) struct Surface {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
-    /// Polygons: each corner forms a triangle with the previous and the first corner.
-    Fan,
+    /// Polygons.
+    Polygon,
     /// Each corner forms a triangle with the previous two, alternately reversed. −1 begins a new strip.
     Strip,
-}
-
-/// The last corners of a polygon or strip, and the number of corners so far.
-#[derive(Default)]
-struct Corners {
-    kept: [usize; 2],
-    count: u64,
 }
 
 impl Surface {
@@ -36,7 +30,7 @@ impl Surface {
     /// If it is a surface without a list of corners.
     pub(super) fn of(element: &Element) -> Result<Option<Self>, Fault> {
         let (shape, names): (_, &[&str]) = match element.name.as_str() {
-            "face" => (Shape::Fan, &["vertex_indices", "vertex_index"]),
+            "face" => (Shape::Polygon, &["vertex_indices", "vertex_index"]),
             "tristrips" => (Shape::Strip, &["vertex_indices"]),
             _ => return Ok(None),
         };
@@ -60,14 +54,26 @@ impl Surface {
         vertices: &Vertices,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {
-        let mut corners = Corners::default();
         let count = vertices.len();
+        let (mut corners, mut strip) = (Vec::new(), 0_u64);
+        let mut triangulator = Triangulator::default();
+        let mut polygon = |corners: &mut Vec<usize>, visitor: &mut dyn Visitor| {
+            let corner = |n: usize| vertices.point(corners[n]);
+            let each = |triangle: [usize; 3]| visitor.triangle(triangle.map(corner));
+            triangulator.cut(corners.len(), |n| corner(n).position, each)?;
+            corners.clear();
+            Ok(())
+        };
         body.items(element, self.list, visitor, |visitor, first, index, place| {
-            if first {
-                corners.count = 0;
+            if first && self.shape == Shape::Polygon {
+                polygon(&mut corners, visitor)?;
+            } else if first {
+                strip = 0;
+                corners.clear();
             }
             if self.shape == Shape::Strip && index == -1.0 {
-                corners.count = 0;
+                strip = 0;
+                corners.clear();
                 return Ok(());
             }
             if index < 0.0 || index >= count as f64 {
@@ -77,32 +83,17 @@ impl Surface {
                     index,
                 ));
             }
-            match corners.add(index as usize, self.shape) {
-                Some(triangle) => visitor.triangle(triangle.map(|corner| vertices.point(corner))),
-                None => Ok(()),
+            Fault::unless_within("corners of a polygon", MAX_CORNERS as u64, corners.len() as u64)?;
+            corners.push(index as usize);
+            if self.shape == Shape::Polygon {
+                return Ok(());
             }
-        })
-    }
-}
-
-impl Corners {
-    /// Adds `corner` and returns the triangle that it completes, if any.
-    fn add(&mut self, corner: usize, shape: Shape) -> Option<[usize; 3]> {
-        self.count += 1;
-        if self.count < 3 {
-            self.kept[self.count as usize - 1] = corner;
-            return None;
-        }
-        let [a, b] = self.kept;
-        match shape {
-            Shape::Fan => {
-                self.kept = [a, corner];
-                Some([a, b, corner])
-            }
-            Shape::Strip => {
-                self.kept = [b, corner];
-                Some(if self.count % 2 == 1 { [a, b, corner] } else { [b, a, corner] })
-            }
-        }
+            strip += 1;
+            let [a, b, c] = corners[..] else { return Ok(()) };
+            corners.remove(0);
+            let triangle = if strip % 2 == 1 { [a, b, c] } else { [b, a, c] };
+            visitor.triangle(triangle.map(|corner| vertices.point(corner)))
+        })?;
+        if self.shape == Shape::Polygon { polygon(&mut corners, visitor) } else { Ok(()) }
     }
 }
