@@ -15,8 +15,9 @@ use super::table::plural;
 use super::training::{Meter, cameras, encode, interrupts, locate, place, read_state, reconstruct};
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
-use crate::dataset::{self, LoadOptions, View};
+use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
+use crate::geometry::Camera;
 use crate::measure::ViewReport;
 use crate::model::Scene;
 use crate::prior::ray_range;
@@ -94,6 +95,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
     let options = args.settings.basics.photographs();
     let mut dataset = dataset::load(folder, "train", &options)?;
+    session.console.say(&contents(&dataset));
     let held_out = match args.eval_every {
         Some(_) => {
             let count = dataset::load_cameras(folder, "test", None, &options)?.len();
@@ -148,6 +150,25 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
     })
+}
+
+/// One line on the photographs that are trained on.
+fn contents(dataset: &Dataset) -> String {
+    let Dataset { name, views, lost, left_out, .. } = dataset;
+    let largest = |extent: fn(&Camera) -> u32| views.iter().map(|view| extent(&view.camera)).max().unwrap_or(0);
+    let [width, height] = [largest(|camera| camera.width), largest(|camera| camera.height)];
+    let photographs = plural(views.len(), "photograph");
+    let mut text = format!("{name}: {photographs} to train on, {width}x{height} pixels at most");
+    let distorted = views.iter().filter(|view| !view.camera.lens.is_pinhole()).count();
+    let masked = views.iter().filter(|view| view.mask.is_some()).count();
+    for (count, what) in
+        [(distorted, "with a lens"), (masked, "with a mask"), (*lost, "without a pose"), (left_out.len(), "missing")]
+    {
+        if count > 0 {
+            text += &format!(", {count} {what}");
+        }
+    }
+    text
 }
 
 /// The result, as `--json` prints it.
