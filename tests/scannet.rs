@@ -8,17 +8,26 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec3};
 use image::RgbImage;
 use strivec::dataset::{
-    self, Dataset, Error, ErrorKind, LoadOptions, Scan, SynthOptions, SynthesizedScan, load_cameras, synthesize_scan,
+    self, CameraModel, Dataset, Error, ErrorKind, LoadOptions, Scan, SynthLayout, SynthOptions, Synthesized,
+    load_cameras, synthesize,
 };
 use tempfile::TempDir;
 
-const OPTIONS: SynthOptions = SynthOptions { views: 12, test_views: 4, size: [48, 36], seed: 5, force: false };
+const OPTIONS: SynthOptions = SynthOptions {
+    layout: SynthLayout::ScanNet,
+    camera: CameraModel::Pinhole,
+    views: 12,
+    test_views: 4,
+    size: [48, 36],
+    seed: 5,
+    force: false,
+};
 
 /// The synthetic scan `scene0000_00` in a folder of its own.
-fn synthetic(options: &SynthOptions) -> (TempDir, PathBuf, SynthesizedScan) {
+fn synthetic(options: &SynthOptions) -> (TempDir, PathBuf, Synthesized) {
     let around = tempfile::tempdir().unwrap();
     let folder = around.path().join("scene0000_00");
-    let made = synthesize_scan(&folder, options).unwrap();
+    let made = synthesize(&folder, options).unwrap();
     (around, folder, made)
 }
 
@@ -129,9 +138,9 @@ fn seed_alone_decides_every_byte_of_a_synthetic_scan() {
     let around = tempfile::tempdir().unwrap();
     let folder = around.path().join("room");
     let make = |threads: usize, seed| {
-        let options = SynthOptions { views: 3, test_views: 1, size: [12, 9], seed, force: true };
+        let options = SynthOptions { views: 3, test_views: 1, size: [12, 9], seed, force: true, ..OPTIONS };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| synthesize_scan(&folder, &options)).unwrap();
+        pool.install(|| synthesize(&folder, &options)).unwrap();
         files(&folder)
     };
     let (one, three) = (make(1, 1), make(3, 1));
@@ -144,7 +153,7 @@ fn seed_alone_decides_every_byte_of_a_synthetic_scan() {
     for part in ["room_vh_clean_2.ply", "color/0.jpg", "pose/1.txt"] {
         assert!(one[&folder.join(part)] != other[&folder.join(part)], "{part} does not depend on the seed");
     }
-    let again = synthesize_scan(&folder, &SynthOptions { force: false, ..OPTIONS }).unwrap_err();
+    let again = synthesize(&folder, &SynthOptions { force: false, ..OPTIONS }).unwrap_err();
     assert_eq!(again.kind(), ErrorKind::Argument);
 }
 

@@ -5,10 +5,23 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use strivec::dataset::{Error, ErrorKind, LoadOptions, SynthOptions, load, synthesize};
+use glam::DVec3;
+use strivec::dataset::{
+    CameraModel, Error, ErrorKind, Layout, LoadOptions, SynthLayout, SynthOptions, View, load, synthesize,
+};
+use strivec::geometry::{Camera, Distortion, Lens, Projection};
 use strivec::npy::{Header, Number};
+use tempfile::TempDir;
 
-const OPTIONS: SynthOptions = SynthOptions { views: 5, test_views: 3, size: [32, 24], seed: 7, force: false };
+const OPTIONS: SynthOptions = SynthOptions {
+    layout: SynthLayout::Blender,
+    camera: CameraModel::Pinhole,
+    views: 5,
+    test_views: 3,
+    size: [32, 24],
+    seed: 7,
+    force: false,
+};
 
 /// Every file of a folder by its path in it.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -125,4 +138,214 @@ fn senseless_options_are_refused_before_anything_is_written() {
     assert!(files(folder.path()).is_empty());
     fs::write(folder.path().join("file"), "").unwrap();
     assert!(synthesize(&folder.path().join("file/new"), &OPTIONS).unwrap_err().is_io());
+}
+
+/// Views that every layout can split: one in eight is a test view.
+const SMALL: SynthOptions = SynthOptions { views: 10, test_views: 2, size: [24, 24], ..OPTIONS };
+
+/// A dataset of `layout` and `camera` made by `options`.
+fn folder_of(layout: SynthLayout, camera: CameraModel, options: SynthOptions) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    synthesize(folder.path(), &SynthOptions { layout, camera, ..options }).unwrap();
+    folder
+}
+
+fn views(folder: &Path, split: &str) -> Vec<View> {
+    load(folder, split, &LoadOptions::default()).unwrap().views
+}
+
+/// The largest difference of directions of rays through the same pixels of `a` and `b`, at most 2.
+fn difference(a: &Camera, b: &Camera) -> f64 {
+    assert!(a.position.distance(b.position) < 1e-12, "{} {}", a.position, b.position);
+    assert_eq!((a.width, a.height), (b.width, b.height), "columns and rows");
+    let far = a.rays(0..a.height).zip(b.rays(0..b.height)).map(|rays| match rays {
+        (Some(a), Some(b)) => a.direction.distance(b.direction),
+        (None, None) => 0.0,
+        _ => 2.0,
+    });
+    far.fold(0.0, f64::max)
+}
+
+/// The lens of `camera`, by its coefficients once more.
+fn lens_of(camera: CameraModel) -> Lens {
+    let none = [0.0; 2];
+    let (projection, distortion) = match camera {
+        CameraModel::Pinhole => return Lens::PINHOLE,
+        CameraModel::Equirectangular => return Lens::PANORAMA,
+        CameraModel::SimpleRadial => {
+            (Projection::Perspective, Distortion::new([-0.4, 0.0, 0.0, 0.0], [0.0; 3], none, none))
+        }
+        CameraModel::Radial => (Projection::Perspective, Distortion::new([-0.4, 0.3, 0.0, 0.0], [0.0; 3], none, none)),
+        CameraModel::OpenCv => {
+            (Projection::Perspective, Distortion::new([-0.35, 0.2, 0.0, 0.0], [0.0; 3], [0.004, -0.003], none))
+        }
+        CameraModel::FullOpenCv => {
+            let distortion = Distortion::new([0.15, -0.1, 0.05, 0.0], [0.5, 0.1, 0.02], [-0.003, 0.002], none);
+            (Projection::Perspective, distortion)
+        }
+        CameraModel::OpenCvFisheye => {
+            (Projection::Fisheye, Distortion::new([-0.25, 0.1, -0.05, 0.01], [0.0; 3], none, none))
+        }
+        CameraModel::SimpleRadialFisheye => {
+            (Projection::Fisheye, Distortion::new([-0.3, 0.0, 0.0, 0.0], [0.0; 3], none, none))
+        }
+        CameraModel::RadialFisheye => {
+            (Projection::Fisheye, Distortion::new([-0.2, 0.15, 0.0, 0.0], [0.0; 3], none, none))
+        }
+        CameraModel::ThinPrismFisheye => {
+            let distortion = Distortion::new([-0.2, 0.1, -0.03, 0.01], [0.0; 3], [0.003, -0.002], [0.004, -0.003]);
+            (Projection::Fisheye, distortion)
+        }
+    };
+    Lens { projection, distortion: distortion.unwrap() }
+}
+
+/// The numbers of the lines of COLMAP's text file `name`, comments and names left out.
+fn numbers(folder: &Path, name: &str) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(folder.join("sparse/0").join(name)).unwrap();
+    let lines = text.lines().filter(|line| !line.starts_with('#'));
+    lines.map(|line| line.split_whitespace().filter_map(|word| word.parse().ok()).collect()).collect()
+}
+
+#[test]
+fn every_layout_has_the_same_views() {
+    let truth = folder_of(SynthLayout::Blender, CameraModel::Pinhole, SMALL);
+    for layout in SynthLayout::ALL.into_iter().filter(|layout| *layout != SynthLayout::ScanNet) {
+        let folder = folder_of(layout, CameraModel::Pinhole, SMALL);
+        assert_eq!(Layout::of(folder.path()).unwrap(), layout.layout());
+        for (split, count) in [("train", 10), ("val", 1), ("test", 2)] {
+            if split == "val" && layout.holds_out_every_eighth() {
+                continue;
+            }
+            let (found, expected) = (views(folder.path(), split), views(truth.path(), split));
+            assert_eq!((found.len(), expected.len()), (count, count), "{layout:?} {split}");
+            for (found, expected) in found.iter().zip(&expected) {
+                assert!(difference(&found.camera, &expected.camera) < 1e-12, "{layout:?} {}", found.name);
+                assert!(found.pixels == expected.pixels && found.mask.is_none(), "{layout:?} {}", found.name);
+            }
+        }
+        for name in ["mesh.ply", "mesh.obj", "points.ply", "occupancy.npz"] {
+            let bytes = |folder: &TempDir| fs::read(folder.path().join(name)).unwrap();
+            assert!(bytes(&folder) == bytes(&truth), "{layout:?} {name}");
+        }
+    }
+}
+
+#[test]
+fn every_camera_reads_back_from_every_layout_that_has_it() {
+    let truth = folder_of(SynthLayout::Blender, CameraModel::Pinhole, SMALL);
+    for camera in CameraModel::ALL {
+        let mut first: Option<Vec<View>> = None;
+        for layout in SynthLayout::ALL.into_iter().filter(|layout| layout.cameras().contains(&camera)) {
+            if layout == SynthLayout::ScanNet {
+                continue;
+            }
+            let folder = folder_of(layout, camera, SMALL);
+            let found = views(folder.path(), "train");
+            for (view, pinhole) in found.iter().zip(views(truth.path(), "train")) {
+                assert_eq!(view.camera.lens, lens_of(camera), "{layout:?}");
+                assert!(view.camera.position.distance(pinhole.camera.position) < 1e-12, "{layout:?}");
+            }
+            let first = first.get_or_insert_with(|| found.clone());
+            for (found, first) in found.iter().zip(first) {
+                assert!(difference(&found.camera, &first.camera) < 1e-12, "{layout:?} {camera:?}");
+                assert!(found.pixels == first.pixels && found.mask == first.mask, "{layout:?} {camera:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_changed_parameter_changes_rays() {
+    for camera in CameraModel::ALL.into_iter().filter(|camera| *camera != CameraModel::Equirectangular) {
+        let folder = folder_of(SynthLayout::ColmapText, camera, SMALL);
+        let before = views(folder.path(), "test").swap_remove(0).camera;
+        let path = folder.path().join("sparse/0/cameras.txt");
+        let text = fs::read_to_string(&path).unwrap();
+        let (comment, line) = text.trim_end().rsplit_once('\n').unwrap();
+        let words: Vec<&str> = line.split(' ').collect();
+        for changed in 4..words.len() {
+            let mut words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            words[changed] = (words[changed].parse::<f64>().unwrap() + 1e-3).to_string();
+            fs::write(&path, format!("{comment}\n{}\n", words.join(" "))).unwrap();
+            let after = views(folder.path(), "test").swap_remove(0).camera;
+            let far = difference(&before, &after);
+            assert!(far > 1e-6, "{camera:?}: parameter {} moves rays by {far}", changed - 4);
+        }
+    }
+}
+
+/// The largest distance of sparse points from the rays through their keypoints, and the share of points that fall on
+/// transparent pixels, in the views that `change` changes.
+fn misfit(folder: &Path, change: impl Fn(&mut Camera)) -> (f64, f64) {
+    let points: BTreeMap<u64, DVec3> = (numbers(folder, "points3D.txt").iter())
+        .map(|line| (line[0] as u64, DVec3::new(line[1], line[2], line[3])))
+        .collect();
+    let images = numbers(folder, "images.txt");
+    let (mut farthest, mut outside, mut all): (f64, u32, u32) = (0.0, 0, 0);
+    for (mut view, image) in views(folder, "all").into_iter().zip(images.chunks(2)) {
+        change(&mut view.camera);
+        for keypoint in image[1].chunks(3) {
+            let ray = view.camera.ray_through(keypoint[0], keypoint[1]).unwrap();
+            let line = points[&(keypoint[2] as u64)] - ray.origin;
+            farthest = farthest.max(line.cross(ray.direction).length());
+        }
+        for &point in points.values() {
+            let Some(at) = view.camera.project(point).filter(|at| view.camera.is_inside(*at)) else { continue };
+            let pixel = at.y as usize * view.camera.width as usize + at.x as usize;
+            let [black, white] = [0.0, 1.0].map(|value| view.pixels.color(pixel, [value; 3])[0]);
+            all += 1;
+            outside += u32::from(white - black > 0.99);
+        }
+    }
+    (farthest, f64::from(outside) / f64::from(all))
+}
+
+#[test]
+fn keypoints_and_pictures_are_of_the_camera() {
+    for camera in CameraModel::ALL {
+        let wide = if camera == CameraModel::Equirectangular { [436, 218] } else { [50, 50] };
+        let options = SynthOptions { views: 2, test_views: 1, size: wide, ..OPTIONS };
+        let folder = folder_of(SynthLayout::ColmapText, camera, options);
+        let (farthest, outside) = misfit(folder.path(), |_| {});
+        assert!(farthest < 1e-9, "{camera:?}: keypoints are {farthest} from their points");
+        assert!(outside < 0.005, "{camera:?}: {outside} of the points are outside of the scene's picture");
+        if camera == CameraModel::Pinhole {
+            continue;
+        }
+        let (farthest, outside) = misfit(folder.path(), |camera| camera.lens = Lens::PINHOLE);
+        assert!(farthest > 0.01, "{camera:?}: keypoints of a pinhole are {farthest} from their points");
+        assert!(outside > 0.01, "{camera:?}: {outside} of the points are outside of a pinhole's picture");
+    }
+}
+
+#[test]
+fn cameras_and_splits_that_a_layout_cannot_state_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (options, message) in [
+        (
+            SynthOptions { layout: SynthLayout::Llff, camera: CameraModel::OpenCv, ..SMALL },
+            "`camera` must be pinhole in the layout llff; found opencv",
+        ),
+        (
+            SynthOptions { layout: SynthLayout::Transforms, camera: CameraModel::ThinPrismFisheye, ..SMALL },
+            "`camera` must be pinhole, simple-radial, radial, opencv, full-opencv, opencv-fisheye, \
+             simple-radial-fisheye, radial-fisheye, equirectangular in the layout transforms; found thin-prism-fisheye",
+        ),
+        (
+            SynthOptions { layout: SynthLayout::ColmapText, views: 48, test_views: 8, ..SMALL },
+            "`test_views` must be 7 for 48 training views, as the layout colmap-text holds out every eighth picture; \
+             found 8",
+        ),
+    ] {
+        let error = synthesize(folder.path(), &options).unwrap_err();
+        assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::Argument, message));
+        assert!(files(folder.path()).is_empty());
+    }
+    let folder = folder_of(SynthLayout::Transforms, CameraModel::OpenCvFisheye, SMALL);
+    let path = folder.path().join("transforms.json");
+    let text = fs::read_to_string(&path).unwrap().replace("OPENCV_FISHEYE", "THIN_PRISM_FISHEYE");
+    fs::write(&path, text).unwrap();
+    let message = load(folder.path(), "all", &LoadOptions::default()).unwrap_err().to_string();
+    assert!(message.contains("camera_model") && message.contains("RADIAL_FISHEYE or EQUIRECTANGULAR"), "{message}");
 }

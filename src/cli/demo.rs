@@ -70,6 +70,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         size: [SIZE, SIZE],
         seed: args.seed,
         force: session.force,
+        ..SynthOptions::default()
     };
     dataset::synthesize(&folder, &options)?;
     let seconds_dataset = start.elapsed().as_secs_f64();

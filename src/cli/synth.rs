@@ -2,21 +2,27 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 
 use super::{Error, Session, picture_size};
-use crate::dataset::{self, SynthOptions, Synthesized, SynthesizedScan};
+use crate::dataset::{self, CameraModel, SynthLayout, SynthOptions, Synthesized};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec synth toy --views 40 --size 200x200 --seed 1
+  strivec synth fisheye --layout colmap --camera opencv-fisheye --views 52
   strivec synth scene0000_00 --layout scannet --views 140 --test-views 20 --size 324x242
 
-The Blender layout has transforms_train.json and the like, the exact mesh (mesh.ply, mesh.obj), points on the surface \
-(points.ply) and the occupied cells (occupancy.npz). The ScanNet layout is a room as written by ScanNet's exporter: a mesh \
-with holes, poses with an axis alignment, two of them lost, and one frame in eight for testing. A folder that is not empty \
-needs --force.";
+Every layout but scannet has the same viewpoints and the exact geometry: a mesh (mesh.ply, mesh.obj), points on the surface \
+(points.ply) and the occupied cells (occupancy.npz). The layouts colmap and llff test on every eighth picture. The ScanNet \
+layout is a room as written by ScanNet's exporter: a mesh with holes, poses with an axis alignment, two of them lost, and one \
+frame in eight for testing. The layouts blender, nsvf, llff and scannet have pinhole cameras only, transforms all but \
+thin-prism-fisheye. An equirectangular picture is the whole sphere: with 8.73 times the width it shows the scene with as many \
+pixels as the others. A folder that is not empty needs --force.";
+
+/// Test views by default in layouts with splits.
+const TEST_VIEWS: u32 = 20;
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -25,14 +31,18 @@ pub(super) struct Args {
     /// Folder for the dataset; created if absent
     out: PathBuf,
     /// Dataset layout
-    #[arg(long, value_enum, default_value_t)]
-    layout: Layout,
+    #[arg(long, value_parser = layouts(), default_value = "blender")]
+    layout: SynthLayout,
+    /// Camera model; all but pinhole distort
+    #[arg(long, value_parser = cameras(), default_value = "pinhole")]
+    camera: CameraModel,
     /// Views of the training split
     #[arg(long, value_name = "N", default_value_t = 100)]
     views: u32,
-    /// Views of the test split, plus a quarter as many for validation; the ScanNet layout adds them to --views
-    #[arg(long, value_name = "N", default_value_t = 20)]
-    test_views: u32,
+    /// Views of the test split, plus a quarter as many for validation in layouts that have them; the ScanNet layout adds them
+    /// to --views [default: 20; a seventh of --views, rounded up, in the layouts colmap, colmap-text and llff]
+    #[arg(long, value_name = "N")]
+    test_views: Option<u32>,
     /// Size of the pictures, in pixels
     #[arg(long, value_name = "WxH", default_value = "200x200", value_parser = picture_size::parse)]
     size: [u32; 2],
@@ -41,14 +51,14 @@ pub(super) struct Args {
     seed: u64,
 }
 
-/// Dataset layouts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Layout {
-    /// Blender layout, as in NeRF-synthetic
-    #[default]
-    Blender,
-    /// ScanNet layout
-    Scannet,
+fn layouts() -> impl TypedValueParser<Value = SynthLayout> {
+    PossibleValuesParser::new(SynthLayout::ALL.map(SynthLayout::name))
+        .map(|name| SynthLayout::ALL.into_iter().find(|layout| layout.name() == name).expect("a possible value"))
+}
+
+fn cameras() -> impl TypedValueParser<Value = CameraModel> {
+    PossibleValuesParser::new(CameraModel::ALL.map(CameraModel::name))
+        .map(|name| CameraModel::ALL.into_iter().find(|camera| camera.name() == name).expect("a possible value"))
 }
 
 /// The result, as `--json` prints it.
@@ -73,22 +83,24 @@ struct ScanReport<'a> {
 
 /// Makes the dataset.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let &Args { views, test_views, size, seed, .. } = args;
-    session.console.say(&format!("synth: making {}", args.out.display()));
-    let options = SynthOptions { views, test_views, size, seed, force: session.force };
-    if args.layout == Layout::Scannet {
-        let SynthesizedScan { pictures, lost, triangles, torn } = dataset::synthesize_scan(&args.out, &options)?;
-        let report = ScanReport { folder: &args.out, pictures, lost, triangles, torn_share: torn };
+    let &Args { layout, camera, views, size, seed, .. } = args;
+    let folder = &args.out;
+    session.console.say(&format!("synth: making {}", folder.display()));
+    let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(TEST_VIEWS);
+    let options = SynthOptions { layout, camera, views, test_views, size, seed, force: session.force };
+    let made = dataset::synthesize(folder, &options)?;
+    let Synthesized { pictures, lost, triangles, torn: torn_share, points, occupied_cells } = made;
+    if layout == SynthLayout::ScanNet {
+        let report = ScanReport { folder, pictures, lost, triangles, torn_share };
         return session.console.result(&report, |report| {
             format!(
                 "{}: {pictures} pictures, {lost} of them lost, {triangles} triangles, {:.1} % of the surface missing",
                 report.folder.display(),
-                100.0 * torn
+                100.0 * torn_share
             )
         });
     }
-    let Synthesized { pictures, triangles, points, occupied_cells } = dataset::synthesize(&args.out, &options)?;
-    let report = Report { folder: &args.out, pictures, triangles, points, occupied_cells };
+    let report = Report { folder, pictures, triangles, points, occupied_cells };
     session.console.result(&report, |report| {
         format!(
             "{}: {pictures} pictures, {triangles} triangles, {points} points, {occupied_cells} occupied cells",

@@ -200,6 +200,31 @@ pub enum Error {
         /// The value found.
         found: u32,
     },
+    /// A camera model that a synthetic dataset's layout cannot state.
+    #[error("`camera` must be {expected} in the layout {layout}; found {found}")]
+    SynthCamera {
+        /// The layout's name.
+        layout: &'static str,
+        /// The names of the camera models that it can state.
+        expected: String,
+        /// The name of the camera model.
+        found: &'static str,
+    },
+    /// A number of test views that a synthetic dataset's layout does not hold out.
+    #[error(
+        "`test_views` must be {expected} for {views} training views, as the layout {layout} holds out every eighth \
+         picture; found {found}"
+    )]
+    SynthTestViews {
+        /// The layout's name.
+        layout: &'static str,
+        /// The number of training views.
+        views: u32,
+        /// The number of test views that fits.
+        expected: u32,
+        /// The number of test views found.
+        found: u32,
+    },
     /// A selection of views that is empty or out of range.
     #[error(
         "{}: views must be a range within 0..{count} with a stride of at least 1; found {}..{} by {every}",
@@ -236,6 +261,8 @@ impl Error {
             Self::Downscale { .. }
             | Self::FolderNotEmpty { .. }
             | Self::SynthOption { .. }
+            | Self::SynthCamera { .. }
+            | Self::SynthTestViews { .. }
             | Self::NotAFolder { .. }
             | Self::Split { .. }
             | Self::Views { .. } => ErrorKind::Argument,

@@ -28,7 +28,7 @@ pub use layout::Layout;
 pub use photographs::{load, load_cameras, load_transforms_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
-pub use synthetic::{SynthOptions, Synthesized, SynthesizedScan, synthesize, synthesize_scan};
+pub use synthetic::{CameraModel, SynthLayout, SynthOptions, Synthesized, synthesize};
 
 use std::ops::Range;
 use std::path::PathBuf;

@@ -40,6 +40,9 @@ pub(super) enum Split {
 }
 
 impl Split {
+    /// All splits.
+    pub(super) const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
+
     /// Its name on the command line.
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -139,7 +142,7 @@ impl Intrinsics {
 
     /// The focal lengths and the principal point, in pixels, for pictures of `size`. Pictures may have been made smaller
     /// or larger than the layout says, as in COLMAP's `images_4`.
-    fn for_size(&self, size: [u32; 2]) -> ([f64; 2], [f64; 2]) {
+    pub(super) fn for_size(&self, size: [u32; 2]) -> ([f64; 2], [f64; 2]) {
         let declared = self.size.unwrap_or(size).map(f64::from);
         let scale = [0, 1].map(|a| f64::from(size[a]) / declared[a]);
         let focal = match self.focal {

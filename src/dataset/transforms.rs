@@ -233,6 +233,8 @@ impl CameraKeys {
         let known = match model.as_deref() {
             None | Some("PERSPECTIVE") => true,
             Some("EQUIRECTANGULAR") => return Ok(Lens::PANORAMA),
+            // No key has its thin prism coefficients.
+            Some("THIN_PRISM_FISHEYE") => false,
             Some(name) => MODELS.split([' ', ',']).any(|known| known == name),
         };
         let distortion = if is_fisheye {
@@ -245,7 +247,7 @@ impl CameraKeys {
             Some(distortion) => Ok(Lens { projection, distortion }),
             None => {
                 let found = format!("{model:?} with k {:?}, p {tangential:?}", [k1, k2, k3, k4, k5, k6]);
-                let expected = format!("{MODELS}, with finite coefficients");
+                let expected = format!("{} with finite coefficients", MODELS.replace(", THIN_PRISM_FISHEYE or", " or"));
                 Err(Error::text(json, format!("{place}: camera_model"), expected, found))
             }
         }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use self::raw::{RawCamera, RawImage};
+use self::raw::{BINARY_MODELS, RawCamera, RawImage};
 use super::shot::{Focal, Intrinsics, MODELS, OPENGL_FROM_OPENCV, Shot, lens_of};
 use super::{Error, files};
 use crate::geometry::Lens;
@@ -73,6 +73,11 @@ impl Project {
         shots.sort_by(|a, b| a.picture.cmp(&b.picture));
         Ok(shots)
     }
+}
+
+/// The number of the camera model `name` in binary files.
+pub(super) fn model_number(name: &str) -> Option<u32> {
+    (0..).zip(BINARY_MODELS).find(|(_, (known, _))| *known == name).map(|(number, _)| number)
 }
 
 impl RawCamera {

@@ -1,9 +1,13 @@
 //! Synthetic photographs of a scene with exact geometry: the project's demo and the ground truth of its tests.
 //!
-//! In: the number and size of views, and a seed. Out: a folder in the Blender layout with the scene's exact mesh,
-//! points on its surface and an occupancy grid; or a folder in ScanNet's layout with a mesh that has holes. The same
-//! seed gives the same bytes on any number of threads.
+//! In: the number and size of views, a layout, a camera model, and a seed. Out: a folder in that layout with the scene's
+//! exact mesh, points on its surface and an occupancy grid; in ScanNet's layout, with a mesh that has holes. The same seed
+//! gives the same bytes on any number of threads. Viewpoints are the same in all layouts but ScanNet's.
 
+mod camera_model;
+mod colmap;
+mod layout;
+mod matrices;
 mod mesh;
 mod occupancy;
 mod options;
@@ -17,6 +21,7 @@ mod shading;
 mod solid;
 mod texture;
 mod torn;
+mod transforms;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
@@ -24,14 +29,14 @@ use std::path::Path;
 
 use image::ImageFormat;
 use rayon::prelude::*;
-use serde_json::json;
 
+pub use self::camera_model::CameraModel;
+use self::layout::Photograph;
+pub use self::layout::SynthLayout;
 use self::mesh::Mesh;
-pub use self::options::SynthOptions;
+pub use self::options::{SynthOptions, Synthesized};
 use self::options::{check, prepare, write};
-use self::pictures::CAMERA_ANGLE;
 use self::portable::hash;
-pub use self::scan::{SynthesizedScan, synthesize_scan};
 use self::scene::Scene;
 use self::shading::Lights;
 use super::Error;
@@ -39,74 +44,83 @@ use crate::geometry::Camera;
 
 /// Number of points in `points.ply`.
 const POINTS: usize = 100_000;
-/// Counts of a dataset made by [`synthesize`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Synthesized {
-    /// Number of pictures of all splits.
-    pub pictures: usize,
-    /// Number of triangles of the mesh.
-    pub triangles: usize,
-    /// Number of points on the surface.
-    pub points: usize,
-    /// Number of cells that the scene occupies.
-    pub occupied_cells: usize,
-}
+/// Number of points for sparse models; those that fewer than two pictures see are left out.
+const SPARSE_POINTS: usize = 5000;
 
-/// Writes a synthetic dataset to the folder `out`:
+/// Writes a synthetic dataset to the folder `out`: pictures with straight alpha as PNG, and the files of the layout:
 ///
-/// - `transforms_{train,val,test}.json` and `{train,val,test}/r_*.png`: the Blender layout, straight alpha;
+/// - [`SynthLayout::Blender`]: `transforms_{train,val,test}.json` and `{train,val,test}/r_*.png`;
+/// - [`SynthLayout::Transforms`]: `transforms.json` with `train_filenames` and its kin, the same pictures;
+/// - [`SynthLayout::Colmap`] and [`SynthLayout::ColmapText`]: `sparse/0` with the points that at least two pictures see,
+///   and `images/`, every eighth of which by name is a test view;
+/// - [`SynthLayout::Nsvf`]: `intrinsics.txt`, `bbox.txt`, `pose/` and `rgb/` with names that begin with the split;
+/// - [`SynthLayout::Llff`]: `poses_bounds.npy` and `images/`, every eighth of which is a test view;
+/// - [`SynthLayout::ScanNet`]: other viewpoints, in meters, JPEG on white, two poses lost; a torn mesh and no other truth.
+///
+/// All but the last have the truth:
+///
 /// - `mesh.ply` and `mesh.obj`: the surface of each solid as triangles, closed, outward, vertices exact (PLY: in f32);
 /// - `points.ply`: 100 000 points, uniform by area, with normals and sRGB diffuse colors;
 /// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], true if the cell, a closed box, has a point in common with a
 ///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
-/// The scene lies within \[−1, 1\]³, z up.
+/// The scene lies within \[−1, 1\]³, z up. Pictures of fisheye and equirectangular cameras use the sines of the platform's
+/// mathematics library and may differ in their last bits between platforms.
 ///
 /// # Errors
 ///
-/// If an option is out of range, the folder is not empty (unless forced), or a file cannot be written.
+/// If an option is out of range, the layout cannot state the camera model or the split, the folder is not empty (unless
+/// forced), or a file cannot be written.
 pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     check(options)?;
     prepare(out, options.force)?;
-    let scene = Scene::new(hash(options.seed, 0));
-    let mut pictures = 0;
-    let validation = options.test_views.div_ceil(4);
-    for (stream, split, count) in [(1, "train", options.views), (2, "val", validation), (3, "test", options.test_views)]
-    {
-        let cameras = pictures::cameras(count, options.size, hash(options.seed, stream));
-        photograph(&scene, out, split, &cameras)?;
-        pictures += cameras.len();
+    if options.layout == SynthLayout::ScanNet {
+        return scan::synthesize(out, options);
+    }
+    let SynthOptions { layout, camera, seed, .. } = *options;
+    let scene = Scene::new(hash(seed, 0));
+    let cameras = |count: u32, stream: u64| -> Vec<Camera> {
+        let pinholes = pictures::cameras(count, options.size, hash(seed, stream));
+        pinholes.iter().map(|pinhole| camera.camera(pinhole)).collect()
+    };
+    let validation = cameras(options.test_views.div_ceil(4), 2);
+    let photographs = layout.photographs(cameras(options.views, 1), validation, cameras(options.test_views, 3));
+    take(&scene, out, &photographs)?;
+    let sparse_points = || points::points(&scene, SPARSE_POINTS, hash(seed, 5));
+    match layout {
+        SynthLayout::Blender | SynthLayout::ScanNet => transforms::write_blender(out, &photographs)?,
+        SynthLayout::Transforms => transforms::write_transforms(out, &photographs, camera)?,
+        SynthLayout::Colmap | SynthLayout::ColmapText => {
+            let points = sparse_points();
+            let model = colmap::Model::new(&scene, &photographs, &points, camera);
+            model.write(out, layout == SynthLayout::ColmapText)?;
+        }
+        SynthLayout::Nsvf => matrices::write_nsvf(out, &photographs)?,
+        SynthLayout::Llff => matrices::write_llff(out, &photographs, &sparse_points())?,
     }
     let mesh = Mesh::of_scene(&scene);
     write(&out.join("mesh.ply"), |file| mesh.write_ply(file))?;
     write(&out.join("mesh.obj"), |file| mesh.write_obj(file))?;
-    let points = points::points(&scene, POINTS, hash(options.seed, 4));
+    let points = points::points(&scene, POINTS, hash(seed, 4));
     write(&out.join("points.ply"), |file| points::write_ply(&points, file))?;
     let cells = occupancy::occupancy(&scene);
     write(&out.join("occupancy.npz"), |file| occupancy::write_npz(&cells, file))?;
     let occupied_cells = cells.iter().filter(|&&occupied| occupied).count();
-    Ok(Synthesized { pictures, triangles: mesh.triangles.len(), points: points.len(), occupied_cells })
+    let (pictures, triangles, points) = (photographs.len(), mesh.triangles.len(), points.len());
+    Ok(Synthesized { pictures, lost: 0, triangles, torn: 0.0, points, occupied_cells })
 }
 
-/// Writes the pictures of one split and its JSON file.
-fn photograph(scene: &Scene, out: &Path, split: &str, cameras: &[Camera]) -> Result<(), Error> {
-    let folder = out.join(split);
-    fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
+/// Writes the pictures.
+fn take(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+    for photograph in photographs {
+        let folder = out.join(&photograph.file);
+        let folder = folder.parent().unwrap_or(out);
+        fs::create_dir_all(folder).map_err(Error::write(folder))?;
+    }
     let lights = Lights::new();
-    cameras.par_iter().enumerate().try_for_each(|(i, camera)| {
-        let picture = pictures::picture(scene, &lights, camera);
-        let path = folder.join(format!("r_{i}.png"));
+    photographs.par_iter().try_for_each(|photograph| {
+        let picture = pictures::picture(scene, &lights, &photograph.camera);
         let encoded = |file: &mut BufWriter<File>| picture.write_to(file, ImageFormat::Png).map_err(io::Error::other);
-        write(&path, encoded)
-    })?;
-    let frame = |(i, camera): (usize, &Camera)| {
-        let matrix = glam::DMat4::from_mat3_translation(camera.world_from_camera, camera.position);
-        let rows = matrix.transpose().to_cols_array_2d();
-        json!({ "file_path": format!("./{split}/r_{i}"), "transform_matrix": rows })
-    };
-    let frames: Vec<_> = cameras.iter().enumerate().map(frame).collect();
-    let json = json!({ "camera_angle_x": CAMERA_ANGLE, "frames": frames });
-    write(&out.join(format!("transforms_{split}.json")), |file| {
-        serde_json::to_writer_pretty(&mut *file, &json).map_err(io::Error::from)
+        write(&out.join(&photograph.file), encoded)
     })
 }

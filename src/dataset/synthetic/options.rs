@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use super::camera_model::CameraModel;
+use super::layout::SynthLayout;
 use crate::dataset::Error;
 
 /// The most views of a split.
@@ -14,10 +16,15 @@ const MAX_EDGE: u32 = 4096;
 /// Options of synthetic datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SynthOptions {
+    /// The layout.
+    pub layout: SynthLayout,
+    /// The camera model, one of [`SynthLayout::cameras`].
+    pub camera: CameraModel,
     /// Training views, 1 to 10 000.
     pub views: u32,
-    /// Test views, from other positions than the training views, 1 to 10 000; a quarter of this number is made for
-    /// validation.
+    /// Test views, from other positions than the training views, 1 to 10 000. Layouts with splits have a quarter of
+    /// this number for validation; in others it must be such that every eighth picture is a test view, as of
+    /// [`SynthLayout::test_views`].
     pub test_views: u32,
     /// Columns and rows of the pictures, each 1 to 4096.
     pub size: [u32; 2],
@@ -28,15 +35,33 @@ pub struct SynthOptions {
 }
 
 impl Default for SynthOptions {
-    /// 100 training and 20 test views of 200×200 pixels.
+    /// 100 training and 20 test views of 200×200 pixels by a pinhole camera, in the Blender layout.
     fn default() -> Self {
-        Self { views: 100, test_views: 20, size: [200, 200], seed: 0, force: false }
+        let (layout, camera) = (SynthLayout::Blender, CameraModel::Pinhole);
+        Self { layout, camera, views: 100, test_views: 20, size: [200, 200], seed: 0, force: false }
     }
 }
 
-/// Rejects options that are out of range.
+/// Counts of a synthetic dataset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Synthesized {
+    /// Number of pictures of all splits, including those without a pose.
+    pub pictures: usize,
+    /// Number of pictures whose pose is lost; 0 but in ScanNet's layout.
+    pub lost: usize,
+    /// Number of triangles of the mesh.
+    pub triangles: usize,
+    /// The share of the surface's area that is missing in the mesh; 0 but in ScanNet's layout.
+    pub torn: f64,
+    /// Number of points on the surface; 0 in ScanNet's layout.
+    pub points: usize,
+    /// Number of cells that the scene occupies; 0 in ScanNet's layout.
+    pub occupied_cells: usize,
+}
+
+/// Rejects options that are out of range, and camera models and splits that the layout cannot state.
 pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
-    let SynthOptions { views, test_views, size: [width, height], .. } = *options;
+    let SynthOptions { layout, camera, views, test_views, size: [width, height], .. } = *options;
     for (what, limit, found) in [
         ("views", MAX_VIEWS, views),
         ("test_views", MAX_VIEWS, test_views),
@@ -47,7 +72,18 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
             return Err(Error::SynthOption { what, limit, found });
         }
     }
-    Ok(())
+    if !layout.cameras().contains(&camera) {
+        let names: Vec<_> = layout.cameras().iter().map(|camera| camera.name()).collect();
+        let (layout, expected, found) = (layout.name(), names.join(", "), camera.name());
+        return Err(Error::SynthCamera { layout, expected, found });
+    }
+    match layout.test_views(views) {
+        Some(expected) if !layout.splits(views, test_views) => {
+            let (layout, found) = (layout.name(), test_views);
+            Err(Error::SynthTestViews { layout, views, expected, found })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Creates the folder. Rejects one that is not empty unless `force` is true.

@@ -65,6 +65,26 @@ pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaIm
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Distortion, Lens, Projection};
+
+    #[test]
+    fn pixels_without_a_ray_are_transparent() {
+        let distortion = Distortion::new([-1.5, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap();
+        let mut camera = cameras(1, [40, 40], 9)[0];
+        camera.lens = Lens { projection: Projection::Perspective, distortion };
+        // Near enough that the scene covers the picture.
+        camera.focal = [50.0; 2];
+        camera.position *= 0.4;
+        let picture = picture(&Scene::new(3), &Lights::new(), &camera);
+        let seen = camera.seen_pixels().unwrap();
+        let opaque = |(pixel, seen): (&image::Rgba<u8>, &bool)| (pixel[3] > 0, *seen);
+        let pixels: Vec<_> = picture.pixels().zip(&seen).map(opaque).collect();
+        assert!(pixels.contains(&(true, true)), "the scene is in the picture");
+        // Pixels at the border of what the lens sees have a part of their samples.
+        let beyond = pixels.iter().filter(|(opaque, seen)| *opaque && !seen).count();
+        let unseen = seen.iter().filter(|seen| !**seen).count();
+        assert!(unseen > 100 && 4 * beyond < unseen, "{beyond} of {unseen}");
+    }
 
     #[test]
     fn picture_shows_the_solids_where_the_camera_puts_them() {

@@ -10,7 +10,7 @@ use image::{ExtendedColorType, RgbaImage};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
-use super::options::{SynthOptions, check, prepare, write};
+use super::options::{SynthOptions, Synthesized, write};
 use super::pictures::{cameras, picture};
 use super::portable::{cos_sin, hash, srgb};
 use super::scene::{Scene, Thing};
@@ -32,19 +32,6 @@ const LOST: u32 = 2;
 /// JPEG quality, 1 to 100.
 const QUALITY: u8 = 95;
 
-/// Counts of a scan made by [`synthesize_scan`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SynthesizedScan {
-    /// Number of pictures, including those without a pose.
-    pub pictures: usize,
-    /// Number of pictures whose pose is lost.
-    pub lost: usize,
-    /// Number of triangles of the mesh.
-    pub triangles: usize,
-    /// The share of the surface's area that is missing in the mesh.
-    pub torn: f64,
-}
-
 /// Writes the synthetic scene to the folder `out` in ScanNet's layout, with files named after the folder:
 ///
 /// - `color/N.jpg` on white, and `pose/N.txt` with OpenCV's axes; two frames beyond the number of views have infinite
@@ -53,14 +40,8 @@ pub struct SynthesizedScan {
 ///   tilts.
 /// - `NAME_vh_clean_2.ply`: the surface before alignment, with vertex colors; holes of 8 % of its area.
 ///
-/// Aligned, the scene lies within ±2.4 m, z up. The same seed gives the same bytes on any number of threads.
-///
-/// # Errors
-///
-/// If an option is out of range, the folder is not empty (unless forced), or a file cannot be written.
-pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<SynthesizedScan, Error> {
-    check(options)?;
-    prepare(out, options.force)?;
+/// Aligned, the scene lies within ±2.4 m, z up.
+pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     let name = files::name_of(out);
     let scene = Scene::new(hash(options.seed, 0));
     let stored_from_aligned = aligned_from_stored().inverse();
@@ -112,7 +93,8 @@ pub fn synthesize_scan(out: &Path, options: &SynthOptions) -> Result<Synthesized
     let colors: Vec<[u8; 3]> = was.iter().map(|&index| colors[index as usize]).collect();
     mesh.vertices.iter_mut().for_each(|v| *v = stored_from_aligned.transform_point3(SCALE * *v));
     write(&out.join(format!("{name}_vh_clean_2.ply")), |file| write_ply(&mesh, &colors, file))?;
-    Ok(SynthesizedScan { pictures: cameras.len(), lost: lost.len(), triangles: mesh.triangles.len(), torn })
+    let (pictures, triangles) = (cameras.len(), mesh.triangles.len());
+    Ok(Synthesized { pictures, lost: lost.len(), triangles, torn, points: 0, occupied_cells: 0 })
 }
 
 /// The map from the scanner's space to the aligned space, whose z is up: a rotation about z, a small tilt, and a shift
