@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::memory::between_four;
+use super::interpolation::between_four;
 use crate::color::byte;
 use crate::container::TrainingCamera;
 use crate::dataset::{self, LoadOptions};

@@ -4,6 +4,7 @@ use egui::Color32;
 use glam::{DVec2, Vec2, Vec3};
 
 use super::app::App;
+use super::interpolation::between_four;
 use super::painter::{Photograph, SceneRenderer};
 use super::software::{Canvas, rectangle};
 use crate::color::byte;
@@ -96,15 +97,6 @@ impl Photograph {
             Vec3::from([0, 1, 2].map(|c| f32::from(self.rgba[first + c]) / 255.0))
         })
     }
-}
-
-/// Bilinear interpolation of the four pixels around `at`.
-pub(super) fn between_four(at: Vec2, color: impl Fn(i32, i32) -> Vec3) -> Vec3 {
-    let corner = (at - 0.5).floor();
-    let part = at - 0.5 - corner;
-    let [x, y] = corner.to_array().map(|v| v as i32);
-    let row = |y: i32| color(x, y).lerp(color(x + 1, y), part.x);
-    row(y).lerp(row(y + 1), part.y)
 }
 
 /// Heat map from dark blue over red to white, for `share` from 0 to 1.

@@ -4,6 +4,7 @@ mod app;
 mod arguments;
 mod chooser;
 mod dataset_folder;
+mod interpolation;
 mod memory;
 mod message;
 mod opening;
