@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn undistorted_photographs_are_those_of_a_pinhole() {
         let pinhole = Camera::looking_at([60, 40], 50.0, DVec3::new(0.0, -3.0, 0.5), DVec3::ZERO, DVec3::Z);
-        let distortion = Distortion::new([0.1, -0.03, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap();
+        let distortion = Distortion::new([0.3, -0.03, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap();
         let camera = Camera { lens: Lens { projection: Projection::Perspective, distortion }, ..pinhole };
         // A smooth function of the direction, so that interpolation costs little.
         let picture = |camera: &Camera| -> Vec<[f32; 3]> {
