@@ -73,7 +73,14 @@ impl Capture {
             _ => return Err(Error::Split { path: self.listing.clone(), found: name.into() }),
         };
         if chosen.is_empty() {
-            return Err(Error::NoFrames { path: self.listing.clone() });
+            let path = self.listing.clone();
+            return Err(match self.left_out.first() {
+                Some(picture) => {
+                    let count = self.left_out.len();
+                    Error::MissingPictures { path, picture: picture.clone(), count, of: count + self.shots.len() }
+                }
+                None => Error::NoFrames { path },
+            });
         }
         Ok(chosen)
     }

@@ -246,7 +246,8 @@ impl CameraKeys {
         match distortion.filter(|_| known) {
             Some(distortion) => Ok(Lens { projection, distortion }),
             None => {
-                let found = format!("{model:?} with k {:?}, p {tangential:?}", [k1, k2, k3, k4, k5, k6]);
+                let name = model.as_deref().unwrap_or("no name");
+                let found = format!("{name:?} with k {:?}, p {tangential:?}", [k1, k2, k3, k4, k5, k6]);
                 let expected = format!("{} with finite coefficients", MODELS.replace(", THIN_PRISM_FISHEYE or", " or"));
                 Err(Error::text(json, format!("{place}: camera_model"), expected, found))
             }
