@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
 use super::Error;
 use super::error::flag_of;
+use super::named_value::one_of;
 use crate::container::SceneFile;
 use crate::model::DecoderMode;
 use crate::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
@@ -33,7 +32,7 @@ pub(super) struct Approximations {
     #[arg(long, value_name = "T")]
     min_transmittance: Option<f64>,
     /// Evaluate the color network in this mode [default: the scene's]
-    #[arg(long, value_name = "MODE", value_parser = decoder_mode())]
+    #[arg(long, value_name = "MODE", value_parser = one_of(DecoderMode::ALL, DecoderMode::name))]
     decoder: Option<DecoderMode>,
     /// Bake density into a grid of N cells along the longest edge, 8 to 2048; --json reports its memory [default: no grid]
     #[arg(long, value_name = "N")]
@@ -123,12 +122,6 @@ impl QualityArgs {
         let name = quality.clone().map(QualitySelector::Name);
         name.or(min_fps.map(QualitySelector::FramesPerSecond)).or(min_psnr.map(QualitySelector::Psnr))
     }
-}
-
-/// Reads a mode's name.
-fn decoder_mode() -> impl TypedValueParser<Value = DecoderMode> {
-    let of_name = |name: String| DecoderMode::ALL.into_iter().find(|mode| mode.name() == name);
-    PossibleValuesParser::new(DecoderMode::ALL.map(DecoderMode::name)).map(move |name| of_name(name).expect("a name"))
 }
 
 impl From<ApproximationError> for Error {

@@ -13,6 +13,7 @@ mod demo;
 mod error;
 mod eval;
 mod info;
+mod named_value;
 mod numbers;
 mod output;
 pub mod pack;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 
+use super::named_value::one_of;
 use super::{Error, Session, picture_size};
 use crate::dataset::{self, CameraModel, SynthLayout, SynthOptions, Synthesized};
 
@@ -21,9 +21,6 @@ frame in eight for testing. The layouts blender, nsvf, llff and scannet have pin
 thin-prism-fisheye. An equirectangular picture is the whole sphere: with 8.73 times the width it shows the scene with as many \
 pixels as the others. A folder that is not empty needs --force.";
 
-/// Test views by default in layouts with splits.
-const TEST_VIEWS: u32 = 20;
-
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -31,10 +28,10 @@ pub(super) struct Args {
     /// Folder for the dataset; created if absent
     out: PathBuf,
     /// Dataset layout
-    #[arg(long, value_parser = layouts(), default_value = "blender")]
+    #[arg(long, value_parser = one_of(SynthLayout::ALL, SynthLayout::name), default_value = "blender")]
     layout: SynthLayout,
     /// Camera model; all but pinhole distort
-    #[arg(long, value_parser = cameras(), default_value = "pinhole")]
+    #[arg(long, value_parser = one_of(CameraModel::ALL, CameraModel::name), default_value = "pinhole")]
     camera: CameraModel,
     /// Views of the training split
     #[arg(long, value_name = "N", default_value_t = 100)]
@@ -49,16 +46,6 @@ pub(super) struct Args {
     /// Random seed; equal seeds give equal bytes
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-}
-
-fn layouts() -> impl TypedValueParser<Value = SynthLayout> {
-    PossibleValuesParser::new(SynthLayout::ALL.map(SynthLayout::name))
-        .map(|name| SynthLayout::ALL.into_iter().find(|layout| layout.name() == name).expect("a possible value"))
-}
-
-fn cameras() -> impl TypedValueParser<Value = CameraModel> {
-    PossibleValuesParser::new(CameraModel::ALL.map(CameraModel::name))
-        .map(|name| CameraModel::ALL.into_iter().find(|camera| camera.name() == name).expect("a possible value"))
 }
 
 /// The result, as `--json` prints it.
@@ -86,7 +73,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let &Args { layout, camera, views, size, seed, .. } = args;
     let folder = &args.out;
     session.console.say(&format!("synth: making {}", folder.display()));
-    let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(TEST_VIEWS);
+    let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(SynthOptions::default().test_views);
     let options = SynthOptions { layout, camera, views, test_views, size, seed, force: session.force };
     let made = dataset::synthesize(folder, &options)?;
     let Synthesized { pictures, lost, triangles, torn: torn_share, points, occupied_cells } = made;

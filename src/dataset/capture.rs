@@ -23,6 +23,9 @@ pub(super) struct Capture {
     pub(super) bounds: Option<Aabb>,
 }
 
+/// The interval of test views unless another is chosen.
+pub(super) const TEST_EVERY: usize = 8;
+
 /// The choice of test views in a dataset without splits of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Holdout {
@@ -35,7 +38,7 @@ pub struct Holdout {
 impl Default for Holdout {
     /// Every eighth, as in LLFF and mip-NeRF 360.
     fn default() -> Self {
-        Self { every: 8, names: None }
+        Self { every: TEST_EVERY, names: None }
     }
 }
 

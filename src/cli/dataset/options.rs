@@ -2,18 +2,17 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
+use crate::cli::named_value::one_of;
 use crate::dataset::{Holdout, Layout, LoadOptions};
 
 /// Layout and splits of a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(in crate::cli) struct DatasetOptions {
     /// Layout of the dataset's folder [default: detected by its files]
-    #[arg(long, value_parser = layouts(), help_heading = "Dataset")]
+    #[arg(long, value_parser = one_of(Layout::ALL, Layout::name), help_heading = "Dataset")]
     layout: Option<Layout>,
     /// Test views of a dataset without splits: every Nth photograph by name; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 8, conflicts_with = "test_names", help_heading = "Dataset")]
+    #[arg(long, value_name = "N", default_value_t = Holdout::default().every, conflicts_with = "test_names", help_heading = "Dataset")]
     test_every: usize,
     /// Test views of a dataset without splits: those named in a text file, one name per line
     #[arg(long, value_name = "FILE", help_heading = "Dataset")]
@@ -34,9 +33,4 @@ impl DatasetOptions {
             ..LoadOptions::default()
         }
     }
-}
-
-fn layouts() -> impl TypedValueParser<Value = Layout> {
-    PossibleValuesParser::new(Layout::ALL.map(Layout::name))
-        .map(|name| Layout::ALL.into_iter().find(|layout| layout.name() == name).expect("a possible value"))
 }

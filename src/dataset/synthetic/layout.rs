@@ -2,6 +2,7 @@
 
 use super::camera_model::CameraModel;
 use crate::dataset::Layout;
+use crate::dataset::capture::TEST_EVERY;
 use crate::dataset::shot::Split;
 use crate::geometry::Camera;
 
@@ -24,9 +25,6 @@ pub enum SynthLayout {
     /// [`Layout::ScanNet`].
     ScanNet,
 }
-
-/// The interval of test views of layouts without splits.
-const TEST_EVERY: u32 = 8;
 
 /// A picture to be made.
 pub(super) struct Photograph {
@@ -95,12 +93,12 @@ impl SynthLayout {
 
     /// The number of test views for `views` training views if the layout fixes it.
     pub fn test_views(self, views: u32) -> Option<u32> {
-        self.holds_out_every_eighth().then(|| views.div_ceil(TEST_EVERY - 1))
+        self.holds_out_every_eighth().then(|| views.div_ceil(TEST_EVERY as u32 - 1))
     }
 
     /// True if `views` training and `test_views` test views fit the layout's split.
     pub(super) fn splits(self, views: u32, test_views: u32) -> bool {
-        !self.holds_out_every_eighth() || (views + test_views).div_ceil(TEST_EVERY) == test_views
+        !self.holds_out_every_eighth() || (views + test_views).div_ceil(TEST_EVERY as u32) == test_views
     }
 
     /// The pictures of the three splits. Layouts that hold out every eighth have no validation views.
@@ -108,7 +106,7 @@ impl SynthLayout {
         if self.holds_out_every_eighth() {
             let (mut train, mut test) = (train.into_iter(), test.into_iter());
             let next = |n: usize| {
-                let is_test = n.is_multiple_of(TEST_EVERY as usize);
+                let is_test = n.is_multiple_of(TEST_EVERY);
                 let (split, camera) = if is_test { (Split::Test, test.next()) } else { (Split::Train, train.next()) };
                 Some(Photograph { file: format!("images/{n:05}.png"), split, camera: camera? })
             };

@@ -27,17 +27,16 @@ pub(super) fn write_nsvf(out: &Path, photographs: &[Photograph]) -> Result<(), E
     fs::create_dir_all(&poses).map_err(Error::write(&poses))?;
     for photograph in photographs {
         let camera = &photograph.camera;
-        let matrix = glam::DMat4::from_mat3_translation(camera.world_from_camera * OPENGL_FROM_OPENCV, camera.position);
-        let rows = matrix.transpose().to_cols_array_2d();
+        let in_opencv = Camera { world_from_camera: camera.world_from_camera * OPENGL_FROM_OPENCV, ..*camera };
         let path = poses.join(format!("{}.txt", photograph.stem()));
-        write(&path, |file| file.write_all(lines(&rows).as_bytes()))?;
+        write(&path, |file| file.write_all(lines(in_opencv.pose().as_chunks().0).as_bytes()))?;
     }
     Ok(())
 }
 
 /// The rows of a matrix as text, all digits.
-fn lines(rows: &[[f64; 4]; 4]) -> String {
-    rows.map(|row| row.map(|value| value.to_string()).join(" ") + "\n").concat()
+fn lines(rows: &[[f64; 4]]) -> String {
+    rows.iter().map(|row| row.map(|value| value.to_string()).join(" ") + "\n").collect()
 }
 
 /// Writes `poses_bounds.npy` with the least and the greatest depth of `points` as bounds.

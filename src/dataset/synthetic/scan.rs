@@ -17,6 +17,7 @@ use super::scene::{Scene, Thing};
 use super::shading::Lights;
 use super::solid::Face;
 use crate::color::byte;
+use crate::dataset::shot::OPENGL_FROM_OPENCV;
 use crate::dataset::{Error, files};
 use crate::geometry::Camera;
 
@@ -63,7 +64,7 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
         let matrix = if lost.contains(&(i as u32)) {
             DMat4::from_cols_array(&[f64::NEG_INFINITY; 16])
         } else {
-            let opencv = camera.world_from_camera * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+            let opencv = camera.world_from_camera * OPENGL_FROM_OPENCV;
             stored_from_aligned * DMat4::from_mat3_translation(opencv, SCALE * camera.position)
         };
         write(&pose.join(format!("{i}.txt")), |file| file.write_all(lines(&matrix).as_bytes()))

@@ -52,9 +52,7 @@ pub(super) fn write_transforms(out: &Path, photographs: &[Photograph], model: Ca
 }
 
 fn frame(photograph: &Photograph, file_path: &str) -> Value {
-    let camera = &photograph.camera;
-    let matrix = glam::DMat4::from_mat3_translation(camera.world_from_camera, camera.position);
-    json!({ "file_path": file_path, "transform_matrix": matrix.transpose().to_cols_array_2d() })
+    json!({ "file_path": file_path, "transform_matrix": photograph.camera.pose().as_chunks::<4>().0 })
 }
 
 fn write_json(path: &Path, json: &Value) -> Result<(), Error> {

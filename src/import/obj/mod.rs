@@ -56,14 +56,13 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
             Point::new(three(&mesh.positions).unwrap_or(DVec3::NAN), color, || "a face".into())
         };
         let mut corners = &mesh.indices[..];
-        // Meshes of triangles alone have no list of counts.
-        let counts = mesh.face_arities.iter().map(|&count| count as usize);
-        let counts =
-            counts.chain(std::iter::repeat_n(3, if mesh.face_arities.is_empty() { corners.len() / 3 } else { 0 }));
+        let mut arities = mesh.face_arities.iter();
         let mut polygon = Vec::new();
-        for corner_count in counts {
+        while !corners.is_empty() {
+            // Meshes of triangles alone have no arities.
+            let arity = arities.next().map_or(3, |&arity| arity as usize);
             let own;
-            (own, corners) = corners.split_at(corner_count);
+            (own, corners) = corners.split_at(arity.min(corners.len()));
             polygon.clear();
             for &corner in own {
                 polygon.push(vertex(corner)?);

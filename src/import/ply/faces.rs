@@ -57,23 +57,21 @@ impl Surface {
         let count = vertices.len();
         let (mut corners, mut strip) = (Vec::new(), 0_u64);
         let mut triangulator = Triangulator::default();
-        let mut polygon = |corners: &mut Vec<usize>, visitor: &mut dyn Visitor| {
+        let mut polygon = |corners: &[usize], visitor: &mut dyn Visitor| {
             let corner = |n: usize| vertices.point(corners[n]);
             let each = |triangle: [usize; 3]| visitor.triangle(triangle.map(corner));
-            triangulator.cut(corners.len(), |n| corner(n).position, each)?;
-            corners.clear();
-            Ok(())
+            triangulator.cut(corners.len(), |n| corner(n).position, each)
         };
         body.items(element, self.list, visitor, |visitor, first, index, place| {
+            let is_break = self.shape == Shape::Strip && index == -1.0;
             if first && self.shape == Shape::Polygon {
-                polygon(&mut corners, visitor)?;
-            } else if first {
+                polygon(&corners, visitor)?;
+            }
+            if first || is_break {
                 strip = 0;
                 corners.clear();
             }
-            if self.shape == Shape::Strip && index == -1.0 {
-                strip = 0;
-                corners.clear();
+            if is_break {
                 return Ok(());
             }
             if index < 0.0 || index >= count as f64 {
@@ -94,6 +92,6 @@ impl Surface {
             let triangle = if strip % 2 == 1 { [a, b, c] } else { [b, a, c] };
             visitor.triangle(triangle.map(|corner| vertices.point(corner)))
         })?;
-        if self.shape == Shape::Polygon { polygon(&mut corners, visitor) } else { Ok(()) }
+        if self.shape == Shape::Polygon { polygon(&corners, visitor) } else { Ok(()) }
     }
 }

@@ -50,15 +50,9 @@ pub(super) fn photograph(folder: &Path, n: usize, background: [f32; 3]) -> Resul
 
 /// The picture `colors` of `camera` as [`Camera::undistorted`] sees it; `background` outside it.
 fn undistorted(colors: &[[f32; 3]], camera: &Camera, background: [f32; 3]) -> Vec<[f32; 3]> {
-    let last = [camera.width, camera.height].map(|extent| extent as i32 - 1);
-    let color_at = |at: DVec2| {
-        let color = between_four(at.as_vec2(), |column, row| {
-            let [column, row] = [column.clamp(0, last[0]), row.clamp(0, last[1])].map(|at| at as usize);
-            colors[row * camera.width as usize + column].into()
-        });
-        color.to_array()
-    };
-    let seen = |ray: Ray| camera.project(ray.origin + ray.direction).filter(|&at| camera.is_inside(at));
+    let size = [camera.width, camera.height];
+    let color_at = |at: DVec2| between_four(size, at.as_vec2(), |number| colors[number].into()).to_array();
+    let seen = |ray: Ray| camera.project(ray.at(1.0)).filter(|&at| camera.is_inside(at));
     let pinhole = camera.undistorted();
     pinhole.rays(0..camera.height).map(|ray| ray.and_then(seen).map_or(background, color_at)).collect()
 }

@@ -4,7 +4,7 @@ use egui::Color32;
 use glam::{DVec2, Vec2, Vec3};
 
 use super::app::App;
-use super::interpolation::between_four;
+use super::interpolation::{between_four, pixel_at};
 use super::painter::{Photograph, SceneRenderer};
 use super::software::{Canvas, rectangle};
 use crate::color::byte;
@@ -44,7 +44,7 @@ impl Shown<'_> {
     fn color_at(&self, share: Vec2) -> Vec3 {
         let show = self.show;
         let at = share * Vec2::new(self.camera.width as f32, self.camera.height as f32);
-        let info = self.traced_at(at.x.floor() as i32, at.y.floor() as i32);
+        let info = &self.traced[pixel_at(self.size(), at.x.floor() as i32, at.y.floor() as i32)];
         let color = match show.view {
             View::Color => self.between_pixels(at),
             View::Depth if info.pixel.depth > 0.0 => {
@@ -71,17 +71,15 @@ impl Shown<'_> {
         }
     }
 
-    fn traced_at(&self, column: i32, row: i32) -> &TraceInfo {
-        let [column, row] = [(column, self.camera.width), (row, self.camera.height)]
-            .map(|(at, count)| at.clamp(0, count as i32 - 1) as usize);
-        &self.traced[row * self.camera.width as usize + column]
+    fn size(&self) -> [u32; 2] {
+        [self.camera.width, self.camera.height]
     }
 
     /// The color at `at`, in pixels from the corner, on the displayed background.
     fn between_pixels(&self, at: Vec2) -> Vec3 {
         let [own, wanted] = [self.show.scene_background, self.show.background].map(Vec3::from);
-        between_four(at, |column, row| {
-            let pixel = &self.traced_at(column, row).pixel;
+        between_four(self.size(), at, |number| {
+            let pixel = &self.traced[number].pixel;
             Vec3::from(pixel.color) + (1.0 - pixel.opacity) * (wanted - own)
         })
     }
@@ -91,10 +89,8 @@ impl Photograph {
     /// The color at `share`, in parts of its width and height.
     fn color_at(&self, share: Vec2) -> Vec3 {
         let [width, height] = self.size;
-        between_four(share * Vec2::new(width as f32, height as f32), |column, row| {
-            let [column, row] = [(column, width), (row, height)].map(|(at, n)| at.clamp(0, n as i32 - 1) as usize);
-            let first = 4 * (row * width as usize + column);
-            Vec3::from([0, 1, 2].map(|c| f32::from(self.rgba[first + c]) / 255.0))
+        between_four(self.size, share * Vec2::new(width as f32, height as f32), |number| {
+            Vec3::from([0, 1, 2].map(|c| f32::from(self.rgba[4 * number + c]) / 255.0))
         })
     }
 }
