@@ -78,9 +78,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut config = TrainConfig::from_toml(SETTINGS, None).map_err(|e| Error::Runtime(e.to_string()))?;
     config.seed = args.seed;
     let load = |split| dataset::load(&folder, split, &LoadOptions::default());
-    let (training, held_out) = (load("train")?, load("test")?);
+    let (mut training, held_out) = (load("train")?, load("test")?);
     let start = Instant::now();
-    let scene = train_through(config, &training, &*interrupts()?, session)?;
+    let scene = train_through(config, &mut training, &*interrupts()?, session)?;
     let seconds_training = start.elapsed().as_secs_f64();
     let bytes = encode(&scene, Encoding::F16, &file)?;
     write_atomically(&file, &bytes, session.force)?;

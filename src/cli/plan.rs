@@ -9,12 +9,11 @@ use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::training::{interrupts, locate, reconstruct};
+use super::training::{import, interrupts, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
 use crate::digits::grouped;
 use crate::measure::bench;
-use crate::prior::ray_range;
 use crate::train::{self, PhotographMemory, Plan};
 
 const EXAMPLES: &str = "\
@@ -83,15 +82,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
     let interrupted = interrupts()?;
     let start = Instant::now();
-    let (occupied, prior_seconds) = match args.prior.voxels(&cameras, &interrupted, session)? {
-        Some(occupied) => {
-            config.near_far.get_or_insert_with(|| ray_range(&cameras, Some(&occupied)));
-            (occupied, None)
-        }
+    let (occupied, prior_seconds) = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
+        Some(occupied) => (occupied, None),
         None => {
             let mut dataset = dataset::load(&args.dataset, "train", &options)?;
-            locate(&mut config, &mut dataset, session)?;
-            let occupied = reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?;
+            let occupied = reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }
     };

@@ -12,7 +12,7 @@ use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::table::plural;
-use super::training::{Meter, cameras, encode, interrupts, locate, place, read_state, reconstruct};
+use super::training::{Meter, cameras, encode, import, interrupts, place, read_state, reconstruct};
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -20,7 +20,6 @@ use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::measure::ViewReport;
 use crate::model::Scene;
-use crate::prior::ray_range;
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{DeadComponents, Trainer};
@@ -109,16 +108,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut trainer = match saved {
         Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
         None => {
-            if !args.prior.is_given() {
-                locate(&mut config, &mut dataset, session)?;
-            }
             let cameras = cameras(&dataset);
-            let occupied = match args.prior.voxels(&cameras, &interrupted, session)? {
-                Some(occupied) => {
-                    config.near_far.get_or_insert_with(|| ray_range(&cameras, Some(&occupied)));
-                    occupied
-                }
-                None => reconstruct(&config, &dataset, args.prior.bootstrap, &interrupted, session)?,
+            let occupied = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
+                Some(occupied) => occupied,
+                None => reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?,
             };
             let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;
             place(config, &dataset, &occupied, session)?

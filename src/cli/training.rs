@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::console::Console;
+use super::prior::Inputs;
 use super::progress::Progress;
 use super::table::plural;
 use super::{Error, Session};
@@ -17,14 +18,9 @@ use crate::dataset::Dataset;
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
-use crate::prior::{self, BuildError, BuildOptions, Built, CoarseProgress, Outliers, VoxelBoxes};
+use crate::prior::{self, CoarseProgress, Location, VoxelBoxes};
 use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
-
-/// The rule for outliers among the sparse points of structure from motion.
-const SPARSE_OUTLIERS: Outliers = Outliers { neighbors: 16, deviations: 2.0 };
-/// The margin around the sparse points' box, as a share of its size: surfaces without texture have no points.
-const SPARSE_MARGIN: f64 = 0.1;
 
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
@@ -46,23 +42,40 @@ pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
 
 /// A trainer at its first step: prior from the photographs, and placement.
 pub(super) fn begin<'a>(
-    config: TrainConfig,
-    dataset: &'a Dataset,
+    mut config: TrainConfig,
+    dataset: &'a mut Dataset,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
-    let occupied = reconstruct(&config, dataset, false, interrupted, session)?;
+    let occupied = reconstruct(&mut config, dataset, false, interrupted, session)?;
     place(config, dataset, &occupied, session)
 }
 
-/// The prior from the photographs, with progress on the console.
+/// The prior from the files of `inputs`, which `cameras` see; `None` if none is named. Rays range over its cells unless
+/// `config` has another range.
+pub(super) fn import(
+    config: &mut TrainConfig,
+    inputs: &Inputs,
+    cameras: &[Camera],
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<Option<VoxelBoxes>, Error> {
+    let occupied = inputs.voxels(cameras, interrupted, session)?;
+    if let Some(occupied) = &occupied {
+        config.near_far.get_or_insert_with(|| prior::ray_range(cameras, Some(occupied)));
+    }
+    Ok(occupied)
+}
+
+/// The prior from the photographs, with progress on the console; `config` and `dataset` then say where the scene is.
 pub(super) fn reconstruct(
-    config: &TrainConfig,
-    dataset: &Dataset,
+    config: &mut TrainConfig,
+    dataset: &mut Dataset,
     bootstrap: bool,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
+    locate(config, dataset, session)?;
     let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
     let progress = Progress::start(&session.console, "prior", total);
     let start = Instant::now();
@@ -100,45 +113,15 @@ pub(super) fn place<'a>(
     Ok(trainer)
 }
 
-/// The place of a scene by its sparse points.
-pub(super) struct SparsePoints {
-    /// The cells that hold points, without outliers, in the dataset's space.
-    pub(super) boxes: VoxelBoxes,
-    /// The distances at which rays begin and end.
-    pub(super) near_far: [f64; 2],
-}
-
-/// The place of the sparse points in the file `path`, which `cameras` see; `None` if it has no points.
-pub(super) fn sparse_points(path: &Path, cameras: &[Camera]) -> Result<Option<SparsePoints>, Error> {
-    let options = BuildOptions { outliers: Some(SPARSE_OUTLIERS), ..BuildOptions::default() };
-    match prior::build(&[path.to_path_buf()], &options, &mut |_| ControlFlow::Continue(())) {
-        Ok(Built { boxes, .. }) => Ok(Some(SparsePoints { near_far: prior::ray_range(cameras, Some(&boxes)), boxes })),
-        // Points in one place have no extent.
-        Err(BuildError::Nothing { .. } | BuildError::OnePlace { .. }) => Ok(None),
-        Err(error) => Err(error.into()),
-    }
-}
-
-/// The box and the range of rays of the scene that `dataset` shows, as far as they are not given: around its sparse
-/// points, in its own box, or behind the focus if photographs are opaque. Of photographs with transparent backgrounds
-/// the cameras alone decide, in later steps.
-pub(super) fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
-    let cameras = cameras(dataset);
-    let points = dataset.points.as_ref().map(|path| sparse_points(path, &cameras)).transpose()?.flatten();
-    let range = match points {
-        Some(SparsePoints { boxes, near_far }) => {
-            let bounds = boxes.bounds();
-            dataset.bounds.get_or_insert(bounds.grown(SPARSE_MARGIN * bounds.size()));
-            near_far
-        }
-        None if dataset.views.par_iter().all(|view| view.pixels.is_opaque()) => {
-            prior::ray_range_of_surroundings(&cameras, dataset.bounds.as_ref())
-        }
-        None => return Ok(()),
-    };
-    let [near, far] = *config.near_far.get_or_insert(range);
-    let bounds = dataset.bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
-    session.console.say(&format!("rays from {near:.3} to {far:.3}{bounds}"));
+/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it.
+fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
+    let is_opaque = || dataset.views.par_iter().all(|view| view.pixels.is_opaque());
+    let Location { near_far, bounds, .. } =
+        prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras(dataset), is_opaque)?;
+    let [near, far] = *config.near_far.get_or_insert(near_far);
+    let within = bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
+    session.console.say(&format!("rays from {near:.3} to {far:.3}{within}"));
+    dataset.bounds = bounds;
     Ok(())
 }
 
@@ -152,7 +135,7 @@ pub(super) fn encode(scene: &Scene, factors: Encoding, path: &Path) -> Result<Ve
 /// `interrupted` becomes true.
 pub(super) fn train_through(
     config: TrainConfig,
-    dataset: &Dataset,
+    dataset: &mut Dataset,
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Scene, Error> {

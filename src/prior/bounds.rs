@@ -75,7 +75,7 @@ pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] 
 /// Distances at which rays begin and end, in dataset units, for photographs with opaque backgrounds of which no geometry
 /// is known. Rays end where they leave `bounds`, if the scene's box is known, else farther behind the focus than those
 /// of [`CameraBounds`]: walls and ground that no ray reaches would be painted into the space before them.
-pub fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb>) -> [f64; 2] {
+pub(super) fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb>) -> [f64; 2] {
     let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras.iter());
     let Some(bounds) = bounds else { return [near, far / NEAR_FAR.1 * FAR_OF_SURROUNDINGS] };
     let farthest = |camera: &Camera| (camera.position - bounds.min).abs().max((camera.position - bounds.max).abs());

@@ -131,10 +131,10 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
         return Err(Error::Usage(format!("--upsampled {found}: preset {preset} allows 0 to {last}")));
     }
     let load = |folder: &Path| dataset::load(folder, "train", &args.photographs.load_options(args.downscale));
-    let dataset = args.dataset.as_deref().map(load).transpose()?;
+    let mut dataset = args.dataset.as_deref().map(load).transpose()?;
     let subject = Subject { args, config, session };
     let measured = args.repeats.on_each_pool(session, |peak| {
-        let points = match (&dataset, &state, &scene) {
+        let points = match (&mut dataset, &state, &scene) {
             (Some(dataset), Some((progress, scene)), _) => {
                 let memory = MemoryMark::set();
                 let mut progress = progress.clone();
@@ -187,7 +187,7 @@ impl Subject<'_> {
     }
 
     /// Trains on `dataset` and measures after the steps of `--at`.
-    fn on_the_way(&self, dataset: &Dataset, peak: &Peak) -> Result<Vec<Point>, Error> {
+    fn on_the_way(&self, dataset: &mut Dataset, peak: &Peak) -> Result<Vec<Point>, Error> {
         let memory = MemoryMark::set();
         let mut trainer = begin(self.config.clone(), dataset, &AtomicBool::new(false), self.session)?;
         let mut stops = self.args.start.at.clone().unwrap_or_default();

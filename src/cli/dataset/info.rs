@@ -9,12 +9,11 @@ use serde::Serialize;
 use super::picture::Plan;
 use super::{DatasetOptions, Error, Session};
 use crate::cli::table::{plural, short};
-use crate::cli::training::sparse_points;
 use crate::cli::write_atomically;
 use crate::dataset::{self, Description, LoadOptions, NamedCamera};
 use crate::geometry::Camera;
 use crate::measure::color_png;
-use crate::prior::{CameraBounds, ray_range, ray_range_of_surroundings};
+use crate::prior::{self, CameraBounds, VoxelBoxes};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -92,10 +91,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
     let Description { name, layout, splits, masks, lost, missing, points, bounds } = &description;
     let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
-    let sparse = match points {
-        Some(points) => sparse_points(points, &cameras)?,
-        None => None,
-    };
+    let location = prior::locate(points.as_deref(), *bounds, &cameras, || is_opaque(args))?;
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distances = cameras.iter().map(|camera| camera.position.distance(focus));
     let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
@@ -108,20 +104,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         masks: *masks,
         lost: *lost,
         missing,
-        points: (points.as_ref().zip(sparse.as_ref()))
-            .map(|(file, sparse)| Points { file, bounds: corners(&sparse.boxes.bounds()) }),
+        points: (points.as_ref().zip(location.points.as_ref()))
+            .map(|(file, cells)| Points { file, bounds: corners(&cells.bounds()) }),
         bounds: bounds.as_ref().map(corners),
         focus: focus.to_array(),
         focus_distances: [distances.clone().fold(f64::INFINITY, f64::min), mean, distances.fold(0.0, f64::max)],
-        near_far: match &sparse {
-            Some(sparse) => sparse.near_far,
-            None if is_opaque(args) => ray_range_of_surroundings(&cameras, bounds.as_ref()),
-            None => ray_range(&cameras, None),
-        },
+        near_far: location.near_far,
     };
     if let Some(path) = &args.picture {
-        let points =
-            sparse.map_or_else(Vec::new, |s| (0..s.boxes.cells.len()).map(|n| s.boxes.cell_box(n).center()).collect());
+        let points = location.points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center()).collect();
         let plan = Plan {
             splits: &info.splits.iter().map(|s| (s.name, s.cameras)).collect::<Vec<_>>(),
             points,

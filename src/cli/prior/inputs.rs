@@ -28,11 +28,6 @@ pub(in crate::cli) struct Inputs {
 }
 
 impl Inputs {
-    /// True if files are named.
-    pub(in crate::cli) fn is_given(&self) -> bool {
-        !self.files.is_empty()
-    }
-
     /// The occupied cells in the dataset's space; `None` if no file is named. Warns if `cameras` see few of them.
     pub(in crate::cli) fn voxels(
         &self,

@@ -227,11 +227,13 @@ fn train(
         let mut dataset = dataset.clone();
         if variant.degrees != 0.0 {
             dataset.views.iter_mut().for_each(|view| view.camera = view.camera.mapped(&turn));
+            // They are not turned.
+            (dataset.points, dataset.bounds) = (None, None);
         }
         dataset
     };
     let start = Instant::now();
-    let scene = train_through(variant.config.clone(), &turned(photographs), interrupted, session)?;
+    let scene = train_through(variant.config.clone(), &mut turned(photographs), interrupted, session)?;
     let seconds = start.elapsed().as_secs_f64();
     let renderer = CpuRenderer::new(&scene);
     let mut reports = Vec::new();
