@@ -6,6 +6,7 @@
 
 mod capture;
 mod colmap;
+mod depth;
 mod description;
 mod error;
 mod files;
@@ -22,6 +23,7 @@ mod synthetic;
 mod transforms;
 
 pub use capture::Holdout;
+pub use depth::DepthMap;
 pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
 pub use layout::Layout;
@@ -29,6 +31,7 @@ pub use photographs::{load, load_cameras, load_transforms_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
 pub use synthetic::{CameraModel, SynthLayout, SynthOptions, Synthesized, synthesize};
+pub use transforms::depth_maps;
 
 use std::ops::Range;
 use std::path::PathBuf;

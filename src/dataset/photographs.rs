@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::capture::Capture;
 use super::picture::{self, Header};
-use super::shot::Shot;
+use super::shot::{Shot, is_scaled};
 use super::{Dataset, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
 use crate::geometry::Camera;
 
@@ -181,14 +181,6 @@ fn downscaled(camera: Camera, factor: u32, listing: &Path) -> Result<Camera, Err
         return Err(Error::Downscale { path: listing.to_path_buf(), factor, size });
     }
     Ok(camera.downscaled(factor))
-}
-
-/// True if a picture of `size` is one of `declared` made smaller or larger: its sides have the same ratio, up to the
-/// rounding to pixels or to usual sizes, as of ScanNet's 1296x968 to 640x480.
-fn is_scaled(size: [u32; 2], declared: [u32; 2]) -> bool {
-    let [width, height] = size.map(f64::from);
-    let scale = width / f64::from(declared[0]);
-    (height - scale * f64::from(declared[1])).abs() <= (0.02 * height).max(scale).max(1.0)
 }
 
 /// Numbers of the views that `options` select of `count`, at least one. `path` is the file or folder that lists them.

@@ -98,7 +98,7 @@ pub(super) fn load_mask(path: &Path, is_turned: bool, size: [u32; 2], downscale:
 }
 
 /// The whole picture at `path`.
-fn decoded(path: &Path, is_turned: bool) -> Result<DynamicImage, Error> {
+pub(super) fn decoded(path: &Path, is_turned: bool) -> Result<DynamicImage, Error> {
     let bytes = files::read(path)?;
     check_end(path, &bytes)?;
     let mut decoder = decoder(path, &bytes)?;

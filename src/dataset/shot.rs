@@ -159,6 +159,14 @@ impl Intrinsics {
     }
 }
 
+/// True if a picture of `size` is one of `declared` made smaller or larger: its sides have the same ratio, up to the
+/// rounding to pixels or to usual sizes, as of ScanNet's 1296x968 to 640x480.
+pub(super) fn is_scaled(size: [u32; 2], declared: [u32; 2]) -> bool {
+    let [width, height] = size.map(f64::from);
+    let scale = width / f64::from(declared[0]);
+    (height - scale * f64::from(declared[1])).abs() <= (0.02 * height).max(scale).max(1.0)
+}
+
 impl Shot {
     /// The camera of a picture of `size` (columns and rows).
     pub(super) fn camera(&self, size: [u32; 2]) -> Camera {

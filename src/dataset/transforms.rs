@@ -4,8 +4,9 @@
 //! Poses are row-major `world_from_camera` matrices in OpenGL's axes. Every key of the intrinsics may stand at the top or in
 //! a frame, which overrides it: `fl_x`, `fl_y` (pixels) or `camera_angle_x`, `camera_angle_y` (radians across the picture);
 //! `cx`, `cy`, or the picture's middle; `w`, `h`; `camera_model` or `is_fisheye`; `k1` to `k6`, `p1`, `p2` as in OpenCV.
-//! `mask_path` names a mask, at the top for all frames. `ply_file_path` names points, `aabb_scale`, `scale` and `offset`
-//! the box of Instant-NGP's scene. All other keys are ignored; `applied_transform` is, as poses contain it.
+//! `mask_path` names a mask, at the top for all frames. `ply_file_path` names points, `depth_file_path` a depth map;
+//! `aabb_scale`, `scale` and `offset` are the box of Instant-NGP's scene. All other keys are ignored; `applied_transform`
+//! is, as poses contain it.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -15,10 +16,13 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::capture::Capture;
+use super::depth::DepthMap;
 use super::shot::{self, Focal, Intrinsics, MODELS, Shot, Split};
 use super::{Error, files};
 use crate::geometry::{Aabb, Distortion, Lens, NotRigid, Projection, rigid};
 
+/// The unit of depth maps without the key `integer_depth_scale`, as in nerfstudio.
+const MILLIMETERS: f64 = 1e-3;
 /// Instant-NGP's scale of scenes without the key `scale`.
 const NGP_SCALE: f64 = 0.33;
 /// The place of the middle of Instant-NGP's scene.
@@ -32,6 +36,7 @@ struct Transforms {
     frames: Vec<Frame>,
     mask_path: Option<String>,
     ply_file_path: Option<String>,
+    integer_depth_scale: Option<f64>,
     aabb_scale: Option<f64>,
     scale: Option<f64>,
     offset: Option<[f64; 3]>,
@@ -46,6 +51,8 @@ struct Frame {
     /// Rows of `world_from_camera`; the last may be missing.
     transform_matrix: Vec<[f64; 4]>,
     mask_path: Option<String>,
+    #[serde(alias = "depth_path")]
+    depth_file_path: Option<String>,
     #[serde(flatten)]
     camera: CameraKeys,
 }
@@ -76,22 +83,54 @@ struct CameraKeys {
 /// The photographs of `json`. `split` is that of all of them, if the file's name says so. Pictures that were made
 /// `downscale` times smaller beforehand, as nerfstudio's in `images_4`, are used if they are there.
 pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<Capture, Error> {
-    let bytes = files::read(json)?;
-    let transforms: Transforms =
-        serde_json::from_slice(&bytes).map_err(|source| Error::Json { path: json.to_path_buf(), source })?;
-    if transforms.frames.is_empty() {
-        return Err(Error::NoFrames { path: json.to_path_buf() });
-    }
+    let transforms = Transforms::read(json)?;
     let folder = json.parent().unwrap_or(Path::new(""));
     let shots = (transforms.frames.iter().enumerate())
         .map(|(n, frame)| transforms.shot(json, folder, n, frame, split, downscale))
         .collect::<Result<Vec<_>, _>>()?;
-    let points = transforms.ply_file_path.as_ref().map(|path| inside_folder(json, folder, "ply_file_path", path));
-    let points = points.transpose()?.filter(|path| path.is_file());
+    let ply = transforms.ply_file_path.as_ref().map(|path| inside_folder(json, folder, "ply_file_path", path));
+    let ply = ply.transpose()?.filter(|path| path.is_file());
+    // Its depth maps are read as a file of points.
+    let has_depth = || transforms.frames.iter().any(|frame| frame.depth_file_path.is_some());
+    let points = ply.or_else(|| has_depth().then(|| json.to_path_buf()));
     Ok(Capture { bounds: transforms.bounds(json)?, points, ..Capture::new(json, shots) })
 }
 
+/// The depth maps that the `transforms.json` file `json` names and that exist.
+///
+/// # Errors
+///
+/// Those of the JSON file.
+pub fn depth_maps(json: &Path) -> Result<Vec<DepthMap>, Error> {
+    let transforms = Transforms::read(json)?;
+    let unit = transforms.integer_depth_scale.unwrap_or(MILLIMETERS);
+    if !(unit.is_normal() && unit > 0.0) {
+        return Err(Error::text(json, "integer_depth_scale", "a positive number", unit.to_string()));
+    }
+    let folder = json.parent().unwrap_or(Path::new(""));
+    let mut maps = Vec::new();
+    for (n, frame) in transforms.frames.iter().enumerate() {
+        let Some(path) = &frame.depth_file_path else { continue };
+        let path = inside_folder(json, folder, &format!("frame {n}: depth_file_path"), path)?;
+        if path.is_file() {
+            maps.push(DepthMap { path, shot: transforms.shot(json, folder, n, frame, None, 1)?, unit });
+        }
+    }
+    Ok(maps)
+}
+
 impl Transforms {
+    /// The file `json`, which has frames.
+    fn read(json: &Path) -> Result<Self, Error> {
+        let bytes = files::read(json)?;
+        let transforms: Self =
+            serde_json::from_slice(&bytes).map_err(|source| Error::Json { path: json.to_path_buf(), source })?;
+        if transforms.frames.is_empty() {
+            return Err(Error::NoFrames { path: json.to_path_buf() });
+        }
+        Ok(transforms)
+    }
+
     fn shot(
         &self,
         json: &Path,

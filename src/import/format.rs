@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
-use super::{arrays, colmap, e57, gltf, las, obj, octomap, pcd, ply, scannet, torch, xyz};
+use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, pcd, ply, scannet, torch, xyz};
 
 /// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,10 +32,12 @@ pub enum Format {
     Torch,
     /// OctoMap's octrees: `.bt` (occupancy) and `.ot` (probabilities).
     Octomap,
+    /// The depth maps that a `transforms.json` names.
+    DepthMaps,
 }
 
 /// File name extensions and their formats.
-const ENDINGS: [(&str, Format); 21] = [
+const ENDINGS: [(&str, Format); 22] = [
     ("ply", Format::Ply),
     ("obj", Format::Obj),
     ("gltf", Format::Gltf),
@@ -57,6 +59,7 @@ const ENDINGS: [(&str, Format); 21] = [
     ("th", Format::Torch),
     ("bt", Format::Octomap),
     ("ot", Format::Octomap),
+    ("json", Format::DepthMaps),
 ];
 
 impl Format {
@@ -109,23 +112,24 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
 }
 
 fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), ImportError> {
-    let mut read = || {
-        let format = Format::from_path(path)?;
-        let mut input = Input::open(path)?;
-        match format {
-            Format::Ply => ply::read(&mut input, options, visitor),
-            Format::Obj => obj::read(&mut input, options, visitor),
-            Format::Gltf => gltf::read(&mut input, &|name| gltf::beside(path, name), options, visitor),
-            Format::Xyz => xyz::read(&mut input, options, visitor),
-            Format::Arrays => arrays::read(&mut input, options, visitor),
-            Format::Pcd => pcd::read(&mut input, options, visitor),
-            Format::Las => las::read(&mut input, options, visitor),
-            Format::E57 => e57::read(&mut input, options, visitor),
-            Format::ColmapBinary => colmap::read_binary(&mut input, options, visitor),
-            Format::ColmapText => colmap::read_text(&mut input, options, visitor),
-            Format::Torch => torch::read(&mut input, options, visitor),
-            Format::Octomap => octomap::read(&mut input, options, visitor),
-        }
+    let of = |fault: Fault| fault.of(path);
+    let format = Format::from_path(path).map_err(of)?;
+    let input = &mut Input::open(path).map_err(of)?;
+    let read = match format {
+        Format::Ply => ply::read(input, options, visitor),
+        Format::Obj => obj::read(input, options, visitor),
+        Format::Gltf => gltf::read(input, &|name| gltf::beside(path, name), options, visitor),
+        Format::Xyz => xyz::read(input, options, visitor),
+        Format::Arrays => arrays::read(input, options, visitor),
+        Format::Pcd => pcd::read(input, options, visitor),
+        Format::Las => las::read(input, options, visitor),
+        Format::E57 => e57::read(input, options, visitor),
+        Format::ColmapBinary => colmap::read_binary(input, options, visitor),
+        Format::ColmapText => colmap::read_text(input, options, visitor),
+        Format::Torch => torch::read(input, options, visitor),
+        Format::Octomap => octomap::read(input, options, visitor),
+        // The maps are other files, which its errors name.
+        Format::DepthMaps => return depth::read(path, visitor),
     };
-    read().map_err(|fault: Fault| fault.of(path))
+    read.map_err(of)
 }

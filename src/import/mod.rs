@@ -7,6 +7,7 @@
 mod archive;
 pub mod arrays;
 pub mod colmap;
+mod depth;
 pub mod e57;
 mod error;
 mod format;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DVec3};
 
 use super::{Fault, ImportError, LeftOut, Point, Visitor};
-use crate::dataset::{self, Error};
+use crate::dataset;
 use crate::geometry::Aabb;
 
 /// A scan's mesh.
@@ -18,23 +18,13 @@ pub(super) struct Scan {
 
 /// The scan of `path`, its folder or a mesh in it; `None` if `path` belongs to no scan.
 pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
-    let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::open(path).map_err(|e| refused(path, e))?
+    let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::open(path).map_err(|e| ImportError::of_dataset(path, e))?
     else {
         return Ok(None);
     };
     match mesh {
         Some(mesh) => Ok(Some(Scan { mesh, alignment })),
         None => Err(Fault::invalid("the folder", format!("the mesh {name}_vh_clean_2.ply is missing")).of(path)),
-    }
-}
-
-/// The error of the scan at `path`.
-fn refused(path: &Path, error: Error) -> ImportError {
-    match error {
-        Error::Read { path, source } => Fault::Io(source).of(&path),
-        Error::Text { path, place, expected, found } => Fault::malformed(place, expected, found).of(&path),
-        Error::TooLarge { path, what, limit, found } => Fault::Limit { what: what.into(), limit, found }.of(&path),
-        other => Fault::invalid("the scan", other.to_string()).of(path),
     }
 }
 
