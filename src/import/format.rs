@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
-use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, pcd, ply, scannet, torch, xyz};
+use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, pcd, ply, scannet, splats, torch, xyz};
 
 /// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,12 +32,16 @@ pub enum Format {
     Torch,
     /// OctoMap's octrees: `.bt` (occupancy) and `.ot` (probabilities).
     Octomap,
+    /// Gaussian splats as SPZ.
+    Spz,
+    /// Gaussian splats as records of 32 bytes.
+    Splat,
     /// The depth maps that a `transforms.json` names.
     DepthMaps,
 }
 
 /// File name extensions and their formats.
-const ENDINGS: [(&str, Format); 22] = [
+const ENDINGS: [(&str, Format); 24] = [
     ("ply", Format::Ply),
     ("obj", Format::Obj),
     ("gltf", Format::Gltf),
@@ -59,6 +63,8 @@ const ENDINGS: [(&str, Format); 22] = [
     ("th", Format::Torch),
     ("bt", Format::Octomap),
     ("ot", Format::Octomap),
+    ("spz", Format::Spz),
+    ("splat", Format::Splat),
     ("json", Format::DepthMaps),
 ];
 
@@ -128,6 +134,8 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
         Format::ColmapText => colmap::read_text(input, options, visitor),
         Format::Torch => torch::read(input, options, visitor),
         Format::Octomap => octomap::read(input, options, visitor),
+        Format::Spz => splats::read_spz(input, options, visitor),
+        Format::Splat => splats::read_records(input, options, visitor),
         // The maps are other files, which its errors name.
         Format::DepthMaps => return depth::read(path, visitor),
     };

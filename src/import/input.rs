@@ -132,14 +132,23 @@ impl<'a> Input<'a> {
     ///
     /// If a line is too long.
     pub fn line(&mut self, line: &mut Vec<u8>, most: usize) -> Result<bool, Fault> {
+        self.line_until(line, most, b'\n')
+    }
+
+    /// [`Input::line`] for lines that end in the byte `end`.
+    ///
+    /// # Errors
+    ///
+    /// If a line is too long.
+    pub fn line_until(&mut self, line: &mut Vec<u8>, most: usize, end: u8) -> Result<bool, Fault> {
         line.clear();
         let place = self.offset;
-        let read = (&mut self.source).take(most as u64 + 1).read_until(b'\n', line)?;
+        let read = (&mut self.source).take(most as u64 + 1).read_until(end, line)?;
         self.offset += read as u64;
         if read == 0 {
             return Ok(false);
         }
-        if line.last() == Some(&b'\n') {
+        if line.last() == Some(&end) {
             line.pop();
         } else if line.len() > most {
             return Err(Fault::invalid(format!("byte {place}"), format!("the line is longer than {most} bytes")));

@@ -21,6 +21,7 @@ pub mod pcd;
 pub mod ply;
 mod polygon;
 mod scannet;
+pub mod splats;
 #[cfg(test)]
 mod testing;
 pub mod torch;

@@ -5,7 +5,7 @@ use std::io::BufRead;
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input, Visitor};
-use super::header::{Element, Encoding, Kind, Scalar};
+use super::header::{Element, Encoding, Header, Kind, Scalar};
 
 /// Bytes of one read; more than the largest record without lists.
 const CHUNK: usize = 1 << 16;
@@ -37,6 +37,8 @@ pub(super) struct Mark {
 pub(super) struct Body<'i, 'a> {
     input: &'i mut Input<'a>,
     encoding: Encoding,
+    /// Last byte of a line.
+    line_end: u8,
     /// Number of the current line, from 1.
     line: u64,
     token: Vec<u8>,
@@ -44,9 +46,10 @@ pub(super) struct Body<'i, 'a> {
 }
 
 impl<'i, 'a> Body<'i, 'a> {
-    /// The body after a header of `lines` lines.
-    pub(super) fn new(input: &'i mut Input<'a>, encoding: Encoding, lines: u64) -> Self {
-        Self { input, encoding, line: lines + 1, token: Vec::new(), chunk: vec![0; CHUNK] }
+    /// The body after `header`.
+    pub(super) fn new(input: &'i mut Input<'a>, header: &Header) -> Self {
+        let Header { encoding, lines, line_end, .. } = *header;
+        Self { input, encoding, line_end, line: lines + 1, token: Vec::new(), chunk: vec![0; CHUNK] }
     }
 
     pub(super) fn mark(&self) -> Mark {
@@ -202,7 +205,7 @@ impl<'i, 'a> Body<'i, 'a> {
         }
         if self.encoding == Encoding::Ascii {
             place = self.place();
-            self.end_line(&element.name)?;
+            self.end_line()?;
         }
         Ok(place)
     }
@@ -263,10 +266,10 @@ impl<'i, 'a> Body<'i, 'a> {
     fn token(&mut self) -> Result<(), Fault> {
         self.token.clear();
         loop {
-            let bytes = self.input.fill_buf()?;
+            let (bytes, line_end) = (self.input.fill_buf()?, self.line_end);
             let blank = if self.token.is_empty() {
                 let blank = bytes.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(bytes.len());
-                self.line += bytes[..blank].iter().filter(|&&b| b == b'\n').count() as u64;
+                self.line += bytes[..blank].iter().filter(|&&b| b == line_end).count() as u64;
                 blank
             } else {
                 0
@@ -290,28 +293,19 @@ impl<'i, 'a> Body<'i, 'a> {
         }
     }
 
-    /// Skips the end of the line after a record. More values on the line are an error: they would be read as the next
-    /// record.
-    fn end_line(&mut self, what: &str) -> Result<(), Fault> {
+    /// Skips the rest of the line after a record: some programs write more words than properties.
+    fn end_line(&mut self) -> Result<(), Fault> {
         loop {
             let bytes = self.input.fill_buf()?;
             if bytes.is_empty() {
                 return Ok(());
             }
-            match bytes.iter().position(|&b| b == b'\n' || !b.is_ascii_whitespace()) {
-                None => {
-                    let blank = bytes.len();
-                    self.input.consume(blank);
-                }
-                Some(end) if bytes[end] == b'\n' => {
-                    self.input.consume(end + 1);
-                    self.line += 1;
-                    return Ok(());
-                }
-                Some(_) => {
-                    let problem = format!("there are more values after the last property of {what}");
-                    return Err(Fault::invalid(self.place().to_string(), problem));
-                }
+            let end = bytes.iter().position(|&b| b == self.line_end);
+            let skipped = end.map_or(bytes.len(), |end| end + 1);
+            self.input.consume(skipped);
+            if end.is_some() {
+                self.line += 1;
+                return Ok(());
             }
         }
     }

@@ -9,6 +9,8 @@ const MAX_ELEMENTS: u64 = 256;
 const MAX_PROPERTIES: u64 = 1024;
 /// Bytes of a line; comments may be long.
 const MAX_LINE: usize = 1 << 16;
+/// Keywords whose lines must be complete.
+const KEYWORDS: [&str; 4] = ["format", "element", "property", "end_header"];
 
 /// Encoding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +58,8 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// Lines of the header.
     pub(super) lines: u64,
+    /// Last byte of a line: LF, or CR if the lines end in CR alone.
+    pub(super) line_end: u8,
 }
 
 impl Scalar {
@@ -164,8 +168,10 @@ impl Header {
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let (mut encoding, mut elements, mut lines) = (None, Vec::<Element>::new(), 0);
         let mut bytes = Vec::new();
+        let line_end =
+            if matches!(input.peek(5)?[..], [b'p', b'l', b'y', b'\r', next] if next != b'\n') { b'\r' } else { b'\n' };
         loop {
-            if !input.line(&mut bytes, MAX_LINE)? {
+            if !input.line_until(&mut bytes, MAX_LINE, line_end)? {
                 return Err(Fault::malformed(input.place(), "a line end_header", "the end of the file"));
             }
             lines += 1;
@@ -206,12 +212,14 @@ impl Header {
                     Fault::unless_within("properties of an element", MAX_PROPERTIES, count)?;
                 }
                 ["end_header"] => break,
+                // Some programs sign the file without a keyword.
+                [word, ..] if elements.is_empty() && !KEYWORDS.contains(&word) => {}
                 _ => return Err(wrong("a header line")),
             }
         }
         let encoding = encoding.ok_or_else(|| Fault::invalid("the header", "the line format is missing"))?;
         check_counts(&elements, encoding, input)?;
-        Ok(Self { encoding, elements, lines })
+        Ok(Self { encoding, elements, lines, line_end })
     }
 }
 

@@ -6,14 +6,17 @@
 //! Read: ASCII and binary of both byte orders, elements in any order, properties in any order and of any type. `vertex`
 //! needs `x`, `y` and `z`; its colors are `red`, `green`, `blue` (or `r`…, or `diffuse_red`…) as bytes, or as floats
 //! from 0 to 1; other colors are ignored. `face` needs a list `vertex_indices` or `vertex_index`, whose polygons are
-//! cut into fans; `tristrips` has a list `vertex_indices`, in which −1 ends a strip. A file without faces and strips is
-//! a point cloud, filtered by `confidence` or `quality`. Everything else is skipped.
+//! cut into triangles; `tristrips` has a list `vertex_indices`, in which −1 ends a strip. A file without faces and
+//! strips is a point cloud, filtered by `confidence` or `quality`. Vertices with the properties of Gaussian splats,
+//! plain or packed, are splats. Everything else is skipped: header lines without a known keyword before the first
+//! element, and words after the last property of a line of text. Lines may end in CR alone.
 //!
 //! Memory holds the vertices of meshes, at the precision of the file, and nothing of point clouds.
 
 mod body;
 mod faces;
 mod header;
+mod splats;
 #[cfg(test)]
 mod tests;
 mod vertices;
@@ -21,7 +24,7 @@ mod vertices;
 use super::{Fault, Input, ReadOptions, Visitor};
 use body::Body;
 use faces::Surface;
-use header::Header;
+use header::{Element, Header};
 use vertices::{Columns, Vertices};
 
 /// Reads `input`.
@@ -34,17 +37,31 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let elements = &header.elements;
     let vertex = elements.iter().position(|element| element.name == "vertex");
     let vertex = vertex.ok_or_else(|| Fault::invalid("the header", "the element vertex is missing"))?;
+    let mut body = Body::new(input, &header);
+    if let Some(splats) = splats::Columns::of(&elements[vertex]) {
+        return skip_to(vertex, &mut body, elements, visitor)
+            .and_then(|()| splats.read(&mut body, &elements[vertex], options, visitor));
+    }
+    let chunk = elements[..vertex].iter().position(|element| element.name == "chunk");
+    if let Some(packed) = splats::Packed::of(&elements[vertex], chunk.map(|chunk| &elements[chunk])) {
+        let mut ranges = Vec::new();
+        for (n, element) in elements[..vertex].iter().enumerate() {
+            if Some(n) == chunk {
+                ranges = packed.read_ranges(&mut body, element, visitor)?;
+            } else {
+                body.skip(element, visitor)?;
+            }
+        }
+        return packed.read(&mut body, &elements[vertex], &ranges, options, visitor);
+    }
     let columns = Columns::of(&elements[vertex])?;
     let mut surfaces = Vec::with_capacity(elements.len());
     for element in elements {
         surfaces.push(if options.vertices { None } else { Surface::of(element)? });
     }
-    let mut body = Body::new(input, header.encoding, header.lines);
 
     let Some(last) = surfaces.iter().rposition(Option::is_some) else {
-        for element in &elements[..vertex] {
-            body.skip(element, visitor)?;
-        }
+        skip_to(vertex, &mut body, elements, visitor)?;
         return columns.read_points(&mut body, &elements[vertex], options.min_confidence, visitor);
     };
 
@@ -68,4 +85,9 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
         surface.read(&mut body, element, vertices, visitor)?;
     }
     Ok(())
+}
+
+/// Skips the elements before the element `n`.
+fn skip_to(n: usize, body: &mut Body<'_, '_>, elements: &[Element], visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    elements[..n].iter().try_for_each(|element| body.skip(element, visitor))
 }

@@ -1,7 +1,7 @@
 //! PLY files of every encoding, and such as no reader should trust.
 
 use super::super::testing::{Seen, seen_with};
-use super::super::{Fault, ReadOptions};
+use super::super::{Fault, LeftOut, ReadOptions};
 use super::read;
 
 fn seen(file: &[u8]) -> Seen {
@@ -241,7 +241,8 @@ fn headers_that_are_none() {
             "line 2: expected format ascii, binary_little_endian or binary_big_endian, and 1.0, found \"format ascii 2.0\"",
         ),
         ("ply\nformat ascii 1.0\nend_header\n", "the header: the element vertex is missing"),
-        ("ply\nwhatever\n", "line 2: expected a header line, found \"whatever\""),
+        ("ply\nelement a 0\nwhatever\n", "line 3: expected a header line, found \"whatever\""),
+        ("ply\nproperty\n", "line 2: expected a header line, found \"property\""),
         ("ply\nelement vertex -1\n", "line 2: expected \"element NAME COUNT\", found \"element vertex -1\""),
         (
             "ply\nelement vertex 99999999999999999999\n",
@@ -328,7 +329,6 @@ fn lists_longer_than_the_file_or_negative_are_refused() {
 #[test]
 fn data_that_are_none() {
     let cases = [
-        ("0 0 0\n1 0\n0 1 0\n3 0 1 2\n", "line 12: there are more values after the last property of vertex"),
         ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"zero\""),
         ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"é\""),
         ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [1, 0, NaN]"),
@@ -368,4 +368,110 @@ fn a_visitor_can_end_it() {
     let file = mesh("ascii", true);
     let result = read(&mut super::Input::from_bytes(&file), &ReadOptions::default(), &mut Stopping);
     assert!(matches!(result, Err(Fault::Stopped)));
+}
+
+/// A triangle whose header lines end in CR, as those of old Macintosh programs do.
+#[test]
+fn lines_may_end_in_cr_alone() {
+    let head = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+        .replace('\n', "\r")
+    };
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let text = head("ascii") + "0 0 0\r1 0 0\r0 1 0\r3 0 1 2\r";
+    assert_eq!(triangles(&seen(text.as_bytes())), [corners]);
+    let wrong = text.replace("3 0 1 2", "3 0 1 9");
+    assert_eq!(fault(wrong), "line 13: expected a vertex index of at least 0 and below 3, found 9");
+    let mut binary = head("binary_little_endian").into_bytes();
+    binary.extend(corners.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
+    binary.push(3);
+    binary.extend([0_i32, 1, 2].iter().flat_map(|corner| corner.to_le_bytes()));
+    assert_eq!(triangles(&seen(&binary)), [corners]);
+}
+
+#[test]
+fn signatures_and_surplus_words_are_skipped() {
+    let file = "ply\nformat ascii 1.0\nMade by hand\nelement vertex 3\nproperty float x\nproperty float y\n\
+                property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+                0 0 0 9 8\n1 0 0 7\n0 1 0\n3 0 1 2 0.5 0.5\n";
+    assert_eq!(triangles(&seen(file.as_bytes())), [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
+}
+
+#[test]
+fn concave_polygons_keep_their_dents() {
+    let file = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+                0 0 0\n4 0 0\n2 2 0\n2 4 0\n4 1 2 3 0\n";
+    let [a, b] = triangles(&seen(file.as_bytes()))[..] else { panic!() };
+    assert_eq!(
+        [a, b],
+        [[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [2.0, 2.0, 0.0]], [[2.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0; 3]]]
+    );
+}
+
+/// Two splats as their training writes them, the second one transparent.
+fn splats() -> Vec<u8> {
+    let names = "x y z nx f_dc_0 f_dc_1 f_dc_2 f_rest_0 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let mut file =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex 2\n{properties}end_header\n").into_bytes();
+    for opacity in [4.0_f32, -4.0] {
+        // A quarter turn about z, of any length.
+        let values = [1., 2., 3., 9., 9., 0., -9., 9., opacity, -1., -2., -30., 3., 0., 0., 3.];
+        file.extend(values.into_iter().flat_map(f32::to_le_bytes));
+    }
+    file
+}
+
+#[test]
+fn splats_have_extent_color_and_opacity() {
+    let all = seen(&splats());
+    let [(center, axes)] = all.splats[..] else { panic!("{all:?}") };
+    assert_eq!((center.position.to_array(), center.color), ([1.0, 2.0, 3.0], Some([255, 128, 0])));
+    let expected = [[0.0, 2.0 * (-1.0_f64).exp(), 0.0], [-2.0 * (-2.0_f64).exp(), 0.0, 0.0], [0.0; 3]];
+    for (axis, expected) in axes.iter().zip(expected) {
+        assert!(axis.distance(expected.into()) < 1e-6, "{axes:?}");
+    }
+    assert_eq!(all.left_out, [LeftOut::Transparent]);
+    let read_with = |options| seen_with(&splats(), &options, read).unwrap().splats.len();
+    assert_eq!(read_with(ReadOptions { min_opacity: 0.0, ..ReadOptions::default() }), 2);
+    assert_eq!(read_with(ReadOptions { min_opacity: 0.0, min_confidence: 0.5, ..ReadOptions::default() }), 1);
+    assert_eq!(read_with(ReadOptions { min_confidence: 0.99, ..ReadOptions::default() }), 0);
+}
+
+/// One packed splat: at three quarters of its chunk's range along each axis.
+#[test]
+fn packed_splats_are_unpacked() {
+    let limits = ["min", "max"].map(|limit| {
+        ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"]
+            .map(|axis| format!("property float {limit}_{axis}\n"))
+            .concat()
+    });
+    let packed =
+        ["position", "rotation", "scale", "color"].map(|name| format!("property uint packed_{name}\n")).concat();
+    let head = format!(
+        "ply\nformat binary_little_endian 1.0\nelement chunk 1\n{}{}element vertex 1\n{packed}end_header\n",
+        limits[0], limits[1]
+    );
+    let mut file = head.into_bytes();
+    let ranges =
+        [[-1.0, -1.0, -1.0, -3.0, -3.0, -3.0, 0.0, 0.0, 0.0], [3.0, 3.0, 3.0, -1.0, -1.0, -1.0, 1.0, 0.5, 1.0]];
+    file.extend(ranges.into_iter().flatten().flat_map(f32::to_le_bytes));
+    let thirds = |share: f64| {
+        let [x, y] = [share * 2047.0, share * 1023.0].map(|v| v.round() as u32);
+        x << 21 | y << 11 | x
+    };
+    // No rotation: w is the largest, the others are half of ten bits.
+    let identity = 512 << 20 | 512 << 10 | 512;
+    let words: [u32; 4] = [thirds(0.75), identity, thirds(0.5), 0xff80_00cc];
+    file.extend(words.into_iter().flat_map(u32::to_le_bytes));
+    let seen = seen(&file);
+    let [(center, axes)] = seen.splats[..] else { panic!("{seen:?}") };
+    assert!(center.position.distance([2.0; 3].into()) < 0.005, "{center:?}");
+    assert_eq!(center.color, Some([255, 64, 0]));
+    let half = 2.0 * (-2.0_f64).exp();
+    assert!((0..3).all(|n| (axes[n][n] - half).abs() < 0.01), "{axes:?}");
 }
