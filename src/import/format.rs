@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
-use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, pcd, ply, scannet, splats, torch, xyz};
+use super::{
+    arrays, colmap, depth, e57, gltf, las, obj, octomap, off, pcd, ply, scannet, splats, stl, torch, xyz,
+};
 
 /// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,8 +16,16 @@ pub enum Format {
     Obj,
     /// glTF 2, as JSON or GLB.
     Gltf,
+    /// Triangles, binary or text.
+    Stl,
+    /// Geomview's meshes.
+    Off,
     /// Lines of numbers.
     Xyz,
+    /// Lines of x, y, z and a normal.
+    XyzNormals,
+    /// Lines of x, y, z and a color.
+    XyzColors,
     /// NumPy's arrays: points, grids, and occupied cells of a lattice.
     Arrays,
     /// The Point Cloud Library's point clouds.
@@ -41,12 +51,18 @@ pub enum Format {
 }
 
 /// File name extensions and their formats.
-const ENDINGS: [(&str, Format); 24] = [
+const ENDINGS: [(&str, Format); 28] = [
     ("ply", Format::Ply),
     ("obj", Format::Obj),
     ("gltf", Format::Gltf),
     ("glb", Format::Gltf),
+    ("stl", Format::Stl),
+    ("off", Format::Off),
+    ("spz", Format::Spz),
+    ("splat", Format::Splat),
     ("xyz", Format::Xyz),
+    ("xyzn", Format::XyzNormals),
+    ("xyzrgb", Format::XyzColors),
     ("txt", Format::Xyz),
     ("csv", Format::Xyz),
     ("pts", Format::Xyz),
@@ -63,8 +79,6 @@ const ENDINGS: [(&str, Format); 24] = [
     ("th", Format::Torch),
     ("bt", Format::Octomap),
     ("ot", Format::Octomap),
-    ("spz", Format::Spz),
-    ("splat", Format::Splat),
     ("json", Format::DepthMaps),
 ];
 
@@ -91,7 +105,7 @@ impl Format {
 }
 
 /// Reads the geometry of the file or folder `path`. A folder holds a ScanNet scene, whose mesh is read, or COLMAP's
-/// points.
+/// points, themselves or in `0` or `sparse/0`.
 ///
 /// # Errors
 ///
@@ -107,12 +121,13 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     if !path.is_dir() {
         return read_file(path, options, visitor);
     }
-    let points = ["points3D.bin", "points3D.txt"].map(|name| path.join(name));
-    match points.iter().find(|file| file.is_file()) {
-        Some(file) => read_file(file, options, visitor),
+    let folders = ["", "0", "sparse/0"].map(|folder| path.join(folder));
+    let points = folders.iter().flat_map(|folder| ["points3D.bin", "points3D.txt"].map(|name| folder.join(name)));
+    match points.into_iter().find(|file| file.is_file()) {
+        Some(file) => read_file(&file, options, visitor),
         None => Err(of(path)(Fault::invalid(
             "the folder",
-            "it has neither a ScanNet scene nor COLMAP's points3D.bin or points3D.txt",
+            "it has neither a ScanNet scene nor, in itself, 0 or sparse/0, COLMAP's points3D.bin or points3D.txt",
         ))),
     }
 }
@@ -125,7 +140,11 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
         Format::Ply => ply::read(input, options, visitor),
         Format::Obj => obj::read(input, options, visitor),
         Format::Gltf => gltf::read(input, &|name| gltf::beside(path, name), options, visitor),
+        Format::Stl => stl::read(input, options, visitor),
+        Format::Off => off::read(input, options, visitor),
         Format::Xyz => xyz::read(input, options, visitor),
+        Format::XyzNormals => xyz::read_normals(input, options, visitor),
+        Format::XyzColors => xyz::read_colors(input, options, visitor),
         Format::Arrays => arrays::read(input, options, visitor),
         Format::Pcd => pcd::read(input, options, visitor),
         Format::Las => las::read(input, options, visitor),
@@ -140,4 +159,24 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
         Format::DepthMaps => return depth::read(path, visitor),
     };
     read.map_err(of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::testing::Seen;
+
+    #[test]
+    fn the_points_of_a_reconstruction_are_found_below_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(folder.path().join("sparse/0")).unwrap();
+        let none = read(folder.path(), &ReadOptions::default(), &mut Seen::default()).unwrap_err().to_string();
+        assert!(none.contains("sparse/0"), "{none}");
+        std::fs::write(folder.path().join("sparse/0/points3D.txt"), "1 1 2 3 9 8 7 0.5 1 2\n").unwrap();
+        for start in ["", "sparse", "sparse/0"] {
+            let mut seen = Seen::default();
+            read(&folder.path().join(start), &ReadOptions::default(), &mut seen).unwrap();
+            assert_eq!(seen.positions(), [[1.0, 2.0, 3.0]], "{start}");
+        }
+    }
 }

@@ -17,11 +17,13 @@ mod input;
 pub mod las;
 pub mod obj;
 pub mod octomap;
+pub mod off;
 pub mod pcd;
 pub mod ply;
 mod polygon;
 mod scannet;
 pub mod splats;
+pub mod stl;
 #[cfg(test)]
 mod testing;
 pub mod torch;

@@ -6,8 +6,10 @@ use super::array::{Array, REPORT_EVERY};
 use crate::import::{Fault, Point, Visitor};
 use crate::npy::Number;
 
-/// Columns of an array of points; at most six are used.
-const MAX_COLUMNS: u64 = 1 << 12;
+/// Columns of an array of points, of which at most six are used: pictures and height maps have more.
+const MAX_COLUMNS: u64 = 12;
+/// Columns of LLFF's `poses_bounds.npy`.
+const LLFF_COLUMNS: u64 = 17;
 /// Numbers of an array in Fortran order, whose columns follow one another and are held in memory (256 MiB).
 const MAX_HELD: u64 = 1 << 25;
 /// Colors of a separate array, held in memory (192 MiB).
@@ -35,6 +37,9 @@ pub(super) fn read(
     colors: Option<Vec<[u8; 3]>>,
     visitor: &mut dyn Visitor,
 ) -> Result<(), Fault> {
+    if let [_, LLFF_COLUMNS] = array.header().shape[..] {
+        return Err(Fault::unsupported("an array of 17 columns, LLFF's poses and bounds,", "give a file of points"));
+    }
     let shape = rows_and_columns(array, "points")?;
     let [count, columns] = shape;
     if let Some(colors) = colors.as_ref().filter(|c| c.len() as u64 != count) {
@@ -112,7 +117,7 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
         [count, columns] if (3..=MAX_COLUMNS).contains(&columns) => Ok([count, columns]),
         _ => {
             let found = format!("{:?}", array.header().shape);
-            Err(Fault::malformed(format!("the shape of the {what}"), "(rows, 3 to 4096)", found))
+            Err(Fault::malformed(format!("the shape of the {what}"), "(rows, 3 to 12)", found))
         }
     }
 }

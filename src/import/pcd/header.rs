@@ -177,7 +177,10 @@ impl Header {
             Fault::unless_within("bytes of a record", MAX_RECORD, record)?;
         }
         let find = |wanted: &str| {
-            fields.iter().find(|(name, count, _)| *name == wanted && *count > 0).map(|(_, _, field)| field.clone())
+            fields
+                .iter()
+                .find(|(name, count, _)| name.eq_ignore_ascii_case(wanted) && *count > 0)
+                .map(|(_, _, field)| field.clone())
         };
         let axis = |wanted: &str| {
             find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")))

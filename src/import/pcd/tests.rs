@@ -211,3 +211,10 @@ fn hostile_compression_is_named() {
         format!("byte {}: expected 102 decompressed bytes, found 60", first + 5)
     );
 }
+
+#[test]
+fn names_of_fields_may_be_capitals() {
+    let file = "VERSION .7\nFIELDS X Y Z RGB\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 1\nHEIGHT 1\nDATA ascii\n1 2 3 255\n";
+    let seen = seen_with(file.as_bytes(), &ReadOptions::default(), read).unwrap();
+    assert_eq!((seen.positions(), seen.points[0].color), (vec![[1.0, 2.0, 3.0]], Some([0, 0, 255])));
+}

@@ -1,4 +1,4 @@
-//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC.
+//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC, and Open3D's XYZN and XYZRGB, whose names tell their columns.
 //!
 //! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else runs of blanks. A
 //! line or comment before the numbers may name the columns. Without names, the first three columns are x, y and z. The
@@ -28,9 +28,35 @@ const MAX_LINE: usize = 1 << 16;
 /// If a line is too long or has another number of columns than the first one, a used number is invalid or not finite,
 /// there are no points or fewer than a PTS file declares, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    read_after(Before::default(), input, options, visitor)
+}
+
+/// Reads `input` as `.xyzn`: x, y, z and a normal.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn read_normals(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    read_after(Before::named(&["x", "y", "z", "nx", "ny", "nz"]), input, options, visitor)
+}
+
+/// Reads `input` as `.xyzrgb`: x, y, z and a color, as fractions or bytes.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn read_colors(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    read_after(Before::named(&["x", "y", "z", "r", "g", "b"]), input, options, visitor)
+}
+
+fn read_after(
+    mut before: Before,
+    input: &mut Input<'_>,
+    options: &ReadOptions,
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
     let mut text = Vec::new();
     let mut line = Line { number: 0, bytes: &[] };
-    let mut before = Before::default();
     let mut table: Option<Table> = None;
     let mut points = 0_u64;
     while input.line(&mut text, MAX_LINE)? {
@@ -125,6 +151,11 @@ struct Before {
 }
 
 impl Before {
+    /// The beginning of a file whose format names its columns.
+    fn named(names: &[&str]) -> Self {
+        Self { names: Some((names.iter().map(|&name| name.into()).collect(), false)), count: None }
+    }
+
     /// Takes `line` and returns true, unless it is a line of numbers.
     fn takes(&mut self, line: &Line<'_>) -> Result<bool, Fault> {
         if line.is_blank() {

@@ -117,3 +117,13 @@ fn text_outside_the_needed_columns_may_be_anything() {
     let seen = read_of(b"x;y;z;name\n1;2;3;caf\xe9\n").unwrap();
     assert_eq!(seen.positions(), [[1.0, 2.0, 3.0]]);
 }
+
+#[test]
+fn normals_and_colors_are_those_that_the_format_names() {
+    let of = |text: &str, read| seen_with(text.as_bytes(), &ReadOptions::default(), read);
+    assert_eq!(of("1 2 3 1 0 0\n", read_normals).unwrap().points[0].color, None);
+    assert_eq!(of("1 2 3 1 0 0.5\n", read_colors).unwrap().points[0].color, Some([255, 0, 128]));
+    assert_eq!(of("1 2 3 255 0 7\n", read_colors).unwrap().points[0].color, Some([255, 0, 7]));
+    assert_eq!(of("1 2 3\n", read_colors).unwrap_err().to_string(), "line 1: expected at least 6 columns, found 3");
+    assert_eq!(of("x y z\n", read_normals).unwrap_err().to_string(), "line 1: expected a number, found \"x\"");
+}
