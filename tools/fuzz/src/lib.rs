@@ -1,5 +1,6 @@
 //! Checks of the guarantees of readers, shared by their targets.
 
+use glam::DVec3;
 use strivec::geometry::Aabb;
 use strivec::import::{Fault, Input, Point, ReadOptions, Visitor};
 
@@ -30,6 +31,10 @@ impl Visitor for CheckingVisitor {
 
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
         self.see(corners.iter().all(|c| c.position.is_finite()))
+    }
+
+    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
+        self.see(center.position.is_finite() && axes.iter().all(|axis| axis.is_finite()))
     }
 
     fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
