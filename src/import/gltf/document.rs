@@ -1,25 +1,35 @@
 //! The JSON of a glTF file: the parts about geometry, in lists of bounded length.
 
-use std::fmt;
-use std::marker::PhantomData;
-
 use gltf::json::buffer::View;
 use gltf::json::{Accessor, Buffer, Index, Mesh, Node, Scene};
-use serde::de::{Error as _, SeqAccess};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use super::super::Fault;
 use super::super::error::excerpt;
+use super::normalize::{few, one, scenes};
 
-/// Entries of one list. Two characters of JSON may become hundreds of bytes in memory.
-const MAX_ENTRIES: usize = 1 << 20;
 /// Corners of all instances of all meshes.
 const MAX_CORNERS: u64 = 1 << 32;
 
 /// Prefixes of extensions that change neither the vertices nor their encoding, and the extension that allows smaller
 /// types, all of which are supported.
-const HARMLESS: [&str; 6] =
-    ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_punctual", "KHR_mesh_quantization"];
+const HARMLESS: [&str; 15] = [
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_punctual",
+    "EXT_lights_",
+    "KHR_mesh_quantization",
+    "KHR_techniques_webgl",
+    "KHR_animation_pointer",
+    "KHR_node_",
+    "KHR_interactivity",
+    "KHR_xmp",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "EXT_structural_metadata",
+];
 const COMPRESSION: [&str; 3] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
@@ -53,8 +63,9 @@ pub(super) struct Document {
     pub(super) meshes: Vec<Mesh>,
     #[serde(default, deserialize_with = "few")]
     pub(super) nodes: Vec<Node>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default, deserialize_with = "scenes")]
     pub(super) scenes: Vec<Scene>,
+    #[serde(default, deserialize_with = "one")]
     pub(super) scene: Option<Index<Scene>>,
     /// The used compression, if it is not required: uncompressed meshes may exist as well.
     #[serde(skip)]
@@ -76,17 +87,13 @@ impl Document {
             let what = format!("glTF of version {}", excerpt(version.as_bytes()));
             return Err(Fault::unsupported(what, "convert it to glTF 2"));
         }
-        let refused = |name: &str| {
-            let what = format!("the extension {}", excerpt(name.as_bytes()));
-            Err(Fault::unsupported(what, "export the file without it"))
-        };
         for name in &preamble.extensions_required {
             if !HARMLESS.iter().any(|known| name.starts_with(known)) {
-                return refused(name);
+                return Err(unsupported(name));
             }
         }
         if preamble.extensions_used.iter().any(|name| name == INSTANCING) {
-            return refused(INSTANCING);
+            return Err(unsupported(INSTANCING));
         }
         let mut document: Self = serde_json::from_slice(json).map_err(wrong)?;
         document.compression =
@@ -97,40 +104,26 @@ impl Document {
     /// The error for missing data: if the file uses compression, the data is compressed.
     pub(super) fn unless_compressed(&self) -> Result<(), Fault> {
         match self.compression {
-            Some(name) => Err(Fault::unsupported(format!("the extension \"{name}\""), "export the file without it")),
+            Some(name) => Err(unsupported(name)),
             None => Ok(()),
         }
     }
+}
+
+/// The error for the extension `name`.
+fn unsupported(name: &str) -> Fault {
+    let remedy = if COMPRESSION.contains(&name) {
+        "decompress the file, as `gltf-transform copy IN OUT` does, or export it without compression"
+    } else {
+        "export the file without it"
+    };
+    Fault::unsupported(format!("the extension {}", excerpt(name.as_bytes())), remedy)
 }
 
 /// Entry `index` of `list`; `what` names an entry in errors.
 pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, Fault> {
     let missing = || Fault::invalid("the JSON", format!("{what} {index} is missing: there are {}", list.len()));
     list.get(index.value()).ok_or_else(missing)
-}
-
-/// A list of at most [`MAX_ENTRIES`].
-fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
-    struct Few<T>(PhantomData<T>);
-    impl<'de, T: Deserialize<'de>> serde::de::Visitor<'de> for Few<T> {
-        type Value = Vec<T>;
-
-        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            write!(formatter, "a list of at most {MAX_ENTRIES}")
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
-            let mut entries = Vec::new();
-            while let Some(entry) = list.next_element()? {
-                if entries.len() == MAX_ENTRIES {
-                    return Err(A::Error::invalid_length(MAX_ENTRIES + 1, &self));
-                }
-                entries.push(entry);
-            }
-            Ok(entries)
-        }
-    }
-    list.deserialize_seq(Few(PhantomData))
 }
 
 /// The spent part of [`MAX_CORNERS`]: a few bytes of JSON can instantiate one large mesh a million times.

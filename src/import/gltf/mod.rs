@@ -7,12 +7,14 @@
 //! required extensions are errors. Geometry keeps glTF's space, in which y is up; the caller rotates it.
 //!
 //! Only the JSON types of `gltf` are used: its readers panic on invalid files or allocate what a header declares, and
-//! its validation panics on a wrong index and rejects custom attributes. Memory holds the JSON and the used buffers.
+//! its validation panics on a wrong index and rejects custom attributes. `normalize` removes differences between the
+//! format and these types. Memory holds the JSON and the used buffers.
 
 mod accessor;
 mod buffers;
 mod container;
 mod document;
+mod normalize;
 mod primitive;
 mod scene;
 #[cfg(test)]

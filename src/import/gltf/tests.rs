@@ -260,7 +260,15 @@ fn what_is_not_geometry_may_be_anything() {
 
 #[test]
 fn extensions_are_refused_by_name() {
-    let refused = |name: &str| format!("the extension \"{name}\" is not supported: export the file without it");
+    let refused = |name: &str| {
+        let remedy = match name {
+            "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+                "decompress the file, as `gltf-transform copy IN OUT` does, or export it without compression"
+            }
+            _ => "export the file without it",
+        };
+        format!("the extension \"{name}\" is not supported: {remedy}")
+    };
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "VENDOR_thing"] {
         assert_eq!(fault(&with(&[("/extensionsRequired", json!([name]))])), refused(name));
     }
@@ -290,6 +298,8 @@ fn documents_that_are_none() {
         .to_string()
         .replace("\"deep\"", &format!("{}{}", "[".repeat(100_000), "]".repeat(100_000)));
     assert!(text(&deep).starts_with("the JSON: not a glTF document: recursion limit exceeded"));
+    let long = with(&[("/accessors/0/min", json!(vec![0; 1 << 20]))]);
+    assert!(fault(&long).contains("an entry has more than 1048576 values"));
     let many = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{}{{}}]}}", "{},".repeat(1 << 20));
     assert!(text(&many).contains("invalid length 1048577, expected a list of at most 1048576"));
     let message = "the scene: it has no mesh of triangles or points";
@@ -531,5 +541,48 @@ fn glb_lengths_are_those_of_the_file() {
     assert_eq!(short, "buffer 0: expected the declared 76 bytes, found 72 bytes");
     for end in 0..len {
         assert!(try_seen(&whole[..end], &no_files).is_err(), "cut at {end}");
+    }
+}
+
+#[test]
+fn extras_may_be_of_any_type_and_numbers_may_be_floats() {
+    for extras in [json!(5), json!("text"), json!([1, 2]), json!(null), json!(true), json!({"a": {}})] {
+        let places = [
+            "",
+            "/asset",
+            "/buffers/0",
+            "/bufferViews/0",
+            "/accessors/0",
+            "/meshes/0",
+            "/meshes/0/primitives/0",
+            "/nodes/0",
+            "/scenes/0",
+        ];
+        let changes: Vec<_> = places.iter().map(|place| format!("{place}/extras")).collect();
+        let changes: Vec<_> = changes.iter().map(|place| (place.as_str(), extras.clone())).collect();
+        assert_eq!(corners(&seen(&with(&changes))), QUAD, "{extras}");
+    }
+    let floats = with(&[("/accessors/2/count", json!(6.0)), ("/bufferViews/2/byteOffset", json!(64.0))]);
+    assert_eq!(corners(&seen(&floats)), QUAD);
+    let scene = with(&[("/scene", json!(0.0)), ("/nodes/0/scale", json!([1, 1.0, 1]))]);
+    assert_eq!(corners(&seen(&scene)), QUAD);
+    for wrong in [json!(6.5), json!(-6), json!(-6.0), json!(1e300), json!("6")] {
+        let message = fault(&with(&[("/accessors/2/count", wrong)]));
+        assert!(message.starts_with("the JSON: not a glTF document: invalid "), "{message}");
+    }
+}
+
+#[test]
+fn scenes_may_lack_nodes() {
+    assert_eq!(corners(&seen(&with(&[("/scenes/-", json!({"name": "unused"}))]))), QUAD);
+    let empty = fault(&with(&[("/scenes/0", json!({}))]));
+    assert_eq!(empty, "the scene: it has no mesh of triangles or points");
+}
+
+#[test]
+fn required_extensions_that_leave_geometry_alone_are_read() {
+    for name in ["KHR_techniques_webgl", "EXT_mesh_features", "KHR_animation_pointer", "KHR_node_visibility"] {
+        let document = with(&[("/extensionsUsed", json!([name])), ("/extensionsRequired", json!([name]))]);
+        assert_eq!(corners(&seen(&document)), QUAD, "{name}");
     }
 }
