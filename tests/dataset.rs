@@ -10,7 +10,9 @@ use std::path::PathBuf;
 use glam::{DMat3, DVec3};
 use image::{ImageBuffer, Rgb, Rgba, RgbaImage};
 use serde_json::{Value, json};
-use strivec::dataset::{Error, ErrorKind, Layout, LoadOptions, Pixels, load, load_cameras, load_transforms_cameras};
+use strivec::dataset::{
+    Error, ErrorKind, Layout, LoadOptions, Pixels, fitting_downscale, load, load_cameras, load_transforms_cameras,
+};
 use strivec::geometry::{Distortion, Projection};
 use tempfile::TempDir;
 
@@ -372,7 +374,13 @@ fn pictures_that_would_not_fit_into_memory_are_refused_before_decoding() {
     let frame = small.json["frames"][0].clone();
     RgbaImage::new(2000, 1000).save(small.path("train/r_0.png")).unwrap();
     small.json["frames"] = Value::Array(vec![frame; 600]);
-    assert_error(small.error(), ErrorKind::Limit, &["transforms_train.json", "pixels", "1200000000"]);
+    let options = LoadOptions { max_memory: 4_700_000_000, ..LoadOptions::default() };
+    let error = small.load(&options).unwrap_err();
+    assert_error(described(error), ErrorKind::Limit, &["transforms_train.json", "4.8 GB", "4.7 GB of `max_memory`"]);
+    // Averaged pixels take four times as much: half the size does not fit, a third does.
+    let fitting = |options: &LoadOptions| fitting_downscale(small.folder.path(), "train", options).unwrap();
+    assert_eq!(fitting(&options), (3, 4_800_000_000));
+    assert_eq!(fitting(&LoadOptions { max_memory: 4_800_000_000, ..options }), (1, 4_800_000_000));
 }
 
 #[test]

@@ -146,6 +146,33 @@ fn write_llff(folder: &Path) {
     write(&folder.join("poses_bounds.npy"), file);
 }
 
+/// Metashape's file, with `calibration` in its sensor; the last photograph was not aligned.
+fn write_metashape(folder: &Path, calibration: &str) {
+    write_pictures(&folder.join("images"), "jpg", 1);
+    let camera = |(n, camera): (usize, &Camera)| {
+        let rows = matrix_of(in_opencv(camera), camera.position);
+        let numbers = rows.as_flattened().iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+        // Labels have the ending of the picture or not.
+        let ending = if n % 2 == 0 { ".jpg" } else { "" };
+        let label = format!("{}{ending}", name(n));
+        format!(
+            r#"<camera id="{n}" sensor_id="3" component_id="0" label="{label}"><transform>{numbers}</transform></camera>"#
+        )
+    };
+    let cameras: String = cameras().iter().enumerate().map(camera).collect();
+    let resolution = r#"<resolution width="24" height="16"/>"#;
+    let xml = format!(
+        r#"<?xml version="1.0" encoding="UTF-8"?>
+        <document version="1.2.0"><chunk label="Chunk 1" enabled="true">
+        <sensors next_id="4"><sensor id="3" label="unknown" type="frame">{resolution}
+        <calibration type="frame" class="initial">{resolution}<f>7</f></calibration>
+        <calibration type="frame" class="adjusted">{resolution}<f>20</f>{calibration}</calibration></sensor></sensors>
+        <cameras next_id="11"><group id="0" label="Group 1">{cameras}</group>
+        <camera id="10" sensor_id="3" label="not aligned"/></cameras></chunk></document>"#
+    );
+    write(&folder.join("cameras.xml"), xml);
+}
+
 fn folder_of(make: impl FnOnce(&Path)) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     make(folder.path());
@@ -179,6 +206,7 @@ fn every_layout_gives_the_same_cameras_and_pictures() {
         (Layout::Transforms, folder_of(write_transforms)),
         (Layout::Nsvf, folder_of(write_nsvf)),
         (Layout::Llff, folder_of(write_llff)),
+        (Layout::Metashape, folder_of(|folder| write_metashape(folder, ""))),
     ];
     for (layout, folder) in layouts {
         assert_eq!(Layout::of(folder.path()).unwrap(), layout);
@@ -192,6 +220,58 @@ fn every_layout_gives_the_same_cameras_and_pictures() {
             let near = |found: f32, expected: f32| (found - expected).abs() < 3.0;
             assert!(near(red, 20.0 * n as f32) && near(green, 100.0) && near(blue, 200.0), "{layout:?} {red}");
         }
+    }
+}
+
+#[test]
+fn metashape_s_lens_is_brown_s_with_its_own_order_of_tangential_terms() {
+    let (cx, cy, b1, k, p) = (0.7, -0.4, 0.3, [0.05, -0.02, 0.007, -0.001], [0.003, -0.002]);
+    let keys = format!(
+        "<cx>{cx}</cx><cy>{cy}</cy><b1>{b1}</b1><k1>{}</k1><k2>{}</k2><k3>{}</k3><k4>{}</k4><p1>{}</p1><p2>{}</p2>",
+        k[0], k[1], k[2], k[3], p[0], p[1]
+    );
+    let folder = folder_of(|folder| write_metashape(folder, &keys));
+    let dataset = all(folder.path());
+    assert_eq!(dataset.lost, 1, "frames without a pose");
+    let (camera, pose) = (dataset.views[2].camera, cameras()[2]);
+    for seen in [DVec3::new(0.3, -0.2, 1.0), DVec3::new(-0.5, 0.4, 1.1), DVec3::new(0.1, 0.3, 0.9)] {
+        // Appendix of Metashape's manual: "Camera models", frame cameras.
+        let (x, y) = (seen.x / seen.z, seen.y / seen.z);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + k[0] * r2 + k[1] * r2.powi(2) + k[2] * r2.powi(3) + k[3] * r2.powi(4);
+        let u = x * radial + p[0] * (r2 + 2.0 * x * x) + 2.0 * p[1] * x * y;
+        let v = y * radial + p[1] * (r2 + 2.0 * y * y) + 2.0 * p[0] * x * y;
+        let expected = [12.0 + cx + u * 20.0 + u * b1, 8.0 + cy + v * 20.0];
+        let found = camera.project(pose.position + in_opencv(&pose) * seen).unwrap();
+        assert!((found.x - expected[0]).abs() < 1e-9 && (found.y - expected[1]).abs() < 1e-9, "{found} {expected:?}");
+    }
+}
+
+#[test]
+fn hostile_files_of_metashape_are_refused() {
+    let folder = folder_of(|folder| write_metashape(folder, ""));
+    let path = folder.path().join("cameras.xml");
+    let text = fs::read_to_string(&path).unwrap();
+    let deep = format!("<document>{}", "<chunk>".repeat(200_000));
+    let bomb = r#"<!DOCTYPE a [<!ENTITY b "bbbb"><!ENTITY c "&b;&b;">]><document>&c;</document>"#;
+    for (changed, parts) in [
+        (deep, &["Metashape's XML"][..]),
+        (bomb.into(), &["Metashape's XML"]),
+        ("<document/>".into(), &["document", "chunk"]),
+        (text.replace("sensor_id=\"3\"", "sensor_id=\"4\""), &["sensor_id", "the id of a sensor"]),
+        (text.replace("type=\"frame\"", "type=\"cylindrical\""), &["sensor \"unknown\": type", "spherical"]),
+        (text.replace("<f>20</f>", "<f>0</f>"), &["the focal length"]),
+        (text.replace("<f>20</f>", "<f>many</f>"), &["sensor \"unknown\": f", "a number"]),
+        (text.replace("<f>20</f>", "<f>20</f><b2>1</b2>"), &["b2", "skew"]),
+        (text.replace("<f>20</f>", "<f>20</f><k1>nan</k1>"), &["finite coefficients"]),
+        (text.replace("width=\"24\"", "width=\"1e9\""), &["1 to 16384"]),
+        (text.replace(" 0 0 0 1</transform>", " 0 0 0</transform>"), &["transform", "16 numbers; found 15"]),
+        (text.replace(" 0 0 0 1</transform>", " 0 0 0 nan</transform>"), &["transform"]),
+        (text.replace("label=\"photo 00.jpg\"", "label=\"../a.jpg\""), &["label", "a picture in images"]),
+    ] {
+        assert_ne!(changed, text, "{parts:?}");
+        write(&path, changed);
+        refused(folder.path(), parts);
     }
 }
 

@@ -167,7 +167,7 @@ const RENAMED: [(&str, &str); 5] = [
     ("files", "--prior"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 21] = [
+const SAME: [&str; 22] = [
     "background",
     "bounds",
     "close",
@@ -175,6 +175,7 @@ const SAME: [&str; 21] = [
     "dilate",
     "downscale",
     "every",
+    "max_memory",
     "min_alpha",
     "min_confidence",
     "min_points",

@@ -77,9 +77,9 @@ struct Machine {
 /// Estimates size, memory and time.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut config = args.settings.configuration()?;
-    let options = args.settings.basics.photographs();
+    let options = args.settings.basics.photographs(&args.dataset, session)?;
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
-    let cameras: Vec<_> = named.into_iter().step_by(options.every).map(|n| n.camera).collect();
+    let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
     let interrupted = interrupts()?;
     let start = Instant::now();
     let (occupied, prior_seconds) = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {

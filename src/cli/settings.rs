@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use super::dataset::DatasetOptions;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
-use crate::dataset::LoadOptions;
+use crate::dataset::{self, LoadOptions};
 use crate::geometry::Camera;
 use crate::prior::VoxelBoxes;
 use crate::train::{self, Budget, TrainConfig};
@@ -46,9 +46,9 @@ pub(super) struct Basics {
     /// Rays per step [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     batch: Option<u32>,
-    /// Downscale photographs N times
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) downscale: u32,
+    /// Downscale photographs N times [default: 1, or as often as --max-memory requires]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: Option<u32>,
     /// Use every Nth photograph only
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
     every: usize,
@@ -77,9 +77,21 @@ fn every(text: &str) -> Result<usize, String> {
 }
 
 impl Basics {
-    /// Selection and size of the photographs.
-    pub(super) fn photographs(&self) -> LoadOptions {
-        LoadOptions { every: self.every, ..self.dataset.load_options(self.downscale) }
+    /// Selection of the photographs to train on in `folder`, and their size: if none is given, the largest that fits into
+    /// the memory for them.
+    pub(super) fn photographs(&self, folder: &Path, session: &Session) -> Result<LoadOptions, Error> {
+        let options = LoadOptions { every: self.every, ..self.dataset.load_options(self.downscale.unwrap_or(1)) };
+        if self.downscale.is_some() {
+            return Ok(options);
+        }
+        let (downscale, bytes) = dataset::fitting_downscale(folder, "train", &options)?;
+        if downscale > 1 {
+            let [full, most] = [bytes, options.max_memory].map(|bytes| bytes as f64 / 1e9);
+            session.console.say(&format!(
+                "--downscale {downscale}: photographs at full size take {full:.1} GB, and --max-memory is {most:.1} GB"
+            ));
+        }
+        Ok(LoadOptions { downscale, ..options })
     }
 
     /// The settings: `preset`, overridden by the file, overridden by single arguments.

@@ -92,13 +92,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
     let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
-    let options = args.settings.basics.photographs();
+    let options = args.settings.basics.photographs(folder, session)?;
     let mut dataset = dataset::load(folder, "train", &options)?;
     session.console.say(&contents(&dataset));
     let held_out = match args.eval_every {
         Some(_) => {
-            let count = dataset::load_cameras(folder, "test", None, &options)?.len();
-            let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..options };
+            let all = LoadOptions { every: 1, ..options.clone() };
+            let count = dataset::load_cameras(folder, "test", None, &all)?.len();
+            let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..all };
             dataset::load(folder, "test", &options)?.views
         }
         None => Vec::new(),

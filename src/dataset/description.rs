@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::capture::Capture;
 use super::shot::Split;
 use super::{Error, Layout, LoadOptions, NamedCamera, files, photographs};
 use crate::geometry::Aabb;
@@ -34,28 +35,24 @@ pub struct Description {
 /// As [`load_cameras`](super::load_cameras)'s.
 pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Error> {
     let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
-    let name = files::name_of(folder);
-    let (splits, missing, points) = (Vec::new(), Vec::new(), None);
-    let mut all = Description { name, layout, splits, masks: 0, lost: 0, missing, points, bounds: None };
-    for split in [Split::Train, Split::Validation, Split::Test].map(Split::name) {
-        let mut capture = match layout.read(folder, split, options.downscale) {
-            Err(Error::MissingSplit { .. } | Error::Split { .. }) if split != "train" => continue,
-            read => read?,
-        };
-        let of_split = match capture.split(split, &options.holdout) {
-            Err(Error::Split { .. } | Error::NoFrames { .. }) => continue,
+    let options = LoadOptions { layout: Some(layout), ..options.clone() };
+    let capture = photographs::capture(folder, "all", &options)?;
+    let mut splits = Vec::new();
+    for name in Split::ALL.map(Split::name) {
+        match capture.split(name, &options.holdout) {
+            Err(Error::Split { .. } | Error::NoFrames { .. } | Error::MissingPictures { .. }) => continue,
             // Test views that are the validation views are counted once.
-            Ok(shots) if split == "test" && shots.iter().any(|shot| shot.split == Some(Split::Validation)) => continue,
-            shots => shots?,
+            Ok(shots) if name == "test" && shots[0].split == Some(Split::Validation) => continue,
+            found => found?,
         };
-        all.masks += of_split.iter().filter(|shot| shot.mask.is_some()).count();
-        all.missing.extend(of_split.iter().map(|shot| &shot.picture).filter(|p| !p.is_file()).cloned());
-        if all.splits.is_empty() || capture.lost > 0 {
-            all.missing.append(&mut capture.left_out);
-        }
-        all.lost += capture.lost;
-        (all.points, all.bounds) = (all.points.or(capture.points.take()), all.bounds.or(capture.bounds));
-        all.splits.push((split, photographs::cameras(capture, split, None, options)?));
+        splits.push((name, photographs::cameras(&capture, name, None, &options)?));
     }
-    if all.splits.is_empty() { Err(Error::NoFrames { path: folder.to_path_buf() }) } else { Ok(all) }
+    if splits.is_empty() {
+        capture.split("all", &options.holdout)?;
+    }
+    let masks = capture.shots.iter().filter(|shot| shot.mask.is_some()).count();
+    let absent = capture.shots.iter().map(|shot| &shot.picture).filter(|picture| !picture.is_file());
+    let missing = capture.left_out.iter().chain(absent).cloned().collect();
+    let Capture { lost, points, bounds, .. } = capture;
+    Ok(Description { name: files::name_of(folder), layout, splits, masks, lost, missing, points, bounds })
 }

@@ -172,6 +172,19 @@ pub enum Error {
         /// The quantity found.
         found: u64,
     },
+    /// Photographs that take more memory than they may.
+    #[error(
+        "{}: the photographs take {:.1} GB of memory, more than the {:.1} GB of `max_memory`; set `downscale`, or load \
+         fewer with `every`", path.display(), *found as f64 / 1e9, *limit as f64 / 1e9
+    )]
+    Memory {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+        /// The most bytes.
+        limit: u64,
+        /// The bytes of the photographs.
+        found: u64,
+    },
     /// A downscale factor of 0 or one that leaves no pixel.
     #[error(
         "{}: `downscale` must be 1 to {}; found {factor}", path.display(), size[0].min(size[1])
@@ -266,7 +279,7 @@ impl Error {
             | Self::NotAFolder { .. }
             | Self::Split { .. }
             | Self::Views { .. } => ErrorKind::Argument,
-            Self::TooLarge { .. } => ErrorKind::Limit,
+            Self::TooLarge { .. } | Self::Memory { .. } => ErrorKind::Limit,
         }
     }
 

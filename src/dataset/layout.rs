@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
 use super::shot::Split;
-use super::{Error, Scan, colmap, llff, nsvf, scannet, transforms};
+use super::{Error, Scan, colmap, llff, metashape, nsvf, scannet, transforms};
 
 /// How photographs and their poses lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -21,11 +21,14 @@ pub enum Layout {
     Llff,
     /// `pose/` and `color/`.
     ScanNet,
+    /// `cameras.xml` and `images/`.
+    Metashape,
 }
 
 impl Layout {
     /// All layouts, in the order in which a folder is compared with them.
-    pub const ALL: [Self; 6] = [Self::Blender, Self::Transforms, Self::Colmap, Self::Nsvf, Self::ScanNet, Self::Llff];
+    pub const ALL: [Self; 7] =
+        [Self::Blender, Self::Transforms, Self::Colmap, Self::Nsvf, Self::ScanNet, Self::Llff, Self::Metashape];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -36,6 +39,7 @@ impl Layout {
             Self::Nsvf => "nsvf",
             Self::Llff => "llff",
             Self::ScanNet => "scannet",
+            Self::Metashape => "metashape",
         }
     }
 
@@ -50,6 +54,7 @@ impl Layout {
             Self::Nsvf => "intrinsics.txt, pose/ and rgb/",
             Self::Llff => "poses_bounds.npy; pictures in images/",
             Self::ScanNet => "pose/ and color/",
+            Self::Metashape => "cameras.xml; pictures in images/",
         }
     }
 
@@ -86,6 +91,7 @@ impl Layout {
             Self::Nsvf => nsvf::is_in(folder),
             Self::ScanNet => Scan::open(folder)?.is_some(),
             Self::Llff => folder.join(llff::POSES).is_file(),
+            Self::Metashape => folder.join(metashape::CAMERAS).is_file(),
         })
     }
 
@@ -107,6 +113,7 @@ impl Layout {
             }
             Self::Nsvf => nsvf::read(folder),
             Self::Llff => llff::read(folder, downscale),
+            Self::Metashape => metashape::read(folder, downscale),
             Self::ScanNet => scannet::read(Scan::open(folder)?.ok_or_else(not_found)?, split),
         }
     }
@@ -126,13 +133,9 @@ fn blender(folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error>
         if !json(name).is_file() {
             return Err(Error::MissingSplit { path: json(name), splits });
         }
-        let of_name = match name {
-            "test" => Split::Test,
-            "val" => Split::Validation,
-            _ => Split::Train,
-        };
-        // Another split's own name stands for itself.
-        shots.extend(transforms::read(&json(name), Some(of_name), downscale)?.shots);
+        // Other splits than these are part of `all` only.
+        let of_name = Split::ALL.into_iter().find(|split| split.name() == name);
+        shots.extend(transforms::read(&json(name), of_name, downscale)?.shots);
     }
     Ok(Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, shots))
 }

@@ -12,6 +12,7 @@ mod error;
 mod files;
 mod layout;
 mod llff;
+mod metashape;
 mod nsvf;
 mod photographs;
 mod picture;
@@ -27,7 +28,7 @@ pub use depth::DepthMap;
 pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
 pub use layout::Layout;
-pub use photographs::{load, load_cameras, load_transforms_cameras};
+pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras};
 pub use pixels::Pixels;
 pub use scan::Scan;
 pub use synthetic::{CameraModel, SynthLayout, SynthOptions, Synthesized, synthesize};
@@ -119,11 +120,26 @@ pub struct LoadOptions {
     pub holdout: Holdout,
     /// True to leave out photographs whose picture does not exist.
     pub skip_missing: bool,
+    /// The most bytes of the loaded photographs: 4 per pixel of 8-bit pictures at full size, 16 per pixel of all others.
+    pub max_memory: u64,
+}
+
+impl LoadOptions {
+    /// The default of [`LoadOptions::max_memory`].
+    pub const MAX_MEMORY: u64 = 8_000_000_000;
 }
 
 impl Default for LoadOptions {
     /// All views at full size.
     fn default() -> Self {
-        Self { downscale: 1, views: None, every: 1, layout: None, holdout: Holdout::default(), skip_missing: false }
+        Self {
+            downscale: 1,
+            views: None,
+            every: 1,
+            layout: None,
+            holdout: Holdout::default(),
+            skip_missing: false,
+            max_memory: Self::MAX_MEMORY,
+        }
     }
 }

@@ -5,18 +5,20 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::capture::Capture;
-use super::picture::{self, Header};
+use super::picture::{self, Header, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
 use super::{Dataset, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
 use crate::geometry::Camera;
 
-/// The most pixels of what is loaded, after downscaling; they take 4 bytes each, 16 where they were averaged or are deep.
-const MAX_PIXELS: u64 = 1 << 30;
+/// Bytes of a pixel in memory: as stored, and averaged or of more than 8 bits.
+const PIXEL_BYTES: (u64, u64) = (4, 16);
 
 /// A photograph that fits its camera.
 struct Fitted<'a> {
     shot: &'a Shot,
     is_turned: bool,
+    /// The picture has more than 8 bits per channel.
+    is_deep: bool,
     /// Columns and rows of the picture.
     size: [u32; 2],
     /// How many times smaller the picture is made.
@@ -35,8 +37,8 @@ pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset
     loaded(files::name_of(folder), capture, split, options)
 }
 
-/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows, before downscaling)
-/// is for datasets that do not say how large their pictures are.
+/// The cameras of the same photographs in the same order; no picture is decoded. `size` (columns and rows, before
+/// downscaling) is for datasets that do not say how large their pictures are.
 ///
 /// # Errors
 ///
@@ -47,7 +49,7 @@ pub fn load_cameras(
     size: Option<[u32; 2]>,
     options: &LoadOptions,
 ) -> Result<Vec<NamedCamera>, Error> {
-    cameras(capture(folder, split, options)?, split, size, options)
+    cameras(&capture(folder, split, options)?, split, size, options)
 }
 
 /// The cameras of all frames of one `transforms.json` file, which need not be in a dataset; else as [`load_cameras`].
@@ -60,39 +62,45 @@ pub fn load_transforms_cameras(
     size: Option<[u32; 2]>,
     options: &LoadOptions,
 ) -> Result<Vec<NamedCamera>, Error> {
-    cameras(transforms::read(json, None, options.downscale)?, "all", size, options)
+    cameras(&transforms::read(json, None, options.downscale)?, "all", size, options)
 }
 
-fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Result<Capture, Error> {
+/// How many times smaller the photographs of the split must be made to fit into `options.max_memory`, and their bytes at
+/// full size. `options.downscale` does not count; no picture is decoded.
+///
+/// # Errors
+///
+/// As [`load`]'s, but for pictures.
+pub fn fitting_downscale(folder: &Path, split: &str, options: &LoadOptions) -> Result<(u32, u64), Error> {
+    let options = LoadOptions { downscale: 1, ..options.clone() };
+    let capture = capture(folder, split, &options)?;
+    let fitted = existing(&capture, split, &options)?;
+    let fits = |factor: &u32| bytes_of(&fitted, *factor) <= options.max_memory;
+    // Loading refuses factors that leave no pixel.
+    Ok(((1..MAX_EDGE).find(fits).unwrap_or(MAX_EDGE), bytes_of(&fitted, 1)))
+}
+
+/// Bytes of `photographs` in memory if they are made `more` times smaller still.
+fn bytes_of(photographs: &[Fitted<'_>], more: u32) -> u64 {
+    photographs.iter().map(|fitted| fitted.bytes(more)).fold(0, u64::saturating_add)
+}
+
+/// The dataset in `folder`, as far as the split `split` needs it.
+pub(super) fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Result<Capture, Error> {
     let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
-    layout.read(folder, split, options.downscale)
-}
-
-/// The photographs of the split `split` of `capture` that `options` select.
-fn loaded(name: String, mut capture: Capture, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    let mut capture = layout.read(folder, split, options.downscale)?;
     if options.skip_missing {
         capture.leave_out_missing();
     }
-    let shots = capture.split(split, &options.holdout)?;
-    let chosen = chosen(&capture.listing, shots.len(), options)?;
-    let shots: Vec<&Shot> = chosen.into_iter().map(|n| shots[n]).collect();
-    let missing: Vec<_> = shots.iter().map(|shot| &shot.picture).filter(|picture| !picture.is_file()).collect();
-    if let Some(first) = missing.first() {
-        let (path, picture) = (capture.listing.clone(), first.to_path_buf());
-        return Err(Error::MissingPictures { path, picture, count: missing.len(), of: shots.len() });
-    }
-    // Collected before the first error is picked, so that it does not depend on which thread was faster.
-    let headers: Vec<_> = shots.par_iter().map(|shot| picture::header(&shot.picture)).collect();
-    let headers = headers.into_iter().collect::<Result<Vec<_>, _>>()?;
-    check_sizes(shots.iter().copied().zip(headers.iter().copied()))?;
-    let fitted = (shots.iter().zip(headers))
-        .map(|(shot, header)| Fitted::new(shot, header, &capture.listing, options.downscale))
-        .collect::<Result<Vec<_>, _>>()?;
-    let pixels = |fitted: &Fitted<'_>| u64::from(fitted.camera.width) * u64::from(fitted.camera.height);
-    let found = fitted.iter().map(pixels).fold(0, u64::saturating_add);
-    if found > MAX_PIXELS {
-        let path = capture.listing.clone();
-        return Err(Error::TooLarge { path, what: "pixels of all pictures", limit: MAX_PIXELS, found });
+    Ok(capture)
+}
+
+/// The photographs of the split `split` of `capture` that `options` select.
+fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) -> Result<Dataset, Error> {
+    let fitted = existing(&capture, split, options)?;
+    let found = bytes_of(&fitted, 1);
+    if found > options.max_memory {
+        return Err(Error::Memory { path: capture.listing.clone(), limit: options.max_memory, found });
     }
     let views: Vec<_> = fitted.par_iter().map(Fitted::view).collect();
     let views = views.into_iter().collect::<Result<_, _>>()?;
@@ -100,32 +108,55 @@ fn loaded(name: String, mut capture: Capture, split: &str, options: &LoadOptions
     Ok(Dataset { name, views, lost, left_out, points, bounds })
 }
 
-/// The cameras of the same split in the same order; no picture is decoded. `size` (columns and rows) is for pictures that
-/// do not exist and whose size the layout does not say.
+/// The cameras of the split `split` of `capture` that `options` select. `size` (columns and rows) is for pictures that do
+/// not exist and whose size the layout does not say.
 pub(super) fn cameras(
-    mut capture: Capture,
+    capture: &Capture,
     split: &str,
     size: Option<[u32; 2]>,
     options: &LoadOptions,
 ) -> Result<Vec<NamedCamera>, Error> {
-    if options.skip_missing {
-        capture.leave_out_missing();
-    }
+    let fitted = fitted(&selected(capture, split, options)?, &capture.listing, size, options)?;
+    Ok(fitted.into_iter().map(|Fitted { shot, camera, .. }| NamedCamera { name: shot.name.clone(), camera }).collect())
+}
+
+/// The shots of the split `split` that `options` select.
+fn selected<'a>(capture: &'a Capture, split: &str, options: &LoadOptions) -> Result<Vec<&'a Shot>, Error> {
     let shots = capture.split(split, &options.holdout)?;
+    Ok(chosen(&capture.listing, shots.len(), options)?.into_iter().map(|n| shots[n]).collect())
+}
+
+/// The photographs that `options` select, all of whose pictures exist.
+fn existing<'a>(capture: &'a Capture, split: &str, options: &LoadOptions) -> Result<Vec<Fitted<'a>>, Error> {
+    let shots = selected(capture, split, options)?;
+    let missing: Vec<_> = shots.iter().map(|shot| &shot.picture).filter(|picture| !picture.is_file()).collect();
+    if let Some(first) = missing.first() {
+        let (path, picture) = (capture.listing.clone(), first.to_path_buf());
+        return Err(Error::MissingPictures { path, picture, count: missing.len(), of: shots.len() });
+    }
+    fitted(&shots, &capture.listing, None, options)
+}
+
+/// `shots` with the cameras of their pictures. Pictures that do not exist are as large as the layout says, else as those
+/// that do, else of `size`.
+fn fitted<'a>(
+    shots: &[&'a Shot],
+    listing: &Path,
+    size: Option<[u32; 2]>,
+    options: &LoadOptions,
+) -> Result<Vec<Fitted<'a>>, Error> {
+    // Collected before the first error is picked, so that it does not depend on which thread was faster.
     let headers: Vec<_> = (shots.par_iter())
         .map(|shot| shot.picture.is_file().then(|| picture::header(&shot.picture)).transpose())
         .collect();
     let headers = headers.into_iter().collect::<Result<Vec<_>, _>>()?;
     check_sizes(shots.iter().zip(&headers).filter_map(|(shot, header)| Some((*shot, (*header)?))))?;
-    // Pictures that do not exist are as large as the layout says, else as those that do, else as the caller says.
     let like = headers.iter().flatten().next().map(Header::turned_size).or(size);
     (shots.iter().zip(headers))
         .map(|(shot, header)| {
-            let size = shot.intrinsics.size.or(like);
-            let header = header.or(size.map(Header::upright));
-            let header = header.ok_or_else(|| Error::UnknownSize { path: capture.listing.clone() })?;
-            let camera = Fitted::new(shot, header, &capture.listing, options.downscale)?.camera;
-            Ok(NamedCamera { name: shot.name.clone(), camera })
+            let header = header.or(shot.intrinsics.size.or(like).map(Header::upright));
+            let header = header.ok_or_else(|| Error::UnknownSize { path: listing.to_path_buf() })?;
+            Fitted::new(shot, header, listing, options.downscale)
         })
         .collect()
 }
@@ -159,11 +190,18 @@ impl<'a> Fitted<'a> {
         shot.intrinsics.check_principal(size, listing)?;
         let factor = if shot.reduced == downscale { 1 } else { downscale };
         let camera = downscaled(shot.camera(size), factor, listing)?;
-        Ok(Self { shot, is_turned, size, factor, camera })
+        Ok(Self { shot, is_turned, is_deep: header.is_deep, size, factor, camera })
+    }
+
+    /// Bytes of the pixels, if the picture is made `more` times smaller still.
+    fn bytes(&self, more: u32) -> u64 {
+        let pixels = self.size.map(|extent| u64::from(extent / (self.factor * more))).iter().product::<u64>();
+        let is_exact = self.factor * more == 1 && !self.is_deep;
+        pixels * if is_exact { PIXEL_BYTES.0 } else { PIXEL_BYTES.1 }
     }
 
     fn view(&self) -> Result<View, Error> {
-        let &Self { shot, is_turned, size, factor, camera } = self;
+        let &Self { shot, is_turned, size, factor, camera, .. } = self;
         let pixels = picture::load(&shot.picture, is_turned, factor)?;
         let mask = shot.mask.as_ref().map(|mask| picture::load_mask(mask, is_turned, size, factor)).transpose()?;
         let mask = match (mask, camera.seen_pixels()) {

@@ -26,12 +26,14 @@ pub(super) struct Header {
     pub(super) size: [u32; 2],
     /// How to turn the stored picture so that up is up.
     pub(super) orientation: Orientation,
+    /// It has more than 8 bits per channel.
+    pub(super) is_deep: bool,
 }
 
 impl Header {
     /// The header of a picture of `size` that is upright.
     pub(super) fn upright(size: [u32; 2]) -> Self {
-        Self { size, orientation: Orientation::NoTransforms }
+        Self { size, orientation: Orientation::NoTransforms, is_deep: false }
     }
 
     /// Columns and rows once the picture is turned.
@@ -53,7 +55,7 @@ pub(super) fn header(path: &Path) -> Result<Header, Error> {
     let header = |bytes: &[u8]| {
         let mut decoder = decoder(path, bytes)?;
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        Ok(Header { size: decoder.dimensions().into(), orientation })
+        Ok(Header { size: decoder.dimensions().into(), orientation, is_deep: is_deep(decoder.color_type()) })
     };
     match header(&head) {
         Err(_) if head.len() as u64 == HEAD_BYTES => {
@@ -70,14 +72,18 @@ pub(super) fn header(path: &Path) -> Result<Header, Error> {
 pub(super) fn load(path: &Path, is_turned: bool, downscale: u32) -> Result<Pixels, Error> {
     let picture = decoded(path, is_turned)?;
     let (width, downscale) = (picture.width() as usize, downscale as usize);
-    let is_deep = !matches!(picture.color(), ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8);
-    Ok(if is_deep {
+    Ok(if is_deep(picture.color()) {
         averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), downscale)
     } else if downscale > 1 {
         averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), downscale)
     } else {
         Pixels::Rgba8(picture.into_rgba8().as_chunks::<4>().0.to_vec())
     })
+}
+
+/// True if a color has more than 8 bits per channel.
+fn is_deep(color: ColorType) -> bool {
+    !matches!(color, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8)
 }
 
 /// \[height\]\[width\] true where the mask at `path` is not black, made `downscale` times smaller: a block counts if all

@@ -16,9 +16,8 @@ pub(super) fn read(json: &Path, visitor: &mut dyn Visitor) -> Result<(), ImportE
     let (mut done, total) = (0, bytes.iter().sum());
     for (map, bytes) in maps.iter().zip(bytes) {
         let points = map.points(most).map_err(|error| ImportError::of_dataset(json, error))?;
-        let received = points.into_iter().try_for_each(|position| {
-            visitor.point(Point::new(position, None, || "a depth".into())?)
-        });
+        let received =
+            points.into_iter().try_for_each(|position| visitor.point(Point::new(position, None, || "a depth".into())?));
         done += bytes;
         received.and_then(|()| visitor.progress(done, total)).map_err(|fault: Fault| fault.of(&map.path))?;
     }

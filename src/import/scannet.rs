@@ -18,7 +18,8 @@ pub(super) struct Scan {
 
 /// The scan of `path`, its folder or a mesh in it; `None` if `path` belongs to no scan.
 pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
-    let Some(dataset::Scan { name, mesh, alignment, .. }) = dataset::Scan::open(path).map_err(|e| ImportError::of_dataset(path, e))?
+    let Some(dataset::Scan { name, mesh, alignment, .. }) =
+        dataset::Scan::open(path).map_err(|e| ImportError::of_dataset(path, e))?
     else {
         return Ok(None);
     };

@@ -99,6 +99,9 @@ mod tests {
 
         // Points in one place have no extent.
         fs::write(&file, "1 1 1\n1 1 1\n").unwrap();
-        assert_eq!(of(Some(&file), None, false), Location { near_far: ray_range(&cameras, None), bounds: None, points: None });
+        assert_eq!(
+            of(Some(&file), None, false),
+            Location { near_far: ray_range(&cameras, None), bounds: None, points: None }
+        );
     }
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::named_value::one_of;
+use crate::cli::quantity;
 use crate::dataset::{Holdout, Layout, LoadOptions};
 
 /// Layout and splits of a dataset.
@@ -20,7 +21,13 @@ pub(in crate::cli) struct DatasetOptions {
     /// Leave out photographs whose pictures do not exist
     #[arg(long, help_heading = "Dataset")]
     skip_missing: bool,
+    /// Maximum memory of the loaded photographs, as in 16GB: 4 bytes per pixel, 16 if downscaled
+    #[arg(long, value_name = "SIZE", default_value = MAX_MEMORY, value_parser = quantity::size, help_heading = "Dataset")]
+    max_memory: u64,
 }
+
+/// The text of the default of [`LoadOptions::max_memory`].
+const MAX_MEMORY: &str = "8GB";
 
 impl DatasetOptions {
     /// Options to load all views, downscaled `downscale` times.
@@ -30,6 +37,7 @@ impl DatasetOptions {
             layout: self.layout,
             holdout: Holdout { every: self.test_every, names: self.test_names.clone() },
             skip_missing: self.skip_missing,
+            max_memory: self.max_memory,
             ..LoadOptions::default()
         }
     }

@@ -171,7 +171,7 @@ fn run(change: &Change, args: &Common, session: &Session) -> Result<(), Error> {
     let (document, _) = scene_file::read_scene_file(&args.file)?;
     let tuning = args.tuning(&document.scene)?;
     let interrupted = interrupts()?;
-    let dataset = dataset::load(&args.dataset, "train", &args.basics.photographs())?;
+    let dataset = dataset::load(&args.dataset, "train", &args.basics.photographs(&args.dataset, session)?)?;
     let start = Instant::now();
     let before: Vec<ScaleUse> = document.scene.scales.iter().map(ScaleUse::of).collect();
     let metadata = Metadata {
