@@ -495,7 +495,14 @@ fn hostile_files_of_the_other_layouts_are_refused() {
         refused(folder.path(), parts);
         write(path, before);
     }
+    fs::remove_file(&pose).unwrap();
+    assert_eq!(all(folder.path()).lost, 1, "pictures without a pose");
+
     let folder = folder_of(write_llff);
+    let images = folder.path().join("images");
+    fs::rename(&images, folder.path().join("photos")).unwrap();
+    refused(folder.path(), &["images must be a folder with a picture for each of the 10 poses"]);
+    fs::rename(folder.path().join("photos"), &images).unwrap();
     let array = |shape: &[usize], values: &[f64]| {
         let mut file = Vec::new();
         npy::write(&mut file, shape, values.iter().copied()).unwrap();

@@ -25,6 +25,10 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let path = folder.join(POSES);
     let rows = rows_of(&path)?;
     let (images, reduced) = files::reduced(&folder.join("images"), downscale);
+    if !images.is_dir() {
+        let expected = format!("a folder with a picture for each of the {} poses in {POSES}", rows.len());
+        return Err(Error::text(folder, "images", expected, "no such folder"));
+    }
     let pictures = files::pictures_in(&images)?;
     if pictures.len() != rows.len() {
         let expected = format!("a pose for each of the {} pictures in {}", pictures.len(), images.display());

@@ -33,10 +33,15 @@ pub(super) fn read(folder: &Path) -> Result<Capture, Error> {
         }
     }
     names.sort();
+    let has_pose = |picture: &PathBuf| {
+        let stem = picture.file_stem().and_then(|stem| stem.to_str());
+        stem.is_some_and(|stem| names.binary_search_by(|name| name.as_str().cmp(stem)).is_ok())
+    };
+    let lost = files::pictures_in(&folder.join("rgb"))?.iter().filter(|picture| !has_pose(picture)).count();
     let shots = names.into_iter().map(|name| shot(folder, &poses, name, intrinsics)).collect::<Result<Vec<_>, _>>()?;
     let bounds = folder.join("bbox.txt");
     let bounds = if bounds.is_file() { Some(bounds_of(&bounds)?) } else { None };
-    Ok(Capture { bounds, ..Capture::new(&poses, shots) })
+    Ok(Capture { bounds, lost, ..Capture::new(&poses, shots) })
 }
 
 fn shot(folder: &Path, poses: &Path, name: String, intrinsics: Intrinsics) -> Result<Shot, Error> {

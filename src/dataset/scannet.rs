@@ -34,7 +34,7 @@ pub(super) fn read(scan: Scan, split: &str) -> Result<Capture, Error> {
         // Reading the pose of such a number reports pictures without a pose.
         frames.append(&mut numbers(&color, &files::PICTURES)?);
     }
-    let mut capture = Capture { points: scan.mesh.clone(), ..Capture::new(&poses, Vec::new()) };
+    let mut capture = Capture { points: scan.mesh.clone(), ..Capture::new(&scan.folder, Vec::new()) };
     for (index, number) in frames.into_iter().enumerate() {
         let own = if index % TEST_EVERY == FIRST_TEST { Split::Test } else { Split::Train };
         if !(split == "all" || split == own.name()) {
