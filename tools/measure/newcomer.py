@@ -11,10 +11,13 @@ target/release/strivec (or --command FILE).
 import argparse
 import json
 import math
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
+# Lines that a terminal overwrites.
+PROGRESS = re.compile(r"\w+: \d+/\d+")
 SIZE = ["--views", "21", "--test-views", "3", "--size", "80x80"]
 
 
@@ -131,7 +134,7 @@ def main():
                 raise SystemExit(made.stderr)
             if layout == "metashape":
                 metashape(folder)
-        shown = [line for line in train(folder) if "%" not in line and not line.startswith("train:")][:3]
+        shown = [line for line in train(folder) if not PROGRESS.match(line)][:3]
         print(f"| `{layout}` | {'; '.join(f'`{line}`' for line in shown)} |", flush=True)
     print("\n| layout | mistake | message |\n|---|---|---|")
     for layout, mistakes in MISTAKES.items():
