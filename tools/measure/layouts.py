@@ -16,7 +16,7 @@ import subprocess
 import time
 from pathlib import Path
 
-LAYOUTS = ["blender", "transforms", "colmap", "colmap-text", "nsvf", "llff"]
+LAYOUTS = ["blender", "transforms", "colmap", "colmap-text", "nsvf", "llff", "metashape"]
 CAMERAS = [
     "pinhole",
     "simple-radial",
@@ -87,8 +87,9 @@ def main():
         measure(f"{layout} pinhole", dataset(layout, "pinhole"))
     for camera in CAMERAS[1:]:
         measure(f"colmap {camera}", dataset("colmap", camera))
-    for camera in ("opencv", "opencv-fisheye"):
-        measure(f"transforms {camera}", dataset("transforms", camera))
+    for layout in ("transforms", "metashape"):
+        for camera in ("opencv", "opencv-fisheye"):
+            measure(f"{layout} {camera}", dataset(layout, camera))
     # Distorted pictures with their lens taken away.
     folder = dataset("transforms", "opencv")
     path = folder / "transforms.json"

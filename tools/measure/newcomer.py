@@ -10,7 +10,6 @@ target/release/strivec (or --command FILE).
 
 import argparse
 import json
-import math
 import re
 import shutil
 import subprocess
@@ -45,27 +44,6 @@ def without_focal(content):
     for holder in [content, *content["frames"]]:
         for key in ("fl_x", "fl_y", "camera_angle_x", "camera_angle_y"):
             holder.pop(key, None)
-
-
-def metashape(folder):
-    """Metashape's file for the Blender layout in `folder`, as its exporter writes it."""
-    content = json.loads((folder / "transforms_train.json").read_text())
-    images = folder / "images"
-    (folder / "train").rename(images)
-    focal = 40 / math.tan(content["camera_angle_x"] / 2)
-    cameras = ""
-    for number, frame in enumerate(content["frames"]):
-        rows = [[a, -b, -c, d] for a, b, c, d in frame["transform_matrix"][:3]] + [[0, 0, 0, 1]]
-        numbers = " ".join(repr(float(v)) for row in rows for v in row)
-        label = Path(frame["file_path"]).stem
-        cameras += f'<camera id="{number}" sensor_id="0" label="{label}"><transform>{numbers}</transform></camera>\n'
-    size = '<resolution width="80" height="80"/>'
-    sensor = f'<sensor id="0" label="synthetic" type="frame">{size}<calibration class="adjusted">{size}<f>{focal}</f></calibration>'
-    (folder / "cameras.xml").write_text(
-        f'<document version="1.2.0"><chunk><sensors>{sensor}</sensor></sensors><cameras>\n{cameras}</cameras></chunk></document>'
-    )
-    for path in folder.glob("transforms_*.json"):
-        path.unlink()
 
 
 # Layout: mistakes, each a description and a function of the folder.
@@ -129,11 +107,9 @@ def main():
     for layout in MISTAKES:
         folder = args.out / layout
         if not folder.exists():
-            made = run("synth", folder, "--layout", "blender" if layout == "metashape" else layout, *SIZE)
+            made = run("synth", folder, "--layout", layout, *SIZE)
             if made.returncode != 0:
                 raise SystemExit(made.stderr)
-            if layout == "metashape":
-                metashape(folder)
         shown = [line for line in train(folder) if not PROGRESS.match(line)][:3]
         print(f"| `{layout}` | {'; '.join(f'`{line}`' for line in shown)} |", flush=True)
     print("\n| layout | mistake | message |\n|---|---|---|")

@@ -24,6 +24,8 @@ pub enum SynthLayout {
     Llff,
     /// [`Layout::ScanNet`].
     ScanNet,
+    /// [`Layout::Metashape`].
+    Metashape,
 }
 
 /// A picture to be made.
@@ -46,8 +48,16 @@ impl Photograph {
 
 impl SynthLayout {
     /// All layouts.
-    pub const ALL: [Self; 7] =
-        [Self::Blender, Self::Transforms, Self::Colmap, Self::ColmapText, Self::Nsvf, Self::Llff, Self::ScanNet];
+    pub const ALL: [Self; 8] = [
+        Self::Blender,
+        Self::Transforms,
+        Self::Colmap,
+        Self::ColmapText,
+        Self::Nsvf,
+        Self::Llff,
+        Self::ScanNet,
+        Self::Metashape,
+    ];
 
     /// The layout as which it is read.
     pub fn layout(self) -> Layout {
@@ -58,6 +68,7 @@ impl SynthLayout {
             Self::Nsvf => Layout::Nsvf,
             Self::Llff => Layout::Llff,
             Self::ScanNet => Layout::ScanNet,
+            Self::Metashape => Layout::Metashape,
         }
     }
 
@@ -82,13 +93,24 @@ impl SynthLayout {
                 CameraModel::RadialFisheye,
                 CameraModel::Equirectangular,
             ],
+            // Its calibrations have neither a divisor nor a thin prism.
+            Self::Metashape => &[
+                CameraModel::Pinhole,
+                CameraModel::SimpleRadial,
+                CameraModel::Radial,
+                CameraModel::OpenCv,
+                CameraModel::OpenCvFisheye,
+                CameraModel::SimpleRadialFisheye,
+                CameraModel::RadialFisheye,
+                CameraModel::Equirectangular,
+            ],
             Self::Blender | Self::Nsvf | Self::Llff | Self::ScanNet => &[CameraModel::Pinhole],
         }
     }
 
     /// True if every eighth picture by name is a test view, so that the number of training views fixes that of test views.
     pub fn holds_out_every_eighth(self) -> bool {
-        matches!(self, Self::Colmap | Self::ColmapText | Self::Llff)
+        matches!(self, Self::Colmap | Self::ColmapText | Self::Llff | Self::Metashape)
     }
 
     /// The number of test views for `views` training views if the layout fixes it.

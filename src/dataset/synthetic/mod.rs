@@ -9,6 +9,7 @@ mod colmap;
 mod layout;
 mod matrices;
 mod mesh;
+mod metashape;
 mod occupancy;
 mod options;
 mod pictures;
@@ -97,6 +98,7 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
         }
         SynthLayout::Nsvf => matrices::write_nsvf(out, &photographs)?,
         SynthLayout::Llff => matrices::write_llff(out, &photographs, &sparse_points())?,
+        SynthLayout::Metashape => metashape::write_metashape(out, &photographs, camera)?,
     }
     let mesh = Mesh::of_scene(&scene);
     write(&out.join("mesh.ply"), |file| mesh.write_ply(file))?;
