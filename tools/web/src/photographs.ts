@@ -82,15 +82,31 @@ export class Photographs {
   }
 }
 
+/** Keys of a lens, at the top of a `transforms` file or in a frame. */
+const LENS = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+interface Lens {
+  camera_model?: unknown;
+  is_fisheye?: unknown;
+}
+
+/** True if `keys` are of photographs that are not a pinhole's. */
+function hasLens(keys: Lens): boolean {
+  const isBent = LENS.some((key) => Number((keys as Record<string, unknown>)[key] ?? 0) !== 0);
+  return isBent || keys.is_fisheye === true || /FISHEYE|EQUIRECTANGULAR/i.test(String(keys.camera_model ?? ""));
+}
+
 function framesOf(name: string, text: string): Frame[] {
   const wrong = (what: string): Error => new Error(`photographs: ${name}: ${what}`);
-  let list: { frames?: { file_path?: unknown; transform_matrix?: unknown }[] };
+  let list: Lens & { frames?: (Lens & { file_path?: unknown; transform_matrix?: unknown })[] };
   try {
     list = JSON.parse(text) as typeof list;
   } catch {
     throw wrong("not JSON");
   }
   if (!Array.isArray(list?.frames)) throw wrong("has no frames");
+  if ([list, ...list.frames].some((keys) => keys && hasLens(keys))) {
+    throw wrong("the photographs have a lens, which a page does not undo; open them in the desktop player");
+  }
   return list.frames.map((frame, n) => {
     const pose = Array.isArray(frame?.transform_matrix) ? frame.transform_matrix.flat().map(Number) : [];
     if (typeof frame?.file_path !== "string" || pose.length !== 16) {

@@ -199,6 +199,10 @@ test("training cameras can be chosen, and their photographs blended in", async (
     assert.equal(await viewer.call((v) => v.photographShare), 0);
     assert.equal(await viewer.call((v) => v.photographs("nowhere.json")), false);
     assert.match(await viewer.message(), /nowhere.json cannot be read/);
+    const bent = JSON.stringify({ k1: 0.1, frames: [{ file_path: "a", transform_matrix: rows }] });
+    const accepted = await viewer.call((v, text) => v.photographs([new File([text], "transforms.json")]), bent);
+    assert.equal(accepted, false);
+    assert.match(await viewer.message(), /transforms.json: the photographs have a lens/);
     await viewer.page.close();
   } finally {
     await own.close();
