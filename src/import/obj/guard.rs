@@ -17,7 +17,8 @@ pub(super) struct Guard<'g, 'a> {
     text: Vec<u8>,
     read: usize,
     vertices: u64,
-    /// True if the first vertex has a color; then all must.
+    /// True if the first vertex has a color; then vertices without one are white. Otherwise all colors are dropped:
+    /// `tobj` would assign them to wrong vertices.
     colored: bool,
     /// Corners since the last group.
     corners: usize,
@@ -50,24 +51,22 @@ impl<'g, 'a> Guard<'g, 'a> {
     }
 
     fn vertex(&mut self) -> Result<(), Fault> {
-        let colored = self.statements.vertex()?.color.is_some();
+        let vertex = self.statements.vertex()?;
         if self.vertices == 0 {
-            self.colored = colored;
-        }
-        // `tobj` would assign the colors to wrong vertices.
-        if colored != self.colored {
-            let expected = if self.colored {
-                "a vertex with a color, like the first one"
-            } else {
-                "a vertex without a color, like the first one"
-            };
-            return Err(self.statements.wrong(expected));
+            self.colored = vertex.color.is_some();
         }
         self.vertices += 1;
+        let own_words = if vertex.color.is_some() && !self.colored { 3 } else { usize::MAX };
         self.text.push(b'v');
-        for word in self.statements.words() {
-            self.text.push(b' ');
-            self.text.extend_from_slice(word);
+        if self.colored && vertex.color.is_none() {
+            let [x, y, z] = vertex.position.to_array();
+            // White.
+            write!(self.text, " {x} {y} {z} 1 1 1")?;
+        } else {
+            for word in self.statements.words().take(own_words) {
+                self.text.push(b' ');
+                self.text.extend_from_slice(word);
+            }
         }
         self.text.push(b'\n');
         Ok(())

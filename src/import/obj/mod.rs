@@ -1,8 +1,9 @@
 //! OBJ: Wavefront's meshes, through `tobj`.
 //!
-//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into triangles. A file without
-//! polygons is a point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are
-//! ignored; `mtllib` opens no file. Indices of faces may be positive or negative, but only of earlier vertices.
+//! Read: vertices with their colors (`v x y z r g b`, from 0 to 1), and polygons, cut into triangles. In a mesh whose
+//! first vertex has a color, vertices without one are white; if it has none, no vertex has one. A file without polygons
+//! is a point cloud of its vertices. Points, lines, normals, texture coordinates, groups and materials are ignored;
+//! `mtllib` opens no file. Indices of faces may be positive or negative, but only of earlier vertices.
 //! Free-form surfaces are not supported.
 //!
 //! `tobj` overflows on some indices, assigns colors to wrong vertices if some have none, requires UTF-8 and reports no

@@ -41,6 +41,15 @@ fn polygons_become_fans_whatever_their_corners_name() {
 }
 
 #[test]
+fn some_vertices_may_have_colors() {
+    let file = "v 1 0 0 1 0 0\nv 2 0 0\nv 6 0 0 2\nf 1 2 3\n";
+    assert_eq!(corners(&seen(file)), [[1.0, 2.0, 3.0]]);
+    assert_eq!(seen(file).triangles[0].map(|corner| corner.color), [[255, 0, 0], [255; 3], [255; 3]].map(Some));
+    let uncolored = seen("v 1 0 0\nv 2 0 0 1 0 0\nv 3 0 0\nf 1 2 3\n");
+    assert_eq!(uncolored.triangles[0].map(|corner| corner.color), [None; 3]);
+}
+
+#[test]
 fn colors_stay_with_their_vertices() {
     let seen = seen("v 1 0 0 1 0 0\nv 2 0 0 0 1 0\nv 3 0 0 0.5 2 -1\nf 3 1 2\n");
     assert_eq!(
@@ -125,14 +134,6 @@ fn what_is_no_obj() {
         ("v 1 nan 2\n", "line 1: expected finite coordinates, found [1, NaN, 2]".into()),
         ("v 1 1e999 2\nf 1 1 1\n", "line 1: expected finite coordinates, found [1, inf, 2]".into()),
         ("v 1 2 3 0\nf 1 1 1\n", "line 1: expected finite coordinates, found [inf, inf, inf]".into()),
-        (
-            "v 1 2 3\nv 1 2 3 0 0 0\nf 1 1 1\n",
-            "line 2: expected a vertex without a color, like the first one, found \"v 1 2 3 0 0 0\"".into(),
-        ),
-        (
-            "v 1 2 3 0 0 0\nv 1 2 3\nf 1 1 1\n",
-            "line 2: expected a vertex with a color, like the first one, found \"v 1 2 3\"".into(),
-        ),
         (
             "v 0 0 0\ncstype bezier\nsurf 0 1 0 1 1 1 1 1\n",
             "the free-form surface in line 3 is not supported: export it as polygons".into(),
