@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
-use super::{
-    arrays, colmap, depth, e57, gltf, las, obj, octomap, off, pcd, ply, scannet, splats, stl, torch, xyz,
-};
+use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, off, pcd, ply, scannet, splats, stl, torch, xyz};
 
 /// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,8 @@
 
 writes FOLDER/manifest.json: for each file its package and version, the number of points or triangles, and bounds, sum and mean
 color of its points or of the mesh's vertices before a format rounds them; "tolerance" is the largest error of a coordinate.
-A package that is not installed is skipped with a message; open3d needs libusb-1.0.
+A package that is not installed is skipped with a message; open3d needs libusb-1.0. `splat-transform`, of the package
+@playcanvas/splat-transform for Node.js, is run if it is found.
 
     V/bin/python tools/measure/foreign_geometry.py FOLDER --check target/release/strivec
 
@@ -25,6 +26,8 @@ from pathlib import Path
 import numpy as np
 
 POINTS = 5000
+# Installed packages by the name of their module.
+DISTRIBUTIONS = importlib.metadata.packages_distributions()
 # The step of LAS, in units of the cloud.
 SCALE = 1e-4
 ROTATION = [0.5, 0.5, -0.5, 0.5]
@@ -72,13 +75,13 @@ class Folder:
         self.files = []
         self.skipped = {}
 
-    def add(self, name, package, kind, count, position, color, tolerance=0.0):
+    def add(self, name, package, kind, count, position, color, tolerance=0.0, version=None):
         self.files.append(
             {
                 "file": name,
                 "format": name.split(".", 1)[1],
                 "package": package,
-                "version": importlib.metadata.version(package),
+                "version": version or importlib.metadata.version(DISTRIBUTIONS[package][0]),
                 "kind": kind,
                 "count": count,
                 "bounds": [position.min(axis=0).tolist(), position.max(axis=0).tolist()],
@@ -93,9 +96,9 @@ class Folder:
         position = found if position is None else position
         self.add(name, package, "points", len(position), position, colors if color else None, tolerance)
 
-    def triangles(self, name, package, color=True):
+    def triangles(self, name, package, color=True, tolerance=0.0):
         vertices, faces, colors = mesh()
-        self.add(name, package, "triangles", len(faces), vertices, colors if color else None)
+        self.add(name, package, "triangles", len(faces), vertices, colors if color else None, tolerance)
 
 
 def write_numpy(folder):
@@ -143,7 +146,7 @@ def write_trimesh(folder):
     import trimesh
 
     vertices, faces, colors = mesh()
-    for ending in ("ply", "obj", "glb", "gltf"):
+    for ending in ("ply", "obj", "glb", "gltf", "off", "stl"):
         made = trimesh.Trimesh(vertices, faces, process=False)
         made.visual.vertex_colors = colors
         file = f"trimesh-mesh.{ending}"
@@ -153,7 +156,7 @@ def write_trimesh(folder):
         else:
             made.export(folder.path / file)
         # trimesh puts sRGB where glTF's colors are linear.
-        folder.triangles(file, "trimesh", color=ending not in ("glb", "gltf"))
+        folder.triangles(file, "trimesh", color=ending in ("ply", "obj"))
     position, color = cloud()
     for ending in ("ply", "xyz"):
         trimesh.PointCloud(position, color).export(folder.path / f"trimesh.{ending}")
@@ -217,15 +220,46 @@ def write_open3d(folder):
         file = f"open3d-{name}.pcd"
         open3d.io.write_point_cloud(str(folder.path / file), made, **keywords)
         folder.points(file, "open3d", tolerance=1e-7)
-    for ending, colored in (("xyz", False), ("xyzrgb", True), ("pts", True), ("ply", True)):
-        # Its XYZRGB is plain XYZ with colors to one.
-        file = "open3d-rgb.xyz" if ending == "xyzrgb" else f"open3d.{ending}"
-        written = folder.path / f"open3d.{ending}"
-        open3d.io.write_point_cloud(str(written), made)
-        if ending == "xyzrgb":
-            written.rename(folder.path / file)
-            colored = False
-        folder.points(file, "open3d", color=colored, tolerance=1e-7)
+    made.normals = open3d.utility.Vector3dVector(color / 255)
+    for ending, colored in (("xyz", False), ("xyzn", False), ("xyzrgb", True), ("pts", True), ("ply", True)):
+        open3d.io.write_point_cloud(str(folder.path / f"open3d.{ending}"), made)
+        folder.points(f"open3d.{ending}", "open3d", color=colored, tolerance=1e-7)
+    vertices, faces, colors = mesh()
+    made = open3d.geometry.TriangleMesh(open3d.utility.Vector3dVector(vertices), open3d.utility.Vector3iVector(faces))
+    made.vertex_colors = open3d.utility.Vector3dVector(colors / 255)
+    made.compute_triangle_normals()
+    for ending, colored in (("ply", True), ("obj", True), ("off", True), ("stl", False), ("glb", False)):
+        open3d.io.write_triangle_mesh(str(folder.path / f"open3d-mesh.{ending}"), made)
+        folder.triangles(f"open3d-mesh.{ending}", "open3d", color=colored, tolerance=1e-6)
+
+
+def write_splat_transform(folder):
+    from plyfile import PlyData, PlyElement
+
+    position, color = cloud()
+    names = ["x", "y", "z", *(f"f_dc_{n}" for n in range(3)), "opacity"]
+    names += [*(f"scale_{n}" for n in range(3)), *(f"rot_{n}" for n in range(4))]
+    rows = np.empty(len(position), dtype=[(name, "f4") for name in names])
+    random = np.random.default_rng(9)
+    for n in range(3):
+        rows[names[n]] = position[:, n]
+        rows[f"f_dc_{n}"] = (color[:, n] / 255 - 0.5) / 0.28209479177387814
+        rows[f"scale_{n}"] = random.uniform(-7, -5, len(rows))
+    for n in range(4):
+        rows[f"rot_{n}"] = random.normal(size=len(rows))
+    rows["opacity"] = random.uniform(-1, 4, len(rows))
+    source = folder.path / "plyfile-splats.ply"
+    PlyData([PlyElement.describe(rows, "vertex")]).write(source)
+    folder.points(source.name, "plyfile", tolerance=1e-9)
+    version = subprocess.run(["splat-transform", "--version"], capture_output=True, text=True, check=True)
+    version = (version.stdout + version.stderr).split()[1].removeprefix("v")
+    # Half of SPZ's step, and of 1/2047 of a packed chunk.
+    for ending, tolerance in (("ply", 1e-9), ("compressed.ply", 1e-3), ("spz", 2e-4)):
+        file = f"splat-transform.{ending}"
+        subprocess.run(["splat-transform", "-w", source, folder.path / file], capture_output=True, check=True)
+        # SPZ's y and z point up and back, those of the PLY down and to the front.
+        turned = position * ([1, -1, -1] if ending == "spz" else 1)
+        folder.add(file, "splat-transform", "points", len(position), turned, color, tolerance, version)
 
 
 def write_pypcd4(folder):
@@ -262,7 +296,9 @@ def check(command, folder, entry):
     points = entry["kind"] == "points"
     with tempfile.TemporaryDirectory() as out:
         words = [command, "--quiet", "--json", "prior", folder / entry["file"], "-o", f"{out}/prior.npz", "--voxel", str(voxel)]
-        done = subprocess.run([*words, *([] if points else ["--vertices"])], capture_output=True, text=True)
+        # Splats fill cells beside their centers.
+        plain = points and "splat" not in entry["file"]
+        done = subprocess.run([*words, *([] if plain else ["--vertices"])], capture_output=True, text=True)
         if done.returncode != 0:
             return done.stderr.strip()
         said = json.loads(done.stdout)
@@ -299,7 +335,7 @@ def main():
     folder.path.mkdir(parents=True, exist_ok=True)
     for write in (
         *(write_numpy, write_plyfile, write_trimesh, write_laspy, write_pye57),
-        *(write_open3d, write_pypcd4, write_pycolmap),
+        *(write_open3d, write_pypcd4, write_pycolmap, write_splat_transform),
     ):
         name = write.__name__.removeprefix("write_")
         try:

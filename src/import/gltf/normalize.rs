@@ -32,10 +32,7 @@ pub(super) fn one<'de, D: Deserializer<'de>, T: Deserialize<'de>>(entry: D) -> R
     T::deserialize(Normal { left: &mut MAX_ENTRIES.clone() }.deserialize(entry)?).map_err(D::Error::custom)
 }
 
-fn few_of<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
-    list: D,
-    adjust: fn(&mut Value),
-) -> Result<Vec<T>, D::Error> {
+fn few_of<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D, adjust: fn(&mut Value)) -> Result<Vec<T>, D::Error> {
     struct Few<T>(fn(&mut Value), PhantomData<T>);
     impl<'de, T: Deserialize<'de>> Visitor<'de> for Few<T> {
         type Value = Vec<T>;
