@@ -131,7 +131,9 @@ def by_splat_transform(path):
 
         vertex = PlyData.read(out)["vertex"]
     kept = 1 / (1 + np.exp(-np.asarray(vertex["opacity"], float))) >= 0.1
-    return points(np.stack([np.asarray(vertex[axis]) for axis in "xyz"], 1)[kept])
+    # SPZ's y and z point up and back; the converter turns them down and to the front.
+    signs = [1, -1, -1] if path.suffix == ".spz" else [1, 1, 1]
+    return points(signs * np.stack([np.asarray(vertex[axis]) for axis in "xyz"], 1)[kept])
 
 
 MESHES = [by_trimesh, by_assimp, by_open3d]
@@ -203,7 +205,7 @@ def judge(command, path):
         name = reader.__name__.removeprefix("by_")
         try:
             found = reader(path)
-            if len(found.places) and np.isfinite(found.places).any():
+            if np.isfinite(found.places.reshape(-1, 3)).all(1).any():
                 founds.append((name, found))
             else:
                 reasons.append(f"{name}: nothing")

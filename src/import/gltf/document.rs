@@ -21,7 +21,7 @@ const HARMLESS: [&str; 15] = [
     "KHR_lights_punctual",
     "EXT_lights_",
     "KHR_mesh_quantization",
-    "KHR_techniques_webgl",
+    "KHR_technique",
     "KHR_animation_pointer",
     "KHR_node_",
     "KHR_interactivity",
