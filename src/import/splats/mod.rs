@@ -59,7 +59,9 @@ impl Splat {
         let rotation = DQuat::from_xyzw(x, y, z, w);
         let length = rotation.length();
         let rotation = if length.is_normal() { rotation / length } else { DQuat::IDENTITY };
-        let deviation = |n: usize| DEVIATIONS * self.deviations[n].max(0.0).min(MAX_DEVIATION);
+        // NaN is 0.
+        let bounded = |value: f64| if value > 0.0 { value.min(MAX_DEVIATION) } else { 0.0 };
+        let deviation = |n: usize| DEVIATIONS * bounded(self.deviations[n]);
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         visitor.splat(center, [0, 1, 2].map(|n| rotation * (deviation(n) * axes[n])))
     }
