@@ -515,3 +515,26 @@ fn hostile_files_of_the_other_layouts_are_refused() {
     array(&[17, 10], &[0.0; 170]);
     refused(folder.path(), &["[photographs][17]"]);
 }
+
+#[cfg(unix)]
+#[test]
+fn links_in_circles_end_with_an_error() {
+    let folder = folder_of(write_transforms);
+    let circle = |path: &str| {
+        let path = folder.path().join(path);
+        fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink(path.file_name().unwrap(), &path).unwrap();
+    };
+    circle(&format!("images/{}.jpg", name(3)));
+    let dataset = all(folder.path());
+    assert_eq!((dataset.views.len(), dataset.left_out.len()), (PHOTOGRAPHS - 1, 1), "the picture does not exist");
+    circle("transforms.json");
+    let options = LoadOptions { layout: Some(Layout::Transforms), ..LoadOptions::default() };
+    let error = load(folder.path(), "all", &options).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Io, "{error}");
+
+    let folder = folder_of(write_llff);
+    fs::remove_dir_all(folder.path().join("images")).unwrap();
+    std::os::unix::fs::symlink("images", folder.path().join("images")).unwrap();
+    refused(folder.path(), &["images must be a folder"]);
+}

@@ -581,7 +581,13 @@ fn scenes_may_lack_nodes() {
 
 #[test]
 fn required_extensions_that_leave_geometry_alone_are_read() {
-    for name in ["KHR_techniques_webgl", "KHR_technique_webgl", "EXT_mesh_features", "KHR_animation_pointer", "KHR_node_visibility"] {
+    for name in [
+        "KHR_techniques_webgl",
+        "KHR_technique_webgl",
+        "EXT_mesh_features",
+        "KHR_animation_pointer",
+        "KHR_node_visibility",
+    ] {
         let document = with(&[("/extensionsUsed", json!([name])), ("/extensionsRequired", json!([name]))]);
         assert_eq!(corners(&seen(&document)), QUAD, "{name}");
     }
