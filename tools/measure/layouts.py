@@ -3,15 +3,17 @@
 
     tools/measure/layouts.py --out layouts --preset fast --steps 1500
 
-makes the datasets with `strivec synth`, trains each and prints two tables. "own" is the PSNR of the dataset's own test views,
+makes the datasets with `strivec synth`, trains each and prints a table. "own" is the PSNR of the dataset's own test views,
 "pinhole" that of the test views of the Blender layout, which have the same viewpoints. Equirectangular pictures are 8.73 times as
-wide and 4.365 times as high as the others, so that the scene has as many pixels. The last row of the second table trains on
-pictures with distortion as if they had none. --prior gives all trainings the exact mesh. Rows in OUT/rows.json are not measured
-again. Needs target/release/strivec (or --command FILE).
+wide and 4.365 times as high as the others, so that the scene has as many pixels. The last row trains on pictures with distortion
+as if they had none. --prior gives all trainings the exact mesh. With --seeds N, rows are means of trainings with the seeds 0 to
+N - 1, with their standard errors; layouts that are read as the same numbers train to the same file, so only camera models repeat.
+Trainings in OUT/rows.json are not repeated. Needs target/release/strivec (or --command FILE).
 """
 
 import argparse
 import json
+import statistics
 import subprocess
 import time
 from pathlib import Path
@@ -42,7 +44,8 @@ def arguments():
     parser.add_argument("--preset", default="fast")
     parser.add_argument("--config", help="Settings of `strivec train`; replaces --preset")
     parser.add_argument("--steps", type=int, default=1500)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="Seed of the scene")
+    parser.add_argument("--seeds", type=int, default=1, help="Trainings of each camera model")
     parser.add_argument("--prior", action="store_true", help="Give all trainings the exact mesh")
     parser.add_argument("--command", default="target/release/strivec")
     return parser.parse_args()
@@ -67,26 +70,27 @@ def main():
             run("synth", folder, *words, "--views", args.views, "--test-views", args.test_views)
         return folder
 
-    def measure(name, folder):
+    def measure(name, folder, seeds=1):
         key = name + (" prior" if args.prior else "")
-        if key in rows:
-            return
-        scene = args.out / f"{key.replace(' ', '-')}.strivec"
-        settings = ["--config", args.config] if args.config else ["--preset", args.preset]
-        prior = ["--prior", truth / "mesh.ply"] if args.prior else []
-        begin = time.time()
-        trained = run("train", folder, "-o", scene, *settings, "--steps", args.steps, "--seed", args.seed, *prior)
-        seconds = time.time() - begin
-        own, pinhole = (run("eval", scene, where)["psnr"] for where in (folder, truth))
-        rows[key] = {"own": own, "pinhole": pinhole, "seconds": seconds, "trained": trained}
-        stored.write_text(json.dumps(rows, indent=1))
-        print(f"{key}: own {own:.2f} dB, pinhole {pinhole:.2f} dB, {seconds:.0f} s", flush=True)
+        row = rows.setdefault(key, [])
+        for seed in range(len(row), seeds):
+            scene = args.out / f"{key.replace(' ', '-')}.strivec"
+            settings = ["--config", args.config] if args.config else ["--preset", args.preset]
+            prior = ["--prior", truth / "mesh.ply"] if args.prior else []
+            begin = time.time()
+            run("train", folder, "-o", scene, *settings, "--steps", args.steps, "--seed", seed, *prior)
+            seconds = time.time() - begin
+            own, pinhole = (run("eval", scene, where)["psnr"] for where in (folder, truth))
+            row.append({"own": own, "pinhole": pinhole, "seconds": seconds})
+            stored.write_text(json.dumps(rows, indent=1))
+            print(f"{key}, seed {seed}: own {own:.2f} dB, pinhole {pinhole:.2f} dB, {seconds:.0f} s", flush=True)
 
     truth = dataset("blender", "pinhole")
-    for layout in LAYOUTS:
+    measure("blender pinhole", truth, args.seeds)
+    for layout in LAYOUTS[1:]:
         measure(f"{layout} pinhole", dataset(layout, "pinhole"))
     for camera in CAMERAS[1:]:
-        measure(f"colmap {camera}", dataset("colmap", camera))
+        measure(f"colmap {camera}", dataset("colmap", camera), args.seeds)
     for layout in ("transforms", "metashape"):
         for camera in ("opencv", "opencv-fisheye"):
             measure(f"{layout} {camera}", dataset(layout, camera))
@@ -103,11 +107,15 @@ def main():
     finally:
         path.write_text(text)
     reference = rows["blender pinhole" + (" prior" if args.prior else "")]
-    print("\n| dataset | own, dB | pinhole, dB | difference, dB | s |\n|---|---|---|---|---|")
+    print("\n| dataset | trainings | own, dB | pinhole, dB | difference, dB | s |\n|---|---|---|---|---|---|")
     for key, row in rows.items():
         if key.endswith(" prior") == args.prior:
-            difference = row["pinhole"] - reference["pinhole"]
-            print(f"| {key} | {row['own']:.2f} | {row['pinhole']:.2f} | {difference:+.2f} | {row['seconds']:.0f} |")
+            own, pinhole, seconds = (statistics.mean(r[what] for r in row) for what in ("own", "pinhole", "seconds"))
+            # Against trainings with the same seeds.
+            apart = [r["pinhole"] - o["pinhole"] for r, o in zip(row, reference)]
+            error = f" ± {statistics.stdev(apart) / len(apart) ** 0.5:.2f}" if len(apart) > 1 else ""
+            difference = f"{statistics.mean(apart):+.2f}{error}"
+            print(f"| {key} | {len(row)} | {own:.2f} | {pinhole:.2f} | {difference} | {seconds:.0f} |")
 
 
 if __name__ == "__main__":
