@@ -82,7 +82,7 @@ impl Capture {
                     let count = self.left_out.len();
                     Error::MissingPictures { path, picture: picture.clone(), count, of: count + self.shots.len() }
                 }
-                None => Error::NoFrames { path },
+                None => Error::NoFrames { path, lost: self.lost },
             });
         }
         Ok(chosen)

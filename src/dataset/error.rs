@@ -62,16 +62,20 @@ pub enum Error {
         source: serde_json::Error,
     },
     /// A dataset, or a split of one, without frames.
-    #[error("{}: a dataset must have at least one frame; found no frames", path.display())]
+    #[error("{}: a dataset must have at least one frame with a pose; found {}", path.display(), frames_without_pose(*lost))]
     NoFrames {
-        /// The JSON file, or the scan's folder of poses.
+        /// The file or folder that lists the photographs.
         path: PathBuf,
+        /// Frames without a pose.
+        lost: usize,
     },
     /// A folder without the files of a layout.
-    #[error("{}: the folder is not a dataset of the layouts {wanted}", path.display())]
+    #[error("{}: the folder must have the files of a layout, {wanted}; found {found}", path.display())]
     Layout {
         /// The folder.
         path: PathBuf,
+        /// A layout's files that lack others, or pictures without poses.
+        found: String,
         /// The layouts with the files that each needs.
         wanted: String,
     },
@@ -308,5 +312,14 @@ impl Error {
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_path_buf();
         move |source| Self::Write { path, source }
+    }
+}
+
+/// `lost` frames in words.
+fn frames_without_pose(lost: usize) -> String {
+    match lost {
+        0 => "no frames".into(),
+        1 => "1 frame without a pose".into(),
+        lost => format!("{lost} frames without a pose"),
     }
 }

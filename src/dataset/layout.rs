@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
 use super::shot::Split;
-use super::{Error, Scan, colmap, llff, metashape, nsvf, scannet, transforms};
+use super::{Error, Scan, colmap, files, llff, metashape, nsvf, scannet, transforms};
 
 /// How photographs and their poses lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -61,7 +61,7 @@ impl Layout {
     /// The error that `folder` has none of the `layouts`.
     fn not_found(folder: &Path, layouts: &[Self]) -> Error {
         let wanted: Vec<_> = layouts.iter().map(|layout| format!("{} ({})", layout.name(), layout.files())).collect();
-        Error::Layout { path: folder.to_path_buf(), wanted: wanted.join(", ") }
+        Error::Layout { path: folder.to_path_buf(), found: found_in(folder), wanted: wanted.join(", ") }
     }
 
     /// The layout of `folder`.
@@ -88,7 +88,7 @@ impl Layout {
             Self::Blender => !transforms::splits(folder)?.is_empty(),
             Self::Transforms => folder.join("transforms.json").is_file(),
             Self::Colmap => colmap::Project::find(folder).is_some(),
-            Self::Nsvf => nsvf::is_in(folder),
+            Self::Nsvf => nsvf::PARTS.iter().all(|part| folder.join(part).exists()),
             Self::ScanNet => Scan::open(folder)?.is_some(),
             Self::Llff => folder.join(llff::POSES).is_file(),
             Self::Metashape => folder.join(metashape::CAMERAS).is_file(),
@@ -138,4 +138,24 @@ fn blender(folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error>
         shots.extend(transforms::read(&json(name), of_name, downscale)?.shots);
     }
     Ok(Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, shots))
+}
+
+/// The nearest to a layout that `folder`, which has none, comes: a part of its files, or pictures without poses.
+fn found_in(folder: &Path) -> String {
+    let mut candidates: Vec<(Layout, Vec<String>)> =
+        colmap::Project::candidates().map(|(_, _, files)| (Layout::Colmap, files.into())).collect();
+    candidates.push((Layout::Nsvf, nsvf::PARTS.map(str::to_owned).into()));
+    candidates.push((Layout::ScanNet, scannet::PARTS.map(str::to_owned).into()));
+    let split = |files: Vec<String>| files.into_iter().partition::<Vec<_>, _>(|file| folder.join(file).exists());
+    let partial = candidates.into_iter().map(|(layout, files)| (layout, split(files)));
+    if let Some((layout, (present, absent))) = partial.rev().max_by_key(|(_, (present, _))| present.len())
+        && !present.is_empty()
+    {
+        return format!("{} of {} without {}", present.join(" and "), layout.name(), absent.join(" and "));
+    }
+    let pictures = [folder.to_path_buf(), folder.join("images")].map(|folder| files::pictures_in(&folder));
+    match pictures.into_iter().flatten().map(|pictures| pictures.len()).max() {
+        None | Some(0) => "neither those nor pictures".into(),
+        Some(count) => format!("{count} pictures without poses, which `strivec pose` estimates"),
+    }
 }

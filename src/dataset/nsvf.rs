@@ -14,10 +14,8 @@ use super::shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Shot, Split};
 use super::{Error, files};
 use crate::geometry::{Aabb, Lens, NotRigid, rigid};
 
-/// True if `folder` has this layout.
-pub(super) fn is_in(folder: &Path) -> bool {
-    folder.join("intrinsics.txt").is_file() && folder.join("pose").is_dir() && folder.join("rgb").is_dir()
-}
+/// The files and folders by which the layout is recognized.
+pub(super) const PARTS: [&str; 3] = ["intrinsics.txt", "pose", "rgb"];
 
 /// The photographs in `folder`, ascending by name.
 pub(super) fn read(folder: &Path) -> Result<Capture, Error> {

@@ -19,6 +19,8 @@ use super::shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Shot, Split};
 use super::{Error, Scan, files};
 use crate::geometry::{Lens, NotRigid, rigid};
 
+/// The folders by which a scan without a mesh is recognized.
+pub(super) const PARTS: [&str; 2] = ["pose", "color"];
 /// The interval of test views, in frames.
 const TEST_EVERY: usize = 8;
 /// The index of the first test view.
@@ -58,10 +60,6 @@ pub(super) fn read(scan: Scan, split: &str) -> Result<Capture, Error> {
             position: scan.aligned(position),
             split: Some(own),
         });
-    }
-    if capture.shots.is_empty() && capture.lost > 0 {
-        let found = format!("only lost frames ({})", capture.lost);
-        return Err(Error::text(&poses, format!("the poses of {split}"), "finite for at least one frame", found));
     }
     Ok(capture)
 }

@@ -126,7 +126,7 @@ impl Transforms {
         let transforms: Self =
             serde_json::from_slice(&bytes).map_err(|source| Error::Json { path: json.to_path_buf(), source })?;
         if transforms.frames.is_empty() {
-            return Err(Error::NoFrames { path: json.to_path_buf() });
+            return Err(Error::NoFrames { path: json.to_path_buf(), lost: 0 });
         }
         Ok(transforms)
     }

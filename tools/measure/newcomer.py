@@ -75,7 +75,7 @@ MISTAKES = {
     ],
     "scannet": [
         ("no `color/`", lambda f: shutil.rmtree(f / "color")),
-        ("no intrinsics", lambda f: shutil.rmtree(f / "intrinsic")),
+        ("no intrinsics", lambda f: [shutil.rmtree(f / "intrinsic"), (f / "scannet.txt").unlink()]),
         ("a frame without a pose file", lambda f: first(f / "pose").unlink()),
     ],
     "metashape": [

@@ -33,14 +33,17 @@ const ONE_FOCAL: [&str; 6] =
 impl Project {
     /// The reconstruction in `folder`, if there is one.
     pub(super) fn find(folder: &Path) -> Option<Self> {
-        MODEL_FOLDERS.iter().find_map(|model| {
-            let model = folder.join(model);
-            let has = |ending: &str| {
-                ["cameras", "images"].iter().all(|name| model.join(format!("{name}.{ending}")).is_file())
-            };
-            let is_binary = has("bin");
-            (is_binary || has("txt")).then_some(Self { model, is_binary })
-        })
+        let has = |files: &[String; 2]| files.iter().all(|file| folder.join(file).is_file());
+        let (model, is_binary, _) = Self::candidates().find(|(_, _, files)| has(files))?;
+        Some(Self { model: folder.join(model), is_binary })
+    }
+
+    /// Where a reconstruction may lie in a project: its folder, true for binary files, and the paths of its files.
+    pub(super) fn candidates() -> impl Iterator<Item = (&'static str, bool, [String; 2])> {
+        let files = |model, ending| ["cameras", "images"].map(|name| format!("{model}/{name}.{ending}"));
+        MODEL_FOLDERS
+            .iter()
+            .flat_map(move |&model| [(model, true, files(model, "bin")), (model, false, files(model, "txt"))])
     }
 
     /// The file of sparse points, if there is one.
