@@ -47,8 +47,9 @@ const RANGE_CELLS: usize = 4096;
 const RANGE_CAMERAS: usize = 128;
 /// The share of the distances below and above a range: single cells may be outliers.
 const RANGE_OUTLIERS: f64 = 0.002;
-/// The margin of a range around cells, as a share of the diagonal of their box: tensors reach past the cells.
-const RANGE_MARGIN: f64 = 0.05;
+/// The factor by which a range is wider than the distances of cells, besides a cell: tensors reach past the cells. It is a
+/// factor because space before the cameras in which nothing is fills with floaters.
+const RANGE_MARGIN: f64 = 1.1;
 
 /// Distances at which rays begin and end, in dataset units. With `geometry`, which is in the cameras' space, the range
 /// holds its cells as the cameras that have them in their pictures see them. Without, or if none is in a picture, it is
@@ -68,8 +69,8 @@ pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] 
     let (Some(least), Some(most)) = (quantile(RANGE_OUTLIERS), quantile(1.0 - RANGE_OUTLIERS)) else {
         return [near, far];
     };
-    let margin = RANGE_MARGIN * boxes.bounds().size().length() + boxes.lattice.pitch.length();
-    [(least - margin).max(0.0), most + margin]
+    let cell = boxes.lattice.pitch.length();
+    [(least / RANGE_MARGIN - cell).max(0.0), most * RANGE_MARGIN + cell]
 }
 
 /// Distances at which rays begin and end, in dataset units, for photographs with opaque backgrounds of which no geometry
