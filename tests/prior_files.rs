@@ -118,6 +118,26 @@ fn outliers_and_sparse_cells_are_left_out() {
     assert_eq!(corners(&read(&["--min-points", "2"]))[1][2], 10.0);
 }
 
+/// `fixtures/import/gltf`: one scene, plain and compressed.
+#[test]
+fn compressed_gltf_occupies_the_cells_of_plain_gltf() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/import/gltf");
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("p.npz");
+    // No vertex is within a quantization step of a border of these cells.
+    let read = |name: &str| done(&fixtures, &["prior", name, "-o", out.to_str().unwrap(), "--voxel", "0.0937"]);
+    let plain = read("plain.glb");
+    assert_eq!((&plain["triangles"], &plain["colored"]), (&Value::from(652), &Value::from(true)));
+    let compressed: Vec<_> = files_below(&fixtures, "").into_iter().filter(|name| name.ends_with(".glb")).collect();
+    assert_eq!(compressed.len(), 7);
+    for name in compressed {
+        let found = read(&name);
+        for key in ["triangles", "colored", "cells", "bounds"] {
+            assert_eq!(found[key], plain[key], "{key} of {name}");
+        }
+    }
+}
+
 /// `fixtures/hostile-import`: malformed files and their errors, in 2 GiB of address space.
 #[test]
 fn hostile_files_are_refused_as_written() {

@@ -8,6 +8,7 @@ use gltf::json::{Accessor, Index};
 use super::super::Fault;
 use super::buffers::Buffers;
 use super::document::{Budget, get};
+use super::draco::Mesh;
 
 /// Elements of an accessor without a buffer view, which are zeros.
 const MAX_ZEROS: u64 = 1 << 24;
@@ -50,13 +51,7 @@ impl<'b> Strided<'b> {
     ) -> Result<Self, Fault> {
         let view = get(&buffers.document.buffer_views, index, "buffer view")?;
         let wrong = |expected: String, found: String| Fault::malformed(format!("buffer view {index}"), expected, found);
-        let bytes = buffers.bytes(view.buffer)?;
-        let start = view.byte_offset.unwrap_or_default().0;
-        let part = start.checked_add(view.byte_length.0).and_then(|end| bytes.get(start as usize..end as usize));
-        let part = part.ok_or_else(|| {
-            let found = format!("{} bytes from byte {start} on", view.byte_length.0);
-            wrong(format!("a range within the {} bytes of its buffer", bytes.len()), found)
-        })?;
+        let part = buffers.view(index)?;
         let stride = view.byte_stride.map_or(size, |stride| stride.0);
         if stride < size {
             return Err(wrong(format!("a stride of at least {size}"), stride.to_string()));
@@ -128,12 +123,17 @@ impl<'b> Sparse<'b> {
 }
 
 impl<'b> Values<'b> {
-    /// The elements of accessor `index`.
+    /// The elements of accessor `index`; those of a Draco stream are in `mesh`, as the attribute of this identifier.
     ///
     /// # Errors
     ///
-    /// If elements lie outside their buffers, or too many have no buffer.
-    pub(super) fn of(buffers: &'b Buffers<'_>, index: Index<Accessor>, budget: &mut Budget) -> Result<Self, Fault> {
+    /// If elements lie outside their buffers, too many have no buffer, or `mesh` has others.
+    pub(super) fn of(
+        buffers: &'b Buffers<'_>,
+        index: Index<Accessor>,
+        mesh: Option<(&'b Mesh, u32)>,
+        budget: &mut Budget,
+    ) -> Result<Self, Fault> {
         let accessor = get(&buffers.document.accessors, index, "accessor")?;
         let place = || format!("accessor {index}");
         let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_) else {
@@ -142,12 +142,13 @@ impl<'b> Values<'b> {
         let (count, component) = (accessor.count.0, component.0);
         let size = component.size() * shape.multiplicity();
         let offset = accessor.byte_offset.unwrap_or_default();
-        let base = match accessor.buffer_view {
-            Some(view) => Some(Strided::of(buffers, view, offset, size, count)?),
-            None => {
-                if accessor.sparse.is_none() {
-                    buffers.document.unless_compressed()?;
-                }
+        let base = match (mesh, accessor.buffer_view) {
+            (Some((mesh, id)), _) => {
+                let bytes = attribute(mesh, id, count, component, shape, &place)?;
+                Some(Strided { bytes, stride: size, size })
+            }
+            (None, Some(view)) => Some(Strided::of(buffers, view, offset, size, count)?),
+            (None, None) => {
                 Fault::unless_within("elements of an accessor without a buffer view", MAX_ZEROS, count)?;
                 None
             }
@@ -155,6 +156,29 @@ impl<'b> Values<'b> {
         let sparse = accessor.sparse.as_ref();
         let sparse = sparse.map(|json| Sparse::of(buffers, json, size, count, &place, budget)).transpose()?;
         Ok(Self { count, shape, component, normalized: accessor.normalized, base, sparse })
+    }
+
+    /// The indices of `mesh`; accessor `index`, if there is one, must have as many.
+    ///
+    /// # Errors
+    ///
+    /// If it has not.
+    pub(super) fn indices(
+        buffers: &Buffers<'_>,
+        index: Option<Index<Accessor>>,
+        mesh: &'b Mesh,
+    ) -> Result<Self, Fault> {
+        let count = (mesh.indices.len() / 4) as u64;
+        if let Some(index) = index {
+            let accessor = get(&buffers.document.accessors, index, "accessor")?;
+            if accessor.count.0 != count {
+                let expected = format!("the {count} indices of its Draco stream");
+                return Err(Fault::malformed(format!("accessor {index}"), expected, accessor.count.0));
+            }
+        }
+        let base = Some(Strided { bytes: &mesh.indices, stride: 4, size: 4 });
+        let (shape, component) = (Type::Scalar, ComponentType::U32);
+        Ok(Self { count, shape, component, normalized: false, base, sparse: None })
     }
 
     /// The first `N` numbers of element `n`, which must be below the count; the shape must have at least `N`.
@@ -173,6 +197,32 @@ impl<'b> Values<'b> {
             }
         })
     }
+}
+
+/// The values of the attribute `id` of `mesh`, of the count and type of the accessor at `place`.
+fn attribute<'b>(
+    mesh: &'b Mesh,
+    id: u32,
+    count: u64,
+    component: ComponentType,
+    shape: Type,
+    place: &dyn Fn() -> String,
+) -> Result<&'b [u8], Fault> {
+    let wrong = |expected: String, found: String| Fault::malformed(place(), expected, found);
+    let Some(attribute) = mesh.attribute(id) else {
+        return Err(Fault::invalid(
+            place(),
+            format!("its Draco stream has no attribute {id} with values that glTF has"),
+        ));
+    };
+    if mesh.points != count {
+        return Err(wrong(format!("the {} elements of its Draco stream", mesh.points), count.to_string()));
+    }
+    if (attribute.component, attribute.components) != (component, shape.multiplicity()) {
+        let expected = format!("{} of {:?} as in its Draco stream", attribute.components, attribute.component);
+        return Err(wrong(expected, format!("{} of {component:?}", shape.multiplicity())));
+    }
+    Ok(&attribute.bytes)
 }
 
 /// The number at the beginning of `bytes`.

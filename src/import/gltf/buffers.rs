@@ -1,4 +1,4 @@
-//! The bytes of a document's buffers, loaded on first use.
+//! The bytes of a document's buffers and buffer views, loaded and decompressed on first use.
 
 use std::cell::{Cell, OnceCell};
 use std::fs::File;
@@ -7,14 +7,23 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use gltf::json::buffer::View;
 use gltf::json::{Buffer, Index};
 
 use super::super::Fault;
 use super::super::error::excerpt;
 use super::document::{Document, get};
+use super::draco;
+use super::meshopt::Meshopt;
 
 /// Bytes of the separate files of a glTF file, of one and of all together.
 const MAX_BESIDE: u64 = 8 << 30;
+/// Decompressed bytes of a document, whatever its size, and beyond that per byte of its buffers. A byte of meshoptimizer
+/// can stand for 1024; Draco has no bound, and shrinks a flat grid of a million vertices by 124.
+const MIN_ROOM: u64 = 16 << 20;
+const MAX_RATIO: u64 = 1024;
+/// Decompressed bytes of a document in all.
+const MAX_DECOMPRESSED: u64 = 8 << 30;
 
 pub(super) struct Buffers<'a> {
     pub(super) document: &'a Document,
@@ -23,6 +32,12 @@ pub(super) struct Buffers<'a> {
     /// \[buffer\]
     loaded: Vec<OnceCell<Vec<u8>>>,
     bytes_beside: Cell<u64>,
+    /// \[buffer view\], of compressed ones.
+    decompressed: Vec<OnceCell<Vec<u8>>>,
+    /// \[buffer view\], of those with Draco streams.
+    meshes: Vec<OnceCell<draco::Mesh>>,
+    bytes_loaded: Cell<u64>,
+    bytes_decompressed: Cell<u64>,
 }
 
 impl<'a> Buffers<'a> {
@@ -31,17 +46,26 @@ impl<'a> Buffers<'a> {
         blob: Option<Vec<u8>>,
         beside: &'a dyn Fn(&str) -> Result<Vec<u8>, Fault>,
     ) -> Self {
-        let loaded = document.buffers.iter().map(|_| OnceCell::new()).collect();
-        Self { document, blob, beside, loaded, bytes_beside: Cell::new(0) }
+        let views = document.buffer_views.len();
+        Self {
+            document,
+            beside,
+            loaded: document.buffers.iter().map(|_| OnceCell::new()).collect(),
+            bytes_beside: Cell::new(0),
+            decompressed: (0..views).map(|_| OnceCell::new()).collect(),
+            meshes: (0..views).map(|_| OnceCell::new()).collect(),
+            bytes_loaded: Cell::new(blob.as_ref().map_or(0, |blob| blob.len() as u64)),
+            bytes_decompressed: Cell::new(0),
+            blob,
+        }
     }
 
     /// The bytes of buffer `index`, of the declared length.
-    pub(super) fn bytes(&self, index: Index<Buffer>) -> Result<&[u8], Fault> {
+    fn bytes(&self, index: Index<Buffer>) -> Result<&[u8], Fault> {
         let buffer = get(&self.document.buffers, index, "buffer")?;
         let bytes: &[u8] = match (&buffer.uri, &self.blob) {
             (None, Some(blob)) if index.value() == 0 => blob,
             (None, _) => {
-                self.document.unless_compressed()?;
                 return Err(Fault::invalid(
                     format!("buffer {index}"),
                     "it has no URI, and there is no chunk BIN for it",
@@ -53,6 +77,7 @@ impl<'a> Buffers<'a> {
                     Some(bytes) => bytes,
                     None => {
                         let bytes = self.load(index, uri)?;
+                        self.bytes_loaded.set(self.bytes_loaded.get() + bytes.len() as u64);
                         cell.get_or_init(|| bytes)
                     }
                 }
@@ -63,6 +88,58 @@ impl<'a> Buffers<'a> {
             let expected = format!("the declared {} bytes", buffer.byte_length.0);
             Fault::malformed(format!("buffer {index}"), expected, format!("{} bytes", bytes.len()))
         })
+    }
+
+    /// The bytes of buffer view `index`, decompressed.
+    pub(super) fn view(&self, index: Index<View>) -> Result<&[u8], Fault> {
+        let view = get(&self.document.buffer_views, index, "buffer view")?;
+        let place = || format!("buffer view {index}");
+        let Some(meshopt) = Meshopt::of(view, &place)? else {
+            return self.part(view.buffer, view.byte_offset.unwrap_or_default().0, view.byte_length.0, &place);
+        };
+        let cell = &self.decompressed[index.value()];
+        if let Some(bytes) = cell.get() {
+            return Ok(bytes);
+        }
+        let source = self.part(meshopt.buffer, meshopt.byte_offset, meshopt.byte_length, &place)?;
+        self.charge(view.byte_length.0)?;
+        let bytes = meshopt.decode(source, &place)?;
+        Ok(cell.get_or_init(|| bytes))
+    }
+
+    /// The mesh of the Draco stream in buffer view `index`.
+    pub(super) fn draco(&self, index: Index<View>) -> Result<&draco::Mesh, Fault> {
+        let source = self.view(index)?;
+        let cell = &self.meshes[index.value()];
+        if let Some(mesh) = cell.get() {
+            return Ok(mesh);
+        }
+        let room = self.room().saturating_sub(self.bytes_decompressed.get());
+        let mesh = draco::Mesh::decode(source, room, &|| format!("buffer view {index}"))?;
+        self.charge(mesh.len())?;
+        Ok(cell.get_or_init(|| mesh))
+    }
+
+    /// `length` bytes of `buffer` from byte `start` on; `place` names what refers to them.
+    fn part(&self, buffer: Index<Buffer>, start: u64, length: u64, place: &dyn Fn() -> String) -> Result<&[u8], Fault> {
+        let bytes = self.bytes(buffer)?;
+        let part = start.checked_add(length).and_then(|end| bytes.get(start as usize..end as usize));
+        part.ok_or_else(|| {
+            let expected = format!("a range within the {} bytes of its buffer", bytes.len());
+            Fault::malformed(place(), expected, format!("{length} bytes from byte {start} on"))
+        })
+    }
+
+    /// The limit of decompressed bytes for the buffers loaded so far.
+    fn room(&self) -> u64 {
+        let by_size = self.bytes_loaded.get().saturating_mul(MAX_RATIO).saturating_add(MIN_ROOM);
+        by_size.min(MAX_DECOMPRESSED)
+    }
+
+    /// Adds `bytes` to the decompressed ones and checks the limit.
+    fn charge(&self, bytes: u64) -> Result<(), Fault> {
+        self.bytes_decompressed.set(self.bytes_decompressed.get().saturating_add(bytes));
+        Fault::unless_within("decompressed bytes", self.room(), self.bytes_decompressed.get())
     }
 
     fn load(&self, index: Index<Buffer>, uri: &str) -> Result<Vec<u8>, Fault> {

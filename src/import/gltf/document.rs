@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::super::Fault;
 use super::super::error::excerpt;
-use super::normalize::{few, one, scenes};
+use super::normalize::{DECODED, few, one, scenes};
 
 /// Corners of all instances of all meshes.
 const MAX_CORNERS: u64 = 1 << 32;
@@ -30,7 +30,6 @@ const HARMLESS: [&str; 15] = [
     "EXT_instance_features",
     "EXT_structural_metadata",
 ];
-const COMPRESSION: [&str; 3] = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// The part that is parsed first: in other versions, the rest has other types.
@@ -67,9 +66,6 @@ pub(super) struct Document {
     pub(super) scenes: Vec<Scene>,
     #[serde(default, deserialize_with = "one")]
     pub(super) scene: Option<Index<Scene>>,
-    /// The used compression, if it is not required: uncompressed meshes may exist as well.
-    #[serde(skip)]
-    pub(super) compression: Option<&'static str>,
 }
 
 impl Document {
@@ -88,36 +84,20 @@ impl Document {
             return Err(Fault::unsupported(what, "convert it to glTF 2"));
         }
         for name in &preamble.extensions_required {
-            if !HARMLESS.iter().any(|known| name.starts_with(known)) {
+            if !HARMLESS.iter().any(|known| name.starts_with(known)) && !DECODED.contains(&name.as_str()) {
                 return Err(unsupported(name));
             }
         }
         if preamble.extensions_used.iter().any(|name| name == INSTANCING) {
             return Err(unsupported(INSTANCING));
         }
-        let mut document: Self = serde_json::from_slice(json).map_err(wrong)?;
-        document.compression =
-            COMPRESSION.into_iter().find(|name| preamble.extensions_used.iter().any(|used| used == name));
-        Ok(document)
-    }
-
-    /// The error for missing data: if the file uses compression, the data is compressed.
-    pub(super) fn unless_compressed(&self) -> Result<(), Fault> {
-        match self.compression {
-            Some(name) => Err(unsupported(name)),
-            None => Ok(()),
-        }
+        serde_json::from_slice(json).map_err(wrong)
     }
 }
 
 /// The error for the extension `name`.
 fn unsupported(name: &str) -> Fault {
-    let remedy = if COMPRESSION.contains(&name) {
-        "decompress the file, as `gltf-transform copy IN OUT` does, or export it without compression"
-    } else {
-        "export the file without it"
-    };
-    Fault::unsupported(format!("the extension {}", excerpt(name.as_bytes())), remedy)
+    Fault::unsupported(format!("the extension {}", excerpt(name.as_bytes())), "export the file without it")
 }
 
 /// Entry `index` of `list`; `what` names an entry in errors.

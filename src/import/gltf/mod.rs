@@ -1,19 +1,22 @@
 //! glTF 2 and GLB. The crate `gltf` provides the types of the JSON; the numbers are read here.
 //!
 //! Read: the default scene, else all root nodes, with their transforms; triangles, strips and fans as triangles, points
-//! as points; `COLOR_0`, which is linear, as sRGB; sparse, normalized and quantized accessors; buffers in the GLB, in
-//! data URIs and in separate files. Lines, materials, textures, cameras, lights, animations, morph targets and skins
-//! are ignored: a skinned mesh is read in the pose of the file. Compressed meshes, `EXT_mesh_gpu_instancing` and other
-//! required extensions are errors. Geometry keeps glTF's space, in which y is up; the caller rotates it.
+//! as points; `COLOR_0`, which is linear, as sRGB; sparse, normalized and quantized accessors; triangles in Draco streams;
+//! buffer views compressed by meshoptimizer; buffers in the GLB, in data URIs and in separate files. Lines, materials,
+//! textures, cameras, lights, animations, morph targets and skins are ignored: a skinned mesh is read in the pose of the
+//! file. `EXT_mesh_gpu_instancing` and other required extensions are errors. Geometry keeps glTF's space, in which y is
+//! up; the caller rotates it.
 //!
 //! Only the JSON types of `gltf` are used: its readers panic on invalid files or allocate what a header declares, and
 //! its validation panics on a wrong index and rejects custom attributes. `normalize` removes differences between the
-//! format and these types. Memory holds the JSON and the used buffers.
+//! format and these types. Memory holds the JSON, the used buffers and what they decompress to.
 
 mod accessor;
 mod buffers;
 mod container;
 mod document;
+mod draco;
+mod meshopt;
 mod normalize;
 mod primitive;
 mod scene;

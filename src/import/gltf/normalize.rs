@@ -1,5 +1,5 @@
 //! The entries of a document as the types of `gltf` read them. The format allows more than these types: `extras` of any
-//! type, scenes without nodes, and whole numbers written as floats.
+//! type, scenes without nodes, and whole numbers written as floats. Of extensions, those of [`DECODED`] are kept.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,8 +8,12 @@ use serde::de::{DeserializeSeed, Error as _, IgnoredAny, MapAccess, SeqAccess, V
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
+use super::{draco, meshopt};
+
 /// Entries of one list, and values of one entry. Two characters of JSON may become hundreds of bytes in memory.
 const MAX_ENTRIES: usize = 1 << 20;
+/// The extensions whose contents are read; those of others are dropped.
+pub(super) const DECODED: [&str; 3] = [draco::NAME, meshopt::NAMES[0], meshopt::NAMES[1]];
 /// 2^53: larger whole numbers are not exact as floats.
 const MAX_WHOLE: f64 = 9007199254740992.0;
 
@@ -118,7 +122,11 @@ impl<'de> Visitor<'de> for Normal<'_> {
             if key == "extras" {
                 map.next_value::<IgnoredAny>()?;
             } else {
-                values.insert(key, map.next_value_seed(Normal { left: self.left })?);
+                let mut value = map.next_value_seed(Normal { left: self.left })?;
+                if let (true, Value::Object(extensions)) = (key == "extensions", &mut value) {
+                    extensions.retain(|name, _| DECODED.contains(&name.as_str()));
+                }
+                values.insert(key, value);
             }
         }
         Ok(Value::Object(values))

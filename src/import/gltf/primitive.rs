@@ -12,6 +12,7 @@ use super::super::{Fault, Point, Visitor};
 use super::accessor::Values;
 use super::buffers::Buffers;
 use super::document::Budget;
+use super::draco::Draco;
 
 /// Corners charged for a primitive itself, so that empty ones are limited too.
 const PRIMITIVE_COST: u64 = 64;
@@ -44,13 +45,22 @@ impl<'b> Primitive<'b> {
             Checked::Valid(mode) => mode,
             Checked::Invalid => return wrong("a mode from 0 to 6", "another one".into()),
         };
-        let mut attribute = |semantic| {
+        let draco = Draco::of(json, place)?;
+        let mesh = draco.as_ref().map(|draco| buffers.draco(draco.buffer_view)).transpose()?;
+        if mesh.is_some() && mode != Mode::Triangles {
+            return Err(Fault::unsupported(format!("{}: Draco compression of {mode:?}", place()), "export triangles"));
+        }
+        let mut attribute = |semantic, name| {
+            let id = draco.as_ref().and_then(|draco| draco.attributes.get(name).copied());
             let accessor = json.attributes.get(&Checked::Valid(semantic));
-            accessor.map(|&accessor| Values::of(buffers, accessor, budget)).transpose()
+            accessor.map(|&accessor| Values::of(buffers, accessor, mesh.zip(id), budget)).transpose()
         };
-        let Some(positions) = attribute(Semantic::Positions)? else { return Ok(None) };
-        let colors = attribute(Semantic::Colors(0))?;
-        let indices = json.indices.map(|accessor| Values::of(buffers, accessor, budget)).transpose()?;
+        let Some(positions) = attribute(Semantic::Positions, "POSITION")? else { return Ok(None) };
+        let colors = attribute(Semantic::Colors(0), "COLOR_0")?;
+        let indices = match mesh {
+            Some(mesh) => Some(Values::indices(buffers, json.indices, mesh)?),
+            None => json.indices.map(|accessor| Values::of(buffers, accessor, None, budget)).transpose()?,
+        };
 
         // KHR_mesh_quantization allows the small integers.
         if positions.shape != Type::Vec3 || positions.component == ComponentType::U32 {
