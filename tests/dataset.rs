@@ -340,8 +340,7 @@ fn what_is_no_dataset_is_told_from_what_it_resembles() {
     assert_error(load(small.folder.path(), "test"), ErrorKind::Io, &parts);
     assert_error(load(&small.path("transforms_train.json"), "train"), ErrorKind::Argument, &["is a file", "folder"]);
     fs::remove_file(small.path("transforms_train.json")).unwrap();
-    let parts =
-        ["must have the files of a layout", "blender (transforms_train.json)", "sparse/0", "poses_bounds.npy", "pose/"];
+    let parts = ["is not a dataset", "blender (transforms_train.json)", "sparse/0", "poses_bounds.npy", "pose/"];
     assert_error(load(small.folder.path(), "train"), ErrorKind::Malformed, &parts);
     let colmap = LoadOptions { layout: Some(Layout::Colmap), ..LoadOptions::default() };
     let error = described(strivec::dataset::load(small.folder.path(), "train", &colmap).unwrap_err());

@@ -520,17 +520,20 @@ fn hostile_files_of_the_other_layouts_are_refused() {
 fn a_folder_with_a_part_of_a_layout_is_told_the_rest() {
     let folder = folder_of(write_nsvf);
     fs::remove_file(folder.path().join("intrinsics.txt")).unwrap();
-    refused(folder.path(), &["the files of a layout, blender", "found pose and rgb of nsvf without intrinsics.txt"]);
+    refused(
+        folder.path(),
+        &["is not a dataset: it has pose and rgb of nsvf without intrinsics.txt; the layouts are blender"],
+    );
     let folder = folder_of(write_colmap_binary);
     fs::remove_file(folder.path().join("sparse/images.bin")).unwrap();
-    refused(folder.path(), &["found sparse/cameras.bin of colmap without sparse/images.bin"]);
+    refused(folder.path(), &["it has sparse/cameras.bin of colmap without sparse/images.bin"]);
     let folder = folder_of(|folder| write_colmap_text(folder, "PINHOLE"));
     fs::remove_file(folder.path().join("sparse/0/cameras.txt")).unwrap();
-    refused(folder.path(), &["found sparse/0/images.txt of colmap without sparse/0/cameras.txt"]);
+    refused(folder.path(), &["it has sparse/0/images.txt of colmap without sparse/0/cameras.txt"]);
     fs::remove_dir_all(folder.path().join("sparse")).unwrap();
-    refused(folder.path(), &["found 10 pictures without poses, which `strivec pose` estimates"]);
+    refused(folder.path(), &["it has 10 pictures without poses, which `strivec pose` estimates"]);
     fs::remove_dir_all(folder.path().join("images")).unwrap();
-    refused(folder.path(), &["found neither those nor pictures"]);
+    refused(folder.path(), &["it has neither files of a layout nor pictures"]);
 }
 
 #[cfg(unix)]

@@ -337,7 +337,7 @@ fn missing_parts_are_named() {
     assert!(error.to_string().contains("the split must be train, test or all; found \"val\""), "{error}");
     let nothing = tempfile::tempdir().unwrap();
     let error = dataset::load(nothing.path(), "train", &LoadOptions::default()).unwrap_err();
-    assert!(error.to_string().contains("must have the files of a layout, blender"), "{error}");
+    assert!(error.to_string().contains("is not a dataset"), "{error}");
     let absent = nothing.path().join("absent");
     assert_eq!(dataset::load(&absent, "train", &LoadOptions::default()).unwrap_err().kind(), ErrorKind::Io);
 }

@@ -70,7 +70,7 @@ pub enum Error {
         lost: usize,
     },
     /// A folder without the files of a layout.
-    #[error("{}: the folder must have the files of a layout, {wanted}; found {found}", path.display())]
+    #[error("{}: the folder is not a dataset: it has {found}; the layouts are {wanted}", path.display())]
     Layout {
         /// The folder.
         path: PathBuf,

@@ -155,7 +155,7 @@ fn found_in(folder: &Path) -> String {
     }
     let pictures = [folder.to_path_buf(), folder.join("images")].map(|folder| files::pictures_in(&folder));
     match pictures.into_iter().flatten().map(|pictures| pictures.len()).max() {
-        None | Some(0) => "neither those nor pictures".into(),
+        None | Some(0) => "neither files of a layout nor pictures".into(),
         Some(count) => format!("{count} pictures without poses, which `strivec pose` estimates"),
     }
 }
