@@ -32,7 +32,7 @@ fn find_sites(lane: u32) {
         var position = vec3(0.0);
         if tile_rows[r] != NONE {
             let ray = tile_rays[r];
-            position = rays[ray].start + bitcast<f32>(rows[tile_rows[r]].y) * rays[ray].direction;
+            position = position_of(path_of(rays[ray]), bitcast<f32>(rows[tile_rows[r]].y));
             nearest = find_nearest(s, position);
         }
         covering[item] = select(0.0, 1.0, nearest.count > 0u);

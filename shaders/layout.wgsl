@@ -64,7 +64,8 @@ struct Scene {
     grid_words: u32,
     grid_blocks: u32,
     grid_min: vec3<f32>,
-    padding0: u32,
+    // The width of the shell around the inner cube of a contracted scene.
+    shell: f32,
     grid_cells_per_unit: vec3<f32>,
     padding1: u32,
     grid_cells: vec3<i32>,
@@ -103,7 +104,7 @@ struct Frame {
 // A ray: its span, and the results and the state of its march.
 struct Ray {
     // The position of the first sample, its distance `entry` from the ray's origin, and the length of the samples'
-    // span.
+    // span. In a contracted scene `start` and `entry` are those of the ray's foot (src/geometry/contraction.rs).
     start: vec3<f32>,
     entry: f32,
     direction: vec3<f32>,
@@ -129,8 +130,9 @@ struct Ray {
     next: u32,
     block: u32,
     used: u32,
-    padding0: u32,
-    padding1: u32,
+    // In a contracted scene: the unit of the spacing, and the spacing parameter of the first sample.
+    scale: f32,
+    first: f32,
 }
 
 // Lengths of the batch's lists.
@@ -147,9 +149,9 @@ struct Counters {
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var<uniform> frame: Frame;
 @group(0) @binding(2) var<storage, read_write> rays: array<Ray>;
-// Blocks of SLOTS slots: (number of the next block, 0), then (distance, weight) of each shaded sample.
+// Blocks of SLOTS slots: (number of the next block, 0), then (advance, weight) of each shaded sample.
 @group(0) @binding(3) var<storage, read_write> slots: array<vec2<u32>>;
-// Shaded samples: (ray, distance behind the ray's first sample, 0, weight). After the decoder: (color, weight). In mode
+// Shaded samples: (ray, advance from the ray's first sample, 0, weight). After the decoder: (color, weight). In mode
 // *residual* the color is the sample's term before the sigmoid.
 @group(0) @binding(4) var<storage, read_write> rows: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read_write> counters: Counters;

@@ -34,12 +34,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var used = ray.used;
     var is_finished = false;
     loop {
-        let distance = advance(&marcher);
-        if distance < 0.0 {
-            is_finished = distance == NO_SAMPLE;
+        let sample = advance(&marcher);
+        if sample < 0.0 {
+            is_finished = sample == NO_SAMPLE;
             break;
         }
-        let density = density_feature(ray.start + distance * ray.direction);
+        let density = density_feature(position_of(marcher.path, sample));
         if !density.covered {
             continue;
         }
@@ -51,7 +51,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         lost = (after - ray.transmittance) - change;
         ray.transmittance = max(after, 0.0);
         let sums = vec2(ray.weights, ray.distances);
-        let added = weight * vec2(1.0, ray.entry + distance) - sums_lost;
+        let added = weight * vec2(1.0, distance_of(marcher.path, sample)) - sums_lost;
         let sums_after = opaque(sums + added);
         sums_lost = (sums_after - sums) - added;
         ray.weights = sums_after.x;
@@ -72,7 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 block = taken;
                 used = 1u;
             }
-            slots[(block - 1u) * SLOTS + used] = vec2(bitcast<u32>(distance), bitcast<u32>(weight));
+            slots[(block - 1u) * SLOTS + used] = vec2(bitcast<u32>(sample), bitcast<u32>(weight));
             used += 1u;
             ray.shaded += 1u;
             ray.shaded_weights += weight;

@@ -10,8 +10,8 @@ fn coded(direction: vec3<f32>) -> f32 {
     return 1.0 + steps.x * 2048.0 + steps.y;
 }
 
-fn density_at(position: vec3<f32>) -> f32 {
-    let found = density_feature(position);
+fn density_at(point: vec3<f32>) -> f32 {
+    let found = density_feature(contracted(point));
     return select(0.0, softplus(found.feature + scene.density_shift), found.covered);
 }
 
@@ -26,13 +26,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if ray.transmittance > 0.5 || !(ray.weights > 0.0) {
         return;
     }
-    let position = ray.start + (ray.distances / ray.weights - ray.entry) * ray.direction;
-    let h = 2.0 * scene.step;
+    let point = ray.start + (ray.distances / ray.weights - ray.entry) * ray.direction;
+    // Contracted space is about as much smaller than the scene.
+    let sizes = abs(point);
+    let h = 2.0 * scene.step * select(1.0, max(1.0, max(sizes.x, max(sizes.y, sizes.z))), CONTRACTED);
     var gradient = vec3(0.0);
     for (var axis = 0u; axis < 3u; axis += 1u) {
         var offset = vec3(0.0);
         offset[axis] = h;
-        gradient[axis] = density_at(position + offset) - density_at(position - offset);
+        gradient[axis] = density_at(point + offset) - density_at(point - offset);
     }
     let length = length(gradient);
     if length > 0.0 {

@@ -20,9 +20,21 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let exits = max(to_min, to_max);
     let entry = max(max(entries.x, max(entries.y, entries.z)), scene.near);
     let exit = min(min(exits.x, min(exits.y, exits.z)), scene.far);
-    let hits = entry <= exit && !any(parallel & outside) && pixel.x < frame.width && pixel.y < frame.height;
+    let is_in_picture = pixel.x < frame.width && pixel.y < frame.height;
+    let hits = entry <= exit && !any(parallel & outside) && is_in_picture;
 
     var ray: Ray;
+    if CONTRACTED {
+        ray.direction = direction;
+        ray.entry = -dot(frame.position, direction);
+        ray.start = frame.position + ray.entry * direction;
+        ray.scale = max(length(ray.start) / INNER_RADIUS, 1.0);
+        let path = path_of(ray);
+        ray.first = parameter_of(path, scene.near);
+        ray.length = select(0.0, parameter_of(path, scene.far) - ray.first, is_in_picture);
+        rays[id.x] = ray;
+        return;
+    }
     ray.start = frame.position + entry * direction;
     ray.entry = entry;
     ray.direction = direction;

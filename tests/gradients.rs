@@ -227,14 +227,17 @@ fn configs() -> Vec<TrainConfig> {
     vec![plain, other]
 }
 
-/// Scenes under both sets of rules, in all of the decoder's modes.
+/// Scenes under both sets of rules, in all of the decoder's modes, and one that is contracted.
 fn cases() -> Vec<Scene> {
     let case = |config: &TrainConfig, mode| {
         let mut scene = scene(config);
         scene.decoder.mode = mode;
         scene
     };
-    configs().iter().flat_map(|config| DecoderMode::ALL.map(|mode| case(config, mode))).collect()
+    let mut cases: Vec<Scene> =
+        configs().iter().flat_map(|config| DecoderMode::ALL.map(|mode| case(config, mode))).collect();
+    cases.push(scenes::contracted(case(&configs()[0], DecoderMode::PerRay)));
+    cases
 }
 
 #[test]

@@ -75,6 +75,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
             step: 0.5,
             min_transmittance: 1e-3,
             min_weight,
+            contraction: None,
         },
         scales: vec![scale([0.0, 8.0]), scale([2.0, 2.0])],
         decoder: Decoder {

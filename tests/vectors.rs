@@ -130,7 +130,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     }
 
     type Change = fn(&mut Scene);
-    let changes: [(&str, Change); 9] = [
+    let changes: [(&str, Change); 10] = [
         ("coverage-any", |s| s.rules.coverage = Coverage::Any),
         ("aggregation-clamped", |s| s.rules.aggregation = Aggregation::Clamped),
         ("reductions-mean", |s| {
@@ -145,6 +145,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
             }
         }),
         ("top-1", |s| s.scales.iter_mut().for_each(|scale| scale.top_k = 1)),
+        ("contracted", |s| *s = scenes::contracted(s.clone())),
         ("up-minus-y", |s| s.frame.up = UpAxis::MinusY),
         ("occupancy", |s| {
             let bounds = s.bounds.grown(glam::DVec3::splat(0.031));
@@ -215,7 +216,8 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             changed(&|f| f.sections.push(Section { flags: 1, ..Section::ancillary("WAVELETS", b"") })),
         ),
         ("unsupported-vm", patched("SCALE", 44, &[1])),
-        ("unsupported-contraction", patched("RULES", 6, &[1])),
+        ("unsupported-contraction", patched("RULES", 6, &[2])),
+        ("invalid-shell", patched("RULES", 6, &[1])),
         ("unsupported-encoding", patched("DENSITY", 8, &[9])),
         ("unsupported-codec", changed(&|f| f.part("DENSITY").codec = 2)),
         ("missing-decoder", changed(&|f| drop(f.sections.remove(f.index("DECODER"))))),

@@ -41,6 +41,8 @@ pub(super) struct Info {
     coverage: &'static str,
     /// Smallest and largest corner in model units.
     bounds: [[f64; 3]; 2],
+    /// Width of the shell around the inner cube, if the scene is unbounded.
+    shell: Option<f64>,
     /// Model units a dataset unit.
     scale: f64,
     /// In model units.
@@ -94,6 +96,7 @@ impl Info {
                 Coverage::Any => "any scale",
             },
             bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
+            shell: scene.rules.contraction.map(|contraction| contraction.shell),
             scale: scene.frame.model_from_dataset.scale,
             near_far: [scene.frame.near, scene.frame.far],
             step: scene.rules.step,
@@ -119,12 +122,19 @@ impl Info {
             Some(([x, y, z], set)) => format!("{x}x{y}x{z} vertices, {} set", grouped(*set)),
             None => "none".to_owned(),
         };
+        let bounds = format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]));
+        let bounds = match self.shell {
+            None => bounds,
+            Some(shell) => {
+                format!("{bounds}: the cube of ±1, and all the rest contracted to a shell of {}", short(shell))
+            }
+        };
         let [near, far] = self.near_far;
         let lines = [
             ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
             ("made by", self.made_by()),
             ("dataset", escaped(&self.dataset)),
-            ("bounds", format!("{} to {}", corner(self.bounds[0]), corner(self.bounds[1]))),
+            ("bounds", bounds),
             ("scale", format!("{} model units per dataset unit", short(self.scale))),
             (
                 "march",

@@ -8,7 +8,7 @@ pub struct Part {
     /// Number of scales, coarsest first; `None` for all.
     pub scales: Option<usize>,
     /// Only the chunks that reach into this box of model space; `None` for all. The scene's bounds become the
-    /// intersection of both.
+    /// intersection of both, unless it is contracted.
     pub within: Option<Aabb>,
     /// Whether to read license, quality, views, thumbnail, probes, cameras, notes and unknown sections too.
     pub metadata: bool,

@@ -116,6 +116,7 @@ impl<S: Source> Reader<S> {
         let mut metadata = Metadata::default();
         let head = self.read_head(&head_sections, &mut metadata.skipped, &mut budget)?;
 
+        let region = part.within.map(|within| head.rules.contracted_box(&within));
         let count = part.scales.map_or(head.scales, |s| s.clamp(1, head.scales));
         let mut scales: Vec<Scale> = Vec::with_capacity(count);
         let mut encoding = EncodeOptions {
@@ -127,7 +128,7 @@ impl<S: Source> Reader<S> {
         for index in 0..head.scales {
             let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
             if index < count {
-                let (scale, [density, appearance]) = self.read_scale(&sections, part.within, &mut budget)?;
+                let (scale, [density, appearance]) = self.read_scale(&sections, region, &mut budget)?;
                 scales.push(scale);
                 encoding.density.push(density);
                 encoding.appearance.push(appearance);
@@ -154,7 +155,7 @@ impl<S: Source> Reader<S> {
             correction.apply(&mut scene);
         }
         if let Some(within) = part.within {
-            scene.bounds = scene.bounds.intersection(&within);
+            scene.bounds = scene.rules.cropped_bounds(&scene.bounds, &within);
         }
         scene.check()?;
         Ok(SceneFile { scene, metadata, encoding })

@@ -8,7 +8,7 @@ use super::error::Error;
 use super::limits;
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Contraction};
 use crate::model::{Aggregation, Coverage, Reduction, Rules, Scene};
 
 #[derive(Encode, BorrowDecode)]
@@ -27,7 +27,7 @@ struct RulesRecord {
     step: f64,
     min_transmittance: f64,
     min_weight: f64,
-    /// All bits 0 if nothing is contracted.
+    /// b of the contraction; all bits 0 if nothing is contracted.
     contracted_length: f64,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         },
         density_reduction: reduction_code(rules.density_reduction),
         appearance_reduction: reduction_code(rules.appearance_reduction),
-        contraction: 0,
+        contraction: rules.contraction.is_some().into(),
         reserved: 0,
         bounds_min: scene.bounds.min.to_array(),
         bounds_max: scene.bounds.max.to_array(),
@@ -64,7 +64,7 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
         step: rules.step,
         min_transmittance: rules.min_transmittance,
         min_weight: rules.min_weight,
-        contracted_length: 0.0,
+        contracted_length: rules.contraction.map_or(0.0, |contraction| contraction.shell),
     };
     record::write(&"RULES", &record)
 }
@@ -78,11 +78,14 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
         1 => Ok(Reduction::Mean),
         code => Err(unknown(what, code)),
     };
-    match record.contraction {
-        0 => Error::unless_equal("RULES contracted length", 0, record.contracted_length.to_bits())?,
-        1 => return Err(Error::unsupported("RULES contraction", "L∞")),
+    let contraction = match record.contraction {
+        0 => {
+            Error::unless_equal("RULES contracted length", 0, record.contracted_length.to_bits())?;
+            None
+        }
+        1 => Some(Contraction { shell: record.contracted_length }),
         code => return Err(unknown("contraction", code)),
-    }
+    };
     Error::unless_equal("RULES reserved byte", 0, record.reserved)?;
     let rules = Rules {
         coverage: match record.coverage {
@@ -102,6 +105,7 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
         step: record.step,
         min_transmittance: record.min_transmittance,
         min_weight: record.min_weight,
+        contraction,
     };
     let bounds = Aabb { min: DVec3::from_array(record.bounds_min), max: DVec3::from_array(record.bounds_max) };
     Ok((rules, bounds, record.scales))

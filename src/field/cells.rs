@@ -24,12 +24,12 @@ pub struct OccupancyCells<T> {
 /// Cells along a block's edge, as a shift.
 pub(crate) const BLOCK_SHIFT: i32 = 3;
 
-/// A span of a ray over which occupancy does not change.
+/// A span of a ray's path over which occupancy does not change.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span<T> {
     /// True if samples in it count.
     pub(super) occupied: bool,
-    /// Its approximate length along the ray, in model units.
+    /// Its approximate length along the path, in model units.
     pub(super) distance: T,
 }
 
@@ -123,7 +123,7 @@ impl<T: Real> OccupancyCells<T> {
 
     /// The span from `position` on, along a ray whose direction has the reciprocals `inverse` per axis.
     #[inline(always)]
-    pub(super) fn empty_span(&self, position: [T; 3], inverse: [T; 3]) -> Span<T> {
+    pub(super) fn span(&self, position: [T; 3], inverse: [T; 3]) -> Span<T> {
         let at = self.in_cells(position);
         let Some((occupied, width)) = self.lookup(at) else {
             return Span { occupied: false, distance: T::zero() };
@@ -133,6 +133,22 @@ impl<T: Real> OccupancyCells<T> {
             let lower = at[a].floor_i32() & !(width - 1);
             let face = if inverse[a] > T::zero() { lower + width } else { lower };
             distance = distance.min((T::of_i32(face) - at[a]) * self.cell_size[a] * inverse[a]);
+        }
+        Span { occupied, distance }
+    }
+
+    /// The span from `position` on, along a path in any direction that changes each coordinate by at most its length.
+    #[inline(always)]
+    pub(super) fn span_around(&self, position: [T; 3]) -> Span<T> {
+        let at = self.in_cells(position);
+        let Some((occupied, width)) = self.lookup(at) else {
+            return Span { occupied: false, distance: T::zero() };
+        };
+        let mut distance = T::infinity();
+        for a in 0..3 {
+            let lower = at[a].floor_i32() & !(width - 1);
+            let [below, above] = [at[a] - T::of_i32(lower), T::of_i32(lower + width) - at[a]];
+            distance = distance.min(below.min(above) * self.cell_size[a]);
         }
         Span { occupied, distance }
     }

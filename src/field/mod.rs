@@ -49,7 +49,7 @@ pub use vector::Vector;
 use aligned_vec::AVec;
 use glam::DVec3;
 
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, MAX_SPACING};
 use crate::model::{Coverage, Rules, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
@@ -119,7 +119,9 @@ impl<T: Real> Field<T> {
             (None, Coverage::All, Some(finest)) => Some(OccupancyCells::from_index(finest.index())),
             _ => None,
         };
-        let reach = (scene.bounds.size().max_element() + scene.frame.far) * T::epsilon().f64();
+        // Contracted positions are computed in 64 bits, or from points whose error shrinks with the contraction.
+        let farthest = if scene.rules.contraction.is_some() { MAX_SPACING } else { scene.frame.far };
+        let reach = (scene.bounds.size().max_element() + farthest) * T::epsilon().f64();
         Self {
             origin,
             covered,

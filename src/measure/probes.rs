@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::container::{Probe, Probes};
-use crate::geometry::Ray;
+use crate::geometry::{Aabb, Ray};
 use crate::model::{ReferenceField, Scene};
 use crate::random::Random;
 use crate::render::{Pixel, ReferenceRenderer, Renderer};
@@ -39,7 +39,7 @@ pub fn make_probes(scene: &Scene, count: usize, seed: u64) -> Probes {
     let renderer = ReferenceRenderer::new(scene);
     let field = ReferenceField::new(scene);
     let random = Random::new(seed, "probes");
-    let probes = (0..count as u64)
+    let probes: Vec<Probe> = (0..count as u64)
         .into_par_iter()
         .filter_map(|n| {
             let stream = random.substream(n);
@@ -49,8 +49,12 @@ pub fn make_probes(scene: &Scene, count: usize, seed: u64) -> Probes {
         .collect();
     Probes {
         color_tolerance: COLOR_TOLERANCE,
-        // A ray has about a thousand steps; f32 rounds each position by one part in ten million.
-        depth_tolerance: 0.1 * scene.rules.step,
+        // A ray has about a thousand steps; f32 rounds each position by one part in ten million. In a contracted scene
+        // distances grow faster than the spacing of samples.
+        depth_tolerance: match scene.rules.contraction {
+            None => 0.1 * scene.rules.step,
+            Some(_) => 0.1 * scene.rules.step * probes.iter().map(|p| 1.0 + p.depth * p.depth).fold(1.0, f64::max),
+        },
         density_tolerance: 1e-3,
         probes,
     }
@@ -62,7 +66,10 @@ fn candidate(
     field: &ReferenceField<'_>,
     random: &Random,
 ) -> Option<Probe> {
-    let (center, half) = (scene.bounds.center(), 0.5 * scene.bounds.size());
+    // In a contracted scene the inner cube, which its cameras surround or are in.
+    let inner = Aabb::around(DVec3::ZERO, DVec3::ONE);
+    let bounds = if scene.rules.contraction.is_some() { inner } else { scene.bounds };
+    let (center, half) = (bounds.center(), 0.5 * bounds.size());
     let around = DVec3::new(random.normal(0), random.normal(1), random.normal(2)).try_normalize()?;
     // Outside the bounds, and so that they lie between near and far.
     let distance = (scene.frame.near + half.length()).min(scene.frame.far);
@@ -74,7 +81,7 @@ fn candidate(
     if trace.opacity <= 0.0 {
         return None;
     }
-    let seen = field.locate(ray.at(trace.depth));
+    let seen = field.locate(scene.rules.contracted(ray.at(trace.depth)));
     if !seen.covered {
         return None;
     }

@@ -1,6 +1,9 @@
 //! The rules of the field and the march (spec 3.2).
 
+use glam::DVec3;
+
 use super::error::BrokenInvariant;
+use crate::geometry::{Aabb, Contraction, MAX_SPACING};
 
 /// The condition for a point to be in the model (spec 4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +57,10 @@ pub struct Rules {
     pub min_transmittance: f64,
     /// Samples of at most this visibility weight are not shaded.
     pub min_weight: f64,
+    /// The contraction of an unbounded scene (spec 4.9): tensors and occupancy are in the contracted space, cameras and
+    /// distances are not. `None`: rays march straight through the bounds.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub contraction: Option<Contraction>,
 }
 
 impl Rules {
@@ -62,7 +69,38 @@ impl Rules {
         sigma * self.step * self.distance_scale
     }
 
-    pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
+    /// `point` as tensors and occupancy see it: contracted if the scene is (spec 4.9).
+    #[inline(always)]
+    pub fn contracted(&self, point: DVec3) -> DVec3 {
+        self.contraction.map_or(point, |contraction| contraction.contract(point))
+    }
+
+    /// The smallest box of tensors' space that contains the box `within` of model space.
+    pub fn contracted_box(&self, within: &Aabb) -> Aabb {
+        self.contraction.map_or(*within, |contraction| contraction.contract_box(within))
+    }
+
+    /// `bounds` of a scene of which only the box `within` of model space is kept. Those of a contracted scene stay.
+    pub(crate) fn cropped_bounds(&self, bounds: &Aabb, within: &Aabb) -> Aabb {
+        if self.contraction.is_some() { *bounds } else { bounds.intersection(within) }
+    }
+
+    /// The largest difference of two samples' parameters on a ray, in a scene of these `bounds` (spec 4.8 and 4.9).
+    pub(super) fn longest_path(&self, bounds: &Aabb) -> f64 {
+        if self.contraction.is_some() { 2.0 * MAX_SPACING } else { bounds.size().length() }
+    }
+
+    pub(super) fn check(&self, bounds: &Aabb) -> Result<(), BrokenInvariant> {
+        if let Some(contraction) = self.contraction {
+            if !(contraction.shell > 0.0 && contraction.shell <= 1.0) {
+                let expected = "a number more than 0, at most 1";
+                return Err(BrokenInvariant::new("rules contraction's shell", expected, contraction.shell));
+            }
+            if *bounds != contraction.bounds() {
+                let found = format!("{bounds:?}");
+                return Err(BrokenInvariant::new("bounds", format!("{:?}", contraction.bounds()), found));
+            }
+        }
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let fraction = |v: f64| (0.0..1.0).contains(&v);
         for (name, value, valid, expected) in [

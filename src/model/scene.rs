@@ -70,12 +70,12 @@ impl Scene {
             let found = format!("{:?}", self.bounds);
             return Err(BrokenInvariant::new("bounds", "a finite box of positive size", found));
         }
-        self.rules.check()?;
-        let samples = self.bounds.size().length() / self.rules.step;
+        self.rules.check(&self.bounds)?;
+        let samples = self.rules.longest_path(&self.bounds) / self.rules.step;
         if samples > MAX_SAMPLES {
             return Err(BrokenInvariant::new(
                 "rules step",
-                format!("long enough for at most {MAX_SAMPLES} steps across the bounds"),
+                format!("long enough for at most {MAX_SAMPLES} steps on a ray"),
                 format!("{samples} steps"),
             ));
         }

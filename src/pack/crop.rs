@@ -7,17 +7,18 @@ use crate::geometry::Aabb;
 use crate::model::BrokenInvariant;
 
 /// The part of `file` inside `within`, in model units: the tensors that reach into the box, and the intersection of
-/// the bounds. Inside, pictures stay the same.
+/// the bounds, unless the scene is contracted. Inside, pictures stay the same.
 ///
 /// # Errors
 ///
 /// If nothing is left.
 pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, BrokenInvariant> {
     let SceneFile { scene, encoding, .. } = &mut file;
-    scene.bounds = scene.bounds.intersection(within);
+    let region = scene.rules.contracted_box(within).intersection(&scene.bounds);
+    scene.bounds = scene.rules.cropped_bounds(&scene.bounds, within);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let reaches = |center: DVec3| {
-            let covered = Aabb::around(center, scale.cloud.half_edge).intersection(&scene.bounds);
+            let covered = Aabb::around(center, scale.cloud.half_edge).intersection(&region);
             covered.min.cmple(covered.max).all()
         };
         let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();

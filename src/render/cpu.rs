@@ -144,17 +144,20 @@ impl<T: Real> CpuRenderer<T> {
         chunks.concat()
     }
 
-    /// The unit direction against the density's gradient at `position`, by central differences over four march steps;
+    /// The unit direction against the density's gradient at `point`, by central differences over four march steps;
     /// `None` if the density is constant there. Twin: `shaders/normals.wgsl`.
     #[inline(always)]
-    fn normal_at(&self, position: glam::DVec3, samples: &mut Samples<T>) -> Option<glam::Vec3> {
-        let h = 2.0 * self.field.rules.step;
-        let mut density = |position: glam::DVec3| {
-            let feature = self.field.density_feature(self.field.relative(position), samples);
-            feature.map_or(0.0, |f| softplus(f.f64() + self.field.rules.density_shift))
+    fn normal_at(&self, point: glam::DVec3, samples: &mut Samples<T>) -> Option<glam::Vec3> {
+        let rules = &self.field.rules;
+        // Contracted space is about as much smaller than the scene.
+        let stretch = rules.contraction.map_or(1.0, |_| point.abs().max_element().max(1.0));
+        let h = 2.0 * rules.step * stretch;
+        let mut density = |point: glam::DVec3| {
+            let feature = self.field.density_feature(self.field.relative(rules.contracted(point)), samples);
+            feature.map_or(0.0, |f| softplus(f.f64() + rules.density_shift))
         };
         let fall = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z]
-            .map(|axis| density(position - h * axis) - density(position + h * axis));
+            .map(|axis| density(point - h * axis) - density(point + h * axis));
         Some(glam::DVec3::from(fall).try_normalize()?.as_vec3())
     }
 

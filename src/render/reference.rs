@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::{Pixel, Renderer};
-use crate::geometry::Ray;
+use crate::geometry::{Ray, RayPath};
 use crate::model::{DecoderMode, ReferenceField, Scene, alpha, sigmoid};
 
 /// A traced ray in f64, with its decision margin and condition.
@@ -49,19 +49,18 @@ impl<'a> ReferenceRenderer<'a> {
         let mut sensitivity = 0.0;
         let mut condition = 0.0;
 
-        // Samples: t_k = max(a, near) + k·δ while t_k < min(b, far).
-        if let Some((entry, exit)) = scene.bounds.intersect(ray) {
-            let start = entry.max(scene.frame.near);
-            let end = exit.min(scene.frame.far);
+        // Samples: u_k = u_0 + k·δ while u_k is before the end. Without contraction u is the distance t.
+        let path = RayPath::new(ray, &scene.bounds, rules.contraction, [scene.frame.near, scene.frame.far]);
+        if let Some((start, end)) = path.span {
             for k in 0.. {
-                let t = start + f64::from(k) * rules.step;
+                let u = start + f64::from(k) * rules.step;
                 // The number of samples changes if the last one crosses the end.
-                margin = margin.min((t - end).abs());
-                if t >= end {
+                margin = margin.min((u - end).abs());
+                if u >= end {
                     break;
                 }
                 // Counting: in the model and occupied.
-                let position = ray.at(t);
+                let position = path.position(u);
                 let (occupied, occupancy_margin) = self.field.occupied(position);
                 let point = self.field.locate(position);
                 // If conditions fail, the sample counts only after a displacement that reaches all of them.
@@ -91,7 +90,7 @@ impl<'a> ReferenceRenderer<'a> {
                     shading.add(&self.field, &self.field.appearance_features(&point), ray, weight);
                 }
                 weight_sum += weight;
-                distance_sum += weight * t;
+                distance_sum += weight * path.distance(u);
 
                 // The end of the march: T below the minimum transmittance.
                 transmittance = after;

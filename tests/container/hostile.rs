@@ -235,8 +235,28 @@ fn codes_that_this_version_does_not_define() {
     // Named, where a name is known.
     let error = patched("SCALE", 44, &[1]);
     assert!(matches!(error, Error::Unsupported { found, .. } if found == "vm"));
-    let error = patched("RULES", 6, &[1]);
-    assert!(matches!(error, Error::Unsupported { found, .. } if found == "L∞"));
+}
+
+#[test]
+fn a_contraction_has_its_own_shell_and_bounds() {
+    broken(patched("RULES", 6, &[1]), "shell");
+    for shell in [-0.4, 1.001, f64::NAN, f64::INFINITY] {
+        broken(
+            refused(|f| {
+                f.part("RULES").patch(6, &[1]);
+                f.part("RULES").patch(96, &shell.to_le_bytes());
+            }),
+            "shell",
+        );
+    }
+    broken(
+        refused(|f| {
+            f.part("RULES").patch(6, &[1]);
+            f.part("RULES").patch(96, &0.4_f64.to_le_bytes());
+        }),
+        "bounds",
+    );
+    malformed(patched("RULES", 96, &[1]), "contracted length");
 }
 
 #[test]

@@ -66,6 +66,7 @@ pub(crate) fn two_scales() -> Scene {
             step: 0.005,
             min_transmittance: 1e-3,
             min_weight: 1e-4,
+            contraction: None,
         },
         scales,
         decoder: Decoder {

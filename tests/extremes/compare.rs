@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 use strivec::field::Field;
-use strivec::geometry::Ray;
+use strivec::geometry::{MAX_SPACING, Ray};
 use strivec::model::Scene;
 #[cfg(feature = "gpu")]
 use strivec::render::Approximation;
@@ -41,7 +41,8 @@ impl Way {
 
     /// Bound of the rounding error of a sample's position in `scene`, in model units.
     pub(crate) fn position_error(self, scene: &Scene) -> f64 {
-        self.rounding() * (scene.bounds.size().max_element() + scene.frame.far)
+        let farthest = if scene.rules.contraction.is_some() { MAX_SPACING } else { scene.frame.far };
+        self.rounding() * (scene.bounds.size().max_element() + farthest)
     }
 
     /// Bound of the color difference to the reference on clear, well-conditioned rays.

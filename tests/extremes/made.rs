@@ -124,6 +124,7 @@ impl Made {
                 step: self.step,
                 min_transmittance: 1e-3,
                 min_weight: 1e-4,
+                contraction: None,
             },
             scales: vec![Scale {
                 top_k: self.top_k,

@@ -12,4 +12,5 @@ mod made;
 mod properties;
 mod shapes;
 mod training;
+mod unbounded;
 mod values;

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use glam::{DVec3, UVec3};
-use strivec::geometry::{Aabb, Camera, Distortion, Lattice, Lens, Projection, Similarity};
+use strivec::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
     Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, TensorCloud, UpAxis,
 };
@@ -88,7 +88,8 @@ pub(crate) fn bent_camera(size: u32) -> Camera {
     Camera { lens: Lens { projection: Projection::Perspective, distortion }, ..camera(size, 1.0) }
 }
 
-/// Every combination of rules, with an occupancy that cuts through the model.
+/// Every combination of rules, with an occupancy that cuts through the model; then the first of each decoder mode,
+/// contracted.
 pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
@@ -107,7 +108,33 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
         scene.check().unwrap();
         cases.push((format!("{:?}, {:?}", config.field, scene.decoder.mode), scene));
     }
+    for n in 0..DecoderMode::ALL.len() {
+        let (name, mut scene) = cases[n].clone();
+        if n == 0 {
+            scene.occupancy = None;
+        }
+        cases.push((format!("{name}, contracted"), contracted(scene)));
+    }
     cases
+}
+
+/// `scene` at twice its size in contracted space: the ball reaches through the faces of the inner cube.
+pub(crate) fn contracted(mut scene: Scene) -> Scene {
+    for scale in &mut scene.scales {
+        scale.cloud.half_edge *= 2.0;
+        let Placement::Lattice { lattice, .. } = &mut scale.cloud.placement else { unreachable!("made on a lattice") };
+        lattice.origin *= 2.0;
+        lattice.pitch *= 2.0;
+    }
+    let contraction = Contraction { shell: 0.4 };
+    scene.bounds = contraction.bounds();
+    scene.rules.contraction = Some(contraction);
+    if scene.occupancy.is_some() {
+        scene.occupancy = Some(sliced(scene.bounds.grown(DVec3::splat(0.0345))));
+    }
+    (scene.frame.near, scene.frame.far) = (0.3, 1e4);
+    scene.check().expect("a sound scene");
+    scene
 }
 
 fn sliced(bounds: Aabb) -> Occupancy {

@@ -107,8 +107,8 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
             let map = document.scene.frame.model_from_dataset;
             // The box around the box, where the map turns it.
             let within = Aabb::from_points(corners.corners().map(|corner| map.point(corner)));
-            let bounds = document.scene.bounds;
-            if within.min.cmpge(bounds.max).any() || within.max.cmple(bounds.min).any() {
+            let (bounds, is_contracted) = (document.scene.bounds, document.scene.rules.contraction.is_some());
+            if !is_contracted && (within.min.cmpge(bounds.max).any() || within.max.cmple(bounds.min).any()) {
                 let dataset_from_model = map.inverse();
                 let bounds = Aabb::from_points(bounds.corners().map(|corner| dataset_from_model.point(corner)));
                 let corner = |at: glam::DVec3| at.to_array().map(short).join(", ");

@@ -55,7 +55,7 @@ pub(super) struct SceneHead {
     pub(super) grid_words: u32,
     pub(super) grid_blocks: u32,
     pub(super) grid_min: [f32; 3],
-    pub(super) padding0: u32,
+    pub(super) shell: f32,
     pub(super) grid_cells_per_unit: [f32; 3],
     pub(super) padding1: u32,
     pub(super) grid_cells: [i32; 3],
@@ -106,7 +106,8 @@ pub(super) struct Ray {
     pub(super) next: u32,
     pub(super) block: u32,
     pub(super) used: u32,
-    pub(super) padding: [u32; 2],
+    pub(super) scale: f32,
+    pub(super) first: f32,
 }
 
 /// Lengths of the batch's lists.
@@ -154,8 +155,8 @@ mod tests {
         let (more, size) = assert_same_layout!(
             source, "Scene", SceneHead,
             bounds_min, near, bounds_max, far, background, position_error, step, density_shift, depth_scale, min_weight,
-            min_transmittance, appearance, grid_words, grid_blocks, grid_min, grid_cells_per_unit, grid_cells,
-            grid_block_counts
+            min_transmittance, appearance, grid_words, grid_blocks, grid_min, shell, grid_cells_per_unit,
+            grid_cells, grid_block_counts
         );
         let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
         assert_eq!((more, size), (2, head + layer * shape.layers + scale * shape.scales), "layers and scales follow");
@@ -174,7 +175,7 @@ mod tests {
         assert_same_layout!(
             source, "Ray", Ray,
             start, entry, direction, length, transmittance, weights, distances, evaluated, outputs, shaded_weights,
-            first_block, first_row, shaded, compacted_ray, lost, next, block, used
+            first_block, first_row, shaded, compacted_ray, lost, next, block, used, scale, first
         );
         assert_same_layout!(source, "Counters", Counters, blocks, rows, shaded_rays, unfinished);
     }

@@ -8,7 +8,7 @@ use super::packed::{BufferLimits, Packed};
 use super::shader::{CHUNK_SHIFT, Precision, RAY_LANES, Stage, TILE};
 use super::workspace::{StageTime, Workspace};
 use crate::field::Field;
-use crate::geometry::{Aabb, Camera, Ray};
+use crate::geometry::{Aabb, Camera, Contraction, Ray, RayPath};
 use crate::model::Scene;
 use crate::render::{Approximation, ApproximationError, Picture, Pixel};
 
@@ -34,6 +34,7 @@ pub struct GpuRenderer {
     pub(super) times: Vec<StageTime>,
     origin: glam::DVec3,
     bounds: Aabb,
+    contraction: Option<Contraction>,
     near_far: [f64; 2],
     background: [f32; 3],
 }
@@ -94,6 +95,7 @@ impl GpuRenderer {
             times: Vec::new(),
             origin: field.origin,
             bounds: field.bounds,
+            contraction: field.rules.contraction,
             near_far: field.near_far,
             background: field.background,
         })
@@ -224,14 +226,17 @@ impl GpuRenderer {
 
     /// `ray` as the first stage computes it, but in 64 bits.
     fn device_ray(&self, ray: &Ray) -> DeviceRay {
-        let span = self.bounds.intersect(ray).map(|(t0, t1)| (t0.max(self.near_far[0]), t1.min(self.near_far[1])));
-        let (entry, exit) = span.filter(|(t0, t1)| t0 <= t1).unwrap_or((0.0, 0.0));
+        let path = RayPath::new(ray, &self.bounds, self.contraction, self.near_far);
+        let (first, end) = path.span.filter(|(first, end)| first <= end).unwrap_or((0.0, 0.0));
+        let (entry, scale) = path.contraction().map_or((first, 1.0), |(_, s)| (s.foot_distance, s.scale));
         let narrow = |v: glam::DVec3| v.to_array().map(|v| v as f32);
         DeviceRay {
             start: narrow(ray.at(entry) - self.origin),
             entry: entry as f32,
             direction: narrow(ray.direction),
-            length: (exit - entry) as f32,
+            length: (end - first) as f32,
+            scale: scale as f32,
+            first: first as f32,
             ..DeviceRay::default()
         }
     }

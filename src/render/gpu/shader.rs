@@ -67,6 +67,7 @@ pub(super) struct Shape {
     pub(super) direction_frequencies: u32,
     /// Log₂ of the cells along a block's edge; `None` if there is no grid.
     pub(super) block_shift: Option<u32>,
+    pub(super) contracted: bool,
     pub(super) coverage: Coverage,
     pub(super) density_reduction: Reduction,
     pub(super) appearance_reduction: Reduction,
@@ -136,6 +137,7 @@ impl Shape {
         }
         for (name, value) in [
             ("HAS_GRID", self.block_shift.is_some()),
+            ("CONTRACTED", self.contracted),
             ("COVERAGE_IS_ALL", self.coverage == Coverage::All),
             ("DENSITY_IS_MEAN", self.density_reduction == Reduction::Mean),
             ("APPEARANCE_IS_MEAN", self.appearance_reduction == Reduction::Mean),
@@ -214,17 +216,19 @@ impl Stage {
             };
         }
         const LAYOUT: &str = shader!("layout");
+        const PATH: &str = shader!("path");
         const SCENE_BUFFER: &str = shader!("scene_buffer");
         const REAL: &str = shader!("real");
         const NEIGHBORS: &str = shader!("neighbors");
         const GATHER: &str = shader!("gather");
         const DENSITY: &str = shader!("density");
         match self {
-            Self::Rays => &[LAYOUT, shader!("rays")],
+            Self::Rays => &[LAYOUT, PATH, shader!("rays")],
             Self::March => &[
                 LAYOUT,
                 SCENE_BUFFER,
                 REAL,
+                PATH,
                 shader!("cells"),
                 shader!("ray_marcher"),
                 NEIGHBORS,
@@ -235,9 +239,9 @@ impl Stage {
             Self::Compact if extensions.subgroups => &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")],
             Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
-            Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, NEIGHBORS, GATHER, shader!("decoder")],
+            Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("decoder")],
             Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
-            Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
+            Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
         }
     }
 
@@ -279,6 +283,7 @@ impl Default for Shape {
             feature_frequencies: 2,
             direction_frequencies: 2,
             block_shift: Some(3),
+            contracted: false,
             coverage: Coverage::All,
             density_reduction: Reduction::Sum,
             appearance_reduction: Reduction::Sum,
@@ -304,6 +309,7 @@ mod tests {
             Shape { precision: Precision::F16, extensions: both, ..paper.clone() },
             Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
+            Shape { contracted: true, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },
             Shape {
                 scales: 1,

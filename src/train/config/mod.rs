@@ -183,6 +183,7 @@ impl FieldConfig {
             step,
             min_transmittance: self.min_transmittance,
             min_weight: self.min_weight,
+            contraction: None,
         }
     }
 }

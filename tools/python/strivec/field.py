@@ -35,15 +35,19 @@ def _march(scene, origin, direction):
     """Color, opacity and depth of one ray (4.8)."""
     rules, frame = scene.rules, scene.frame
     background = np.array(frame.background, np.float64)
-    enter, leave = _slab(np.array(rules.bounds[0]), np.array(rules.bounds[1]), origin, direction)
-    first, last = max(enter, frame.near), min(leave, frame.far)
-    if not first < last:
+    if rules.shell is None:
+        enter, leave = _slab(np.array(rules.bounds[0]), np.array(rules.bounds[1]), origin, direction)
+        distances = _even(max(enter, frame.near), min(leave, frame.far), rules.step)
+        points = origin + distances[:, None] * direction
+        touched = [_touched(scale, origin, direction) for scale in scene.scales]
+    else:
+        distances = _spaced(rules, frame, origin, direction)
+        points = contracted(rules.shell, origin + distances[:, None] * direction)
+        touched = [np.arange(len(scale.centers)) for scale in scene.scales]
+    if not len(distances):
         return background, 0.0, 0.0
-    distances = first + np.arange(int((last - first) / rules.step) + 2) * rules.step
-    distances = distances[distances < last]
-    points = origin + distances[:, None] * direction
 
-    field = evaluate(scene, points, [_touched(scale, origin, direction) for scale in scene.scales])
+    field = evaluate(scene, points, touched)
     counts = field.inside
     if scene.occupancy is not None:
         counts = counts & (occupancy(scene.occupancy, points) > 0.0)
@@ -73,6 +77,32 @@ def _march(scene, origin, direction):
         else:
             color = color + weights @ _sigmoid(features[:, :3] + of_ray)
     return color, 1.0 - transmittance, depth
+
+
+def contracted(shell, points):
+    """The images of points float64[n][3] by the contraction (4.9)."""
+    norms = np.maximum(np.abs(points).max(axis=-1, keepdims=True), 1.0)
+    return points / norms * np.where(norms > 1.0, 1.0 + shell - shell / norms, 1.0)
+
+
+def _even(first, last, step):
+    """The samples from `first` on that lie before `last`, float64[n]."""
+    if not first < last:
+        return np.zeros(0)
+    samples = first + np.arange(int((last - first) / step) + 2) * step
+    return samples[samples < last]
+
+
+def _spaced(rules, frame, origin, direction):
+    """The distances of a ray's samples in a contracted scene (4.9), float64[n]."""
+    root = np.sqrt(3.0)
+    of_foot = -origin @ direction
+    unit = max(1.0, np.linalg.norm(origin + of_foot * direction) / root)
+    ends = (np.array([frame.near, frame.far]) - of_foot) / unit
+    far = np.sign(ends) * (2.0 * root - 3.0 / np.maximum(np.abs(ends), root))
+    u = _even(*np.where(np.abs(ends) <= root, ends, far), rules.step)
+    beyond = np.sign(u) * 3.0 / np.maximum(2.0 * root - np.abs(u), 1e-12)
+    return of_foot + unit * np.where(np.abs(u) <= root, u, beyond)
 
 
 def _slab(box_min, box_max, origin, direction):

@@ -39,6 +39,7 @@ class Rules:
     step: float
     min_transmittance: float
     min_weight: float
+    shell: Optional[float] = None  # b of the contraction L∞; None without contraction
 
 
 @dataclass

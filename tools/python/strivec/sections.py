@@ -56,17 +56,24 @@ def read_rules(payload):
     aggregation = record.code("aggregation", ("normalized", "clamped"))
     density_reduction = record.code("density reduction", ("sum", "mean"))
     appearance_reduction = record.code("appearance reduction", ("sum", "mean"))
-    record.code("contraction", ("none",))  # code 1 is reserved for L∞
+    contraction = record.code("contraction", ("none", "L∞"))
     record.zeros(1)
     bounds = _read_box(record, "bounds")
     density_shift = record.f64("density shift")
     distance_scale = record.f64("distance scale", "a positive finite number")
     step = record.f64("step", "a positive finite number")
-    steps = math.dist(*bounds) / step
-    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps along the diagonal", steps)
+    steps = (4.0 * math.sqrt(3.0) if contraction == "L∞" else math.dist(*bounds)) / step
+    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps on a ray", steps)
     min_transmittance = record.f64("minimum transmittance", "a number in [0, 1)")
     min_weight = record.f64("minimum weight", "a number in [0, 1)")
-    record.zeros(8, "contracted length")
+    shell = None
+    if contraction == "none":
+        record.zeros(8, "shell of the contraction")
+    else:
+        shell = record.f64("shell of the contraction")
+        record.require(0.0 < shell <= 1.0, "shell of the contraction", "a number above 0, at most 1", shell)
+        expected = ((-1.0 - shell,) * 3, (1.0 + shell,) * 3)
+        record.require(tuple(map(tuple, bounds)) == expected, "bounds", f"those of the contraction, {expected}", bounds)
     payload.end()
     return Rules(
         scales,
@@ -80,6 +87,7 @@ def read_rules(payload):
         step,
         min_transmittance,
         min_weight,
+        shell,
     )
 
 
