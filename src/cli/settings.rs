@@ -5,12 +5,16 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::dataset::DatasetOptions;
+use super::numbers::boxed;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions};
-use crate::geometry::Camera;
+use crate::geometry::{Aabb, Camera};
 use crate::prior::VoxelBoxes;
 use crate::train::{self, Budget, TrainConfig};
+
+/// Width of the shell of unbounded scenes (paper: the authors' runs).
+const DEFAULT_SHELL: f64 = 0.4;
 
 /// The settings of a training.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,6 +36,12 @@ pub(super) struct Settings {
     /// Distance at which rays end, in dataset units [default: the dataset's]
     #[arg(long, value_name = "LENGTH", requires = "near")]
     pub(super) far: Option<f64>,
+    /// The scene has no edge: what is around the inner box is contracted into a shell
+    #[arg(long)]
+    unbounded: bool,
+    /// The two corners of the inner box of an unbounded scene, in dataset units [default: from the cameras]
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
+    inner_box: Option<Aabb>,
     /// Remove tensors whose boxes turn out to be empty during training: smaller files, the same pictures
     #[arg(long)]
     prune: bool,
@@ -109,6 +119,10 @@ impl Settings {
         let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
         config.background = self.background.map_or(config.background, Background::color);
+        if self.unbounded || self.inner_box.is_some() {
+            config.shell.get_or_insert(DEFAULT_SHELL);
+        }
+        config.inner_box = self.inner_box.map(|inner| [inner.min, inner.max]).or(config.inner_box);
         if let (Some(near), Some(far)) = (self.near, self.far) {
             config.near_far = Some([near, far]);
         }

@@ -22,6 +22,14 @@ use crate::prior::{self, CoarseProgress, Location, VoxelBoxes};
 use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
 
+/// The distance at which rays of an unbounded scene end, in edges of its inner box: what is farther does not move in any
+/// picture.
+const FAR_OF_UNBOUNDED: f64 = 1000.0;
+
+/// The share of rays from which on tensors around the dataset's points hold the scene; surfaces without texture have no
+/// points.
+const ENOUGH_COVERED: f64 = 0.99;
+
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
     dataset.views.iter().map(|view| view.camera).collect()
@@ -60,14 +68,21 @@ pub(super) fn import(
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<Option<VoxelBoxes>, Error> {
-    let occupied = inputs.voxels(cameras, interrupted, session)?;
-    if let Some(occupied) = &occupied {
-        config.near_far.get_or_insert_with(|| prior::ray_range(cameras, Some(occupied)));
+    let Some(occupied) = inputs.voxels(cameras, interrupted, session)? else { return Ok(None) };
+    let near_far = prior::ray_range(cameras, Some(&occupied));
+    if config.shell.is_some() {
+        locate_unbounded(config, cameras, near_far[0], session);
+    } else {
+        config.near_far.get_or_insert(near_far);
     }
-    Ok(occupied)
+    Ok(Some(match config.unbounded() {
+        None => occupied,
+        Some(unbounded) => unbounded.contract_boxes(&occupied),
+    }))
 }
 
-/// The prior from the photographs, with progress on the console; `config` and `dataset` then say where the scene is.
+/// The prior from the dataset's points if they cover the photographs, else from the photographs, with progress on the
+/// console; `config` and `dataset` then say where the scene is.
 pub(super) fn reconstruct(
     config: &mut TrainConfig,
     dataset: &mut Dataset,
@@ -75,7 +90,10 @@ pub(super) fn reconstruct(
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
-    locate(config, dataset, session)?;
+    let all_points = locate(config, dataset, session)?;
+    if !bootstrap && let Some(points) = prior_of_points(config, dataset, all_points, session)? {
+        return Ok(points);
+    }
     let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
     let progress = Progress::start(&session.console, "prior", total);
     let start = Instant::now();
@@ -113,16 +131,58 @@ pub(super) fn place<'a>(
     Ok(trainer)
 }
 
-/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it.
-fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
+/// The cells of the dataset's points, or `all_points` with outliers, as the prior; `None` if neither cover what the
+/// photographs show.
+fn prior_of_points(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    all_points: Option<VoxelBoxes>,
+    session: &Session,
+) -> Result<Option<VoxelBoxes>, Error> {
+    for points in [config.prior.points.clone(), all_points].into_iter().flatten() {
+        let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
+        let share = train::covered_share(config, dataset, &cells)?;
+        if share >= ENOUGH_COVERED {
+            let count = plural(cells.cells.len(), "cell");
+            session
+                .console
+                .say(&format!("prior: {count} of the dataset's points, which {:.1} % of rays meet", 100.0 * share));
+            return Ok(Some(cells));
+        }
+    }
+    Ok(None)
+}
+
+/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points, if
+/// photographs are opaque.
+fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<Option<VoxelBoxes>, Error> {
     let is_opaque = || dataset.views.par_iter().all(|view| view.pixels.is_opaque());
-    let Location { near_far, bounds, .. } =
-        prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras(dataset), is_opaque)?;
+    let cameras = cameras(dataset);
+    let Location { near_far, bounds, points, all_points } =
+        prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, is_opaque)?;
+    let is_opaque = is_opaque();
+    config.prior.points = points.filter(|_| is_opaque);
+    let all_points = all_points.filter(|_| is_opaque);
+    if config.shell.is_some() {
+        locate_unbounded(config, &cameras, near_far[0], session);
+        return Ok(all_points);
+    }
     let [near, far] = *config.near_far.get_or_insert(near_far);
     let within = bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
     session.console.say(&format!("rays from {near:.3} to {far:.3}{within}"));
     dataset.bounds = bounds;
-    Ok(())
+    Ok(all_points)
+}
+
+/// The inner box and the range of an unbounded scene, whose rays begin at `near`, as far as `config` does not say them.
+fn locate_unbounded(config: &mut TrainConfig, cameras: &[Camera], near: f64, session: &Session) {
+    let [min, max] = *config.inner_box.get_or_insert_with(|| {
+        let inner = prior::inner_box(cameras);
+        [inner.min, inner.max]
+    });
+    let far = FAR_OF_UNBOUNDED * (max - min).max_element();
+    let [near, far] = *config.near_far.get_or_insert([near, far]);
+    session.console.say(&format!("rays from {near:.3} to {far:.3}, inner box {min:.3} to {max:.3}"));
 }
 
 /// The bytes of `scene`'s file.

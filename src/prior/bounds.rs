@@ -86,6 +86,15 @@ pub(super) fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb
     [if nearest > 0.0 { nearest } else { near.min(0.5 * far) }, far]
 }
 
+/// The inner box of an unbounded scene, in dataset units: that of the cameras and of the point that they look at. Nearer
+/// things than the cameras' own distance from it are in it, the rest is contracted.
+pub fn inner_box(cameras: &[Camera]) -> Aabb {
+    let CameraBounds { focus, near, .. } = CameraBounds::from_cameras(cameras.iter());
+    let seen = Aabb::from_points(cameras.iter().map(|camera| camera.position).chain([focus]));
+    // A single camera, or one place of all, spans no box.
+    seen.union(&Aabb::around(focus, DVec3::splat(near)))
+}
+
 /// The box of all frusta between `near` and `far`; [`Aabb::EMPTY`] without cameras.
 pub fn frusta_box<'a>(cameras: impl Iterator<Item = &'a Camera>, near: f64, far: f64) -> Aabb {
     let steps = || (0..FRUSTUM_POINTS).map(|i| f64::from(i) / f64::from(FRUSTUM_POINTS - 1));

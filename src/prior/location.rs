@@ -21,6 +21,8 @@ pub struct Location {
     pub bounds: Option<Aabb>,
     /// The cells that hold the dataset's points, without outliers.
     pub points: Option<VoxelBoxes>,
+    /// The cells that hold all of them.
+    pub all_points: Option<VoxelBoxes>,
 }
 
 /// The place of the scene that `cameras` see, by the first that is known: the file `points` of points on its surfaces;
@@ -35,7 +37,9 @@ pub fn locate(
     cameras: &[Camera],
     is_opaque: impl FnOnce() -> bool,
 ) -> Result<Location, BuildError> {
-    let points = points.map(|path| cells_of(path.to_path_buf())).transpose()?.flatten();
+    let cells = |outliers| points.map(|path| cells_of(path.to_path_buf(), outliers)).transpose();
+    let all_points = cells(None)?.flatten();
+    let points = cells(Some(SPARSE_OUTLIERS))?.flatten();
     let around = |cells: &VoxelBoxes| {
         let bounds = cells.bounds();
         bounds.grown(SPARSE_MARGIN * bounds.size())
@@ -45,12 +49,12 @@ pub fn locate(
         None if is_opaque() => ray_range_of_surroundings(cameras, bounds.as_ref()),
         None => ray_range(cameras, None),
     };
-    Ok(Location { near_far, bounds: bounds.or_else(|| points.as_ref().map(around)), points })
+    Ok(Location { near_far, bounds: bounds.or_else(|| points.as_ref().map(around)), points, all_points })
 }
 
-/// The cells of the points in the file `path`, without outliers.
-fn cells_of(path: PathBuf) -> Result<Option<VoxelBoxes>, BuildError> {
-    let options = BuildOptions { outliers: Some(SPARSE_OUTLIERS), ..BuildOptions::default() };
+/// The cells of the points in the file `path`, without `outliers`.
+fn cells_of(path: PathBuf, outliers: Option<Outliers>) -> Result<Option<VoxelBoxes>, BuildError> {
+    let options = BuildOptions { outliers, ..BuildOptions::default() };
     match build(&[path], &options, &mut |_| ControlFlow::Continue(())) {
         Ok(Built { boxes, .. }) => Ok(Some(boxes)),
         Err(BuildError::Nothing { .. } | BuildError::OnePlace { .. }) => Ok(None),
@@ -101,7 +105,7 @@ mod tests {
         fs::write(&file, "1 1 1\n1 1 1\n").unwrap();
         assert_eq!(
             of(Some(&file), None, false),
-            Location { near_far: ray_range(&cameras, None), bounds: None, points: None }
+            Location { near_far: ray_range(&cameras, None), bounds: None, points: None, all_points: None }
         );
     }
 }

@@ -3,7 +3,8 @@
 use super::{ConfigError, TrainConfig};
 use crate::geometry::Aabb;
 use crate::model::{
-    AppearanceMatrix, Coverage, Decoder, FactorKind, Factors, Frame, Linear, Provenance, Scale, Scene, TensorCloud,
+    AppearanceMatrix, Coverage, Decoder, FactorKind, Factors, Frame, Linear, Provenance, Rules, Scale, Scene,
+    TensorCloud,
 };
 use crate::random::Random;
 
@@ -13,7 +14,7 @@ pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
 }
 
 /// A scene of random factors and networks on `clouds`, coarsest first. Its bounds are the smallest box around the
-/// covered points (paper, Implementation).
+/// covered points (paper, Implementation), or those of `config`'s contraction.
 ///
 /// # Errors
 ///
@@ -24,13 +25,15 @@ pub fn initial_scene(
     frame: Frame,
     dataset: &str,
 ) -> Result<Scene, ConfigError> {
-    let rules = config.field.rules(march_step(&clouds[0], config.field.step_cells));
+    let contraction = config.contraction();
+    let rules = Rules { contraction, ..config.field.rules(march_step(&clouds[0], config.field.step_cells)) };
     let boxes = clouds.iter().map(TensorCloud::bounds);
     let bounds = match rules.coverage {
         Coverage::All => boxes.reduce(|a, b| a.intersection(&b)),
         Coverage::Any => boxes.reduce(|a, b| a.union(&b)),
     }
     .unwrap_or(Aabb::EMPTY);
+    let bounds = contraction.map_or(bounds, |contraction| contraction.bounds());
     if !bounds.is_solid() {
         return Err(ConfigError::Value {
             place: "scales".into(),

@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::{ConfigError, TrainConfig, TrainError, initial_scene};
+use super::{ConfigError, RaySampler, TrainConfig, TrainError, initial_scene};
 use crate::dataset::Dataset;
+use crate::field::Field;
 use crate::geometry::Similarity;
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
@@ -40,22 +41,23 @@ pub fn reconstruct_prior(
         background: config.background,
         near: config.near_far.map(|n| n[0]),
         far: config.near_far.map(|n| n[1]),
+        unbounded: config.unbounded(),
         ..config.prior.clone()
     };
     prior::coarse::reconstruct(dataset, &options, config.seed, progress)
 }
 
-/// A scene of random tensors on `occupied`, which is in the dataset's space (paper, "Distributing local tensors"). Without
-/// `config`'s own, the range of rays is that of the coarse reconstruction; for a prior of files, set
+/// A scene of random tensors on `occupied`, which is in the dataset's space or, for an unbounded scene, in contracted
+/// space (paper, "Distributing local tensors"). Without `config`'s own, the range of rays is that of the coarse reconstruction; for a prior of files, set
 /// [`prior::ray_range`]'s first.
 ///
 /// # Errors
 ///
 /// If there is no cell to place tensors on.
 pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<Scene, PrepareError> {
-    let bounds = occupied.bounds();
-    let map = prior::canonical_map(&bounds, config.half_extent)?;
-    let boxes = occupied.mapped(&map);
+    let prior_map = config.model_from_prior(&occupied.bounds())?;
+    let boxes = occupied.mapped(&prior_map);
+    let map = config.unbounded().map_or(prior_map, |unbounded| unbounded.model_from_dataset);
     let clouds = (config.scales.iter())
         .map(|s| {
             prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
@@ -66,6 +68,20 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     let scene = initial_scene(config, clouds, frame(config, map, near_far), &dataset.name)?;
     scene.check()?;
     Ok(scene)
+}
+
+/// The share of `dataset`'s pixels whose rays meet the tensors that [`place_scene`] places on `occupied`.
+///
+/// # Errors
+///
+/// As [`place_scene`]; too many pixels.
+pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
+    let scene = place_scene(config, dataset, occupied)?;
+    let mut sampler = RaySampler::new(&dataset.views, &scene.frame, config)?;
+    sampler.filter_rays(&Field::<f32>::new(&scene));
+    let pixels: usize =
+        dataset.views.iter().map(|v| v.counting().map_or(v.pixels.len(), |counting| counting.len())).sum();
+    Ok(sampler.active_ray_count() as f64 / pixels.max(1) as f64)
 }
 
 /// The frame of a model whose rays have the range `near_far`, in the dataset's units.

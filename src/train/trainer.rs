@@ -269,7 +269,7 @@ impl<'a> Trainer<'a> {
             let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
             // In very short runs no cell is dense yet: they continue without an occupancy.
             if dense.is_solid() {
-                if which == 0 {
+                if which == 0 && self.scene.rules.contraction.is_none() {
                     self.scene.bounds = dense;
                 }
                 self.scene.occupancy = Some(occupancy);

@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec3};
 use num_traits::Float;
 
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, cell_at};
 
 /// f32 for training, f64 for the check of the gradients. `field::Real` is not used because `prior` must not import
 /// `field`, a sibling of the same layer (`tests/import_order`); it also requires vector types that are not needed here.
@@ -58,6 +58,12 @@ impl<T: Scalar> Grid<T> {
     /// The position of vertex (x, y, z) in dataset units.
     pub(super) fn position(&self, x: usize, y: usize, z: usize) -> DVec3 {
         self.origin + self.voxel * DVec3::new(x as f64, y as f64, z as f64)
+    }
+
+    /// The position of vertex number `n`, in dataset units.
+    pub(super) fn vertex(&self, n: usize) -> DVec3 {
+        let vertex = cell_at(n as u64, self.vertices);
+        self.position(vertex.x as usize, vertex.y as usize, vertex.z as usize)
     }
 
     /// `point`, in dataset units, in the grid's space.

@@ -19,9 +19,10 @@ mod tests;
 mod trainer;
 mod visibility;
 
+use std::collections::HashSet;
 use std::ops::ControlFlow;
 
-use glam::DVec3;
+use glam::{DVec3, UVec3};
 
 pub use options::CoarseOptions;
 
@@ -30,9 +31,10 @@ use self::ray_loss::density_of_alpha;
 use self::ray_sampler::RaySampler;
 pub(crate) use self::ray_sampler::check_views;
 use self::trainer::CoarseTrainer;
+use super::free_space::FreeSpace;
 use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
-use crate::geometry::{Aabb, Lattice, cell_at};
+use crate::geometry::{Aabb, Lattice, Similarity, cell_at};
 use crate::psnr::RunningMse;
 
 /// Progress of a training.
@@ -46,7 +48,8 @@ pub struct CoarseProgress {
     pub psnr: f64,
 }
 
-/// Trains coarse grids on `dataset` and returns the occupied voxels, in the dataset's space. The result depends on
+/// Trains coarse grids on `dataset` and returns the occupied voxels, in the dataset's space or, if `options` say so, in
+/// contracted space. The result depends on
 /// `options` and `seed` alone. `progress` is called after every step and stops the training by returning
 /// [`ControlFlow::Break`].
 ///
@@ -61,9 +64,16 @@ pub fn reconstruct(
     progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
 ) -> Result<VoxelBoxes, Error> {
     options.check()?;
-    let photographs = RaySampler::new(dataset, options.background)?;
+    let map = options.unbounded.map_or(Similarity::IDENTITY, |unbounded| unbounded.model_from_dataset);
+    let photographs = RaySampler::new(dataset, options.background, &map)?;
     let [near, far] = near_and_far(dataset, options.near, options.far)?;
-    let frusta = frusta_within(dataset, near, far);
+    let frusta = match options.unbounded {
+        None => frusta_within(dataset, near, far),
+        Some(unbounded) => unbounded.contraction.bounds(),
+    };
+    let near_far = [near, far].map(|t| t * map.scale);
+    let points = options.points.as_ref().map(|points| points.mapped(&map));
+    let free = points.as_ref().map(|points| FreeSpace::new(photographs.cameras(), points));
     if !frusta.is_solid() {
         let view = dataset.views[0].name.clone();
         return Err(Error::View {
@@ -81,10 +91,11 @@ pub fn reconstruct(
     let mut fit = RunningMse::default();
     for (number, &steps) in options.steps.iter().enumerate() {
         if number > 0 {
-            grid = grid.refined(&worth_refining(&grid, options).unwrap_or(frusta));
+            let found = worth_refining(&grid, options, points.as_ref());
+            grid = grid.refined(&found.map_or(frusta, |found| found.intersection(&frusta)));
         }
         let finest_voxels = f64::from(1_u32 << (levels - 1 - number));
-        let mut trainer = CoarseTrainer::new(grid, &photographs, options, near, far, finest_voxels);
+        let mut trainer = CoarseTrainer::new(grid, &photographs, options, near_far, finest_voxels, free.as_ref());
         for step in 0..steps {
             fit.add(trainer.step(&photographs, seed, u64::from(done), step));
             done += 1;
@@ -99,8 +110,20 @@ pub fn reconstruct(
         grid = trainer.into_grid();
     }
 
-    let mut boxes = occupied(&grid, options);
-    boxes.cells.retain(|&cell| visible[grid.index(cell)]);
+    let mut boxes = occupied(&grid, options, |n| visible[n]);
+    if let Some(points) = &points {
+        let known: HashSet<UVec3> = points.cells.iter().copied().collect();
+        let is_known = |n: usize| {
+            let vertex = grid.vertex(n);
+            let place = options.unbounded.map_or(vertex, |unbounded| unbounded.contraction.expand(vertex));
+            let cell = points.lattice.cell_of(place);
+            cell.min_element() >= 0 && known.contains(&cell.as_uvec3())
+        };
+        boxes.cells = (0..grid.values.len())
+            .filter(|&n| boxes.cells.binary_search_by_key(&n, |&cell| grid.index(cell)).is_ok() || is_known(n))
+            .map(|n| cell_at(n as u64, grid.vertices))
+            .collect();
+    }
     if boxes.cells.is_empty() {
         return Err(Error::empty(dataset, done, fit.psnr(), options.background));
     }
@@ -125,21 +148,25 @@ pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64
     }
 }
 
-/// The box that the next grid covers: that of the occupied voxels, grown by two voxels. A grid no larger than the scene
+/// The box that the next grid covers: that of the occupied voxels and of `points`, grown by two voxels. A grid no larger than the scene
 /// also fits the processor's caches. `None` if no voxel is occupied yet.
-fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
-    let bounds = occupied(grid, options).bounds();
+fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions, points: Option<&VoxelBoxes>) -> Option<Aabb> {
+    let known = points.map_or(Aabb::EMPTY, |points| match options.unbounded {
+        None => points.bounds(),
+        Some(unbounded) => unbounded.contraction.contract_box(&points.bounds()),
+    });
+    let bounds = occupied(grid, options, |_| true).bounds().union(&known);
     let whole = Aabb { min: grid.origin, max: grid.origin + grid.voxel * (grid.vertices.as_dvec3() - 1.0) };
     bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&whole))
 }
 
-/// The voxels around the vertices whose α over a voxel edge exceeds the threshold. A vertex seen by too few views keeps
+/// The voxels around those of the vertices that count whose α over a voxel edge exceeds the threshold. A vertex seen by too few views keeps
 /// its initial density, which is below it.
-fn occupied(grid: &Grid<f32>, options: &CoarseOptions) -> VoxelBoxes {
+fn occupied(grid: &Grid<f32>, options: &CoarseOptions, counts: impl Fn(usize) -> bool) -> VoxelBoxes {
     let shift = density_of_alpha(options.initial_alpha, 1.0);
     let threshold = (density_of_alpha(options.occupied_alpha, 1.0) - shift) as f32;
     let vertex = |n: usize| cell_at(n as u64, grid.vertices);
-    let cells = (0..grid.values.len()).filter(|&n| grid.values[n][0] > threshold).map(vertex).collect();
+    let cells = (0..grid.values.len()).filter(|&n| grid.values[n][0] > threshold && counts(n)).map(vertex).collect();
     let lattice = Lattice { origin: grid.origin - 0.5 * grid.voxel, pitch: DVec3::splat(grid.voxel) };
     VoxelBoxes { lattice, cells }
 }

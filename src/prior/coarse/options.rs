@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::prior::Error;
+use crate::prior::{Error, Unbounded, VoxelBoxes};
 
 /// Settings of [`super::reconstruct`]. The defaults are those of DVGO's coarse stage unless a field names another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,6 +52,13 @@ pub struct CoarseOptions {
     /// Distance at which rays end, in dataset units; `None` derives it from the cameras.
     #[serde(skip)]
     pub far: Option<f64>,
+    /// The contracted space in which the reconstruction is made; `None`: the box of all frusta.
+    #[serde(skip)]
+    pub unbounded: Option<Unbounded>,
+    /// Cells of points on the scene's surfaces, in the dataset's space: they are occupied, and the space before them is
+    /// free.
+    #[serde(skip)]
+    pub points: Option<VoxelBoxes>,
 }
 
 impl Default for CoarseOptions {
@@ -76,6 +83,8 @@ impl Default for CoarseOptions {
             background: [1.0; 3],
             near: None,
             far: None,
+            unbounded: None,
+            points: None,
         }
     }
 }

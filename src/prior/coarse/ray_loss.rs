@@ -1,7 +1,7 @@
 //! One ray: samples, the composited color, the loss and its gradients (DVGO, sections 3 and 5).
 
 use super::grid::{Channels, Grid, Live, Scalar};
-use crate::geometry::{Aabb, Ray};
+use crate::geometry::{Aabb, Ray, RayPath};
 
 /// Constants of compositing and of the loss.
 #[derive(Clone, Copy, Debug)]
@@ -24,14 +24,21 @@ pub(super) struct Shading<T> {
     pub(super) per_ray: T,
 }
 
-/// The sampled part of a ray, in the grid's space.
+/// The sampled part of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
-    origin: [f64; 3],
-    direction: [f64; 3],
-    begin: f64,
-    /// The first sample and the one after the last, counted from `begin`.
+    course: Course,
+    /// The first sample and the one after the last, counted from the start of the course.
     samples: (u32, u32),
+}
+
+/// The places of a ray's samples.
+#[derive(Clone, Copy, Debug)]
+enum Course {
+    /// Even steps in the grid's space from `begin` on.
+    Straight { origin: [f64; 3], direction: [f64; 3], begin: f64 },
+    /// Even steps of the path's parameter, `step` apart, from `begin` on.
+    Contracted { path: RayPath, begin: f64, step: f64 },
 }
 
 impl Segment {
@@ -50,12 +57,15 @@ impl Segment {
         }
         let first = ((live_entry - begin) / step).ceil().max(0.0) as u32;
         let last = ((end - begin) / step).ceil() as u32;
-        (first < last).then_some(Self {
-            origin: ray.origin.to_array(),
-            direction: ray.direction.to_array(),
-            begin,
-            samples: (first, last),
-        })
+        let course = Course::Straight { origin: ray.origin.to_array(), direction: ray.direction.to_array(), begin };
+        (first < last).then_some(Self { course, samples: (first, last) })
+    }
+
+    /// The samples of `path`, `step` apart in its parameter.
+    pub(super) fn along(path: RayPath, step: f64) -> Option<Self> {
+        let (begin, end) = path.span?;
+        let last = ((end - begin) / step).ceil().max(0.0) as u32;
+        (last > 0).then_some(Self { course: Course::Contracted { path, begin, step }, samples: (0, last) })
     }
 }
 
@@ -122,17 +132,33 @@ pub(super) fn trace<T: Scalar>(
     let row = grid.vertices.x as usize;
     let last = [grid.vertices.x as usize - 2, grid.vertices.y as usize - 2, grid.vertices.z as usize - 2];
     let plane = grid.plane();
-    let direction = segment.direction.map(T::of);
-    let entry: [T; 3] = std::array::from_fn(|a| T::of(segment.origin[a] + segment.begin * segment.direction[a]));
+    let (entry, direction) = match segment.course {
+        Course::Straight { origin, direction, begin } => {
+            (std::array::from_fn(|a| T::of(origin[a] + begin * direction[a])), direction.map(T::of))
+        }
+        Course::Contracted { .. } => ([T::zero(); 3], [T::zero(); 3]),
+    };
     let mut transmittance = T::one();
     let mut color = [T::zero(); 3];
     let mut point_color = T::zero();
     for k in segment.samples.0..segment.samples.1 {
-        let t = T::of(f64::from(k)) * step;
+        let place: [T; 3] = match &segment.course {
+            Course::Straight { .. } => {
+                let t = T::of(f64::from(k)) * step;
+                std::array::from_fn(|a| entry[a] + t * direction[a])
+            }
+            Course::Contracted { path, begin, step } => {
+                let place = grid.local(path.position(begin + f64::from(k) * step));
+                if place.min_element() < 0.0 || place.cmpgt(grid.vertices.as_dvec3() - 1.0).any() {
+                    continue;
+                }
+                place.to_array().map(T::of)
+            }
+        };
         let mut cell = [0_usize; 3];
         let mut fraction = [T::zero(); 3];
         for a in 0..3 {
-            let at = (entry[a] + t * direction[a]).max(T::zero());
+            let at = place[a].max(T::zero());
             // Rounding may put a sample on the last vertex or just beyond it.
             cell[a] = at.to_usize().unwrap_or(0).min(last[a]);
             fraction[a] = (at - T::of(cell[a] as f64)).min(T::one());

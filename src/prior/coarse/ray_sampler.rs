@@ -1,7 +1,7 @@
 //! Random pixels of photographs, and the check of their cameras.
 
 use crate::dataset::{Dataset, View};
-use crate::geometry::{Camera, Ray};
+use crate::geometry::{Camera, Ray, Similarity};
 use crate::prior::Error;
 use crate::random::Random;
 
@@ -14,11 +14,15 @@ pub(super) struct RaySampler<'a> {
     counting: Vec<Option<Vec<u32>>>,
     /// sRGB color behind transparent pixels.
     background: [f32; 3],
+    /// \[view\] its camera, in the space of the reconstruction.
+    cameras: Vec<Camera>,
 }
 
 impl<'a> RaySampler<'a> {
-    pub(super) fn new(dataset: &'a Dataset, background: [f32; 3]) -> Result<Self, Error> {
+    /// The pixels of `dataset`, whose cameras `map` takes to the space of the reconstruction.
+    pub(super) fn new(dataset: &'a Dataset, background: [f32; 3], map: &Similarity) -> Result<Self, Error> {
         check_views(dataset)?;
+        let cameras = dataset.views.iter().map(|view| view.camera.mapped(map)).collect();
         let counting: Vec<_> = dataset.views.iter().map(View::counting).collect();
         let mut begins = vec![0];
         for (view, counting) in dataset.views.iter().zip(&counting) {
@@ -28,7 +32,7 @@ impl<'a> RaySampler<'a> {
         if begins[dataset.views.len()] == 0 {
             return Err(Error::NoViews { dataset: dataset.name.clone() });
         }
-        Ok(Self { dataset, begins, counting, background })
+        Ok(Self { dataset, begins, counting, background, cameras })
     }
 
     /// The ray and the color of random pixel `draw`; `None` if the camera has no ray there.
@@ -38,16 +42,13 @@ impl<'a> RaySampler<'a> {
         let view = &self.dataset.views[index];
         let pixel = (number - self.begins[index]) as u32;
         let pixel = self.counting[index].as_ref().map_or(pixel, |counting| counting[pixel as usize]);
-        let ray = view.camera.ray(pixel % view.camera.width, pixel / view.camera.width)?;
+        let camera = &self.cameras[index];
+        let ray = camera.ray(pixel % camera.width, pixel / camera.width)?;
         Some((ray, view.pixels.color(pixel as usize, self.background)))
     }
 
-    pub(super) fn views(&self) -> &[View] {
-        &self.dataset.views
-    }
-
-    pub(super) fn cameras(&self) -> Vec<Camera> {
-        self.dataset.views.iter().map(|v| v.camera).collect()
+    pub(super) fn cameras(&self) -> &[Camera] {
+        &self.cameras
     }
 }
 

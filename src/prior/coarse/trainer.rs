@@ -9,7 +9,8 @@ use super::grid::{Grid, Live, Scalar};
 use super::ray_loss::{Medium, Sample, Segment, Shaded, Shading, density_of_alpha, trace};
 use super::ray_sampler::RaySampler;
 use super::visibility::count_views;
-use crate::geometry::{Aabb, Camera, Ray};
+use crate::geometry::{Aabb, Camera, Contraction, Ray, RayPath};
+use crate::prior::free_space::FreeSpace;
 use crate::random::Random;
 
 /// Rays of one task. The number is fixed, so that sums do not depend on the number of threads.
@@ -24,8 +25,9 @@ pub(super) struct CoarseTrainer {
     live: Live,
     adam: Adam<f32>,
     shading: Shading<f32>,
-    /// Range of distances along rays, in voxels.
-    near_far: (f64, f64),
+    /// Range of distances along rays, in the grid's units.
+    near_far: [f64; 2],
+    contraction: Option<Contraction>,
     step_size: f64,
     rays: u32,
     chunks: Vec<Chunk>,
@@ -41,18 +43,27 @@ struct Chunk {
 }
 
 impl CoarseTrainer {
-    /// A trainer of `grid`, whose voxels are `finest_voxels` times as large as those of the finest grid. `near` and
-    /// `far` are in dataset units.
+    /// A trainer of `grid`, whose voxels are `finest_voxels` times as large as those of the finest grid. `near_far` is in
+    /// the units of the photographs' cameras. Nothing is learned in `free` space.
     pub(super) fn new(
         grid: Grid<f32>,
         photographs: &RaySampler,
         options: &CoarseOptions,
-        near: f64,
-        far: f64,
+        near_far: [f64; 2],
         finest_voxels: f64,
+        free: Option<&FreeSpace>,
     ) -> Self {
-        let counts = count_views(&grid, &photographs.cameras(), near, far);
-        let rates = vertex_rates(&counts, options, photographs.views().len());
+        let contraction = options.unbounded.map(|unbounded| unbounded.contraction);
+        let mut counts = count_views(&grid, photographs.cameras(), near_far, contraction);
+        if let Some(free) = free {
+            counts.par_iter_mut().enumerate().filter(|(_, count)| **count > 0).for_each(|(n, count)| {
+                let vertex = grid.vertex(n);
+                if free.contains(contraction.map_or(vertex, |contraction| contraction.expand(vertex))) {
+                    *count = 0;
+                }
+            });
+        }
+        let rates = vertex_rates(&counts, options, photographs.cameras().len());
         let shift = density_of_alpha(options.initial_alpha, 1.0);
         let interval = options.step_size * finest_voxels;
         let shading = Shading {
@@ -69,7 +80,8 @@ impl CoarseTrainer {
         Self {
             live: Live::of(&grid, &rates, shading.min_density),
             adam: Adam::new(grid.values.len(), options.learning_rate, options.adam_epsilon),
-            near_far: (near / grid.voxel, far / grid.voxel),
+            near_far,
+            contraction,
             step_size: options.step_size,
             rays: options.rays,
             chunks: (0..chunks).map(|_| Chunk::default()).collect(),
@@ -84,11 +96,16 @@ impl CoarseTrainer {
         Medium { grid: &self.grid, live: &self.live, shading: &self.shading, step: self.step_size as f32 }
     }
 
-    /// The samples of `ray`, which is in dataset units; `None` if it misses the live cells.
+    /// The samples of `ray`, which is in the cameras' space; `None` if it misses the live cells.
     fn segment(&self, ray: &Ray) -> Option<Segment> {
+        if let Some(contraction) = self.contraction {
+            let path = RayPath::new(ray, &contraction.bounds(), Some(contraction), self.near_far);
+            return Segment::along(path, self.step_size * self.grid.voxel);
+        }
+        let near_far = self.near_far.map(|t| t / self.grid.voxel).into();
         let ray = Ray { origin: self.grid.local(ray.origin), ..*ray };
         let extent = Aabb { min: DVec3::ZERO, max: self.grid.vertices.as_dvec3() - 1.0 };
-        Segment::new(&ray, &extent, &self.live.bounds, self.near_far, self.step_size)
+        Segment::new(&ray, &extent, &self.live.bounds, near_far, self.step_size)
     }
 
     /// The trained grid.
@@ -145,7 +162,7 @@ impl CoarseTrainer {
     /// pixel. Only every `stride`th pixel of every `stride`th row is traced.
     pub(super) fn visible(&mut self, photographs: &RaySampler, weight: f32, stride: u32) -> Vec<bool> {
         self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
-        let views = photographs.views();
+        let cameras = photographs.cameras();
         let none = || vec![false; self.grid.values.len()];
         let arch = pulp::Arch::new();
         // A union does not depend on the order.
@@ -153,11 +170,11 @@ impl CoarseTrainer {
             a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
             a
         };
-        views
+        cameras
             .par_iter()
-            .with_min_len(views.len().div_ceil(16))
-            .fold(none, |mut seen, view| {
-                arch.dispatch(|| self.mark_visible(&view.camera, weight, stride, &mut seen));
+            .with_min_len(cameras.len().div_ceil(16))
+            .fold(none, |mut seen, camera| {
+                arch.dispatch(|| self.mark_visible(camera, weight, stride, &mut seen));
                 seen
             })
             .reduce(none, union)

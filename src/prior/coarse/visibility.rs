@@ -1,13 +1,20 @@
 //! The number of views that see each vertex.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{Grid, Scalar};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Contraction};
 
-/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it. DVGO counts the
-/// views whose rays touch a vertex, which is the same up to a pixel at the edges of the pictures.
-pub(super) fn count_views<T: Scalar>(grid: &Grid<T>, cameras: &[Camera], near: f64, far: f64) -> Vec<u32> {
+/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it, or its place before
+/// `contraction`. DVGO counts the views whose rays touch a vertex, which is the same up to a pixel at the edges of the
+/// pictures.
+pub(super) fn count_views<T: Scalar>(
+    grid: &Grid<T>,
+    cameras: &[Camera],
+    [near, far]: [f64; 2],
+    contraction: Option<Contraction>,
+) -> Vec<u32> {
     let row = grid.vertices.x as usize;
     let rows = grid.vertices.y as usize;
     let mut counts = vec![0; grid.values.len()];
@@ -15,9 +22,14 @@ pub(super) fn count_views<T: Scalar>(grid: &Grid<T>, cameras: &[Camera], near: f
         for camera in cameras {
             // Along a row, the point in the camera's axes changes by a constant step.
             let camera_from_world = camera.world_from_camera.transpose();
-            let mut at = camera_from_world * (grid.position(0, line % rows, line / rows) - camera.position);
+            let first = grid.position(0, line % rows, line / rows);
+            let mut at = camera_from_world * (first - camera.position);
             let step = camera_from_world.x_axis * grid.voxel;
-            for count in counts.iter_mut() {
+            for (x, count) in counts.iter_mut().enumerate() {
+                if let Some(contraction) = contraction {
+                    let vertex = first + DVec3::X * (x as f64 * grid.voxel);
+                    at = camera_from_world * (contraction.expand(vertex) - camera.position);
+                }
                 let depth = -at.z;
                 let column = camera.principal[0] * depth + camera.focal[0] * at.x;
                 let row = camera.principal[1] * depth - camera.focal[1] * at.y;
@@ -36,7 +48,7 @@ pub(super) fn count_views<T: Scalar>(grid: &Grid<T>, cameras: &[Camera], near: f
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec3, UVec3};
+    use glam::UVec3;
 
     use super::*;
 
@@ -49,7 +61,7 @@ mod tests {
             vertices: UVec3::splat(9),
             values: vec![[0.0; 4]; 729],
         };
-        let counts = count_views(&grid, &[camera, camera], 2.0, 5.0);
+        let counts = count_views(&grid, &[camera, camera], [2.0, 5.0], None);
         for (n, &count) in counts.iter().enumerate() {
             let point = grid.position(n % 9, n / 9 % 9, n / 81);
             let offset = point - camera.position;

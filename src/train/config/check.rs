@@ -1,6 +1,7 @@
 //! Ranges of settings that their types do not express.
 
 use super::{BootstrapOptions, ConfigError, ScaleConfig, TrainConfig};
+use crate::geometry::Aabb;
 
 impl TrainConfig {
     /// Checks that all values are in range.
@@ -40,6 +41,16 @@ impl TrainConfig {
             && !(near >= 0.0 && near < far && far.is_finite())
         {
             return Err(error("near_far", "two numbers with 0 <= near < far", format!("{near} and {far}")));
+        }
+        if let Some(shell) = self.shell
+            && !(shell > 0.0 && shell <= 1.0)
+        {
+            return Err(error("shell", "a number more than 0, at most 1", shell));
+        }
+        if let Some([min, max]) = self.inner_box
+            && !(Aabb { min, max }).is_solid()
+        {
+            return Err(error("inner_box", "a finite box of positive size", format!("{min} to {max}")));
         }
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err(error("background", "three numbers in [0, 1]", format!("{:?}", self.background)));

@@ -7,12 +7,14 @@ mod presets;
 mod tests;
 mod toml;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use error::ConfigError;
 
+use crate::geometry::{Aabb, Contraction, Similarity};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
-use crate::prior::CoarseOptions;
+use crate::prior::{self, CoarseOptions, Unbounded};
 
 /// A training run's settings. They have a TOML form, in which every field may be left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,7 +62,14 @@ pub struct TrainConfig {
     pub upsample_at: Vec<u64>,
     /// Steps after which the occupancy is estimated anew. The first of them shrinks the bounds to it.
     pub occupancy_at: Vec<u64>,
-    /// Half the largest extent of the scene, in model units. The scales' pitches are relative to it.
+    /// Width of the shell into which space around the inner box is contracted (spec 4.9); if absent, the scene is bounded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shell: Option<f64>,
+    /// Smallest and largest corner of the inner box of an unbounded scene, in the dataset's units; found from the cameras
+    /// if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inner_box: Option<[DVec3; 2]>,
+    /// Half the largest extent of a bounded scene, in model units. The scales' pitches are relative to it.
     pub half_extent: f64,
     /// The rules of the field and of the march.
     pub field: FieldConfig,
@@ -184,6 +193,27 @@ impl FieldConfig {
             min_transmittance: self.min_transmittance,
             min_weight: self.min_weight,
             contraction: None,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The contraction of an unbounded scene.
+    pub fn contraction(&self) -> Option<Contraction> {
+        self.shell.map(|shell| Contraction { shell })
+    }
+
+    /// The space of an unbounded scene whose inner box is known.
+    pub fn unbounded(&self) -> Option<Unbounded> {
+        let [min, max] = self.inner_box?;
+        Some(Unbounded::around(&Aabb { min, max }, self.contraction()?))
+    }
+
+    /// The map to model space of a prior that fills `bounds`: that of an unbounded scene is there already.
+    pub(super) fn model_from_prior(&self, bounds: &Aabb) -> Result<Similarity, prior::Error> {
+        match self.shell {
+            None => prior::canonical_map(bounds, self.half_extent),
+            Some(_) => Ok(Similarity::IDENTITY),
         }
     }
 }

@@ -94,6 +94,8 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         factor_deviation: 0.2,
         upsample_at: vec![2000, 3000, 4000, 5500, 7000],
         occupancy_at: vec![2000, 4000, 8000, 16_000],
+        shell: None,
+        inner_box: None,
         half_extent: CANONICAL_HALF_EXTENT,
         field: FieldConfig::default(),
         decoder: DecoderConfig::default(),

@@ -13,7 +13,7 @@ const NEAREST_SHARE: f64 = 0.1;
 /// Width of a pixel at each occupied cell, of the camera whose pixels are smallest there.
 #[derive(Clone, Debug)]
 pub(super) struct Footprints {
-    /// \[cell\] in the dataset's units; infinite if no camera sees the cell.
+    /// \[cell\] in the units of the cells; infinite if no camera sees the cell.
     widths: Vec<f64>,
 }
 
@@ -25,15 +25,21 @@ struct Frustum<'a> {
 }
 
 impl Footprints {
-    /// The footprints at `occupied` for `cameras`, both in the dataset's space. A camera sees a cell if any part of the
+    /// The footprints at `occupied` for `cameras`, both in the dataset's space; in an unbounded scene `occupied` is in
+    /// contracted space. A camera sees a cell if any part of the
     /// smallest sphere around the cell may be in its picture, between near and far. Occlusion is ignored, as the prior
     /// is only approximate.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
         let [near, far] = config.near_far.unwrap_or_else(|| prior::ray_range(cameras, None));
         let radius = 0.5 * occupied.lattice.pitch.length();
+        let unbounded = config.unbounded();
         let frusta: Vec<_> = cameras.iter().map(Frustum::new).collect();
         let width = |n: usize| {
-            let center = occupied.cell_box(n).center();
+            let place = occupied.cell_box(n).center();
+            let center = unbounded.map_or(place, |unbounded| unbounded.expand(place));
+            // Of a cell of contracted space, the length of its place in the dataset's.
+            let shrinking = unbounded.map_or(1.0, |unbounded| unbounded.contracted_length(1.0, center));
+            let radius = radius / shrinking;
             let seen = |frustum: &Frustum<'_>| {
                 let from_camera = center - frustum.camera.position;
                 let distance = from_camera.length();
@@ -41,7 +47,7 @@ impl Footprints {
                     return f64::INFINITY;
                 }
                 let p = frustum.camera.world_from_camera.transpose() * from_camera;
-                frustum.pixel_width([p.x, -p.y, -p.z], radius)
+                shrinking * frustum.pixel_width([p.x, -p.y, -p.z], radius)
             };
             frusta.iter().map(seen).fold(f64::INFINITY, f64::min)
         };
@@ -58,7 +64,7 @@ impl Footprints {
         self.widths.iter().filter(|w| w.is_finite()).count()
     }
 
-    /// The lowest decile of the pixel widths at the seen cells, in the dataset's units; `None` if no cell is seen.
+    /// The lowest decile of the pixel widths at the seen cells, in the units of the cells; `None` if no cell is seen.
     pub(super) fn near_pixel(&self) -> Option<f64> {
         let mut seen: Vec<f64> = self.widths.iter().copied().filter(|w| w.is_finite()).collect();
         let at = (NEAREST_SHARE * seen.len().checked_sub(1)? as f64) as usize;

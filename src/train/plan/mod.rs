@@ -14,7 +14,7 @@ mod tests;
 
 use crate::geometry::Camera;
 use crate::model::Factors;
-use crate::prior::{self, ScaleShape, VoxelBoxes, canonical_map};
+use crate::prior::{self, ScaleShape, VoxelBoxes};
 
 pub use budget::{Budget, fit_to_budget};
 pub use cost::{MachineSpeed, PhotographMemory};
@@ -93,7 +93,7 @@ fn scale_plans(config: &TrainConfig, tensors: &[u64]) -> Vec<ScalePlan> {
 
 /// \[scale\] tensors on `occupied`, in the dataset's space.
 fn tensor_counts(config: &TrainConfig, occupied: &VoxelBoxes) -> Result<Vec<u64>, PrepareError> {
-    let boxes = occupied.mapped(&canonical_map(&occupied.bounds(), config.half_extent)?);
+    let boxes = occupied.mapped(&config.model_from_prior(&occupied.bounds())?);
     let count = |s: &ScaleConfig| {
         let shape = ScaleShape { pitch: s.pitch, edge: s.edge, resolution: [1; 3] };
         prior::place_on_boxes(&boxes, &shape).map(|cloud| cloud.len() as u64)
@@ -119,7 +119,7 @@ fn finest_cell(config: &TrainConfig) -> f64 {
 
 /// Remarks on `config`'s cells and on `occupied`, from the cameras.
 fn observations(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Result<Vec<String>, PrepareError> {
-    let map = canonical_map(&occupied.bounds(), config.half_extent)?;
+    let map = config.model_from_prior(&occupied.bounds())?;
     let footprints = Footprints::of(config, cameras, occupied);
     let unseen = occupied.cells.len() - footprints.seen();
     let mut lines = Vec::new();

@@ -3,7 +3,7 @@
 use super::footprint::Footprints;
 use super::{cells_of, ending_in, finest_cell, last, listed, rounded, without_idle_upsamplings};
 use crate::geometry::Camera;
-use crate::prior::{self, VoxelBoxes, canonical_map};
+use crate::prior::{self, VoxelBoxes};
 use crate::train::{PrepareError, ScaleConfig, TrainConfig};
 
 /// Edge of a tensor's cell in pixels at the nearest occupied cells, as in `docs/configs/quarter.toml`, where it was
@@ -48,7 +48,7 @@ pub fn fit_to_photographs(
     }
 
     let bounds = seen.bounds();
-    let map = canonical_map(&bounds, config.half_extent)?;
+    let map = config.model_from_prior(&bounds)?;
     let half = 0.5 * bounds.size().max_element() * map.scale;
     let stretch = (half / config.half_extent * EXTENT_DIGITS).round() / EXTENT_DIGITS;
     let mut config = config.clone();
