@@ -1,20 +1,29 @@
-//! Training of unbounded scenes: the prior in contracted space, tensors in the shell, bounds that stay.
+//! Scenes that fill all photographs to their edges: the prior in contracted space, tensors in the shell, bounds that stay;
+//! the dataset's points as the prior.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
 
+use std::fs;
 use std::ops::ControlFlow;
+use std::process::Command;
 
-use glam::DVec3;
+use glam::{DVec3, UVec3};
+use image::{Rgb, RgbImage};
+use serde_json::json;
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Dataset, Pixels, View};
 use strivec::geometry::{Camera, Lattice};
 use strivec::prior::{CoarseOptions, VoxelBoxes};
 use strivec::psnr::psnr_of_mse;
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{TrainConfig, Trainer, place_scene, reconstruct_prior};
+use strivec::train::{TrainConfig, Trainer, covered_share, place_scene, reconstruct_prior};
+use tempfile::TempDir;
 
-/// Photographs of walls with stripes 12 units away, seen from around the origin: nothing is in the inner cube.
+/// The distance of the walls from the origin.
+const WALLS: f64 = 12.0;
+
+/// Photographs of walls with stripes, seen from around the origin: nothing is in the inner cube.
 fn dataset() -> Dataset {
     let views = (0..24)
         .map(|n| {
@@ -24,7 +33,7 @@ fn dataset() -> Dataset {
             let camera = Camera::looking_at([24, 24], 20.0, position, toward, DVec3::Z);
             let pixels = camera.rays(0..24).map(|ray| {
                 let ray = ray.unwrap();
-                let reach = (12.0 - ray.direction.signum() * ray.origin) / ray.direction.abs();
+                let reach = (WALLS - ray.direction.signum() * ray.origin) / ray.direction.abs();
                 let at = ray.at(reach.min_element());
                 let stripe = |v: f64| (0.5 + 0.4 * (0.8 * v).sin()) as f32;
                 [stripe(at.x), stripe(at.y), stripe(at.z)]
@@ -88,10 +97,83 @@ fn walls_far_outside_the_inner_cube_are_found_and_learned() {
     assert!((6.0..24.0).contains(&median), "median depth {median}");
 }
 
+/// Centers of a grid of squares on all walls but those of +x, which are there in the `share` of squares only.
+fn points(share: f64) -> Vec<DVec3> {
+    const SIDE: i32 = 40;
+    let at = |n: i32| WALLS * (f64::from(2 * n + 1) / f64::from(SIDE) - 1.0);
+    let squares = (0..SIDE * SIDE).map(|n| [at(n % SIDE), at(n / SIDE)]);
+    squares
+        .flat_map(|[a, b]| {
+            let wall = |end: f64| [DVec3::new(end, a, b), DVec3::new(a, end, b), DVec3::new(a, b, end)];
+            wall(WALLS).into_iter().chain(wall(-WALLS))
+        })
+        .filter(|point| point.x < WALLS || point.z / WALLS < 2.0 * share - 1.0)
+        .collect()
+}
+
+/// What `strivec plan` says of the walls with the points of `share`.
+fn planned(share: f64) -> String {
+    let folder = TempDir::new().unwrap();
+    let frames: Vec<_> = (dataset().views.iter())
+        .map(|view| {
+            let picture = RgbImage::from_fn(24, 24, |x, y| {
+                Rgb(view.pixels.color((24 * y + x) as usize, [1.0; 3]).map(|c| (255.0 * c) as u8))
+            });
+            let name = format!("{}.png", view.name);
+            picture.save(folder.path().join(&name)).unwrap();
+            let (axes, place) = (view.camera.world_from_camera, view.camera.position);
+            let rows = [0, 1, 2].map(|r| [axes.x_axis[r], axes.y_axis[r], axes.z_axis[r], place[r]]);
+            let matrix = [rows[0], rows[1], rows[2], [0.0, 0.0, 0.0, 1.0]];
+            json!({ "file_path": name, "transform_matrix": matrix })
+        })
+        .collect();
+    let transforms = json!({ "fl_x": 20.0, "fl_y": 20.0, "cx": 12.0, "cy": 12.0, "w": 24, "h": 24,
+        "ply_file_path": "points.ply", "frames": frames });
+    fs::write(folder.path().join("transforms.json"), transforms.to_string()).unwrap();
+    let points = points(share);
+    let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
+    ply += "property float x\nproperty float y\nproperty float z\nend_header\n";
+    ply.extend(points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)));
+    fs::write(folder.path().join("points.ply"), ply).unwrap();
+    let settings = TrainConfig { shell: None, inner_box: None, near_far: None, ..config() };
+    fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
+
+    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
+    command.arg("plan").arg(folder.path()).arg("--config").arg(folder.path().join("settings.toml"));
+    let found = command.output().unwrap();
+    let said = String::from_utf8(found.stderr).unwrap();
+    assert!(found.status.success(), "{said}");
+    said
+}
+
+#[test]
+fn points_are_the_prior_where_tensors_around_them_meet_the_rays() {
+    let said = planned(1.0);
+    assert!(said.contains("cells of the dataset's points, which 100.0 % of rays meet"), "{said}");
+    let said = planned(0.3);
+    assert!(!said.contains("of the dataset's points") && said.contains("occupied voxels in"), "{said}");
+}
+
+#[test]
+fn the_share_of_rays_that_meet_tensors_is_that_of_the_covered_walls() {
+    let config = TrainConfig { shell: None, inner_box: None, near_far: Some([0.5, 40.0]), ..config() };
+    let lattice = Lattice { origin: DVec3::splat(-15.3), pitch: DVec3::splat(0.6) };
+    let cells = |points: Vec<DVec3>| {
+        let mut cells: Vec<UVec3> = points.iter().map(|&p| lattice.cell_of(p).as_uvec3()).collect();
+        cells.sort_by_key(|c| [c.z, c.y, c.x]);
+        cells.dedup();
+        VoxelBoxes { lattice, cells }
+    };
+    let share = |part: f64| covered_share(&config, &dataset(), &cells(points(part))).unwrap();
+    assert_eq!(share(1.0), 1.0);
+    let [half, none] = [share(0.5), share(0.0)];
+    assert!(none < half && half < 1.0 && none > 0.5, "{none} without a wall, {half} with half of it");
+}
+
 #[test]
 fn geometry_of_files_reaches_contracted_space() {
     let lattice = Lattice { origin: DVec3::splat(11.9), pitch: DVec3::splat(0.2) };
-    let wall = VoxelBoxes { lattice, cells: (0..50).map(|n| glam::UVec3::new(0, n, n % 7)).collect() };
+    let wall = VoxelBoxes { lattice, cells: (0..50).map(|n| UVec3::new(0, n, n % 7)).collect() };
     let space = config().unbounded().unwrap();
     let contracted = space.contract_boxes(&wall);
     let scene = place_scene(&config(), &dataset(), &contracted).unwrap();

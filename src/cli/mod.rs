@@ -66,7 +66,6 @@ struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "a process has one")]
 enum Command {
     /// Make a small synthetic dataset, train a scene on it and evaluate it
     Demo(demo::Args),

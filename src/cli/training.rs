@@ -90,8 +90,9 @@ pub(super) fn reconstruct(
     interrupted: &AtomicBool,
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
+    let asked = config.near_far;
     let all_points = locate(config, dataset, session)?;
-    if !bootstrap && let Some(points) = prior_of_points(config, dataset, all_points, session)? {
+    if !bootstrap && let Some(points) = prior_of_points(config, dataset, asked, all_points, session)? {
         return Ok(points);
     }
     let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
@@ -131,36 +132,72 @@ pub(super) fn place<'a>(
     Ok(trainer)
 }
 
-/// The cells of the dataset's points, or `all_points` with outliers, as the prior; `None` if neither cover what the
-/// photographs show.
+/// The prior of opaque photographs from points: `all_points` of the dataset, outliers included, else those that are matched
+/// between the photographs, whichever first cover what the photographs show. `config` then has the points' range of rays,
+/// if none was `asked`.
 fn prior_of_points(
-    config: &TrainConfig,
+    config: &mut TrainConfig,
     dataset: &Dataset,
+    asked: Option<[f64; 2]>,
     all_points: Option<VoxelBoxes>,
     session: &Session,
 ) -> Result<Option<VoxelBoxes>, Error> {
-    for points in [config.prior.points.clone(), all_points].into_iter().flatten() {
-        let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
-        let share = train::covered_share(config, dataset, &cells)?;
-        if share >= ENOUGH_COVERED {
-            let count = plural(cells.cells.len(), "cell");
-            session
-                .console
-                .say(&format!("prior: {count} of the dataset's points, which {:.1} % of rays meet", 100.0 * share));
-            return Ok(Some(cells));
-        }
+    if let Some(points) = all_points
+        && let Some(cells) = covering(config, dataset, points, "the dataset's points", session)?
+    {
+        return Ok(Some(cells));
     }
-    Ok(None)
+    if !is_opaque(dataset) {
+        return Ok(None);
+    }
+    let start = Instant::now();
+    let Some(points) = prior::match_points(&dataset.views) else { return Ok(None) };
+    let count = plural(points.cells.len(), "cell");
+    let seconds = start.elapsed().as_secs_f64();
+    session.console.say(&format!("matching: {count} around points of the photographs in {seconds:.1} s"));
+    let mut matched = config.clone();
+    if asked.is_none() && config.shell.is_none() {
+        matched.near_far = Some(prior::ray_range(&cameras(dataset), Some(&points)));
+    }
+    let Some(cells) = covering(&matched, dataset, points, "points matched between photographs", session)? else {
+        return Ok(None);
+    };
+    if let Some([near, far]) = matched.near_far.filter(|range| Some(*range) != config.near_far) {
+        session.console.say(&format!("rays from {near:.3} to {far:.3}, by these points"));
+    }
+    *config = matched;
+    Ok(Some(cells))
+}
+
+/// The cells of `points`, which are `what`, in the space of `config`'s prior, if they cover what the photographs show.
+fn covering(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    points: VoxelBoxes,
+    what: &str,
+    session: &Session,
+) -> Result<Option<VoxelBoxes>, Error> {
+    let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
+    let share = train::covered_share(config, dataset, &cells)?;
+    if share < ENOUGH_COVERED {
+        return Ok(None);
+    }
+    let count = plural(cells.cells.len(), "cell");
+    session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
+    Ok(Some(cells))
+}
+
+fn is_opaque(dataset: &Dataset) -> bool {
+    dataset.views.par_iter().all(|view| view.pixels.is_opaque())
 }
 
 /// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points, if
 /// photographs are opaque.
 fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<Option<VoxelBoxes>, Error> {
-    let is_opaque = || dataset.views.par_iter().all(|view| view.pixels.is_opaque());
     let cameras = cameras(dataset);
+    let is_opaque = is_opaque(dataset);
     let Location { near_far, bounds, points, all_points } =
-        prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, is_opaque)?;
-    let is_opaque = is_opaque();
+        prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, || is_opaque)?;
     config.prior.points = points.filter(|_| is_opaque);
     let all_points = all_points.filter(|_| is_opaque);
     if config.shell.is_some() {

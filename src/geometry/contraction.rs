@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(PAPER.contract(DVec3::new(1.0, -0.3, 0.2)), DVec3::new(1.0, -0.3, 0.2));
         assert!((PAPER.contract(DVec3::new(2.0, 0.0, -1.0)) - DVec3::new(1.2, 0.0, -0.6)).length() < 1e-15);
         let far = PAPER.contract(DVec3::new(0.0, -1e9, 0.0)).y;
-        assert!(far < -1.4 + 1e-8 && far >= -1.4, "{far}");
+        assert!((-1.4..-1.4 + 1e-8).contains(&far), "{far}");
     }
 
     #[test]

@@ -1,16 +1,26 @@
 //! Where the scene of a dataset is: the one rule, for all commands that train or show a dataset.
 
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use glam::{DVec3, IVec3};
+
 use super::bounds::{ray_range, ray_range_of_surroundings};
+use super::stereo::matched_points;
+use super::survey::Survey;
+use super::voxels::boxes_of;
 use super::{BuildError, BuildOptions, Built, Outliers, VoxelBoxes, build};
+use crate::dataset::View;
 use crate::geometry::{Aabb, Camera};
 
 /// The rule for outliers among the sparse points of structure from motion.
 const SPARSE_OUTLIERS: Outliers = Outliers { neighbors: 16, deviations: 2.0 };
 /// The margin around the points' box, as a share of its size: surfaces without texture have no points.
 const SPARSE_MARGIN: f64 = 0.1;
+
+/// The photographs among which points are matched, at most: it takes about a second for each.
+const MATCHED_VIEWS: usize = 120;
 
 /// The place of a dataset's scene, in the dataset's space.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +60,21 @@ pub fn locate(
         None => ray_range(cameras, None),
     };
     Ok(Location { near_far, bounds: bounds.or_else(|| points.as_ref().map(around)), points, all_points })
+}
+
+/// The cells around the points that can be matched between opaque photographs with known poses (`stereo.rs`); `None` if
+/// they have no extent. Of many photographs, some are compared with all.
+pub fn match_points(views: &[View]) -> Option<VoxelBoxes> {
+    cells_around(&matched_points(views, MATCHED_VIEWS))
+}
+
+/// The cells that hold `points`; `None` if they have no extent.
+fn cells_around(points: &[DVec3]) -> Option<VoxelBoxes> {
+    let mut survey = Survey::new(None);
+    points.iter().for_each(|&point| survey.point(point));
+    let lattice = survey.lattice(&[]).ok()?;
+    let cells: BTreeSet<_> = points.iter().map(|&point| lattice.cell_of(point)).map(|c| [c.z, c.y, c.x]).collect();
+    boxes_of(&lattice, cells.iter().map(|&[z, y, x]| IVec3::new(x, y, z)))
 }
 
 /// The cells of the points in the file `path`, without `outliers`.

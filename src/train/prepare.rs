@@ -2,12 +2,17 @@
 
 use std::ops::ControlFlow;
 
-use super::{ConfigError, RaySampler, TrainConfig, TrainError, initial_scene};
-use crate::dataset::Dataset;
-use crate::field::Field;
+use rayon::prelude::*;
+
+use super::{ConfigError, TrainConfig, TrainError, initial_scene};
+use crate::dataset::{Dataset, View};
+use crate::field::{Field, vectorized};
 use crate::geometry::Similarity;
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
+
+/// Pixels among which the share of covered ones is counted, about.
+const COVERAGE_PIXELS: f64 = 2e6;
 
 /// A scene that cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -70,18 +75,35 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     Ok(scene)
 }
 
-/// The share of `dataset`'s pixels whose rays meet the tensors that [`place_scene`] places on `occupied`.
+/// The share of `dataset`'s pixels whose rays meet the tensors that [`place_scene`] places on `occupied`; of large
+/// datasets, among some pixels of each view.
 ///
 /// # Errors
 ///
-/// As [`place_scene`]; too many pixels.
+/// As [`place_scene`].
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
     let scene = place_scene(config, dataset, occupied)?;
-    let mut sampler = RaySampler::new(&dataset.views, &scene.frame, config)?;
-    sampler.filter_rays(&Field::<f32>::new(&scene));
-    let pixels: usize =
-        dataset.views.iter().map(|v| v.counting().map_or(v.pixels.len(), |counting| counting.len())).sum();
-    Ok(sampler.active_ray_count() as f64 / pixels.max(1) as f64)
+    let field = Field::<f32>::new(&scene);
+    let pixels: usize = dataset.views.iter().map(|view| view.pixels.len()).sum();
+    let stride = (pixels as f64 / COVERAGE_PIXELS).sqrt().ceil().max(1.0) as usize;
+    let counts = |view: &View| {
+        let camera = view.camera.mapped(&scene.frame.model_from_dataset);
+        let mut counts = [0_u64; 2];
+        for row in (stride as u32 / 2..camera.height).step_by(stride) {
+            for column in (stride as u32 / 2..camera.width).step_by(stride) {
+                let ray = camera.ray(column, row).filter(|_| view.counts((row * camera.width + column) as usize));
+                let Some(ray) = ray else { continue };
+                counts[0] += 1;
+                counts[1] += u64::from(vectorized(
+                    #[inline(always)]
+                    || field.first_sample(&ray).is_some(),
+                ));
+            }
+        }
+        counts
+    };
+    let [all, met] = dataset.views.par_iter().map(counts).reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    Ok(met as f64 / all.max(1) as f64)
 }
 
 /// The frame of a model whose rays have the range `near_far`, in the dataset's units.

@@ -27,7 +27,7 @@ fn scene(mode: DecoderMode) -> Scene {
     let mut occupancy = Occupancy::empty(scene.bounds.grown(DVec3::splat(0.017)), UVec3::splat(30));
     for n in 0..27_000 {
         let vertex = UVec3::new(n % 30, n / 30 % 30, n / 900);
-        if (vertex / 5).element_sum() % 3 == 0 {
+        if (vertex / 5).element_sum().is_multiple_of(3) {
             occupancy.set(vertex);
         }
     }
