@@ -36,6 +36,7 @@
 //! `examples/` renders a picture, trains on a folder and imports a mesh.
 
 pub mod color;
+pub mod color_map;
 pub mod container;
 pub mod digits;
 pub mod escape;

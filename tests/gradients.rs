@@ -3,7 +3,8 @@
 
 mod scenes;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
+use strivec::color_map::ColorMap;
 use strivec::field::{Activations, Field, Real, Roulette, Samples};
 use strivec::geometry::Ray;
 use strivec::model::{Aggregation, Coverage, DecoderMode, Reduction, Scene};
@@ -60,7 +61,21 @@ fn vertex_distance(scene: &Scene, field: &Field<f64>, ray: &Ray) -> f64 {
 fn targets(count: usize) -> Vec<Target> {
     let random = Random::new(2, "gradient test targets");
     let color = |i: u64| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32);
-    (0..count as u64).map(|i| Target { color: color(2 * i), background: color(2 * i + 1) }).collect()
+    (0..count as u64)
+        .map(|i| Target { color: color(2 * i), background: color(2 * i + 1), view: (i % 3) as u32 })
+        .collect()
+}
+
+/// What three photographs make of the scene's colors.
+fn color_maps() -> Vec<ColorMap> {
+    let random = Random::new(5, "color maps");
+    let entry = |i: u64| 0.4 * (random.uniform(i) - 0.5);
+    (0..3)
+        .map(|n| ColorMap {
+            matrix: DMat3::IDENTITY + DMat3::from_cols_array(&std::array::from_fn(|i| entry(12 * n + i as u64))),
+            offset: DVec3::from([9, 10, 11].map(|i| entry(12 * n + i))),
+        })
+        .collect()
 }
 
 /// The groups of parameters, as (name, analytic gradient, how to reach the parameters).
@@ -242,18 +257,21 @@ fn cases() -> Vec<Scene> {
 
 #[test]
 fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_does_not() {
-    for scene in cases() {
-        let rays = rays_far_from_decisions(&scene, 16);
+    for (case, scene) in cases().iter().enumerate() {
+        let rays = rays_far_from_decisions(scene, 16);
         let targets = targets(rays.len());
-        let mut field = Field::<f64>::new(&scene);
+        let mut field = Field::<f64>::new(scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
+        if case % 2 == 1 {
+            backward.color_maps = color_maps();
+        }
         let gradients = backward.gradients(&field, &rays, &targets, BatchRoulette::default());
         let mut losses = |field: &Field<f64>| {
             let ray_range = |i: usize| backward.loss(field, &rays[i..=i], &targets[i..=i], BatchRoulette::default());
             (0..rays.len()).map(ray_range).map(|loss| loss / rays.len() as f64).collect()
         };
-        for (name, values, reach) in groups(&scene, &gradients) {
+        for (name, values, reach) in groups(scene, &gradients) {
             // A weight of the decoder moves its hidden units further than a factor does.
             let first_step = if name.starts_with("network") { 0.02 } else { 0.16 };
             let worst = worst_error(&values, &reach, &mut field, first_step, &mut losses);

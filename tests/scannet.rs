@@ -20,6 +20,7 @@ const OPTIONS: SynthOptions = SynthOptions {
     test_views: 4,
     size: [48, 36],
     seed: 5,
+    outdoor: false,
     force: false,
 };
 

@@ -20,6 +20,7 @@ const OPTIONS: SynthOptions = SynthOptions {
     test_views: 3,
     size: [32, 24],
     seed: 7,
+    outdoor: false,
     force: false,
 };
 

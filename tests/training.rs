@@ -3,14 +3,16 @@
 
 mod scenes;
 
-use glam::UVec3;
+use glam::{DMat3, DQuat, DVec3, UVec3};
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
+use strivec::geometry::Camera;
 use strivec::model::{Occupancy, Scene};
 use strivec::psnr::psnr_of_mse;
+use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{Checkpoint, RaySampler, TrainConfig, Trainer};
+use strivec::train::{Checkpoint, Exposure, RaySampler, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
 fn views() -> Vec<View> {
@@ -27,13 +29,15 @@ fn views() -> Vec<View> {
         .collect()
 }
 
-/// A schedule in which everything happens: two occupancies (the first shrinks the bounds), two upsamplings.
+/// A schedule in which everything happens: two occupancies (the first shrinks the bounds), two upsamplings, fits of the
+/// exposures.
 fn config() -> TrainConfig {
     let mut config = scenes::config();
     config.steps = 24;
     config.batch_rays = 200;
     config.occupancy_at = vec![8, 16];
     config.refilter_rays = true;
+    config.exposure = Exposure::On;
     config.upsample_at = vec![8, 12];
     for scale in &mut config.scales {
         let [first] = scale.resolutions[..] else { panic!("one resolution") };
@@ -226,4 +230,95 @@ fn the_error_falls() {
     let (before, after) = (psnr(&errors[..10]), psnr(&errors[290..]));
     println!("{before:.2} dB to {after:.2} dB");
     assert!(after > before + 6.0, "{before:.2} dB to {after:.2} dB");
+}
+
+#[test]
+fn photographs_of_uneven_exposure_give_the_scene_of_their_mean() {
+    let even = views();
+    let gain = |n: usize| 0.7 + 0.6 * n as f32 / (even.len() - 1) as f32;
+    let uneven: Vec<View> = (even.iter().enumerate())
+        .map(|(n, view)| {
+            let colors = view.pixels.colors([0.0; 3]).into_iter().map(|color| color.map(|v| gain(n) * v));
+            View::new(view.name.clone(), view.camera, Pixels::opaque(colors))
+        })
+        .collect();
+    let error_of = |exposure: Exposure| {
+        let config = TrainConfig { exposure, steps: 200, ..scenes::config() };
+        let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &uneven).unwrap();
+        run_to(&mut trainer, config.steps);
+        let renderer = CpuRenderer::new(&trainer.scene());
+        let mut squared = 0.0;
+        for view in &even {
+            let colors = view.pixels.colors([0.0; 3]);
+            for (pixel, color) in renderer.render(&view.camera).pixels.iter().zip(colors) {
+                squared += (0..3).map(|c| f64::from(pixel.color[c] - color[c]).powi(2)).sum::<f64>();
+            }
+        }
+        psnr_of_mse(squared / (3 * 24 * 24 * even.len()) as f64)
+    };
+    let [off, on, auto] = [Exposure::Off, Exposure::On, Exposure::Auto].map(error_of);
+    println!("{off:.2} dB without, {on:.2} dB with exposures, {auto:.2} dB by default");
+    assert!(on > off + 3.0 && auto > off + 3.0, "{off:.2} {on:.2} {auto:.2}");
+}
+
+/// `views`, their cameras turned and moved at random by `degrees` and a length.
+fn disturbed(views: &[View], degrees: f64, length: f64) -> Vec<View> {
+    let random = Random::new(4, "disturbed");
+    let vector = |n: usize| DVec3::from([0, 1, 2].map(|c| random.normal(3 * n as u64 + c)));
+    let camera = |(n, view): (usize, &View)| {
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(degrees.to_radians() / 3.0_f64.sqrt() * vector(2 * n)));
+        let position = view.camera.position + length / 3.0_f64.sqrt() * vector(2 * n + 1);
+        Camera { world_from_camera: view.camera.world_from_camera * turn, position, ..view.camera }
+    };
+    views.iter().enumerate().map(|n| View { camera: camera(n), ..n.1.clone() }).collect()
+}
+
+/// Mean angle in degrees and distance between the cameras and those of `views`.
+fn pose_error(cameras: &[Camera], views: &[View]) -> [f64; 2] {
+    let mut sums = [0.0; 2];
+    for (camera, view) in cameras.iter().zip(views) {
+        let turn = view.camera.world_from_camera.transpose() * camera.world_from_camera;
+        sums[0] += DQuat::from_mat3(&turn).to_axis_angle().1.to_degrees() / views.len() as f64;
+        sums[1] += view.camera.position.distance(camera.position) / views.len() as f64;
+    }
+    sums
+}
+
+/// The scene of the photographs, trained no further, so that poses alone change.
+fn frozen(scene: &Scene) -> TrainConfig {
+    let rates = TrainConfig { factor_learning_rate: 1e-12, network_learning_rate: 1e-12, ..scenes::config() };
+    let config = TrainConfig { refine_poses: true, exposure: Exposure::Off, steps: 30, batch_rays: 64, ..rates };
+    assert_eq!(scene.scales.len(), config.scales.len());
+    config
+}
+
+#[test]
+fn disturbed_poses_are_found_again_by_a_scene_that_is_right() {
+    let exact = views();
+    let wrong = disturbed(&exact, 1.0, 0.03);
+    let cameras = |views: &[View]| views.iter().map(|view| view.camera).collect::<Vec<_>>();
+    let before = pose_error(&cameras(&wrong), &exact);
+    let scene = scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
+    let mut trainer = Trainer::new(frozen(&scene), scene, &wrong).unwrap();
+    assert!(trainer.refined_cameras().is_none());
+    run_to(&mut trainer, 12);
+    let after = pose_error(&trainer.refined_cameras().unwrap(), &exact);
+    println!("from {before:?} to {after:?}");
+    assert!(after[0] < 0.1 * before[0] && after[1] < 0.1 * before[1], "from {before:?} to {after:?}");
+}
+
+#[test]
+fn a_run_that_refines_poses_resumes_to_the_same_file() {
+    let wrong = disturbed(&views(), 1.0, 0.03);
+    let config = TrainConfig { refine_poses: true, steps: 60, ..config() };
+    let state = |trainer: &Trainer<'_>| trainer.checkpoint().to_bytes(&file(&trainer.scene()));
+    let mut whole = Trainer::new(config.clone(), scenes::scene(&config), &wrong).unwrap();
+    run_to(&mut whole, 3);
+    let (checkpoint, scene) = Checkpoint::from_bytes(&state(&whole)).unwrap();
+    run_to(&mut whole, 6);
+    let mut resumed = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &wrong).unwrap();
+    assert!(resumed.refined_cameras().is_some());
+    run_to(&mut resumed, 6);
+    assert!(file(&whole.scene()) == file(&resumed.scene()));
+    assert_eq!(whole.refined_cameras(), resumed.refined_cameras());
 }

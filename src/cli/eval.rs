@@ -24,7 +24,8 @@ Examples:
   strivec eval lego.strivec lego --split test
   strivec eval lego.strivec lego --split test --downscale 4 --every 10 --sheets sheets --json
 
-The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).";
+The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).
+The PSNR after a color fit is that after the best affine map of a view's colors: without its exposure and white balance.";
 /// The difference shown as the brightest color of an error picture.
 const ERROR_FULL: f32 = 0.2;
 
@@ -190,11 +191,14 @@ fn regions_text(regions: &[RegionReport]) -> String {
 }
 
 fn text(report: &measure::Report) -> String {
-    let mut table = Table::new(["view", "PSNR", "SSIM"]);
+    let mut table = Table::new(["view", "PSNR", "after color fit", "SSIM"]);
     let ssim = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
     for view in &report.views {
-        table.row([view.name.clone(), format!("{:.2}", view.psnr), ssim(view.ssim)]);
+        let fitted = format!("{:.2}", view.psnr_after_color_fit);
+        table.row([view.name.clone(), format!("{:.2}", view.psnr), fitted, ssim(view.ssim)]);
     }
-    table.row([format!("mean of {}", report.views.len()), format!("{:.3}", report.psnr), ssim(report.ssim)]);
+    let mean = format!("mean of {}", report.views.len());
+    let [psnr, fitted] = [report.psnr, report.psnr_after_color_fit].map(|psnr| format!("{psnr:.3}"));
+    table.row([mean, psnr, fitted, ssim(report.ssim)]);
     table.text()
 }

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::dataset::DatasetOptions;
+use super::named_value::one_of;
 use super::numbers::boxed;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions};
 use crate::geometry::{Aabb, Camera};
 use crate::prior::VoxelBoxes;
-use crate::train::{self, Budget, TrainConfig};
+use crate::train::{self, Budget, Exposure, TrainConfig};
 
 /// Width of the shell of unbounded scenes (paper: the authors' runs).
 const DEFAULT_SHELL: f64 = 0.4;
@@ -42,6 +43,13 @@ pub(super) struct Settings {
     /// The two corners of the inner box of an unbounded scene, in dataset units [default: from the cameras]
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true)]
     inner_box: Option<Aabb>,
+    /// Fit the exposure and the white balance of each photograph [default: the configuration's, else auto: if it explains
+    /// much of the error]
+    #[arg(long, value_parser = one_of(Exposure::ALL, Exposure::name))]
+    exposure: Option<Exposure>,
+    /// Refine the cameras' poses, and write them beside the scene as FILE.poses.json
+    #[arg(long)]
+    refine_poses: bool,
     /// Remove tensors whose boxes turn out to be empty during training: smaller files, the same pictures
     #[arg(long)]
     prune: bool,
@@ -118,6 +126,8 @@ impl Settings {
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
+        config.refine_poses |= self.refine_poses;
+        config.exposure = self.exposure.unwrap_or(config.exposure);
         config.background = self.background.map_or(config.background, Background::color);
         if self.unbounded || self.inner_box.is_some() {
             config.shell.get_or_insert(DEFAULT_SHELL);
@@ -209,6 +219,9 @@ pub(super) enum Preset {
     Best,
     /// Four scales, 100 000 steps, for rooms
     Scannet,
+    /// Two scales in contracted space, 120 000 steps, for captures without an edge
+    #[value(name = "360")]
+    P360,
 }
 
 impl Preset {
@@ -223,6 +236,7 @@ impl Preset {
             Self::PerRay => "per-ray",
             Self::Best => "best",
             Self::Scannet => "scannet",
+            Self::P360 => "360",
         }
     }
 }

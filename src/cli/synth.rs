@@ -12,6 +12,7 @@ const EXAMPLES: &str = "\
 Examples:
   strivec synth toy --views 40 --size 200x200 --seed 1
   strivec synth fisheye --layout colmap --camera opencv-fisheye --views 52
+  strivec synth meadow --outdoor --views 140 --test-views 20
   strivec synth scene0000_00 --layout scannet --views 140 --test-views 20 --size 324x242
 
 Every layout but scannet has the same viewpoints and the exact geometry: a mesh (mesh.ply, mesh.obj), points on the surface \
@@ -43,6 +44,9 @@ pub(super) struct Args {
     /// Size of the pictures, in pixels
     #[arg(long, value_name = "WxH", default_value = "200x200", value_parser = picture_size::parse)]
     size: [u32; 2],
+    /// Surroundings without an edge instead of a transparent background: a meadow to the horizon, far hills and a sky
+    #[arg(long)]
+    outdoor: bool,
     /// Random seed; equal seeds give equal bytes
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
@@ -70,11 +74,11 @@ struct ScanReport<'a> {
 
 /// Makes the dataset.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let &Args { layout, camera, views, size, seed, .. } = args;
+    let &Args { layout, camera, views, size, seed, outdoor, .. } = args;
     let folder = &args.out;
     session.console.say(&format!("synth: making {}", folder.display()));
     let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(SynthOptions::default().test_views);
-    let options = SynthOptions { layout, camera, views, test_views, size, seed, force: session.force };
+    let options = SynthOptions { layout, camera, views, test_views, size, seed, outdoor, force: session.force };
     let made = dataset::synthesize(folder, &options)?;
     let Synthesized { pictures, lost, triangles, torn: torn_share, points, occupied_cells } = made;
     if layout == SynthLayout::ScanNet {

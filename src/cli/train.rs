@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use glam::DQuat;
 use serde::Serialize;
 
 use super::output::check_scene_name;
@@ -126,6 +127,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
+    if let Some(refined) = trainer.refined_cameras() {
+        write_poses(&files.poses, &dataset.views, &refined, session)?;
+    }
     files.remove_state()?;
     let result = Trained {
         file: output,
@@ -144,6 +148,37 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
     })
+}
+
+/// Writes the `refined` cameras of `views` in the form of a transforms.json, and says how far they moved.
+fn write_poses(path: &Path, views: &[View], refined: &[Camera], session: &Session) -> Result<(), Error> {
+    let frame = |(view, camera): (&View, &Camera)| {
+        let pose = camera.pose();
+        let rows: Vec<&[f64]> = pose.chunks_exact(4).collect();
+        serde_json::json!({ "file_path": view.name, "transform_matrix": rows })
+    };
+    let frames: Vec<_> = views.iter().zip(refined).map(frame).collect();
+    let text = serde_json::to_string_pretty(&serde_json::json!({ "frames": frames })).expect("numbers are JSON");
+    write_atomically(path, text.as_bytes(), session.force)?;
+    let moved = |(view, camera): (&View, &Camera)| {
+        let turn = view.camera.world_from_camera.transpose() * camera.world_from_camera;
+        let (_, angle) = DQuat::from_mat3(&turn).to_axis_angle();
+        [angle.to_degrees(), view.camera.position.distance(camera.position)]
+    };
+    let moves: Vec<[f64; 2]> = views.iter().zip(refined).map(moved).collect();
+    let median = |which: usize| {
+        let mut sorted: Vec<f64> = moves.iter().map(|m| m[which]).collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    session.console.say(&format!(
+        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median",
+        path.display(),
+        plural(views.len(), "photograph"),
+        median(0),
+        median(1)
+    ));
+    Ok(())
 }
 
 /// One line on the photographs that are trained on.
@@ -294,6 +329,8 @@ impl Run<'_> {
 struct Files {
     /// The checkpoint.
     state: PathBuf,
+    /// The refined poses.
+    poses: PathBuf,
 }
 
 impl Files {
@@ -301,11 +338,14 @@ impl Files {
     fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
         check_scene_name(output)?;
         check_output(output, session.force)?;
-        let state = args.checkpoint.clone().unwrap_or_else(|| {
+        let beside = |ending: &str| -> PathBuf {
             let mut name = output.as_os_str().to_owned();
-            name.push(".state");
+            name.push(ending);
             name.into()
-        });
+        };
+        let state = args.checkpoint.clone().unwrap_or_else(|| beside(".state"));
+        let poses = beside(".poses.json");
+        check_output(&poses, session.force)?;
         if !args.resume {
             if state.exists() && !session.force {
                 let message = "the checkpoint of an interrupted run exists; --resume continues it, --force starts anew";
@@ -316,7 +356,7 @@ impl Files {
                 check_output(log, session.force)?;
             }
         }
-        Ok(Self { state })
+        Ok(Self { state, poses })
     }
 
     fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {

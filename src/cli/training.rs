@@ -255,12 +255,21 @@ pub(super) struct Meter<'a> {
     begun: Instant,
     first_step: u64,
     error: RunningMse,
+    console: &'a Console,
+    maps_colors: bool,
 }
 
 impl<'a> Meter<'a> {
     pub(super) fn start(console: &'a Console, trainer: &Trainer<'_>) -> Self {
         let progress = Progress::start(console, "train", trainer.config().steps);
-        Self { progress, begun: Instant::now(), first_step: trainer.steps_done(), error: RunningMse::default() }
+        Self {
+            progress,
+            begun: Instant::now(),
+            first_step: trainer.steps_done(),
+            error: RunningMse::default(),
+            console,
+            maps_colors: false,
+        }
     }
 
     pub(super) fn add(&mut self, report: &StepReport, trainer: &Trainer<'_>) {
@@ -270,6 +279,12 @@ impl<'a> Meter<'a> {
             let rate = rays as f64 / self.begun.elapsed().as_secs_f64();
             format!("{rate:.0} rays/s, train {:.2} dB", self.error.psnr())
         });
+        let photographs = trainer.checkpoint().exposures.maps().len();
+        if photographs > 0 && !self.maps_colors {
+            self.maps_colors = true;
+            let count = plural(photographs, "photograph");
+            self.console.say(&format!("exposure: fitted for {count}; the scene has the colors of their mean"));
+        }
     }
 
     /// Excludes `time` from the rate.

@@ -36,7 +36,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let rays: Vec<Ray> = views.rays(RAYS, &random.substream(n));
         let background = scene.frame.background;
         let targets: Vec<Target> =
-            whole.trace(&rays).iter().map(|pixel| Target { color: pixel.color, background }).collect();
+            whole.trace(&rays).iter().map(|pixel| Target { color: pixel.color, background, view: 0 }).collect();
         let all = BatchRoulette::default();
         let shift = field.rules.density_shift;
         let [above, below] = [OFFSET_DIFFERENCE, -OFFSET_DIFFERENCE].map(|by| {

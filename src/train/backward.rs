@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::NetworkLayout;
 use super::chunk::{BatchRoulette, Chunk, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
+use crate::color_map::ColorMap;
 use crate::field::{Field, Real, Roulette, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
@@ -33,6 +34,8 @@ impl<S: Default> Pool<S> {
 /// Loss and gradients of batches of rays. Keeps its buffers from batch to batch.
 #[derive(Debug)]
 pub struct Backward<T> {
+    /// \[view\] the maps from the scene's colors to those of photographs; none if empty.
+    pub color_maps: Vec<ColorMap>,
     pub(super) layout: NetworkLayout,
     pub(super) chunks: Vec<Chunk<T>>,
     scratch: Pool<Scratch<T>>,
@@ -54,14 +57,19 @@ pub struct Gradients<T> {
 impl<T: Real> Backward<T> {
     /// For batches on `field`, or on a field with the same decoder.
     pub fn new(field: &Field<T>) -> Self {
-        Self { layout: NetworkLayout::new(&field.decoder), chunks: Vec::new(), scratch: Pool::default() }
+        Self {
+            color_maps: Vec::new(),
+            layout: NetworkLayout::new(&field.decoder),
+            chunks: Vec::new(),
+            scratch: Pool::default(),
+        }
     }
 
     /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error.
     pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], roulette: BatchRoulette) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
-        let (layout, scratch) = (&self.layout, &self.scratch);
+        let (layout, scratch, maps) = (&self.layout, &self.scratch, &self.color_maps);
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
@@ -72,11 +80,16 @@ impl<T: Real> Backward<T> {
                 scratch.with(|scratch| {
                     vectorized(
                         #[inline(always)]
-                        || chunk.run(field, layout, rays, targets, loss_scale, roulette, scratch),
+                        || chunk.run(field, layout, rays, targets, maps, loss_scale, roulette, scratch),
                     );
                 });
             });
         self.chunks.iter().map(|c| c.squared_error).sum::<f64>() * loss_scale
+    }
+
+    /// \[ray\] the scene's colors in the last batch, before any map.
+    pub(super) fn colors(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.chunks.iter().flat_map(|chunk| chunk.colors.iter().copied())
     }
 
     /// Counts and times of the last batch, over all chunks.
@@ -147,6 +160,7 @@ impl Backward<f32> {
         let target = |(ray, color): (usize, &[f32; 3])| Target {
             color: [0, 1, 2].map(|c| color[c] - size * sign(3 * ray + c)),
             background: field.background,
+            view: 0,
         };
         let targets: Vec<Target> = colors.iter().enumerate().map(target).collect();
         self.gradients(field, rays, &targets, BatchRoulette::default())

@@ -12,7 +12,9 @@ use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
 use super::prepare::frame;
-use super::{BootstrapOptions, DecoderConfig, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene};
+use super::{
+    BootstrapOptions, DecoderConfig, Exposure, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene,
+};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
@@ -117,6 +119,8 @@ impl CoarseCube {
             steps,
             batch_rays: options.batch_rays,
             random_background: false,
+            exposure: Exposure::Off,
+            refine_poses: false,
             upsample_at: Vec::new(),
             occupancy_at: Vec::new(),
             decoder: DecoderConfig {

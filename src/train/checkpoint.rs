@@ -5,10 +5,12 @@
 
 use std::collections::HashMap;
 
+use glam::{DMat3, DMat4, DVec4};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::{CheckpointError, Moments, NetworkLayout, RaySampler, TrainConfig};
+use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, TrainConfig};
 use crate::field::{Field, Real};
+use crate::geometry::Camera;
 
 /// Optimizer state and counters. Resolutions and occupancy are in the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +26,10 @@ pub struct Checkpoint {
     pub(super) density: Vec<Moments<f32>>,
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
+    /// The exposures of the photographs.
+    pub exposures: Exposures,
+    /// \[view\] the refined pose in the model's space, as [`Camera::pose`]; empty before the first refinement.
+    pub(super) poses: Vec<[f64; 16]>,
     /// [`RaySampler::active_ray_mask`].
     pub(super) active_rays: Vec<u8>,
     /// [`RaySampler::checksum`].
@@ -44,6 +50,8 @@ impl Checkpoint {
             density: Vec::new(),
             appearance: Vec::new(),
             networks: Moments::default(),
+            exposures: Exposures::new(config.exposure, sampler.view_count()),
+            poses: Vec::new(),
             active_rays: sampler.active_ray_mask(),
             photographs: sampler.checksum(),
         };
@@ -83,8 +91,23 @@ impl Checkpoint {
             expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
         }
         expect("network moments", NetworkLayout::new(&field.decoder).len(), self.networks.first.len())?;
+        expect("exposures", sampler.view_count(), self.exposures.view_count())?;
         if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
             return Err(malformed("photographs", "those of the dataset", "other ones"));
+        }
+        if !self.poses.is_empty() {
+            expect("poses", sampler.view_count(), self.poses.len())?;
+            let camera = |(view, pose): (usize, &[f64; 16])| {
+                let old = sampler.camera(view);
+                Camera::posed(pose, [old.width, old.height], old.focal[0])
+                    .map_err(|e| malformed(&format!("pose {view}"), e.expected, e.found))?;
+                // The numbers as they are: those of a checked pose are rounded once more.
+                let [x, y, z, position] = DMat4::from_cols_array(pose).transpose().to_cols_array_2d().map(DVec4::from);
+                let world_from_camera = DMat3::from_cols(x.truncate(), y.truncate(), z.truncate());
+                Ok(Camera { world_from_camera, position: position.truncate(), ..*old })
+            };
+            let cameras: Result<Vec<Camera>, CheckpointError> = self.poses.iter().enumerate().map(camera).collect();
+            sampler.set_cameras(cameras?);
         }
         Ok(())
     }
@@ -96,6 +119,9 @@ impl Checkpoint {
             tensors.push((format!("{name}.first"), Dtype::F32, bytemuck::cast_slice(&moments.first)));
             tensors.push((format!("{name}.second"), Dtype::F32, bytemuck::cast_slice(&moments.second)));
         }
+        let exposures = self.exposures.to_numbers();
+        tensors.push(("exposures".into(), Dtype::F64, bytemuck::cast_slice(&exposures)));
+        tensors.push(("poses".into(), Dtype::F64, bytemuck::cast_slice(self.poses.as_flattened())));
         tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
@@ -165,6 +191,12 @@ impl Checkpoint {
             }
             Ok(moments)
         };
+        let exposures: Vec<f64> = bytemuck::pod_collect_to_vec(tensor("exposures", Dtype::F64)?);
+        let poses: Vec<f64> = bytemuck::pod_collect_to_vec(tensor("poses", Dtype::F64)?);
+        let (poses, rest) = poses.as_chunks();
+        if !rest.is_empty() {
+            return Err(malformed("tensor poses", "16 numbers for each photograph", format!("{} more", rest.len())));
+        }
         let config = TrainConfig::from_toml(text("config")?, None)?;
         let of_scales = |name: &str| {
             (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
@@ -177,6 +209,9 @@ impl Checkpoint {
             density: of_scales("density")?,
             appearance: of_scales("appearance")?,
             networks: moments("networks")?,
+            exposures: Exposures::from_numbers(&exposures)
+                .ok_or_else(|| malformed("tensor exposures", "the sums and maps of photographs", "other numbers"))?,
+            poses: poses.to_vec(),
             active_rays: tensor("kept", Dtype::U8)?.to_vec(),
             config,
         };

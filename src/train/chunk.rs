@@ -10,6 +10,7 @@
 
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
+use crate::color_map::ColorMap;
 use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Samples, Stage, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
@@ -24,6 +25,8 @@ pub struct Target {
     pub color: [f32; 3],
     /// The background behind the scene.
     pub background: [f32; 3],
+    /// The photograph.
+    pub view: u32,
 }
 
 /// Russian roulette of a batch.
@@ -48,6 +51,8 @@ pub(super) struct Chunk<T> {
     pub(super) density_pairs: TensorPairs<T>,
     /// Pairs of the shaded samples.
     pub(super) appearance_pairs: TensorPairs<T>,
+    /// \[ray\] the scene's color.
+    pub(super) colors: Vec<[f32; 3]>,
     /// Σ over rays and channels of the squared error.
     pub(super) squared_error: f64,
 }
@@ -75,7 +80,7 @@ pub(super) struct Scratch<T> {
 
 impl<T: Real> Chunk<T> {
     /// Marches and decodes `rays`, compares them with `targets`, and computes the gradients. The loss is the squared
-    /// error times `loss_scale`.
+    /// error of the colors that \[view\] `maps` make of the scene's, if there are any, times `loss_scale`.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the inputs of a chunk have different owners")]
     pub(super) fn run(
@@ -84,6 +89,7 @@ impl<T: Real> Chunk<T> {
         layout: &NetworkLayout,
         rays: &[Ray],
         targets: &[Target],
+        maps: &[ColorMap],
         loss_scale: f64,
         roulette: BatchRoulette,
         scratch: &mut Scratch<T>,
@@ -91,7 +97,7 @@ impl<T: Real> Chunk<T> {
         field.march(rays, &mut self.samples);
         field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.shaded);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
-        self.compare(field, targets, T::of(loss_scale), scratch);
+        self.compare(field, targets, maps, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
         self.weigh_backward(field, scratch);
@@ -106,17 +112,29 @@ impl<T: Real> Chunk<T> {
 
     /// Pixels, loss, and the gradients of pixels, of colors before the sigmoid and of the decoder's outputs.
     #[inline(always)]
-    fn compare(&mut self, field: &Field<T>, targets: &[Target], loss_scale: T, scratch: &mut Scratch<T>) {
+    fn compare(
+        &mut self,
+        field: &Field<T>,
+        targets: &[Target],
+        maps: &[ColorMap],
+        loss_scale: T,
+        scratch: &mut Scratch<T>,
+    ) {
         let Scratch { activations, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
+        self.colors.clear();
         pixel_gradients.clear();
         term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
             let remaining = self.samples.remaining[ray];
             let color = activations.pixel(ray, target.background.map(|c| remaining * T::of_f32(c)));
-            let error = [0, 1, 2].map(|i| color[i] - T::of_f32(target.color[i]));
+            self.colors.push(color.map(|c| c.f64() as f32));
+            let map = maps.get(target.view as usize);
+            let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));
+            let error = [0, 1, 2].map(|i| seen[i] - T::of_f32(target.color[i]));
             self.squared_error += error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
             let gradient = error.map(|e| (e + e) * loss_scale);
+            let gradient = map.map_or(gradient, |map| map.pull_back(gradient.map(T::f64)).map(T::of));
             pixel_gradients.push(gradient);
             for term in activations.terms_of_ray(ray) {
                 let (weight, color) = (activations.weights[term], activations.colors[term]);

@@ -66,6 +66,38 @@ impl<'a> RaySampler<'a> {
         self.active = rows.par_iter().map(active_of_row).flatten_iter().collect();
     }
 
+    /// Number of photographs.
+    pub fn view_count(&self) -> usize {
+        self.views.len()
+    }
+
+    /// The camera of photograph number `view`, in the model's space.
+    pub(super) fn camera(&self, view: usize) -> &Camera {
+        &self.cameras[view]
+    }
+
+    /// Draws all further rays from `cameras`, which differ from the present ones in their poses only.
+    pub(super) fn set_cameras(&mut self, cameras: Vec<Camera>) {
+        self.cameras = cameras;
+    }
+
+    /// `count` random active pixels of photograph number `view`, as columns, rows and targets; none if none is active.
+    pub(super) fn sample(&self, view: usize, random: &Random, count: u64) -> Vec<(u32, u32, Target)> {
+        let place = |pixel: u64| self.active.partition_point(|&active| u64::from(active) < pixel);
+        let active = &self.active[place(self.firsts[view])..place(self.firsts[view + 1])];
+        let target = |draw: u64| {
+            let pixel = active[random.below(draw, active.len() as u64) as usize];
+            let within = pixel - self.firsts[view] as u32;
+            let width = self.cameras[view].width;
+            (within % width, within / width, self.target(view, within, self.background))
+        };
+        if active.is_empty() { Vec::new() } else { (0..count).map(target).collect() }
+    }
+
+    fn target(&self, view: usize, within: u32, background: [f32; 3]) -> Target {
+        Target { color: self.views[view].pixels.color(within as usize, background), background, view: view as u32 }
+    }
+
     /// Number of active rays.
     pub fn active_ray_count(&self) -> usize {
         self.active.len()
@@ -115,7 +147,7 @@ impl<'a> RaySampler<'a> {
             Some((random, transparent)) if transparent[v] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
             _ => self.background,
         };
-        (ray, Target { color: self.views[v].pixels.color(within as usize, background), background })
+        (ray, self.target(v, within, background))
     }
 }
 

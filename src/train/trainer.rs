@@ -6,13 +6,14 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
+use super::poses;
 use super::{
     BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, estimate_occupancy,
     march_step, network_parts, prune_dead_components, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Camera};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
@@ -124,6 +125,13 @@ impl<'a> Trainer<'a> {
         &self.checkpoint
     }
 
+    /// \[view\] the refined cameras in the dataset's space; `None` if no pose has been refined.
+    pub fn refined_cameras(&self) -> Option<Vec<Camera>> {
+        let dataset_from_model = self.scene.frame.model_from_dataset.inverse();
+        let cameras = (0..self.sampler.view_count()).map(|view| self.sampler.camera(view).mapped(&dataset_from_model));
+        (!self.checkpoint.poses.is_empty()).then(|| cameras.collect())
+    }
+
     /// Adds to the wall time of the checkpoint.
     pub fn add_seconds(&mut self, seconds: f64) {
         self.checkpoint.seconds += seconds;
@@ -185,9 +193,12 @@ impl<'a> Trainer<'a> {
         // All threads draw rays.
         clock.lap(Stage::Rays);
         let threads = rayon::current_num_threads() as f64;
+        self.backward.color_maps.clear();
+        self.backward.color_maps.extend_from_slice(self.checkpoint.exposures.maps());
         let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, roulette);
         self.checkpoint.step += 1;
         let step = self.checkpoint.step;
+        self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.steps);
         let diverged = |found| TrainError::Diverged { step, found };
         self.monitor.record(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
@@ -296,6 +307,17 @@ impl<'a> Trainer<'a> {
             self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
             self.field.rules.step = self.scene.rules.step;
             self.checkpoint.restart(&self.field);
+        }
+        if self.config.refine_poses && poses::is_due(step, self.config.steps) {
+            let random = Random::new(self.config.seed, "poses").substream(step);
+            let maps = self.checkpoint.exposures.maps();
+            let distance = match self.scene.rules.contraction {
+                None => 0.5 * (self.scene.frame.near + self.scene.frame.far),
+                Some(_) => 1.0,
+            };
+            let cameras = poses::refined(&self.field, &self.sampler, maps, distance, &random);
+            self.checkpoint.poses = cameras.iter().map(Camera::pose).collect();
+            self.sampler.set_cameras(cameras);
         }
         if self.config.refilter_rays && self.config.occupancy_at.contains(&step) {
             self.sampler.filter_rays(&self.field);

@@ -12,6 +12,7 @@ mod mesh;
 mod metashape;
 mod occupancy;
 mod options;
+mod outdoor;
 mod pictures;
 mod points;
 mod polytope;
@@ -41,7 +42,9 @@ use self::portable::hash;
 use self::scene::Scene;
 use self::shading::Lights;
 use super::Error;
-use crate::geometry::Camera;
+use super::shot::Split;
+use crate::geometry::{Camera, Ray};
+use crate::npy;
 
 /// Number of points in `points.ply`.
 const POINTS: usize = 100_000;
@@ -65,6 +68,9 @@ const SPARSE_POINTS: usize = 5000;
 /// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], true if the cell, a closed box, has a point in common with a
 ///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
+/// With surroundings, pictures are opaque, and `distances/` has the exact distances along the rays of test views, float32
+/// \[row\]\[column\], infinite to the sky.
+///
 /// The scene lies within \[−1, 1\]³, z up. Pictures of fisheye and equirectangular cameras use the sines of the platform's
 /// mathematics library and may differ in their last bits between platforms.
 ///
@@ -86,7 +92,11 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
     };
     let validation = cameras(options.test_views.div_ceil(4), 2);
     let photographs = layout.photographs(cameras(options.views, 1), validation, cameras(options.test_views, 3));
-    take(&scene, out, &photographs)?;
+    let outdoor = options.outdoor.then(|| hash(seed, 6));
+    take(&scene, out, &photographs, outdoor)?;
+    if let Some(outdoor) = outdoor {
+        write_distances(&scene, out, &photographs, outdoor)?;
+    }
     let sparse_points = || points::points(&scene, SPARSE_POINTS, hash(seed, 5));
     match layout {
         SynthLayout::Blender | SynthLayout::ScanNet => transforms::write_blender(out, &photographs)?,
@@ -112,8 +122,24 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
     Ok(Synthesized { pictures, lost: 0, triangles, torn: 0.0, points, occupied_cells })
 }
 
+/// Writes the exact distances along the rays of all pixels of test views, infinite to the sky.
+fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph], outdoor: u64) -> Result<(), Error> {
+    let folder = out.join("distances");
+    fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
+    photographs.par_iter().filter(|photograph| photograph.split == Split::Test).try_for_each(|photograph| {
+        let camera = &photograph.camera;
+        let distance = |ray: Ray| {
+            let to_scene = scene.hit(&ray, 0.0).map(|hit| hit.t);
+            to_scene.or_else(|| outdoor::distance(&ray, outdoor)).unwrap_or(f64::INFINITY) as f32
+        };
+        let distances: Vec<f32> = camera.rays(0..camera.height).map(|ray| ray.map_or(f32::NAN, distance)).collect();
+        let shape = [camera.height, camera.width].map(|extent| extent as usize);
+        write(&folder.join(format!("{}.npy", photograph.stem())), |file| npy::write(file, &shape, distances))
+    })
+}
+
 /// Writes the pictures.
-fn take(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+fn take(scene: &Scene, out: &Path, photographs: &[Photograph], outdoor: Option<u64>) -> Result<(), Error> {
     for photograph in photographs {
         let folder = out.join(&photograph.file);
         let folder = folder.parent().unwrap_or(out);
@@ -121,7 +147,7 @@ fn take(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Err
     }
     let lights = Lights::new();
     photographs.par_iter().try_for_each(|photograph| {
-        let picture = pictures::picture(scene, &lights, &photograph.camera);
+        let picture = pictures::picture(scene, &lights, &photograph.camera, outdoor);
         let encoded = |file: &mut BufWriter<File>| picture.write_to(file, ImageFormat::Png).map_err(io::Error::other);
         write(&out.join(&photograph.file), encoded)
     })

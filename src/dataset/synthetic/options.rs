@@ -30,6 +30,8 @@ pub struct SynthOptions {
     pub size: [u32; 2],
     /// Seed of the cameras' positions and the textures' variations; the geometry is always the same.
     pub seed: u64,
+    /// Surroundings without an edge instead of a transparent background: a meadow, far hills and a sky.
+    pub outdoor: bool,
     /// If true, also writes to a folder that is not empty, replacing files of the same names and keeping all others.
     pub force: bool,
 }
@@ -38,7 +40,7 @@ impl Default for SynthOptions {
     /// 100 training and 20 test views of 200×200 pixels by a pinhole camera, in the Blender layout.
     fn default() -> Self {
         let (layout, camera) = (SynthLayout::Blender, CameraModel::Pinhole);
-        Self { layout, camera, views: 100, test_views: 20, size: [200, 200], seed: 0, force: false }
+        Self { layout, camera, views: 100, test_views: 20, size: [200, 200], seed: 0, outdoor: false, force: false }
     }
 }
 
@@ -76,6 +78,9 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
         let names: Vec<_> = layout.cameras().iter().map(|camera| camera.name()).collect();
         let (layout, expected, found) = (layout.name(), names.join(", "), camera.name());
         return Err(Error::SynthCamera { layout, expected, found });
+    }
+    if options.outdoor && layout == SynthLayout::ScanNet {
+        return Err(Error::SynthOutdoor);
     }
     match layout.test_views(views) {
         Some(expected) if !layout.splits(views, test_views) => {

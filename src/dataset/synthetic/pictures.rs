@@ -4,11 +4,12 @@ use glam::DVec3;
 use image::RgbaImage;
 use rayon::prelude::*;
 
+use super::outdoor;
 use super::portable::{cos_sin, uniform};
 use super::scene::Scene;
 use super::shading::{Lights, color};
 use crate::color::byte;
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Ray};
 
 /// The horizontal angle of view in radians, that of NeRF-synthetic.
 pub(super) const CAMERA_ANGLE: f64 = 0.691_111_207_008_361_8;
@@ -36,11 +37,16 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
         .collect()
 }
 
-/// The picture of `camera`: straight alpha, transparent outside the scene.
+/// The picture of `camera`: straight alpha, transparent outside the scene, or opaque with the surroundings of the seed
+/// `outdoor`.
 ///
 /// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values, because volume rendering and downscaling
 /// average display colors too.
-pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
+pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera, outdoor: Option<u64>) -> RgbaImage {
+    let seen = |ray: Ray| {
+        let surroundings = || Some(outdoor::color(scene, lights, &ray, outdoor?));
+        color(scene, lights, &ray).or_else(surroundings)
+    };
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {
         for (column, pixel) in bytes.as_chunks_mut::<4>().0.iter_mut().enumerate() {
@@ -48,7 +54,7 @@ pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaIm
             let (mut sum, mut covered) = (DVec3::ZERO, 0);
             for (y, x) in (0..SAMPLES).flat_map(|y| (0..SAMPLES).map(move |x| (y, x))) {
                 let ray = camera.ray_through(at(column, x), at(row, y));
-                if let Some(seen) = ray.and_then(|ray| color(scene, lights, &ray)) {
+                if let Some(seen) = ray.and_then(seen) {
                     sum += DVec3::from_array(seen);
                     covered += 1;
                 }
@@ -75,7 +81,7 @@ mod tests {
         // Near enough that the scene covers the picture.
         camera.focal = [50.0; 2];
         camera.position *= 0.4;
-        let picture = picture(&Scene::new(3), &Lights::new(), &camera);
+        let picture = picture(&Scene::new(3), &Lights::new(), &camera, None);
         let seen = camera.seen_pixels().unwrap();
         let opaque = |(pixel, seen): (&image::Rgba<u8>, &bool)| (pixel[3] > 0, *seen);
         let pixels: Vec<_> = picture.pixels().zip(&seen).map(opaque).collect();
@@ -91,7 +97,7 @@ mod tests {
         let scene = Scene::new(3);
         for camera in cameras(5, [120, 100], 9) {
             assert!((camera.position.length() - DISTANCE).abs() < 1e-12);
-            let picture = picture(&scene, &Lights::new(), &camera);
+            let picture = picture(&scene, &Lights::new(), &camera, None);
             for thing in &scene.things {
                 // Project by hand: camera axes are x right, y up, −z forwards; rows grow downwards.
                 let seen = camera.world_from_camera.transpose() * (thing.solid.world(DVec3::ZERO) - camera.position);

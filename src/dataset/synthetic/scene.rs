@@ -11,6 +11,8 @@ use crate::geometry::{Aabb, Ray};
 
 /// The height of the plinth's top, on which all other solids stand.
 const FLOOR: f64 = -0.74;
+/// The height of its foot.
+pub(super) const FOOT: f64 = FLOOR - 0.12;
 
 /// A solid and its texture.
 pub(super) struct Thing {

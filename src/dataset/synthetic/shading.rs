@@ -36,6 +36,19 @@ impl Lights {
             sky: ring.chain([(DVec3::Z, blue * 0.22)]).collect(),
         }
     }
+
+    /// The light on level ground at `point`, on which `scene` throws its shadows.
+    pub(super) fn on_ground(&self, scene: &Scene, point: DVec3) -> DVec3 {
+        let origin = point + OFFSET * DVec3::Z;
+        let arrives = |direction: DVec3| if scene.blocks(&Ray { origin, direction }) { 0.0 } else { direction.z };
+        let sky: DVec3 = self.sky.iter().map(|&(direction, color)| color * arrives(direction)).sum();
+        sky + self.sun_color * arrives(self.sun)
+    }
+
+    /// The light on slopes far away, of every direction.
+    pub(super) fn on_slopes(&self) -> DVec3 {
+        0.5 * self.sun_color + 0.2
+    }
 }
 
 /// The sRGB color in [0, 1] that arrives along `ray`; `None` if the ray misses the scene.
@@ -86,7 +99,7 @@ fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool
 }
 
 /// The environment that mirrors reflect: a sky that pales towards the horizon, and dark ground below.
-fn surroundings(direction: DVec3) -> DVec3 {
+pub(super) fn surroundings(direction: DVec3) -> DVec3 {
     let horizon = DVec3::new(0.85, 0.88, 0.90);
     if direction.z >= 0.0 {
         horizon.lerp(DVec3::new(0.16, 0.34, 0.72), (1.6 * direction.z).min(1.0))

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 pub use error::ConfigError;
 
+use super::Exposure;
 use crate::geometry::{Aabb, Contraction, Similarity};
 use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
 use crate::prior::{self, CoarseOptions, Unbounded};
@@ -33,6 +34,10 @@ pub struct TrainConfig {
     /// Compare every ray of a photograph with transparent parts on a random background of its own, so that no part of
     /// the scene can pass for background. The prior and all rendering keep `background`.
     pub random_background: bool,
+    /// The photographs whose exposure and white balance are fitted.
+    pub exposure: Exposure,
+    /// Refine the cameras' poses.
+    pub refine_poses: bool,
     /// Select the rays to train on anew with every new occupancy, so that none is spent on space that proved empty.
     pub refilter_rays: bool,
     /// Remove tensors whose boxes are empty with every new occupancy. Pictures stay the same, and files get smaller.

@@ -3,11 +3,15 @@
 use super::{BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 use crate::model::{DecoderMode, Reduction};
 use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
+use crate::train::Exposure;
 
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
 const SCAN_STEPS: u64 = 100_000;
+/// Steps of the preset for unbounded scenes, and the shell around their inner cube (the paper's runs on Mip-NeRF 360).
+const SURROUNDINGS_STEPS: u64 = 120_000;
+const SURROUNDINGS_SHELL: f64 = 0.4;
 /// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
 const EARLIEST_OCCUPANCY: u64 = 300;
 /// Half the largest extent of a scan in model units: about the extent of a room in meters.
@@ -22,7 +26,7 @@ impl Default for TrainConfig {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 8] = ["12", "24", "48", "96", "fast", "per-ray", "best", "scannet"];
+    pub const PRESETS: [&str; 9] = ["12", "24", "48", "96", "fast", "per-ray", "best", "scannet", "360"];
     /// The preset of settings that name none.
     pub const DEFAULT_PRESET: &str = "best";
 
@@ -56,6 +60,14 @@ impl TrainConfig {
                 preset.scales = scan_scales();
                 preset
             }
+            "360" => {
+                let mut preset = best().with_steps(SURROUNDINGS_STEPS);
+                preset.shell = Some(SURROUNDINGS_SHELL);
+                preset.factor_learning_rate = 0.03;
+                preset.density_l1 = 1e-4;
+                preset.scales = surroundings_scales();
+                preset
+            }
             _ => return Err(ConfigError::UnknownPreset { name: name.into(), known: Self::PRESETS.join(", ") }),
         };
         preset.preset = name.into();
@@ -82,6 +94,8 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         batch_rays: 4096,
         background: [1.0; 3],
         random_background: false,
+        exposure: Exposure::Auto,
+        refine_poses: false,
         refilter_rays: true,
         prune: false,
         near_far: None,
@@ -133,6 +147,14 @@ fn scan_scales() -> Vec<ScaleConfig> {
         scale([1.7, 3.2], [53, 79, 119, 155, 189, 221], [24, 48], 4),
         scale([0.6, 1.6], [27, 39, 59, 77, 95, 111], [16, 48], 2),
         scale([0.3, 0.8], [13, 19, 29, 39, 47, 55], [12, 48], 2),
+    ]
+}
+
+/// Two scales for contracted space (the paper's runs on Mip-NeRF 360).
+fn surroundings_scales() -> Vec<ScaleConfig> {
+    vec![
+        scale([1.2, 2.4], [101, 137, 185, 241, 281, 323], [48, 48], 4),
+        scale([0.6, 1.2], [51, 69, 93, 121, 141, 161], [32, 48], 4),
     ]
 }
 
