@@ -350,3 +350,28 @@ fn cameras_and_splits_that_a_layout_cannot_state_are_refused() {
     let message = load(folder.path(), "all", &LoadOptions::default()).unwrap_err().to_string();
     assert!(message.contains("camera_model") && message.contains("RADIAL_FISHEYE or EQUIRECTANGULAR"), "{message}");
 }
+
+#[test]
+fn outdoors_every_pixel_is_opaque_and_its_distance_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = SynthOptions { outdoor: true, views: 2, test_views: 2, size: [40, 30], ..OPTIONS };
+    synthesize(folder.path(), &options).unwrap();
+    let dataset = load(folder.path(), "test", &LoadOptions::default()).unwrap();
+    for view in &dataset.views {
+        assert!(view.pixels.is_opaque());
+        let file = std::fs::read(folder.path().join(format!("distances/{}.npy", view.name))).unwrap();
+        let mut input = &file[..];
+        let header = Header::read(&mut input).unwrap();
+        assert_eq!(header.shape, [30, 40]);
+        let distances = header.numbers(&mut input).unwrap();
+        let mut on_meadow = 0;
+        for (ray, distance) in view.camera.rays(0..30).zip(&distances) {
+            let point = ray.unwrap().at(*distance);
+            assert!(*distance > 2.0 && (distance.is_infinite() || point.z > -0.861), "{distance} {point}");
+            on_meadow += usize::from((point.z + 0.86).abs() < 1e-4);
+        }
+        assert!(on_meadow > 200, "{on_meadow}");
+    }
+    let scan = SynthOptions { layout: SynthLayout::ScanNet, ..options };
+    assert!(synthesize(folder.path(), &scan).unwrap_err().to_string().contains("outdoor"));
+}

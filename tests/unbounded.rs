@@ -48,10 +48,10 @@ fn config() -> TrainConfig {
     let mut config = scenes::config();
     config.shell = Some(0.4);
     config.inner_box = Some([DVec3::NEG_ONE, DVec3::ONE]);
-    config.near_far = Some([0.05, 1e3]);
+    config.near_far = Some([3.0, 1e3]);
     config.field.density_shift = -10.0;
     config.field.distance_scale = 25.0;
-    (config.steps, config.batch_rays) = (150, 512);
+    (config.steps, config.batch_rays) = (600, 512);
     config.occupancy_at = vec![100];
     config.scales.truncate(2);
     config.prior = CoarseOptions { voxels: 30_000, steps: vec![60, 200], rays: 512, ..CoarseOptions::default() };

@@ -3,8 +3,9 @@
 use crate::tree::{File, Name, Tree};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 21] = [
+const LAYERS: [(&str, u32); 22] = [
     ("color", 0),
+    ("color_map", 0),
     ("digits", 0),
     ("escape", 0),
     ("psnr", 0),
