@@ -52,7 +52,7 @@ fn config() -> TrainConfig {
     config.field.density_shift = -10.0;
     config.field.distance_scale = 25.0;
     (config.steps, config.batch_rays) = (600, 512);
-    config.occupancy_at = vec![100];
+    config.occupancy_at = vec![400];
     config.scales.truncate(2);
     config.prior = CoarseOptions { voxels: 30_000, steps: vec![60, 200], rays: 512, ..CoarseOptions::default() };
     config
