@@ -133,7 +133,7 @@ impl Shot {
         let place = (at / STRIDE as f64).floor();
         let [columns, rows] = self.patches();
         let inside = place.min_element() >= 0.0 && place.x < columns as f64 && place.y < rows as f64;
-        inside.then(|| [place.x as usize, place.y as usize])
+        inside.then_some([place.x as usize, place.y as usize])
     }
 }
 

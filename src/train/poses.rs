@@ -16,10 +16,10 @@ use crate::geometry::{Camera, Ray};
 use crate::random::Random;
 
 /// Rounds of refinement, spread over the steps; training ends with some shares of its steps without any.
-const ROUNDS: u64 = 24;
-const LAST_SHARES: u64 = 6;
+const ROUNDS: u64 = 16;
+const LAST_SHARES: u64 = 4;
 /// Pixels of a photograph in a round.
-const PIXELS: u64 = 768;
+const PIXELS: u64 = 256;
 /// Errors of colors above this count linearly (Huber).
 const ROBUST: f64 = 0.1;
 /// The damping: the share of the diagonal that is added to it.
