@@ -66,7 +66,7 @@ fn targets(count: usize) -> Vec<Target> {
         .collect()
 }
 
-/// What three photographs make of the scene's colors.
+/// The color maps of three photographs.
 fn color_maps() -> Vec<ColorMap> {
     let random = Random::new(5, "color maps");
     let entry = |i: u64| 0.4 * (random.uniform(i) - 0.5);

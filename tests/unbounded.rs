@@ -115,7 +115,7 @@ fn points(share: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// What `strivec plan` says of the walls with the points of `share`.
+/// The messages of `strivec plan` for the walls with [`points`] of `share`.
 fn planned(share: f64) -> String {
     let folder = TempDir::new().unwrap();
     let frames: Vec<_> = (dataset().views.iter())

@@ -91,8 +91,12 @@ pub(super) fn reconstruct(
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
     let asked = config.near_far;
-    let all_points = locate(config, dataset, session)?;
-    if !bootstrap && let Some(points) = prior_of_points(config, dataset, asked, all_points, session)? {
+    let is_opaque = dataset.views.par_iter().all(|view| view.pixels.is_opaque());
+    let all_points = locate(config, dataset, is_opaque, session)?;
+    if is_opaque
+        && !bootstrap
+        && let Some(points) = prior_of_points(config, dataset, asked, all_points, session)?
+    {
         return Ok(points);
     }
     let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
@@ -147,9 +151,6 @@ fn prior_of_points(
     {
         return Ok(Some(cells));
     }
-    if !is_opaque(dataset) {
-        return Ok(None);
-    }
     let start = Instant::now();
     let Some(points) = prior::match_points(&dataset.views) else { return Ok(None) };
     let count = plural(points.cells.len(), "cell");
@@ -187,19 +188,17 @@ fn covering(
     Ok(Some(cells))
 }
 
-fn is_opaque(dataset: &Dataset) -> bool {
-    dataset.views.par_iter().all(|view| view.pixels.is_opaque())
-}
-
-/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points, if
-/// photographs are opaque.
-fn locate(config: &mut TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<Option<VoxelBoxes>, Error> {
+/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points.
+fn locate(
+    config: &mut TrainConfig,
+    dataset: &mut Dataset,
+    is_opaque: bool,
+    session: &Session,
+) -> Result<Option<VoxelBoxes>, Error> {
     let cameras = cameras(dataset);
-    let is_opaque = is_opaque(dataset);
     let Location { near_far, bounds, points, all_points } =
         prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, || is_opaque)?;
     config.prior.points = points.filter(|_| is_opaque);
-    let all_points = all_points.filter(|_| is_opaque);
     if config.shell.is_some() {
         locate_unbounded(config, &cameras, near_far[0], session);
         return Ok(all_points);

@@ -25,7 +25,7 @@ const MIN_CONTRAST: f32 = 0.012;
 
 /// Photographs that a photograph is compared with, at most.
 const NEIGHBORS: usize = 6;
-/// Of these, those that are most similar at a depth count.
+/// The number of compared photographs whose similarities count at a depth: the highest ones.
 const BEST: usize = 3;
 /// The parallax between two photographs that are compared: its least, best and largest angle in radians.
 const PARALLAX: [f64; 3] = [0.03, 0.15, 0.7];

@@ -53,7 +53,8 @@ pub fn reconstruct_prior(
 }
 
 /// A scene of random tensors on `occupied`, which is in the dataset's space or, for an unbounded scene, in contracted
-/// space (paper, "Distributing local tensors"). Without `config`'s own, the range of rays is that of the coarse reconstruction; for a prior of files, set
+/// space (paper, "Distributing local tensors"). Without `config`'s own, the range of rays is that of the coarse
+/// reconstruction; for a prior of files, set
 /// [`prior::ray_range`]'s first.
 ///
 /// # Errors

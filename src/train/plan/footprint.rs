@@ -37,7 +37,7 @@ impl Footprints {
         let width = |n: usize| {
             let place = occupied.cell_box(n).center();
             let center = unbounded.map_or(place, |unbounded| unbounded.expand(place));
-            // Of a cell of contracted space, the length of its place in the dataset's.
+            // The factor by which contraction scales lengths at this cell.
             let shrinking = unbounded.map_or(1.0, |unbounded| unbounded.contracted_length(1.0, center));
             let radius = radius / shrinking;
             let seen = |frustum: &Frustum<'_>| {
