@@ -12,8 +12,8 @@ use super::progress::Progress;
 use super::render::colors;
 use super::table::Table;
 use super::view_selection::ViewSelection;
-use super::{Error, Session, scene_file, write_atomically};
-use crate::dataset::{self, Dataset, View};
+use super::{Error, Session, refined_poses, scene_file, write_atomically};
+use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::measure::{
     self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, counted, error_map, side_by_side,
 };
@@ -45,6 +45,10 @@ pub(super) struct Args {
     downscale: u32,
     #[command(flatten)]
     selection: ViewSelection,
+    /// Refined poses of the training views, as `train --refine-poses` writes them: views move by the similarity from the
+    /// dataset's poses to these [default: views stay where the dataset has them]
+    #[arg(long, value_name = "FILE")]
+    aligned_to: Option<PathBuf>,
     /// Folder for one picture per view: photograph, rendering and error (brightest at 0.2 and above)
     #[arg(long, value_name = "DIR")]
     sheets: Option<PathBuf>,
@@ -87,7 +91,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (scene_file, bytes) = scene_file::read_scene_file(&args.file)?;
     let bytes = bytes.len() as u64;
     let options = args.selection.options(args.downscale);
-    let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
+    let Dataset { name, mut views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
+    if let Some(path) = &args.aligned_to {
+        let all = LoadOptions { views: None, every: 1, ..options };
+        let map = refined_poses::alignment(path, &dataset::load_cameras(&args.dataset, "train", None, &all)?)?;
+        views.iter_mut().for_each(|view| view.camera = view.camera.mapped(&map));
+    }
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;

@@ -24,6 +24,7 @@ mod pose;
 mod prior;
 mod progress;
 mod quantity;
+mod refined_poses;
 mod render;
 mod resize;
 mod scale_table;

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use glam::DQuat;
 use serde::Serialize;
 
 use super::output::check_scene_name;
@@ -14,7 +13,7 @@ use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::table::plural;
 use super::training::{Meter, cameras, encode, import, interrupts, place, read_state, reconstruct};
-use super::{Error, Session, check_output, write_atomically};
+use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
@@ -128,7 +127,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     if let Some(refined) = trainer.refined_cameras() {
-        write_poses(&files.poses, &dataset.views, &refined, session)?;
+        refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
     }
     files.remove_state()?;
     let result = Trained {
@@ -148,37 +147,6 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
     })
-}
-
-/// Writes the `refined` cameras of `views` in the form of a transforms.json, and says how far they moved.
-fn write_poses(path: &Path, views: &[View], refined: &[Camera], session: &Session) -> Result<(), Error> {
-    let frame = |(view, camera): (&View, &Camera)| {
-        let pose = camera.pose();
-        let rows: Vec<&[f64]> = pose.chunks_exact(4).collect();
-        serde_json::json!({ "file_path": view.name, "transform_matrix": rows })
-    };
-    let frames: Vec<_> = views.iter().zip(refined).map(frame).collect();
-    let text = serde_json::to_string_pretty(&serde_json::json!({ "frames": frames })).expect("numbers are JSON");
-    write_atomically(path, text.as_bytes(), session.force)?;
-    let moved = |(view, camera): (&View, &Camera)| {
-        let turn = view.camera.world_from_camera.transpose() * camera.world_from_camera;
-        let (_, angle) = DQuat::from_mat3(&turn).to_axis_angle();
-        [angle.to_degrees(), view.camera.position.distance(camera.position)]
-    };
-    let moves: Vec<[f64; 2]> = views.iter().zip(refined).map(moved).collect();
-    let median = |which: usize| {
-        let mut sorted: Vec<f64> = moves.iter().map(|m| m[which]).collect();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
-    session.console.say(&format!(
-        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median",
-        path.display(),
-        plural(views.len(), "photograph"),
-        median(0),
-        median(1)
-    ));
-    Ok(())
 }
 
 /// One line on the photographs that are trained on.

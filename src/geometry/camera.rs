@@ -143,6 +143,17 @@ impl Camera {
         }
     }
 
+    /// The angle between the orientations of two cameras, in degrees.
+    pub fn degrees_to(&self, other: &Self) -> f64 {
+        let turn = self.world_from_camera.transpose() * other.world_from_camera;
+        // Of small angles, the cosine keeps half the digits; the sine keeps all.
+        let sine = 0.5
+            * DVec3::new(turn.y_axis.z - turn.z_axis.y, turn.z_axis.x - turn.x_axis.z, turn.x_axis.y - turn.y_axis.x)
+                .length();
+        let cosine = 0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0);
+        sine.atan2(cosine).to_degrees()
+    }
+
     /// The pinhole camera of the same view and size: its focal lengths and its principal point are this camera's, so that
     /// both pictures agree at the principal point.
     pub fn undistorted(&self) -> Self {

@@ -1,8 +1,9 @@
-//! Boxes, rays, cameras and their paths, lattices, the contraction of unbounded scenes, and the map between dataset space and model space. Everything is
-//! f64.
+//! Boxes, rays, cameras and their paths, lattices, the contraction of unbounded scenes, and the map between dataset space
+//! and model space. Everything is f64.
 
 mod aabb;
 mod camera;
+mod camera_alignment;
 mod contraction;
 mod lattice;
 mod lens;
@@ -16,6 +17,7 @@ mod viewpoint;
 
 pub use aabb::Aabb;
 pub use camera::{Camera, PoseError};
+pub use camera_alignment::align_cameras;
 pub use contraction::{Contraction, MAX_SPACING, Spacing};
 pub use lattice::{Lattice, cell_at, index_of};
 pub use lens::{Distortion, Lens, Projection};
