@@ -198,6 +198,7 @@ impl FieldConfig {
             min_transmittance: self.min_transmittance,
             min_weight: self.min_weight,
             contraction: None,
+            sky: None,
         }
     }
 }
