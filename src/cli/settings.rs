@@ -32,8 +32,8 @@ pub(super) struct Settings {
     /// Background color for transparent pixels [default: white]
     #[arg(long, value_enum)]
     pub(super) background: Option<Background>,
-    /// Degree of a learned sky, the color behind the scene by direction, 1 to 4; 0 for the background color [default: the
-    /// configuration's, else 0]
+    /// Degree of a learned sky, the color behind the scene by direction, 1 to 4; 0 for the background color [default:
+    /// the configuration's, else 0]
     #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(..=i64::from(Sky::MAX_DEGREE)))]
     pub(super) sky: Option<u32>,
     /// Distance at which rays begin, in dataset units [default: the dataset's]

@@ -1,4 +1,5 @@
-//! The fast field: the function of [`crate::model::ReferenceField`] (spec 4.1 to 4.8 and 4.11), with data arranged for speed.
+//! The fast field: the function of [`crate::model::ReferenceField`] (spec 4.1 to 4.8 and 4.11), with data arranged for
+//! speed.
 //!
 //! Rendering and training on the CPU share it. It is generic over the precision: f32 for production, f64 to test the
 //! same code. Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the

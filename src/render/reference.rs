@@ -21,8 +21,8 @@ pub struct Trace {
     /// [`ReferenceField::margin_horizon`].
     pub margin: f64,
     /// The condition of density along the ray and of the sky: if every product of factors, and every product of the
-    /// sky's sums, has a relative error of at most ε, no decision changes and ε is small, color and opacity change by at
-    /// most the condition times ε.
+    /// sky's sums, has a relative error of at most ε, no decision changes and ε is small, color and opacity change by
+    /// at most the condition times ε.
     pub condition: f64,
 }
 

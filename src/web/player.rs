@@ -248,8 +248,8 @@ impl Player {
         Ok(())
     }
 
-    /// Sets the background, sRGB from 0 to 1; the scene's own if there are not three numbers. No effect on a scene with a
-    /// sky.
+    /// Sets the background, sRGB from 0 to 1; the scene's own if there are not three numbers. No effect on a scene with
+    /// a sky.
     pub fn set_background(&self, color: Vec<f32>) {
         self.app.borrow_mut().set_background(color.try_into().ok());
     }
