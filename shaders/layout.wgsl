@@ -43,7 +43,7 @@ struct Layer {
     bias: u32,
 }
 
-// The scene: rules, grid of occupied cells, layers and scales.
+// The scene: rules, grid of occupied cells, layers, scales and sky.
 struct Scene {
     bounds_min: vec3<f32>,
     near: f32,
@@ -74,6 +74,8 @@ struct Scene {
     padding3: u32,
     layers: array<Layer, LAYERS>,
     scales: array<Scale, SCALES>,
+    // The coefficients of red, green and blue of each polynomial in sky.wgsl. Without a sky, one of zeros.
+    sky: array<vec4<f32>, SKY_TERMS>,
 }
 
 // The uniforms of a batch of rays.
@@ -130,7 +132,8 @@ struct Ray {
     next: u32,
     block: u32,
     used: u32,
-    // In a contracted scene: the unit of the spacing, and the spacing parameter of the first sample.
+    // In a contracted scene: the unit of the spacing, and the spacing parameter of the first sample. A pixel without a
+    // ray has an empty one whose unit is negative.
     scale: f32,
     first: f32,
 }

@@ -1,5 +1,5 @@
-// Compositing: from colors of samples or rays to pixels (spec 4.8). Twins: src/field/decoder.rs (`Activations::pixel`),
-// src/render/cpu.rs.
+// Compositing: from colors of samples or rays to pixels (spec 4.8, 4.11). Twins: src/field/decoder.rs
+// (`Activations::pixel`), src/render/cpu.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -8,7 +8,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ray = rays[id.x];
-    var color = ray.transmittance * scene.background;
+    // The sky belongs to the picture, so its pixels are opaque. A pixel without a ray does not see it.
+    let sees_sky = HAS_SKY && ray.scale >= 0.0;
+    var behind = scene.background;
+    if sees_sky {
+        behind = sky_color(ray.direction);
+    }
+    var color = ray.transmittance * behind;
     if DECODES_SAMPLES || SAMPLES_HAVE_COLORS {
         for (var i = 0u; i < ray.shaded; i += 1u) {
             let row = bitcast<vec4<f32>>(rows[ray.first_row + i]);
@@ -22,6 +28,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         color += ray.shaded_weights * sigmoid(ray.outputs);
     }
     let depth = select(0.0, ray.distances / ray.weights, ray.weights > 0.0);
-    pixels[2u * pixel] = vec4(color, 1.0 - ray.transmittance);
+    pixels[2u * pixel] = vec4(color, select(1.0 - ray.transmittance, 1.0, sees_sky));
     pixels[2u * pixel + 1u] = vec4(depth, f32(ray.evaluated), f32(ray.shaded), 0.0);
 }

@@ -68,6 +68,11 @@ fn pictures_are_the_references_under_every_rule_and_a_planted_difference_shows()
             planted.decoder.layers.last_mut().unwrap().bias[0] += 0.02;
             let changed = compared(&scene, &renderer(&gpu, &planted, Precision::F32));
             assert!(changed.clear_maximum > 1e-3, "{name}: a planted difference goes unnoticed: {changed:?}");
+            let Some(sky) = &mut planted.rules.sky else { continue };
+            *sky.coefficients.last_mut().unwrap() += 0.05;
+            planted.decoder = scene.decoder.clone();
+            let changed = compared(&scene, &renderer(&gpu, &planted, Precision::F32));
+            assert!(changed.clear_maximum > 1e-3, "{name}: another sky goes unnoticed: {changed:?}");
         }
     }
 }
@@ -109,6 +114,28 @@ fn cameras_with_lenses_have_the_pixels_of_the_cpu() {
     let is_far = |(a, b): &(&Pixel, &Pixel)| (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4);
     assert!(found.iter().zip(&expected).filter(is_far).count() <= 4);
     assert_eq!((found[0].opacity, found[0].color), (0.0, scene.frame.background), "beyond the lens");
+}
+
+/// Rays that the device and the host compute, and pixels without a ray.
+#[test]
+fn skies_are_opaque_where_a_camera_sees_and_the_background_is_elsewhere() {
+    let gpu = gpu();
+    let (_, scene) = scenes::rule_cases().swap_remove(0);
+    for mut scene in [scene, scenes::contracted(scenes::scene(&scenes::config()))] {
+        scene.rules.sky = Some(scenes::sky(4));
+        let drawn = renderer(&gpu, &scene, Precision::F32);
+        for camera in [scenes::camera(33, 1.0), scenes::bent_camera(40)] {
+            let [found, expected] = [drawn.render(&camera), CpuRenderer::new(&scene).render(&camera)].map(|p| p.pixels);
+            assert!(found.iter().zip(&expected).all(|(a, b)| a.opacity == b.opacity), "opacities are 0 or 1");
+            let is_far = |(a, b): &(&Pixel, &Pixel)| (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4);
+            assert!(found.iter().zip(&expected).filter(is_far).count() <= 8);
+            let unseen = Pixel { color: scene.frame.background, ..Pixel::default() };
+            let is_bent = !camera.lens.is_pinhole();
+            assert_eq!(found.contains(&unseen), is_bent, "pixels beyond the lens");
+            let sees_all = is_bent || scene.rules.contraction.is_some();
+            assert!(sees_all || found.iter().any(|p| p.opacity == 1.0 && p.depth == 0.0), "rays that meet nothing");
+        }
+    }
 }
 
 /// 16-bit factors have a relative error of 1/2000; the pictures' bound is in docs/numerics.md.

@@ -19,11 +19,14 @@ const MIN_MARGIN: f64 = 1e-4;
 /// which f32 resolves only to about 5e-7.
 const MIN_FRACTION: f64 = 1e-3;
 
+/// `count` rays that meet tensors; if there is a sky, also some that meet none.
 fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
-    let renderer = ReferenceRenderer::new(scene);
+    let mut on_background = scene.clone();
+    on_background.rules.sky = None;
+    let renderer = ReferenceRenderer::new(&on_background);
     let field = Field::<f64>::new(scene);
     let random = Random::new(1, "gradient test rays");
-    let rays: Vec<Ray> = (0..200 * count as u64)
+    let mut rays: Vec<Ray> = (0..200 * count as u64)
         .map(|i| {
             scenes::camera(64, random.uniform(3 * i) * 6.0)
                 .ray_through(64.0 * random.uniform(3 * i + 1), 64.0 * random.uniform(3 * i + 2))
@@ -36,6 +39,10 @@ fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
         .take(count)
         .collect();
     assert_eq!(rays.len(), count, "enough rays with a margin");
+    if scene.rules.sky.is_some() {
+        let away = |n: usize| Ray { direction: -rays[n].direction, ..rays[n] };
+        rays.extend((0..count / 8).map(away).collect::<Vec<_>>());
+    }
     rays
 }
 
@@ -104,12 +111,11 @@ fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, R
         }
     }
     let mut at = 0;
-    let lens: Vec<usize> = network_parts(&mut Field::<f64>::new(scene).decoder).map(|p| p.len()).collect();
+    let lens: Vec<usize> = network_parts(&mut Field::<f64>::new(scene)).map(|p| p.len()).collect();
     for (part, len) in lens.into_iter().enumerate() {
         let values = gradients.networks[at..at + len].to_vec();
         at += len;
-        let reach: Reach =
-            Box::new(move |field, i| &mut network_parts(&mut field.decoder).nth(part).expect("the part exists")[i]);
+        let reach: Reach = Box::new(move |field, i| &mut network_parts(field).nth(part).expect("the part exists")[i]);
         groups.push((format!("network part {part}"), values, reach));
     }
     groups
@@ -242,7 +248,7 @@ fn configs() -> Vec<TrainConfig> {
     vec![plain, other]
 }
 
-/// Scenes under both sets of rules, in all of the decoder's modes, and one that is contracted.
+/// Scenes under both sets of rules, in all of the decoder's modes, one that is contracted, and two with a sky.
 fn cases() -> Vec<Scene> {
     let case = |config: &TrainConfig, mode| {
         let mut scene = scene(config);
@@ -252,6 +258,11 @@ fn cases() -> Vec<Scene> {
     let mut cases: Vec<Scene> =
         configs().iter().flat_map(|config| DecoderMode::ALL.map(|mode| case(config, mode))).collect();
     cases.push(scenes::contracted(case(&configs()[0], DecoderMode::PerRay)));
+    for (config, mode, degree) in [(1, DecoderMode::PerSample, 4), (0, DecoderMode::Residual, 2)] {
+        let mut scene = case(&configs()[config], mode);
+        scene.rules.sky = Some(scenes::sky(degree));
+        cases.push(scene);
+    }
     cases
 }
 

@@ -30,6 +30,47 @@ fn single_precision_follows_the_reference_under_every_rule_and_a_planted_differe
         planted.decoder.layers.last_mut().unwrap().bias[0] += 0.02;
         let changed = parity(&scene, &CpuRenderer::new(&planted), &cameras(), F32_POSITION_ERROR);
         assert!(changed.clear_maximum > 2e-4, "{name}: a planted difference goes unnoticed: {changed:?}");
+        let Some(sky) = &mut planted.rules.sky else { continue };
+        *sky.coefficients.last_mut().unwrap() += 0.05;
+        planted.decoder = scene.decoder.clone();
+        let changed = parity(&scene, &CpuRenderer::new(&planted), &cameras(), F32_POSITION_ERROR);
+        assert!(changed.clear_maximum > 2e-4, "{name}: another sky goes unnoticed: {changed:?}");
+    }
+}
+
+/// Everything of a pixel but the sky is that of the same scene on a background.
+#[test]
+fn a_sky_is_behind_the_scene_and_its_pixels_are_opaque() {
+    let plain = scenes::scene(&scenes::config());
+    let mut scene = plain.clone();
+    scene.rules.sky = Some(scenes::sky(3));
+    let sky = scene.rules.sky.as_ref().unwrap();
+    let camera = scenes::camera(32, 1.0);
+    let rays: Vec<Ray> = camera.rays(0..32).flatten().collect();
+    let (fast, reference) = (CpuRenderer::new(&scene), ReferenceRenderer::new(&scene));
+    let infos = fast.trace_info(&rays, true);
+    let without = CpuRenderer::new(&plain).trace_info(&rays, true);
+    let (mut empty, mut mixed) = (0, 0);
+    for (n, ray) in rays.iter().enumerate() {
+        let exact = reference.trace_one(ray);
+        assert_eq!((exact.opacity, infos[n].pixel.opacity), (1.0, 1.0));
+        assert_eq!((infos[n].pixel.depth, infos[n].normal), (without[n].pixel.depth, without[n].normal), "{n}");
+        let through = f64::from(1.0 - without[n].pixel.opacity);
+        let behind = sky.color(ray.direction);
+        for c in 0..3 {
+            let background = f64::from(plain.frame.background[c]);
+            let expected = f64::from(without[n].pixel.color[c]) + through * (behind[c] - background);
+            assert!((f64::from(infos[n].pixel.color[c]) - expected).abs() < 1e-6, "{n}, channel {c}");
+        }
+        empty += usize::from(through == 1.0);
+        mixed += usize::from((0.2..0.8).contains(&through));
+    }
+    assert!(empty > 100 && mixed > 50, "{empty} rays meet nothing, {mixed} see both");
+    // Directions matter, and pixels without a ray are on the background.
+    let colors = [0, 31].map(|n| infos[n].pixel.color);
+    assert_ne!(colors[0], colors[1]);
+    for picture in [fast.render(&scenes::bent_camera(40)), reference.render(&scenes::bent_camera(40))] {
+        assert_eq!((picture.pixels[0].color, picture.pixels[0].opacity), (scene.frame.background, 0.0));
     }
 }
 

@@ -76,6 +76,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
             min_transmittance: 1e-3,
             min_weight,
             contraction: None,
+            sky: None,
         },
         scales: vec![scale([0.0, 8.0]), scale([2.0, 2.0])],
         decoder: Decoder {

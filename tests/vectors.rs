@@ -130,7 +130,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     }
 
     type Change = fn(&mut Scene);
-    let changes: [(&str, Change); 10] = [
+    let changes: [(&str, Change); 12] = [
         ("coverage-any", |s| s.rules.coverage = Coverage::Any),
         ("aggregation-clamped", |s| s.rules.aggregation = Aggregation::Clamped),
         ("reductions-mean", |s| {
@@ -146,6 +146,11 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         }),
         ("top-1", |s| s.scales.iter_mut().for_each(|scale| scale.top_k = 1)),
         ("contracted", |s| *s = scenes::contracted(s.clone())),
+        ("sky", |s| s.rules.sky = Some(scenes::sky(4))),
+        ("contracted-sky", |s| {
+            *s = scenes::contracted(s.clone());
+            s.rules.sky = Some(scenes::sky(1));
+        }),
         ("up-minus-y", |s| s.frame.up = UpAxis::MinusY),
         ("occupancy", |s| {
             let bounds = s.bounds.grown(glam::DVec3::splat(0.031));
@@ -218,6 +223,15 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         ("unsupported-vm", patched("SCALE", 44, &[1])),
         ("unsupported-contraction", patched("RULES", 6, &[2])),
         ("invalid-shell", patched("RULES", 6, &[1])),
+        ("unsupported-sky", patched("RULES", 7, &[5])),
+        ("malformed-sky", patched("RULES", 7, &[1])),
+        ("invalid-sky", {
+            changed(&|f| {
+                f.part("RULES").patch(7, &[1]);
+                let rules = f.part("RULES");
+                rules.set([rules.payload.as_slice(), &f32::NAN.to_le_bytes(), &[0; 44]].concat());
+            })
+        }),
         ("unsupported-encoding", patched("DENSITY", 8, &[9])),
         ("unsupported-codec", changed(&|f| f.part("DENSITY").codec = 2)),
         ("missing-decoder", changed(&|f| drop(f.sections.remove(f.index("DECODER"))))),

@@ -50,6 +50,8 @@ pub(super) struct Info {
     /// In model units.
     step: f64,
     background: [f32; 3],
+    /// Degree of the sky, which is behind the scene instead of the background.
+    sky_degree: Option<u32>,
     /// Vertices per axis, and how many of all are set.
     occupancy: Option<([u32; 3], u64)>,
     dataset: String,
@@ -101,6 +103,7 @@ impl Info {
             near_far: [scene.frame.near, scene.frame.far],
             step: scene.rules.step,
             background: scene.frame.background,
+            sky_degree: scene.rules.sky.as_ref().map(|sky| sky.degree),
             occupancy: scene.occupancy.as_ref().map(|grid| (grid.vertices.to_array(), grid.count())),
             dataset: provenance.dataset,
             preset: provenance.preset,
@@ -129,6 +132,10 @@ impl Info {
                 format!("{bounds}: the cube of ±1, and all the rest contracted to a shell of {}", short(shell))
             }
         };
+        let background = match self.sky_degree {
+            None => self.background.map(|c| short(c.into())).join(", "),
+            Some(degree) => format!("a sky of degree {degree}"),
+        };
         let [near, far] = self.near_far;
         let lines = [
             ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
@@ -146,7 +153,7 @@ impl Info {
                     self.coverage
                 ),
             ),
-            ("background", self.background.map(|c| short(c.into())).join(", ")),
+            ("background", background),
             ("occupancy", occupancy),
             ("decoder", format!("{} parameters, {}", grouped(self.decoder_parameters), self.decoder_mode)),
             (

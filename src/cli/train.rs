@@ -66,8 +66,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) checkpoint_every: Option<u64>,
     /// Resume from the checkpoint with its settings; the result is byte-identical to an uninterrupted run
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "near", "fitting", "files",
-        "bootstrap", "prune"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "sky", "near", "fitting",
+        "files", "bootstrap", "prune"])]
     pub(super) resume: bool,
     /// CSV table of steps, seconds and PSNR; grows during the run
     #[arg(long, value_name = "CSV")]

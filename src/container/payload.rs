@@ -53,6 +53,12 @@ impl<'a> Payload<'a> {
         record::read_whole(self.section, self.bytes)
     }
 
+    /// The fixed fields of the record of a section that has no body, and the rest of the record.
+    pub(super) fn record_and_tail<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, &'a [u8]), Error> {
+        self.section.check_codec()?;
+        record::read(self.section, self.bytes)
+    }
+
     /// The record, and the body after it.
     pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, Body<'a>), Error> {
         self.section.check_codec()?;

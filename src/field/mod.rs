@@ -1,4 +1,5 @@
-//! The fast field: the function of [`crate::model::ReferenceField`] (spec 4.1 to 4.8), with data arranged for speed.
+//! The fast field: the function of [`crate::model::ReferenceField`] (spec 4.1 to 4.8 and 4.11), with data arranged for
+//! speed.
 //!
 //! Rendering and training on the CPU share it. It is generic over the precision: f32 for production, f64 to test the
 //! same code. Positions are relative to the center of the scene's bounds, so that f32 keeps its precision far from the
@@ -21,6 +22,7 @@ mod ray_marcher;
 mod real;
 mod samples;
 mod scale;
+mod sky;
 mod stages;
 mod vector;
 
@@ -43,13 +45,14 @@ use scale::aligned;
 pub use scale::{Contribution, FieldScale, TensorRows};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
+pub use sky::FieldSky;
 pub use stages::{Stage, StageClock, Work};
 pub use vector::Vector;
 
 use aligned_vec::AVec;
 use glam::DVec3;
 
-use crate::geometry::{Aabb, MAX_SPACING};
+use crate::geometry::{Aabb, MAX_SPACING, Ray};
 use crate::model::{Coverage, Rules, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
@@ -72,6 +75,8 @@ pub struct Field<T> {
     pub rules: Rules,
     /// The background, sRGB in [0, 1].
     pub background: [T; 3],
+    /// The sky, which is behind the scene instead of the background.
+    pub sky: Option<FieldSky<T>>,
     /// The scales, coarsest first.
     pub scales: Vec<FieldScale<T>>,
     /// Appearance matrices and decoder: from appearance components to color.
@@ -131,6 +136,7 @@ impl<T: Real> Field<T> {
             near_far: [scene.frame.near, scene.frame.far],
             rules: scene.rules.clone(),
             background: scene.frame.background.map(T::of_f32),
+            sky: scene.rules.sky.as_ref().map(FieldSky::new),
             scales,
             decoder: FieldDecoder::new(scene),
             occupancy: scene.occupancy.as_ref().map(|o| OccupancyCells::new(o, origin)),
@@ -141,6 +147,12 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     pub fn relative(&self, point: DVec3) -> [T; 3] {
         (point - self.origin).to_array().map(T::of)
+    }
+
+    /// The color behind the scene along `ray`: that of the sky; without one, `background`.
+    #[inline(always)]
+    pub fn behind(&self, ray: &Ray, background: [T; 3]) -> [T; 3] {
+        self.sky.as_ref().map_or(background, |sky| sky.color(ray.direction))
     }
 
     /// True if `position`, relative to the field's origin, is in the model (spec 4.1).
@@ -170,11 +182,12 @@ impl<T: Real> Field<T> {
         self.scales.iter().map(FieldScale::len).sum()
     }
 
-    /// Bytes of the factors, appearance matrices and decoder layers.
+    /// Bytes of the factors, appearance matrices, decoder layers and sky.
     pub fn parameter_bytes(&self) -> u64 {
         let factors = self.scales.iter().map(|s| s.density.len() + s.appearance.len()).sum::<usize>();
         let layers = self.decoder.layers.iter().map(|l| l.weights.len() + l.bias.len()).sum::<usize>();
-        ((factors + layers + self.decoder.appearance.len()) * size_of::<T>()) as u64
+        let sky = self.sky.as_ref().map_or(0, |sky| sky.coefficients.len());
+        ((factors + layers + sky + self.decoder.appearance.len()) * size_of::<T>()) as u64
     }
 
     /// ΣR, the number of appearance components over all scales.

@@ -78,7 +78,8 @@ fn candidate(
     let direction = (center + 0.7 * aim * half - origin).try_normalize()?;
     let ray = Ray { origin, direction };
     let trace = renderer.trace_one(&ray);
-    if trace.opacity <= 0.0 {
+    // A ray that sees the sky alone is opaque and has no depth.
+    if trace.opacity <= 0.0 || trace.depth <= 0.0 {
         return None;
     }
     let seen = field.locate(scene.rules.contracted(ray.at(trace.depth)));

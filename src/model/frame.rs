@@ -45,7 +45,7 @@ pub struct Frame {
     pub near: f64,
     /// Distance from the camera at which rays end, in model units.
     pub far: f64,
-    /// The background color: red, green, blue in \[0, 1\].
+    /// The background color: red, green, blue in \[0, 1\]. A scene with a sky shows it in pixels without a ray alone.
     pub background: [f32; 3],
     /// The color space of all colors.
     pub color_space: ColorSpace,

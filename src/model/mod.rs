@@ -12,6 +12,7 @@ mod provenance;
 mod rules;
 mod scale;
 mod scene;
+mod sky;
 mod tensor_cloud;
 
 pub use decoder::{Decoder, DecoderMode, Linear};
@@ -25,4 +26,7 @@ pub use provenance::Provenance;
 pub use rules::{Aggregation, Coverage, Reduction, Rules};
 pub use scale::{MAX_TOP_K, Scale};
 pub use scene::Scene;
+#[cfg(feature = "render")]
+pub(crate) use sky::SKY_NORMS;
+pub use sky::Sky;
 pub use tensor_cloud::{Placement, TensorCloud};

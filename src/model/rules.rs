@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::error::BrokenInvariant;
+use super::sky::Sky;
 use crate::geometry::{Aabb, Contraction, MAX_SPACING};
 
 /// The condition for a point to be in the model (spec 4.1).
@@ -61,6 +62,9 @@ pub struct Rules {
     /// distances are not. `None`: rays march straight through the bounds.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub contraction: Option<Contraction>,
+    /// The color behind the scene by direction (spec 4.11). `None`: the background of the frame.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub sky: Option<Sky>,
 }
 
 impl Rules {
@@ -101,6 +105,7 @@ impl Rules {
                 return Err(BrokenInvariant::new("bounds", format!("{:?}", contraction.bounds()), found));
             }
         }
+        self.sky.as_ref().map_or(Ok(()), Sky::check)?;
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let fraction = |v: f64| (0.0..1.0).contains(&v);
         for (name, value, valid, expected) in [

@@ -37,14 +37,19 @@ impl Scene {
         self.scales.first().map_or(0, |s| s.appearance_matrix.features)
     }
 
-    /// Number of trained parameters: factors, appearance matrices, decoder.
+    /// Number of trained parameters: factors, appearance matrices, decoder, sky.
     pub fn parameter_count(&self) -> u64 {
-        self.scales.iter().map(Scale::parameter_count).sum::<u64>() + self.decoder.parameter_count()
+        self.scales.iter().map(Scale::parameter_count).sum::<u64>() + self.shared_parameter_count()
     }
 
     /// The same without components that are zero, which files leave out.
     pub fn nonzero_parameter_count(&self) -> u64 {
-        self.scales.iter().map(Scale::nonzero_parameter_count).sum::<u64>() + self.decoder.parameter_count()
+        self.scales.iter().map(Scale::nonzero_parameter_count).sum::<u64>() + self.shared_parameter_count()
+    }
+
+    /// Those of the decoder and of the sky.
+    fn shared_parameter_count(&self) -> u64 {
+        self.decoder.parameter_count() + self.rules.sky.as_ref().map_or(0, |sky| sky.coefficients.len() as u64)
     }
 
     /// Checks every invariant that readers, renderers and the trainer rely on.

@@ -43,6 +43,9 @@ pub fn facts(file: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
         Coverage::Any => "any scale covers",
     };
     facts.push(fact("field", format!("where {coverage}, decoded {}", scene.decoder.mode.name())));
+    if let Some(sky) = &scene.rules.sky {
+        facts.push(fact("sky", format!("degree {}", sky.degree)));
+    }
     if let Some(quality) = &file.metadata.quality {
         let decibels = |value: Option<f64>| value.map(|v| format!("{v:.2} dB"));
         if let Some(value) = decibels(quality.encoded) {

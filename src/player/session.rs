@@ -340,6 +340,11 @@ impl<P: Painter> Session<P> {
         }
     }
 
+    /// True if a scene shows the background: nothing shows through a sky.
+    pub fn shows_background(&self) -> bool {
+        self.slots.iter().flatten().any(|slot| slot.scene.rules.sky.is_none())
+    }
+
     /// Sets the displayed quantity.
     pub fn set_view(&mut self, view: View) {
         // Normals are only drawn for this view.

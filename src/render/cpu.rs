@@ -42,8 +42,8 @@ pub struct TraceInfo {
     pub pixel: Pixel,
     /// Number of samples whose density was evaluated.
     pub samples: u32,
-    /// The unit direction against the density's gradient at the expected depth, in model space; `None` if the opacity
-    /// is below 0.5 or normals were not requested.
+    /// The unit direction against the density's gradient at the expected depth, in model space; `None` if the ray's
+    /// transmittance is above 0.5 or normals were not requested.
     pub normal: Option<glam::Vec3>,
 }
 
@@ -132,7 +132,8 @@ impl<T: Real> CpuRenderer<T> {
                         });
                         for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
                             info.samples = scratch.samples.ray_range(index).len() as u32;
-                            if has_normals && info.pixel.opacity >= 0.5 && info.pixel.depth > 0.0 {
+                            let is_solid = scratch.samples.remaining[index] <= T::of(0.5);
+                            if has_normals && is_solid && info.pixel.depth > 0.0 {
                                 info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
                             }
                         }
@@ -175,18 +176,29 @@ impl<T: Real> CpuRenderer<T> {
         while first < rays.len() {
             let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
             self.field.decode(&rays[first..first + count], samples, activations);
-            (0..count).for_each(|r| take(self.pixel(r, first + r, samples, activations)));
+            (0..count).for_each(|r| take(self.pixel(r, first + r, &rays[first + r], samples, activations)));
             samples.clock.lap(Stage::Composite);
             first += count;
         }
         std::mem::take(&mut samples.clock.work)
     }
 
-    /// The pixel of `ray`, whose index in `activations` is `decoded`. Twin: `shaders/resolve.wgsl`.
+    /// The pixel of the ray `line` of index `ray`, whose index in `activations` is `decoded`. Twin:
+    /// `shaders/resolve.wgsl`.
     #[inline(always)]
-    fn pixel(&self, decoded: usize, ray: usize, samples: &Samples<T>, activations: &Activations<T>) -> Pixel {
+    fn pixel(
+        &self,
+        decoded: usize,
+        ray: usize,
+        line: &Ray,
+        samples: &Samples<T>,
+        activations: &Activations<T>,
+    ) -> Pixel {
         let remaining = samples.remaining[ray];
-        let color = activations.pixel(decoded, self.field.background.map(|c| remaining * c));
+        let behind = self.field.behind(line, self.field.background);
+        let color = activations.pixel(decoded, behind.map(|c| remaining * c));
+        // The sky is a part of the picture.
+        let opacity = if self.field.sky.is_some() { T::one() } else { T::one() - remaining };
         let (mut weights, mut distances) = (T::zero(), T::zero());
         // Kahan compensations.
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
@@ -196,7 +208,7 @@ impl<T: Real> CpuRenderer<T> {
             add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[slot as usize]);
         }
         let depth = if weights > T::zero() { distances / weights } else { T::zero() };
-        Pixel { color: color.map(T::f32), opacity: (T::one() - remaining).f32(), depth: depth.f32() }
+        Pixel { color: color.map(T::f32), opacity: opacity.f32(), depth: depth.f32() }
     }
 
     /// Renders the pixels of `tile` as seen by `camera`.

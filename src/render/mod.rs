@@ -22,9 +22,9 @@ use crate::geometry::{Camera, Ray};
 /// The result of one ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// The color, sRGB, composited on the scene's background.
+    /// The color, sRGB, composited on the scene's background or sky.
     pub color: [f32; 3],
-    /// 1 − the transmittance at the end of the ray.
+    /// 1 − the transmittance at the end of the ray; 1 in a scene with a sky, as it belongs to the picture.
     pub opacity: f32,
     /// The expected depth Σ w·t / Σ w over the ray's samples, in model units along the ray; 0 if no sample counted.
     pub depth: f32,
@@ -46,7 +46,7 @@ pub trait Renderer {
     /// The pixels of `rays`, in their order.
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel>;
 
-    /// The scene's background color in sRGB, which pixels without a ray have.
+    /// The scene's background color in sRGB, which pixels without a ray have, with a sky or without.
     fn background(&self) -> [f32; 3];
 
     /// Renders the picture of `camera`.

@@ -10,9 +10,9 @@ use crate::model::{DecoderMode, ReferenceField, Scene, alpha, sigmoid};
 /// A traced ray in f64, with its decision margin and condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trace {
-    /// The color, sRGB, composited on the scene's background.
+    /// The color, sRGB, composited on the scene's background or sky.
     pub color: [f64; 3],
-    /// 1 − the transmittance at the end of the ray.
+    /// 1 − the transmittance at the end of the ray; 1 in a scene with a sky.
     pub opacity: f64,
     /// The expected depth Σ w·t / Σ w, in model units; 0 if no sample counted.
     pub depth: f64,
@@ -20,8 +20,9 @@ pub struct Trace {
     /// changes a decision of this ray (coverage, ranking, occupancy, a threshold, or the number of samples). At most
     /// [`ReferenceField::margin_horizon`].
     pub margin: f64,
-    /// The condition of density along the ray: if every product of factors has a relative error of at most ε, no
-    /// decision changes and ε is small, color and opacity change by at most the condition times ε.
+    /// The condition of density along the ray and of the sky: if every product of factors, and every product of the
+    /// sky's sums, has a relative error of at most ε, no decision changes and ε is small, color and opacity change by
+    /// at most the condition times ε.
     pub condition: f64,
 }
 
@@ -102,11 +103,17 @@ impl<'a> ReferenceRenderer<'a> {
             }
         }
         let mut color = shading.color(&self.field, ray);
-        for (c, &background) in color.iter_mut().zip(&scene.frame.background) {
-            *c += transmittance * f64::from(background);
-        }
+        let background = match &rules.sky {
+            Some(sky) => {
+                condition += transmittance * sky.condition(ray.direction);
+                sky.color(ray.direction)
+            }
+            None => scene.frame.background.map(f64::from),
+        };
+        color.iter_mut().zip(background).for_each(|(c, b)| *c += transmittance * b);
+        let opacity = if rules.sky.is_some() { 1.0 } else { 1.0 - transmittance };
         let depth = if weight_sum > 0.0 { distance_sum / weight_sum } else { 0.0 };
-        Trace { color, opacity: 1.0 - transmittance, depth, margin, condition }
+        Trace { color, opacity, depth, margin, condition }
     }
 }
 

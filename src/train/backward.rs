@@ -57,12 +57,7 @@ pub struct Gradients<T> {
 impl<T: Real> Backward<T> {
     /// For batches on `field`, or on a field with the same decoder.
     pub fn new(field: &Field<T>) -> Self {
-        Self {
-            color_maps: Vec::new(),
-            layout: NetworkLayout::new(&field.decoder),
-            chunks: Vec::new(),
-            scratch: Pool::default(),
-        }
+        Self { color_maps: Vec::new(), layout: NetworkLayout::new(field), chunks: Vec::new(), scratch: Pool::default() }
     }
 
     /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error.

@@ -64,7 +64,7 @@ impl Checkpoint {
         self.restarted_at = self.step;
         self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
         self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.len())).collect();
-        self.networks = Moments::zeros(NetworkLayout::new(&field.decoder).len());
+        self.networks = Moments::zeros(NetworkLayout::new(field).len());
     }
 
     /// Removes the optimizer's state of all tensors but \[scale\] those of index `kept`, of `field`.
@@ -90,7 +90,7 @@ impl Checkpoint {
             let place = format!("appearance moments of scale {s}");
             expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
         }
-        expect("network moments", NetworkLayout::new(&field.decoder).len(), self.networks.first.len())?;
+        expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
         expect("exposures", sampler.view_count(), self.exposures.view_count())?;
         if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
             return Err(malformed("photographs", "those of the dataset", "other ones"));

@@ -3,7 +3,8 @@
 //!
 //! Gradients are written out by hand. With τ = σ·δ·distance_scale, α = 1 − e^−τ and w = T·α, let s_i be ∂L/∂w_i by way
 //! of colors (0 for samples without one) and b the gradient of the pixel times the background; then
-//! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). If every sample is decoded, s_i is the pixel's gradient times
+//! ∂L/∂τ_i = T_{i+1}·s_i − (Σ_{j>i} w_j·s_j + T_end·b). The color behind the scene, of a sky or a background, has the
+//! gradient T_end times that of the pixel. If every sample is decoded, s_i is the pixel's gradient times
 //! the sample's color. If rays are decoded, the pixel is W·c(F) with W = Σ w and F = Σ w·f / W, so s_i is the pixel's
 //! gradient times c plus ∂L/∂F·(f_i − F)/W. If samples have residual colors, the pixel is Σ w·c_i with
 //! c_i = sigmoid(own_i + o(F)), so s_i is the pixel's gradient times c_i plus the same.
@@ -23,7 +24,7 @@ pub(crate) const RAYS_PER_CHUNK: usize = 128;
 pub struct Target {
     /// The photographed color.
     pub color: [f32; 3],
-    /// The background behind the scene.
+    /// The background behind a scene without a sky.
     pub background: [f32; 3],
     /// The photograph.
     pub view: u32,
@@ -61,6 +62,8 @@ pub(super) struct Chunk<T> {
 #[derive(Debug, Default)]
 pub(super) struct Scratch<T> {
     activations: Activations<T>,
+    /// \[ray\] the color behind the scene.
+    behind: Vec<[T; 3]>,
     /// \[ray\] ∂L/∂pixel.
     pixel_gradients: Vec<[T; 3]>,
     /// \[shaded sample\] ∂L/∂(the sample's weight), by way of colors.
@@ -97,11 +100,15 @@ impl<T: Real> Chunk<T> {
         field.march(rays, &mut self.samples);
         field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.shaded);
         field.decode(rays, &mut self.samples, &mut scratch.activations);
+        scratch.behind.clear();
+        let behind = |(ray, target): (&Ray, &Target)| field.behind(ray, target.background.map(T::of_f32));
+        scratch.behind.extend(rays.iter().zip(targets).map(behind));
         self.compare(field, targets, maps, T::of(loss_scale), scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
+        self.sky_backward(field, layout, rays, scratch);
         self.weigh_backward(field, scratch);
-        self.composite_backward(field, targets, scratch);
+        self.composite_backward(field, scratch);
         if let Some(roulette) = roulette.density {
             self.density_roulette(roulette, &mut scratch.feature_gradients);
         }
@@ -120,14 +127,14 @@ impl<T: Real> Chunk<T> {
         loss_scale: T,
         scratch: &mut Scratch<T>,
     ) {
-        let Scratch { activations, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
+        let Scratch { activations, behind, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
         self.colors.clear();
         pixel_gradients.clear();
         term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
             let remaining = self.samples.remaining[ray];
-            let color = activations.pixel(ray, target.background.map(|c| remaining * T::of_f32(c)));
+            let color = activations.pixel(ray, behind[ray].map(|c| remaining * c));
             self.colors.push(color.map(|c| c.f64() as f32));
             let map = maps.get(target.view as usize);
             let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));
@@ -205,18 +212,19 @@ impl<T: Real> Chunk<T> {
 
     /// From the gradients of weights to those of density features.
     #[inline(always)]
-    fn composite_backward(&mut self, field: &Field<T>, targets: &[Target], scratch: &mut Scratch<T>) {
-        let Scratch { activations, pixel_gradients, weight_gradients, feature_gradients, .. } = scratch;
+    fn composite_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
+        let Scratch {
+            activations, behind: colors_behind, pixel_gradients, weight_gradients, feature_gradients, ..
+        } = scratch;
         let (samples, shaded) = (&self.samples, &activations.shaded);
         let scales = field.scales.len();
         // Slopes first: a loop without branches.
         feature_gradients.clear();
         feature_gradients.extend(samples.features.iter().map(|&feature| field.optical_depth_slope(feature)));
-        for (ray, target) in targets.iter().enumerate() {
-            let gradient = pixel_gradients[ray];
+        for (ray, (gradient, color_behind)) in pixel_gradients.iter().zip(colors_behind.iter()).enumerate() {
             let mut behind = T::zero();
             for i in 0..3 {
-                behind += samples.remaining[ray] * T::of_f32(target.background[i]) * gradient[i];
+                behind += samples.remaining[ray] * color_behind[i] * gradient[i];
             }
             let mut ray_range = shaded.ray_range(ray);
             for &place in samples.order[samples.ray_range(ray)].iter().rev() {
@@ -364,6 +372,17 @@ impl<T: Real> Chunk<T> {
             Matrix::new(&field.decoder.appearance, 3, components, components),
             false,
         );
+    }
+
+    /// The gradients of the sky's coefficients.
+    #[inline(always)]
+    fn sky_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, rays: &[Ray], scratch: &Scratch<T>) {
+        let Some(sky) = &field.sky else { return };
+        let gradients = &mut self.network_gradients[layout.sky_at()..];
+        for (n, ray) in rays.iter().enumerate() {
+            let color_gradient = scratch.pixel_gradients[n].map(|g| self.samples.remaining[n] * g);
+            sky.add_gradients(ray.direction, scratch.behind[n], color_gradient, gradients);
+        }
     }
 
     /// Fills the pairs by tensor.

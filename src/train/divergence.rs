@@ -144,7 +144,7 @@ impl DivergenceMonitor {
                 usual: usual.factor_learning_rate,
             });
         }
-        if let Some(found) = network_parts(&mut field.decoder).find_map(|part| exploded(part)) {
+        if let Some(found) = network_parts(field).find_map(|part| exploded(part)) {
             return Err(Divergence::Parameter {
                 what: "weights of the networks",
                 found,

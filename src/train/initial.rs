@@ -14,7 +14,7 @@ pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
 }
 
 /// A scene of random factors and networks on `clouds`, coarsest first. Its bounds are the smallest box around the
-/// covered points (paper, Implementation), or those of `config`'s contraction.
+/// covered points (paper, Implementation), or those of `config`'s contraction. Its sky, if any, is gray.
 ///
 /// # Errors
 ///
@@ -26,7 +26,8 @@ pub fn initial_scene(
     dataset: &str,
 ) -> Result<Scene, ConfigError> {
     let contraction = config.contraction();
-    let rules = Rules { contraction, ..config.field.rules(march_step(&clouds[0], config.field.step_cells)) };
+    let sky = config.sky();
+    let rules = Rules { contraction, sky, ..config.field.rules(march_step(&clouds[0], config.field.step_cells)) };
     let boxes = clouds.iter().map(TensorCloud::bounds);
     let bounds = match rules.coverage {
         Coverage::All => boxes.reduce(|a, b| a.intersection(&b)),

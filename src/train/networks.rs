@@ -1,7 +1,7 @@
-//! The shared weights as one flat vector: appearance matrices, then each layer's weights and bias. Gradients and
-//! optimizer state have the same layout.
+//! The shared weights as one flat vector: appearance matrices, each layer's weights and bias, the sky's coefficients.
+//! Gradients and optimizer state have the same layout.
 
-use crate::field::{FieldDecoder, Real};
+use crate::field::{Field, Real};
 
 /// Layout of the flat vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -10,11 +10,14 @@ pub struct NetworkLayout {
     pub appearance: usize,
     /// (first weight, first bias, end) of each layer.
     pub layers: Vec<(usize, usize, usize)>,
+    /// Length of the sky's part, which is the last one; 0 without a sky.
+    pub sky: usize,
 }
 
 impl NetworkLayout {
-    /// The layout of `decoder`'s weights.
-    pub fn new<T>(decoder: &FieldDecoder<T>) -> Self {
+    /// The layout of `field`'s shared weights.
+    pub fn new<T>(field: &Field<T>) -> Self {
+        let decoder = &field.decoder;
         let appearance = decoder.appearance.len();
         let mut end = appearance;
         let layers = (decoder.layers.iter())
@@ -24,12 +27,17 @@ impl NetworkLayout {
                 (weights, bias, end)
             })
             .collect();
-        Self { appearance, layers }
+        Self { appearance, layers, sky: field.sky.as_ref().map_or(0, |sky| sky.coefficients.len()) }
+    }
+
+    /// The first of the sky's coefficients.
+    pub fn sky_at(&self) -> usize {
+        self.layers.last().map_or(self.appearance, |l| l.2)
     }
 
     /// Length of the flat vector.
     pub fn len(&self) -> usize {
-        self.layers.last().map_or(self.appearance, |l| l.2)
+        self.sky_at() + self.sky
     }
 
     /// True if there are no weights.
@@ -38,8 +46,10 @@ impl NetworkLayout {
     }
 }
 
-/// The parts of `decoder`'s weights in the order of the flat vector.
-pub fn network_parts<T: Real>(decoder: &mut FieldDecoder<T>) -> impl Iterator<Item = &mut [T]> {
+/// The parts of `field`'s shared weights in the order of the flat vector.
+pub fn network_parts<T: Real>(field: &mut Field<T>) -> impl Iterator<Item = &mut [T]> {
+    let Field { decoder, sky, .. } = field;
     std::iter::once(decoder.appearance.as_mut_slice())
         .chain(decoder.layers.iter_mut().flat_map(|l| [l.weights.as_mut_slice(), l.bias.as_mut_slice()]))
+        .chain(sky.iter_mut().map(|sky| sky.coefficients.as_mut_slice()))
 }

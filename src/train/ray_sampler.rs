@@ -45,7 +45,7 @@ impl<'a> RaySampler<'a> {
         Ok(Self { views, cameras, firsts, active: Vec::new(), background: frame.background, random })
     }
 
-    /// Makes the rays active that have at least one sample in `field`, and no others.
+    /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
     pub fn filter_rays<T: Real>(&mut self, field: &Field<T>) {
         let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
             .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
@@ -58,12 +58,18 @@ impl<'a> RaySampler<'a> {
                 let Some(ray) = camera.ray(*column, row).filter(|_| counts(*column)) else { return false };
                 vectorized(
                     #[inline(always)]
-                    || field.first_sample(&ray).is_some(),
+                    || field.sky.is_some() || field.first_sample(&ray).is_some(),
                 )
             };
             (0..camera.width).filter(is_active).map(|column| first + column).collect::<Vec<u32>>()
         };
         self.active = rows.par_iter().map(active_of_row).flatten_iter().collect();
+    }
+
+    /// Puts the frame's background behind all transparent pixels: a sky has one color in a direction.
+    pub(super) fn without_random_backgrounds(mut self) -> Self {
+        self.random = None;
+        self
     }
 
     /// Number of photographs.

@@ -65,7 +65,7 @@ fn place_in_space(field: &Field<f32>, ray: &Ray) -> u64 {
     morton::encode(UVec3::from_array([0, 1, 2].map(cell)), 1, ORDER_BITS) as u64
 }
 
-/// \[ray\] the color of `field` along `rays`, in front of `background`(ray).
+/// \[ray\] the color of `field` along `rays`, in front of its sky or else of `background`(ray).
 pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
     let mut colors = vec![[0.0; 3]; rays.len()];
     (rays.par_chunks(RAYS_PER_CHUNK).zip(colors.par_chunks_mut(RAYS_PER_CHUNK))).enumerate().for_each_init(
@@ -79,8 +79,8 @@ pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize
                     field.decode(rays, samples, activations);
                     for (ray, color) in colors.iter_mut().enumerate() {
                         let remaining = samples.remaining[ray];
-                        let behind = background(n * RAYS_PER_CHUNK + ray).map(|c| remaining * c);
-                        *color = activations.pixel(ray, behind);
+                        let behind = field.behind(&rays[ray], background(n * RAYS_PER_CHUNK + ray));
+                        *color = activations.pixel(ray, behind.map(|c| remaining * c));
                     }
                 },
             );

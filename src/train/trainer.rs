@@ -22,7 +22,7 @@ use crate::random::Random;
 pub struct Trainer<'a> {
     config: TrainConfig,
     sampler: RaySampler<'a>,
-    /// The scene, except that the current factors, matrices and decoder are in `field`.
+    /// The scene, except that the current factors, matrices, decoder and sky are in `field`.
     scene: Scene,
     field: Field<f32>,
     backward: Backward<f32>,
@@ -51,7 +51,7 @@ impl<'a> Trainer<'a> {
     /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
     pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut sampler = RaySampler::new(views, &scene.frame, &config)?;
+        let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
         Self::assemble(config, scene, field, sampler, checkpoint)
@@ -64,7 +64,7 @@ impl<'a> Trainer<'a> {
     /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
     pub fn resume(checkpoint: Checkpoint, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
         let field = Field::new(&scene);
-        let mut sampler = RaySampler::new(views, &scene.frame, &checkpoint.config)?;
+        let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
         Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
     }
@@ -157,6 +157,9 @@ impl<'a> Trainer<'a> {
             layer.weights.clone_from(&trained.weights);
             layer.bias.clone_from(&trained.bias);
         }
+        if let (Some(sky), Some(trained)) = (&mut scene.rules.sky, &self.field.sky) {
+            sky.coefficients.clone_from(&trained.coefficients);
+        }
         scene.provenance.steps = self.checkpoint.step;
         scene
     }
@@ -222,13 +225,16 @@ impl<'a> Trainer<'a> {
     }
 
     fn update_networks(&mut self) {
-        let adam = self.adam(self.config.network_learning_rate);
+        let rate = self.config.network_learning_rate;
+        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate.unwrap_or(rate)].map(|rate| self.adam(rate));
+        let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
         let Moments { first, second } = &mut self.checkpoint.networks;
         let mut at = 0;
-        for part in network_parts(&mut self.field.decoder) {
+        for part in network_parts(&mut self.field) {
             let range = at..at + part.len();
             at = range.end;
+            let adam = if range.start >= sky_at { &of_sky } else { &of_networks };
             adam.update::<false>(part, &mut first[range.clone()], &mut second[range.clone()], &gradients[range]);
         }
     }
@@ -326,6 +332,12 @@ impl<'a> Trainer<'a> {
         }
         Ok(())
     }
+}
+
+/// The rays of `views` in the space of `scene`. Random backgrounds are ignored if it has a sky.
+fn sampler_of<'a>(scene: &Scene, views: &'a [View], config: &TrainConfig) -> Result<RaySampler<'a>, TrainError> {
+    let sampler = RaySampler::new(views, &scene.frame, config)?;
+    Ok(if scene.rules.sky.is_some() { sampler.without_random_backgrounds() } else { sampler })
 }
 
 fn check_active_rays(sampler: &RaySampler<'_>) -> Result<(), TrainError> {

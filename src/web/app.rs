@@ -238,6 +238,7 @@ impl App {
             "background": session.background.unwrap_or(slot.scene.frame.background),
             "own_background": slot.scene.frame.background,
             "has_own_background": session.background.is_none(),
+            "shows_background": session.shows_background(),
             "has_boxes": session.has_boxes,
             "boxes": session.boxes,
             "choices": slot.choices.iter().map(|(name, _)| name).collect::<Vec<_>>(),

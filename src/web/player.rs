@@ -248,7 +248,8 @@ impl Player {
         Ok(())
     }
 
-    /// Sets the background, sRGB from 0 to 1; the scene's own if there are not three numbers.
+    /// Sets the background, sRGB from 0 to 1; the scene's own if there are not three numbers. No effect on a scene with
+    /// a sky.
     pub fn set_background(&self, color: Vec<f32>) {
         self.app.borrow_mut().set_background(color.try_into().ok());
     }
@@ -438,7 +439,9 @@ async fn focus(app: &Rc<RefCell<App>>) {
     let traced = with_renderer(app, 0, async |renderer| renderer.trace_async(&[ray]).await).await;
     let Some(Ok(pixels)) = traced else { return };
     let mut app = app.borrow_mut();
-    if let (Some(pixel), Some(controls)) = (pixels.first().filter(|p| p.opacity > 0.1), &mut app.session.controls) {
+    // The sky is opaque and has no depth.
+    let seen = pixels.first().filter(|p| p.opacity > 0.1 && p.depth > 0.0);
+    if let (Some(pixel), Some(controls)) = (seen, &mut app.session.controls) {
         controls.focus(ray.at(f64::from(pixel.depth)));
     }
     app.session.changed();

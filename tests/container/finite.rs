@@ -1,6 +1,7 @@
 //! Every number of every section of a file, made NaN or infinite: named by the reader, never rendered.
 
 use strivec::container::{Error, Limits, SceneFile, decode_scene_file, encode_scene_file};
+use strivec::model::Sky;
 
 use super::roundtrip::f32;
 use super::scenes::{metadata, two_scales};
@@ -19,7 +20,8 @@ fn floats(part: &Part) -> Vec<(usize, usize)> {
     let is = |kind: &str| part.kind == name(kind);
     match () {
         () if is("FRAME") => [run(0, 11, 8), run(88, 3, 4)].concat(),
-        () if is("RULES") => run(8, 12, 8),
+        // Those behind the record are the sky's.
+        () if is("RULES") => [run(8, 12, 8), run(104, (end - 104) / 4, 4)].concat(),
         () if is("OCCUPANCY") => run(0, 6, 8),
         () if is("QUALITY") => [run(0, 3, 8), run(32, 2, 8)].concat(),
         () if is("VIEWS") => [run(0, 12, 8), run(105, 21, 8)].concat(),
@@ -42,7 +44,9 @@ fn read(file: &File) -> Result<SceneFile, Error> {
 
 #[test]
 fn no_number_of_a_file_may_be_nan_or_infinite() {
-    let file = File::of(&encode_scene_file(&two_scales(), &metadata(), &f32()).unwrap());
+    let mut scene = two_scales();
+    scene.rules.sky = Some(Sky::gray(1));
+    let file = File::of(&encode_scene_file(&scene, &metadata(), &f32()).unwrap());
     assert!(read(&file).is_ok());
     let mut tried = 0;
     for (index, part) in file.sections.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! One file for each way in which a file can be wrong, its checksums right.
 
 use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
-use strivec::model::{Placement, Scene};
+use strivec::model::{Placement, Scene, Sky};
 
 use super::roundtrip::{f16, f32, plain};
 use super::scenes::{smallest, two_scales};
@@ -100,7 +100,6 @@ fn names_flags_and_reserved_fields() {
     malformed(refused(|f| f.part("FRAME").flags = 0), "FRAME flags");
     malformed(refused(|f| f.part("PROVENANCE").flags = 1), "PROVENANCE flags");
     malformed(refused(|f| f.part("RULES").reserved = 1), "RULES reserved");
-    malformed(patched("RULES", 7, &[1]), "RULES reserved");
     malformed(patched("SCALE", 46, &[1]), "SCALE of scale 0 reserved");
     malformed(patched("DENSITY", 1, &[1]), "reserved");
     malformed(patched("DENSITY", 11, &[1]), "reserved");
@@ -220,6 +219,9 @@ fn codes_that_this_version_does_not_define() {
     unsupported(patched("RULES", 4, &[2]), "density reduction");
     unsupported(patched("RULES", 5, &[2]), "appearance reduction");
     unsupported(patched("RULES", 6, &[2]), "contraction");
+    for degree in [5, 6, 255] {
+        unsupported(patched("RULES", 7, &[degree]), "RULES sky");
+    }
     unsupported(patched("DECODER", 0, &[3]), "mode");
     // Too few features for colors of the samples' own.
     broken(patched("DECODER", 0, &[2]), "features");
@@ -235,6 +237,53 @@ fn codes_that_this_version_does_not_define() {
     // Named, where a name is known.
     let error = patched("SCALE", 44, &[1]);
     assert!(matches!(error, Error::Unsupported { found, .. } if found == "vm"));
+}
+
+#[test]
+fn a_sky_has_as_many_finite_coefficients_as_its_degree_says() {
+    // Without a sky nothing follows the record.
+    let with_tail = |degree: u8, numbers: &[f32]| {
+        refused(|f| {
+            let rules = f.part("RULES");
+            rules.patch(7, &[degree]);
+            let tail = numbers.iter().flat_map(|v| v.to_le_bytes());
+            rules.set(rules.payload.iter().copied().chain(tail).collect());
+        })
+    };
+    malformed(with_tail(0, &[0.0]), "RULES number of bytes of the sky");
+    for degree in 1..=4u8 {
+        let count = 3 * (usize::from(degree) + 1).pow(2);
+        for wrong in [0, 1, count - 1, count + 1, 75 + 12] {
+            malformed(with_tail(degree, &vec![0.5; wrong]), "RULES number of bytes of the sky");
+        }
+        for (at, value) in [(0, f32::NAN), (count / 2, f32::INFINITY), (count - 1, f32::NEG_INFINITY)] {
+            let mut numbers = vec![0.5; count];
+            numbers[at] = value;
+            broken(with_tail(degree, &numbers), "sky's coefficients");
+        }
+    }
+    // The number of bytes, not of floats, has to be right.
+    let error = refused(|f| {
+        let rules = f.part("RULES");
+        rules.patch(7, &[1]);
+        rules.set([rules.payload.as_slice(), &[0; 49]].concat());
+    });
+    malformed(error, "RULES number of bytes of the sky");
+    // A field that ends too early is still one of the record.
+    malformed(refused(|f| f.part("RULES").set(vec![0; 100])), "RULES record");
+}
+
+/// The writer refuses what the reader refuses.
+#[test]
+fn skies_that_no_file_can_hold() {
+    for (degree, count, at) in [(0, 3, "degree"), (5, 108, "degree"), (2, 12, "number of coefficients")] {
+        let mut scene = two_scales();
+        scene.rules.sky = Some(Sky { degree, coefficients: vec![0.5; count] });
+        broken(encode(&scene, &f32()).expect_err("refused"), at);
+    }
+    let mut scene = two_scales();
+    scene.rules.sky = Some(Sky { degree: 1, coefficients: vec![f32::NAN; 12] });
+    broken(encode(&scene, &f32()).expect_err("refused"), "sky's coefficients");
 }
 
 #[test]

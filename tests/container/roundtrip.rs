@@ -7,7 +7,7 @@ use strivec::container::{
     decode, decode_scene_file, encode, encode_scene_file, sections, step,
 };
 use strivec::geometry::Lattice;
-use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
+use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, Sky, UpAxis};
 
 use super::scenes::{Numbers, scale, smallest, two_scales};
 use super::surgery::{File, Part};
@@ -37,7 +37,8 @@ fn bits(scene: &Scene) -> Vec<u32> {
     let scales = scene.scales.iter();
     let of_scales = scales.flat_map(|s| [&s.factors.density, &s.factors.appearance, &s.appearance_matrix.weights]);
     let of_layers = scene.decoder.layers.iter().flat_map(|l| [&l.weights, &l.bias]);
-    of_scales.chain(of_layers).flatten().map(|v| v.to_bits()).collect()
+    let of_sky = scene.rules.sky.iter().map(|sky| &sky.coefficients);
+    of_scales.chain(of_layers).chain(of_sky).flatten().map(|v| v.to_bits()).collect()
 }
 
 fn same(a: &Scene, b: &Scene) -> bool {
@@ -71,11 +72,14 @@ fn f32_scenes_come_back_bit_for_bit() {
 #[test]
 fn every_choice_comes_back() {
     let mut scene = two_scales();
-    let changes: [fn(&mut Scene); 14] = [
+    let changes: [fn(&mut Scene); 17] = [
         |s| s.rules.coverage = Coverage::Any,
         |s| s.rules.aggregation = Aggregation::Clamped,
         |s| s.rules.density_reduction = Reduction::Mean,
         |s| s.rules.appearance_reduction = Reduction::Sum,
+        |s| s.rules.sky = Some(Sky::gray(1)),
+        |s| s.rules.sky = Some(Sky { degree: 4, coefficients: Numbers(5).take(75) }),
+        |s| s.rules.sky.as_mut().unwrap().coefficients[74] = -0.0,
         |s| s.frame.up = UpAxis::X,
         |s| s.frame.up = UpAxis::Y,
         |s| s.frame.up = UpAxis::MinusX,
@@ -100,6 +104,22 @@ fn every_choice_comes_back() {
         change(&mut scene);
         assert_ne!(encode(&scene, &f32()).unwrap(), before);
         assert!(comes_back(&scene));
+    }
+}
+
+/// The degree, the coefficients behind the 104 bytes of the other fields, and no other byte.
+#[test]
+fn a_sky_is_a_tail_of_rules_and_files_without_one_have_none() {
+    let mut scene = two_scales();
+    let plain = File::of(&encode(&scene, &f32()).unwrap()).part("RULES").payload.clone();
+    assert_eq!((plain.len(), plain[7]), (104, 0));
+    for degree in 1..=4u32 {
+        let coefficients = Numbers(degree).take(3 * (degree as usize + 1).pow(2));
+        scene.rules.sky = Some(Sky { degree, coefficients: coefficients.clone() });
+        let mut expected = plain.clone();
+        expected[7] = degree as u8;
+        expected.extend(coefficients.iter().flat_map(|c| c.to_le_bytes()));
+        assert_eq!(File::of(&encode(&scene, &f16()).unwrap()).part("RULES").payload, expected);
     }
 }
 

@@ -67,6 +67,7 @@ pub(crate) fn two_scales() -> Scene {
             min_transmittance: 1e-3,
             min_weight: 1e-4,
             contraction: None,
+            sky: None,
         },
         scales,
         decoder: Decoder {

@@ -125,6 +125,7 @@ impl Made {
                 min_transmittance: 1e-3,
                 min_weight: 1e-4,
                 contraction: None,
+                sky: None,
             },
             scales: vec![Scale {
                 top_k: self.top_k,

@@ -64,6 +64,13 @@ fn gradients_are_finite_at_every_extreme() {
             layer.weights.iter_mut().for_each(|w| *w *= 1e4);
         }
         assert_finite_gradients("saturated decoder", &saturated);
+        for size in [0.0, 1e3, 1e37] {
+            let mut sky = scenes::sky(4);
+            sky.coefficients.iter_mut().for_each(|c| *c *= size);
+            let mut scene = plain.clone();
+            scene.rules.sky = Some(sky);
+            assert_finite_gradients(&format!("sky coefficients of {size:e}"), &scene);
+        }
         let large = Made { mode, ranks: [256, 256], ..Made::default() };
         assert_finite_gradients("rank 256", &large.scene(&|_, _, normal| 0.3 * normal));
         let fine = Made { mode, ranks: [1, 1], resolution: [1024; 3], ..Made::default() };

@@ -3,10 +3,11 @@
 use glam::{DVec3, UVec3};
 use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
 use strivec::geometry::Ray;
-use strivec::model::{DecoderMode, Occupancy, Scene};
+use strivec::model::{DecoderMode, Occupancy, Scene, Sky};
 
 use super::compare::{Way, errors, expected, rays_through, within};
 use super::made::{Made, random};
+use crate::scenes;
 
 /// A tensor whose density feature is `feature` everywhere.
 fn constant(feature: f64, mode: DecoderMode) -> Scene {
@@ -238,6 +239,44 @@ fn factors_whose_products_overflow_f32_give_finite_pixels() {
             for pixel in way.trace(&scene, &rays) {
                 let numbers = pixel.color.iter().chain([&pixel.opacity, &pixel.depth]);
                 assert!(numbers.clone().all(|v| v.is_finite()), "{way:?}: {pixel:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn skies_of_every_degree_and_size() {
+    let scene_with = |degree, size: f32| {
+        let mut scene = Made { distance_scale: 2.0, ..Made::default() }.scene(&random);
+        let mut sky = scenes::sky(degree);
+        sky.coefficients.iter_mut().for_each(|c| *c *= size);
+        scene.rules.sky = Some(sky);
+        scene.check().unwrap();
+        scene
+    };
+    for degree in 1..=Sky::MAX_DEGREE {
+        for size in [0.0, 1.0, 30.0] {
+            let scene = scene_with(degree, size);
+            // Half of the rays meet nothing.
+            let mut rays = rays_through(&scene, 60);
+            rays.extend(rays.clone().iter().map(|ray| Ray { direction: -ray.direction, ..*ray }));
+            within(&format!("sky of degree {degree} times {size}"), &scene, &rays, Way::ALL, 1.0);
+        }
+    }
+    let scene = scene_with(2, 1.0);
+    let rays = rays_through(&scene, 60);
+    let exact = expected(&scene, &rays);
+    let mut planted = scene.clone();
+    planted.rules.sky.as_mut().unwrap().coefficients[8] += 1.0;
+    for &way in Way::ALL {
+        assert!(errors(way, &planted, &rays, &exact).clear_maximum() > way.bound(), "{way:?}: another sky");
+    }
+    // Finite, no more: their sums may cancel.
+    for size in [1e20, 1e37] {
+        let scene = scene_with(4, size);
+        for &way in Way::ALL {
+            for pixel in way.trace(&scene, &rays) {
+                assert!(pixel.color.iter().all(|c| (-1e-5..=1.0 + 1e-5).contains(c)), "{way:?}: {pixel:?}");
             }
         }
     }

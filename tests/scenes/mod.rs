@@ -4,8 +4,10 @@
 use glam::{DVec3, UVec3};
 use strivec::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
-    Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, TensorCloud, UpAxis,
+    Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, Sky, TensorCloud,
+    UpAxis,
 };
+use strivec::random::Random;
 use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig, initial_scene};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
@@ -88,8 +90,8 @@ pub(crate) fn bent_camera(size: u32) -> Camera {
     Camera { lens: Lens { projection: Projection::Perspective, distortion }, ..camera(size, 1.0) }
 }
 
-/// Every combination of rules, with an occupancy that cuts through the model; then the first of each decoder mode,
-/// contracted.
+/// Every combination of rules, with an occupancy that cuts through the model, half of them with skies of all degrees;
+/// then the first of each decoder mode, contracted, two of them with a sky.
 pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
@@ -105,17 +107,30 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
         // Away from the tensors' faces, on which every ray's first sample would lie.
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
         scene.occupancy = Some(sliced(scene.bounds.grown(DVec3::splat(0.0345))));
+        // With every rule and without it.
+        scene.rules.sky = (u32::count_ones(bits) % 2 == 1).then(|| sky(1 + bits / 2 % Sky::MAX_DEGREE));
         scene.check().unwrap();
-        cases.push((format!("{:?}, {:?}", config.field, scene.decoder.mode), scene));
+        let degree = scene.rules.sky.as_ref().map_or(0, |sky| sky.degree);
+        cases.push((format!("{:?}, {:?}, sky of degree {degree}", config.field, scene.decoder.mode), scene));
     }
     for n in 0..DecoderMode::ALL.len() {
-        let (name, mut scene) = cases[n].clone();
+        let mut scene = cases[n].1.clone();
         if n == 0 {
             scene.occupancy = None;
+        } else {
+            scene.rules.sky = Some(sky(2 * n as u32));
         }
-        cases.push((format!("{name}, contracted"), contracted(scene)));
+        let degree = scene.rules.sky.as_ref().map_or(0, |sky| sky.degree);
+        cases.push((format!("contracted, {:?}, sky of degree {degree}", scene.decoder.mode), contracted(scene)));
     }
     cases
+}
+
+/// A sky of this degree whose colors depend strongly on the direction.
+pub(crate) fn sky(degree: u32) -> Sky {
+    let random = Random::new(u64::from(degree), "sky of a test");
+    let draw = |k| (1.5 * random.normal(k)) as f32;
+    Sky { degree, coefficients: (0..3 * Sky::terms(degree) as u64).map(draw).collect() }
 }
 
 /// `scene` at twice its size in contracted space: the ball reaches through the faces of the inner cube.

@@ -190,7 +190,8 @@ impl DesktopPainter {
             SceneRenderer::Gpu(renderer) => renderer.trace(&[ray]).ok()?.first().copied(),
             SceneRenderer::Cpu(painter) => painter.renderer.trace(&[ray]).first().copied(),
         }?;
-        (pixel.opacity > 0.1).then(|| ray.at(f64::from(pixel.depth)))
+        // The sky is opaque and has no depth.
+        (pixel.opacity > 0.1 && pixel.depth > 0.0).then(|| ray.at(f64::from(pixel.depth)))
     }
 
     /// Draws a whole picture and waits for it.

@@ -140,16 +140,18 @@ fn views(app: &mut App, ui: &mut Ui) {
             }
         }
     });
-    ui.horizontal(|ui| {
-        let own = session.slots[0].as_ref().map_or([1.0; 3], |s| s.scene.frame.background);
-        let mut color = session.background.unwrap_or(own);
-        ui.label("Background");
-        if ui.color_edit_button_rgb(&mut color).changed() {
-            session.background = Some(color);
-        }
-        if session.background.is_some() && ui.button("As trained").clicked() {
-            session.background = None;
-        }
+    ui.add_enabled_ui(session.shows_background(), |ui| {
+        ui.horizontal(|ui| {
+            let own = session.slots[0].as_ref().map_or([1.0; 3], |s| s.scene.frame.background);
+            let mut color = session.background.unwrap_or(own);
+            ui.label("Background");
+            if ui.color_edit_button_rgb(&mut color).changed() {
+                session.background = Some(color);
+            }
+            if session.background.is_some() && ui.button("As trained").clicked() {
+                session.background = None;
+            }
+        });
     });
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(&mut session.has_boxes, "Tensor boxes");

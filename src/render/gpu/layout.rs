@@ -36,7 +36,7 @@ pub(super) struct Layer {
     pub(super) bias: u32,
 }
 
-/// The shaders' `Scene` without its layers and scales, which follow.
+/// The shaders' `Scene` without its layers, scales and sky, which follow.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct SceneHead {
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn scene_structs_have_the_shaders_layout() {
-        let shape = Shape::default();
+        let shape = Shape { sky_degree: 3, ..Shape::default() };
         let source = &Stage::March.source(&shape);
         #[rustfmt::skip]
         assert_same_layout!(
@@ -159,7 +159,8 @@ mod tests {
             grid_cells, grid_block_counts
         );
         let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
-        assert_eq!((more, size), (2, head + layer * shape.layers + scale * shape.scales), "layers and scales follow");
+        let expected = head + layer * shape.layers + scale * shape.scales + 16 * shape.sky_terms();
+        assert_eq!((more, size), (3, expected), "layers, scales and the sky follow");
     }
 
     #[test]

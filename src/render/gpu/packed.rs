@@ -3,7 +3,7 @@
 use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape};
-use crate::field::{BLOCK_SHIFT, Dense, Field, FieldScale};
+use crate::field::{BLOCK_SHIFT, Dense, Field, FieldScale, FieldSky};
 
 /// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +20,7 @@ pub(super) struct BufferLimits {
 /// A scene, packed for a device.
 pub(super) struct Packed {
     pub(super) shape: Shape,
-    /// The bytes of the uniform `scene`: head, layers, scales.
+    /// The bytes of the uniform `scene`: head, layers, scales, sky.
     pub(super) scene: Vec<u8>,
     /// The scene buffer; a multiple of four words.
     pub(super) words: Vec<u32>,
@@ -52,7 +52,14 @@ impl Packed {
         };
         check_limits(&shape, &words, limits)?;
         let head = SceneHead { appearance, grid_words, grid_blocks, ..head_of(field) };
-        let scene = [bytemuck::bytes_of(&head), bytemuck::cast_slice(&layers), bytemuck::cast_slice(&scales)].concat();
+        let sky = sky_of(field);
+        let parts: [&[u8]; 4] = [
+            bytemuck::bytes_of(&head),
+            bytemuck::cast_slice(&layers),
+            bytemuck::cast_slice(&scales),
+            bytemuck::cast_slice(&sky),
+        ];
+        let scene = parts.concat();
         words.align();
         let iterations_per_sample = iterations_per_sample(field, shape.top_k);
         Ok(Self { shape, scene, words: words.0, iterations_per_sample })
@@ -85,6 +92,7 @@ fn shape_of(
         direction_frequencies: decoder.frequencies[1],
         block_shift: field.cells().map(|_| BLOCK_SHIFT as u32),
         contracted: field.rules.contraction.is_some(),
+        sky_degree: field.sky.as_ref().map_or(0, |sky| sky.degree),
         coverage: field.rules.coverage,
         density_reduction: field.rules.density_reduction,
         appearance_reduction: field.rules.appearance_reduction,
@@ -123,6 +131,13 @@ fn head_of(field: &Field<f32>) -> SceneHead {
         grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
         padding3: 0,
     }
+}
+
+/// \[term\] the sky's coefficients of red, green and blue; one of zeros without a sky.
+fn sky_of(field: &Field<f32>) -> Vec<[f32; 4]> {
+    let quad = |[r, g, b]: [f32; 3]| [r, g, b, 0.0];
+    let quads = |sky: &FieldSky<f32>| sky.polynomial_coefficients().into_iter().map(quad).collect();
+    field.sky.as_ref().map_or_else(|| vec![[0.0; 4]], quads)
 }
 
 /// Checks that the scene buffer and the decoder's tile are within `limits`.

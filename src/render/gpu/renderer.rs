@@ -157,7 +157,7 @@ impl GpuRenderer {
     pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
         if !camera.lens.is_pinhole() {
             // The device inverts no distortion. A pixel without a ray has an empty one.
-            let unseen = DeviceRay { direction: [0.0, 0.0, 1.0], ..DeviceRay::default() };
+            let unseen = DeviceRay { direction: [0.0, 0.0, 1.0], scale: -1.0, ..DeviceRay::default() };
             let ray = |ray: Option<Ray>| ray.map_or(unseen, |ray| self.device_ray(&ray));
             return self.begin_rays(camera.rays(0..camera.height).map(ray).collect());
         }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::model::{Aggregation, Coverage, DecoderMode, Reduction};
+use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Sky};
 
 /// Pixels along the edge of a tile. Its rays share a workgroup because they meet mostly the same tensors.
 pub(super) const TILE: u32 = 8;
@@ -68,6 +68,8 @@ pub(super) struct Shape {
     /// Log₂ of the cells along a block's edge; `None` if there is no grid.
     pub(super) block_shift: Option<u32>,
     pub(super) contracted: bool,
+    /// The degree of the sky; 0 if there is none.
+    pub(super) sky_degree: u32,
     pub(super) coverage: Coverage,
     pub(super) density_reduction: Reduction,
     pub(super) appearance_reduction: Reduction,
@@ -78,6 +80,11 @@ pub(super) struct Shape {
 }
 
 impl Shape {
+    /// Quads of the sky's coefficients.
+    pub(super) fn sky_terms(&self) -> u32 {
+        Sky::terms(self.sky_degree) as u32
+    }
+
     /// Rows of the decoder's tile: as many as fit, a multiple of four; `None` if four do not fit.
     pub(super) fn rows(&self) -> Option<u32> {
         [32, 16, 8, 4].into_iter().find(|&rows| self.bytes_for(rows) <= self.workgroup_bytes)
@@ -122,6 +129,7 @@ impl Shape {
             ("FEATURE_FREQUENCIES", self.feature_frequencies),
             ("DIRECTION_FREQUENCIES", self.direction_frequencies),
             ("BLOCK_SHIFT", self.block_shift.unwrap_or(0)),
+            ("SKY_TERMS", self.sky_terms()),
             ("TILE", TILE),
             ("RAY_LANES", RAY_LANES),
             ("COMPACT_LANES", COMPACT_LANES),
@@ -138,6 +146,7 @@ impl Shape {
         for (name, value) in [
             ("HAS_GRID", self.block_shift.is_some()),
             ("CONTRACTED", self.contracted),
+            ("HAS_SKY", self.sky_degree > 0),
             ("COVERAGE_IS_ALL", self.coverage == Coverage::All),
             ("DENSITY_IS_MEAN", self.density_reduction == Reduction::Mean),
             ("APPEARANCE_IS_MEAN", self.appearance_reduction == Reduction::Mean),
@@ -240,7 +249,7 @@ impl Stage {
             Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
             Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("decoder")],
-            Self::Resolve => &[LAYOUT, REAL, shader!("resolve")],
+            Self::Resolve => &[LAYOUT, REAL, shader!("sky"), shader!("resolve")],
             Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
         }
     }
@@ -284,6 +293,7 @@ impl Default for Shape {
             direction_frequencies: 2,
             block_shift: Some(3),
             contracted: false,
+            sky_degree: 0,
             coverage: Coverage::All,
             density_reduction: Reduction::Sum,
             appearance_reduction: Reduction::Sum,
@@ -310,6 +320,8 @@ mod tests {
             Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
             Shape { contracted: true, ..paper.clone() },
+            Shape { sky_degree: 1, ..paper.clone() },
+            Shape { sky_degree: 4, decoder_mode: DecoderMode::PerRay, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },
             Shape {
                 scales: 1,

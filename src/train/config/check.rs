@@ -2,6 +2,7 @@
 
 use super::{BootstrapOptions, ConfigError, ScaleConfig, TrainConfig};
 use crate::geometry::Aabb;
+use crate::model::Sky;
 
 impl TrainConfig {
     /// Checks that all values are in range.
@@ -15,6 +16,7 @@ impl TrainConfig {
             ("batch_rays", self.batch_rays as f64),
             ("factor_learning_rate", self.factor_learning_rate),
             ("network_learning_rate", self.network_learning_rate),
+            ("sky_learning_rate", self.sky_learning_rate.unwrap_or(self.network_learning_rate)),
             ("learning_rate_decay", self.learning_rate_decay),
             ("factor_deviation", self.factor_deviation),
             ("half_extent", self.half_extent),
@@ -54,6 +56,13 @@ impl TrainConfig {
         }
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err(error("background", "three numbers in [0, 1]", format!("{:?}", self.background)));
+        }
+        if self.sky_degree > Sky::MAX_DEGREE {
+            return Err(error("sky_degree", &format!("0 to {}", Sky::MAX_DEGREE), self.sky_degree));
+        }
+        if self.sky_degree > 0 && self.random_background {
+            let expected = "0 if `random_background` is on, as a sky has one color in a direction";
+            return Err(error("sky_degree", expected, self.sky_degree));
         }
         self.bootstrap.check()?;
         if self.scales.is_empty() {

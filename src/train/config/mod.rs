@@ -14,7 +14,7 @@ pub use error::ConfigError;
 
 use super::Exposure;
 use crate::geometry::{Aabb, Contraction, Similarity};
-use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules};
+use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules, Sky};
 use crate::prior::{self, CoarseOptions, Unbounded};
 
 /// A training run's settings. They have a TOML form, in which every field may be left out.
@@ -34,6 +34,9 @@ pub struct TrainConfig {
     /// Compare every ray of a photograph with transparent parts on a random background of its own, so that no part of
     /// the scene can pass for background. The prior and all rendering keep `background`.
     pub random_background: bool,
+    /// Degree of the sky, the color behind the scene by direction (spec 4.11), 1 to 4; 0: none, `background` is behind
+    /// the scene. A sky excludes `random_background`.
+    pub sky_degree: u32,
     /// The photographs whose exposure and white balance are fitted.
     pub exposure: Exposure,
     /// Refine the cameras' poses.
@@ -47,8 +50,11 @@ pub struct TrainConfig {
     pub near_far: Option<[f64; 2]>,
     /// Learning rate of the factors after each restart of the optimizer.
     pub factor_learning_rate: f64,
-    /// Learning rate of the appearance matrices and the decoder after each restart of the optimizer.
+    /// Learning rate of the appearance matrices, the decoder and the sky after each restart of the optimizer.
     pub network_learning_rate: f64,
+    /// Learning rate of the sky, if it has one of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sky_learning_rate: Option<f64>,
     /// Factor by which learning rates fall over a whole run without restarts.
     pub learning_rate_decay: f64,
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
@@ -198,6 +204,7 @@ impl FieldConfig {
             min_transmittance: self.min_transmittance,
             min_weight: self.min_weight,
             contraction: None,
+            sky: None,
         }
     }
 }
@@ -206,6 +213,11 @@ impl TrainConfig {
     /// The contraction of an unbounded scene.
     pub fn contraction(&self) -> Option<Contraction> {
         self.shell.map(|shell| Contraction { shell })
+    }
+
+    /// The sky before the first step, gray in every direction.
+    pub fn sky(&self) -> Option<Sky> {
+        (self.sky_degree > 0).then(|| Sky::gray(self.sky_degree))
     }
 
     /// The space of an unbounded scene whose inner box is known.

@@ -34,6 +34,9 @@ fn unknown_fields_and_senseless_values_are_named() {
     assert!(message("half_extent = 0.0").contains("half_extent"));
     assert!(message("preset = \"7\"").contains("12, 24"));
     assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
+    assert!(message("sky_learning_rate = 0.0").contains("sky_learning_rate"));
+    assert!(message("sky_degree = 5").contains("0 to 4"));
+    assert!(message("sky_degree = 2\nrandom_background = true").contains("random_background"));
     assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
     for mode in DecoderMode::ALL.map(DecoderMode::name) {
         assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");

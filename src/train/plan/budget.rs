@@ -1,7 +1,7 @@
 //! Settings that stay within a number of parameters or bytes.
 
 use super::{
-    cells_of, cost, ending_in, initial_decoder, last, listed, scale_plans, tensor_counts, total,
+    cells_of, cost, ending_in, last, listed, scale_plans, shared_parameters, tensor_counts, total,
     without_idle_upsamplings,
 };
 use crate::prior::VoxelBoxes;
@@ -44,7 +44,7 @@ pub fn fit_to_budget(
     if budget == Budget::default() {
         return Ok((config.clone(), Vec::new()));
     }
-    let size = Size { tensors: tensor_counts(config, occupied)?, decoder: initial_decoder(config).parameter_count() };
+    let size = Size { tensors: tensor_counts(config, occupied)?, shared: shared_parameters(config) };
     if budget.allows(size.of(config)) {
         return Ok((config.clone(), Vec::new()));
     }
@@ -81,14 +81,14 @@ struct Size {
     /// \[scale\] number of tensors.
     tensors: Vec<u64>,
     /// Weights and biases of the network.
-    decoder: u64,
+    shared: u64,
 }
 
 impl Size {
     /// Parameters and bytes of `config`.
     fn of(&self, config: &TrainConfig) -> [u64; 2] {
         let scales = scale_plans(config, &self.tensors);
-        [total(&scales, self.decoder), cost::file_bytes(config, &scales, self.decoder)]
+        [total(&scales, self.shared), cost::file_bytes(config, &scales, self.shared)]
     }
 }
 

@@ -15,8 +15,8 @@ const SPARSE_STEPS: f64 = 30_000.0;
 const TENSOR_BYTES: f64 = 2.0;
 const FILE_BYTES: f64 = 50_000.0;
 
-/// Bytes of the file of `scales` and a network of `decoder_parameters`; within 2 % of the measured files.
-pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], decoder_parameters: u64) -> u64 {
+/// Bytes of the file of `scales` and `shared` parameters of network and sky; within 2 % of the measured files.
+pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], shared: u64) -> u64 {
     let sparse = (config.steps as f64 / SPARSE_STEPS).min(1.0).powf(1.5);
     let density_bytes = RANDOM_BYTES + sparse * (SPARSE_BYTES - RANDOM_BYTES);
     let of_scale = |s: &ScalePlan| {
@@ -24,7 +24,7 @@ pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], decoder_par
         let mean = (density * density_bytes + appearance * RANDOM_BYTES) / (density + appearance);
         s.parameters as f64 * mean + s.tensors as f64 * TENSOR_BYTES
     };
-    let network = decoder_parameters as f64 * size_of::<f32>() as f64;
+    let network = shared as f64 * size_of::<f32>() as f64;
     (scales.iter().map(of_scale).sum::<f64>() + network + FILE_BYTES) as u64
 }
 

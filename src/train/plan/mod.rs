@@ -59,10 +59,11 @@ pub fn plan(
 ) -> Result<Plan, PrepareError> {
     let scales = scale_plans(config, &tensor_counts(config, occupied)?);
     let decoder_parameters = initial_decoder(config).parameter_count();
-    let parameters = total(&scales, decoder_parameters);
+    let shared = shared_parameters(config);
+    let parameters = total(&scales, shared);
     let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).sum();
     Ok(Plan {
-        file_bytes: cost::file_bytes(config, &scales, decoder_parameters),
+        file_bytes: cost::file_bytes(config, &scales, shared),
         memory_bytes: cost::memory_bytes(parameters, pixels, photographs),
         minutes: cost::minutes(config, &scales, machine),
         reasons: observations(config, cameras, occupied)?,
@@ -101,9 +102,14 @@ fn tensor_counts(config: &TrainConfig, occupied: &VoxelBoxes) -> Result<Vec<u64>
     Ok(config.scales.iter().map(count).collect::<Result<_, _>>()?)
 }
 
-/// Parameters of all `scales` and of the network.
-fn total(scales: &[ScalePlan], decoder_parameters: u64) -> u64 {
-    scales.iter().fold(decoder_parameters, |sum, s| sum.saturating_add(s.parameters))
+/// Parameters that no scale has: those of the network and of the sky.
+fn shared_parameters(config: &TrainConfig) -> u64 {
+    initial_decoder(config).parameter_count() + config.sky().map_or(0, |sky| sky.coefficients.len() as u64)
+}
+
+/// Parameters of all `scales`, and the `shared` ones.
+fn total(scales: &[ScalePlan], shared: u64) -> u64 {
+    scales.iter().fold(shared, |sum, s| sum.saturating_add(s.parameters))
 }
 
 /// The cells of a tensor after the last upsampling.

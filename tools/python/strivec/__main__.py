@@ -8,6 +8,8 @@ code is returned.
 import argparse
 import sys
 
+import numpy as np
+
 from . import limits, reader
 from .errors import StrivecError
 from .probes import MIN_MARGIN, check_probes
@@ -53,6 +55,8 @@ def info(path, scene):
     print(f"{path}: version 1.{scene.minor_version}")
     print(f"bounds {list(rules.bounds[0])} to {list(rules.bounds[1])}, step {rules.step}, up {scene.frame.up}")
     print(f"coverage {rules.coverage}, aggregation {rules.aggregation}")
+    if rules.sky is not None:
+        print(f"sky of degree {int(np.sqrt(rules.sky.shape[1])) - 1}")
     for index, scale in enumerate(scene.scales):
         ranks = f"density rank {scale.density[0].shape[1]}, appearance rank {scale.appearance[0].shape[1]}"
         chunks = _count(scale.chunks, "chunk", "chunks")

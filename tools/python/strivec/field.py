@@ -34,7 +34,7 @@ def density_features(scene, points):
 def _march(scene, origin, direction):
     """Color, opacity and depth of one ray (4.8)."""
     rules, frame = scene.rules, scene.frame
-    background = np.array(frame.background, np.float64)
+    behind = np.array(frame.background, np.float64) if rules.sky is None else sky_color(rules.sky, direction)
     if rules.shell is None:
         enter, leave = _slab(np.array(rules.bounds[0]), np.array(rules.bounds[1]), origin, direction)
         distances = _even(max(enter, frame.near), min(leave, frame.far), rules.step)
@@ -45,7 +45,7 @@ def _march(scene, origin, direction):
         points = contracted(rules.shell, origin + distances[:, None] * direction)
         touched = [np.arange(len(scale.centers)) for scale in scene.scales]
     if not len(distances):
-        return background, 0.0, 0.0
+        return behind, 0.0 if rules.sky is None else 1.0, 0.0
 
     field = evaluate(scene, points, touched)
     counts = field.inside
@@ -66,7 +66,7 @@ def _march(scene, origin, direction):
 
     shaded = weights > rules.min_weight
     weights, features = weights[shaded], features[samples][shaded]
-    color = transmittance * background
+    color = transmittance * behind
     if len(weights) and scene.decoder.mode == "per sample":
         color = color + weights @ _sigmoid(decode(scene.decoder, features, direction))
     elif len(weights):
@@ -76,7 +76,47 @@ def _march(scene, origin, direction):
             color = color + total * _sigmoid(of_ray)[0]
         else:
             color = color + weights @ _sigmoid(features[:, :3] + of_ray)
-    return color, 1.0 - transmittance, depth
+    return color, 1.0 - transmittance if rules.sky is None else 1.0, depth
+
+
+def sky_color(coefficients, direction):
+    """The sky's color B(d) (4.11), float64[3], for coefficients float64[3][(L + 1)²] and a direction of length 1."""
+    return _sigmoid(coefficients @ harmonics(direction)[: coefficients.shape[1]])
+
+
+def harmonics(direction):
+    """The real spherical harmonics up to degree 4 (4.11) in directions float64[...][3], float64[25][...]."""
+    x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
+    root = lambda number: np.sqrt(number / np.pi)
+    return np.array(
+        [
+            root(1) / 2 * np.ones_like(x),
+            root(3) / 2 * y,
+            root(3) / 2 * z,
+            root(3) / 2 * x,
+            root(15) / 2 * x * y,
+            root(15) / 2 * y * z,
+            root(5) / 4 * (3 * z**2 - 1),
+            root(15) / 2 * x * z,
+            root(15) / 4 * (x**2 - y**2),
+            root(35 / 2) / 4 * y * (3 * x**2 - y**2),
+            root(105) / 2 * x * y * z,
+            root(21 / 2) / 4 * y * (5 * z**2 - 1),
+            root(7) / 4 * z * (5 * z**2 - 3),
+            root(21 / 2) / 4 * x * (5 * z**2 - 1),
+            root(105) / 4 * z * (x**2 - y**2),
+            root(35 / 2) / 4 * x * (x**2 - 3 * y**2),
+            3 * root(35) / 4 * x * y * (x**2 - y**2),
+            3 * root(35 / 2) / 4 * y * z * (3 * x**2 - y**2),
+            3 * root(5) / 4 * x * y * (7 * z**2 - 1),
+            3 * root(5 / 2) / 4 * y * z * (7 * z**2 - 3),
+            3 * root(1) / 16 * (35 * z**4 - 30 * z**2 + 3),
+            3 * root(5 / 2) / 4 * x * z * (7 * z**2 - 3),
+            3 * root(5) / 8 * (x**2 - y**2) * (7 * z**2 - 1),
+            3 * root(35 / 2) / 4 * x * z * (x**2 - 3 * y**2),
+            3 * root(35) / 16 * (x**4 - 6 * x**2 * y**2 + y**4),
+        ]
+    )
 
 
 def contracted(shell, points):

@@ -40,6 +40,7 @@ class Rules:
     min_transmittance: float
     min_weight: float
     shell: Optional[float] = None  # b of the contraction L∞; None without contraction
+    sky: Optional[np.ndarray] = None  # float64[3][(L + 1)²], coefficients by channel (4.11); None without a sky
 
 
 @dataclass

@@ -57,7 +57,7 @@ def read_rules(payload):
     density_reduction = record.code("density reduction", ("sum", "mean"))
     appearance_reduction = record.code("appearance reduction", ("sum", "mean"))
     contraction = record.code("contraction", ("none", "L∞"))
-    record.zeros(1)
+    degree = record.code("sky", range(5))
     bounds = _read_box(record, "bounds")
     density_shift = record.f64("density shift")
     distance_scale = record.f64("distance scale", "a positive finite number")
@@ -74,6 +74,11 @@ def read_rules(payload):
         record.require(0.0 < shell <= 1.0, "shell of the contraction", "a number above 0, at most 1", shell)
         expected = ((-1.0 - shell,) * 3, (1.0 + shell,) * 3)
         record.require(tuple(map(tuple, bounds)) == expected, "bounds", f"those of the contraction, {expected}", bounds)
+    sky = None
+    if degree > 0:
+        terms = (degree + 1) ** 2
+        sky = np.array(record.f32s(3 * terms, "coefficients of the sky")).reshape(3, terms)
+        record.require(np.isfinite(sky).all(), "coefficients of the sky", "finite numbers", "another number")
     payload.end()
     return Rules(
         scales,
@@ -88,6 +93,7 @@ def read_rules(payload):
         min_transmittance,
         min_weight,
         shell,
+        sky,
     )
 
 

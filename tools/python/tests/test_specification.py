@@ -56,6 +56,35 @@ class Example(unittest.TestCase):
         np.testing.assert_allclose(row("depth"), rays.depths, atol=1e-9)
 
 
+class Sky(unittest.TestCase):
+    def test_the_basis_is_orthonormal(self):
+        # Gauss-Legendre nodes in z and equal steps around it integrate these products exactly.
+        z, weights = np.polynomial.legendre.leggauss(6)
+        angles = 2.0 * np.pi * (np.arange(16) + 0.3) / 16
+        radius = np.sqrt(1.0 - z**2)[:, None]
+        directions = np.stack(
+            np.broadcast_arrays(radius * np.cos(angles), radius * np.sin(angles), z[:, None]), axis=-1
+        ).reshape(-1, 3)
+        basis = field.harmonics(directions)
+        weights = np.repeat(weights * 2.0 * np.pi / 16, 16)
+        np.testing.assert_allclose((basis * weights) @ basis.T, np.eye(25), atol=1e-13)
+
+    def test_its_functions_are_those_of_the_table(self):
+        section = TEXT.split("\n### 4.11 Sky\n")[1].split("\n## 5.")[0]
+        rows = re.findall(r"^\| (\d+) \| (\d) \| (−?\d) \| (\S+) \| (.+) \|$", section, re.MULTILINE)
+        self.assertEqual([int(row[0]) for row in rows], list(range(25)))
+        x, y, z = 0.48, -0.6, 0.64
+        found = field.harmonics(np.array([x, y, z]))
+        for k, l, m, factor, polynomial in rows:
+            self.assertEqual(int(k), int(l) ** 2 + int(l) + int(m.replace("−", "-")))
+            root, rest = re.fullmatch(r"(\d?)√\((.*)\)/(\d+)", factor).group(1, 2), factor.rsplit("/", 1)[1]
+            factor = int(root[0] or 1) * np.sqrt(eval(root[1].replace("(2π)", "(2*π)"), {"π": np.pi})) / int(rest)
+            terms = polynomial.replace("−", "-").replace("²", "**2").replace("⁴", "**4")
+            terms = re.sub(r"(?<=[\dxyz)])(?=[xyz(])", "*", terms)
+            value = factor * eval(terms, {"x": x, "y": y, "z": z})
+            self.assertAlmostEqual(value, found[int(k)], places=14, msg=k)
+
+
 class OrderOfCenters(unittest.TestCase):
     def test_both_orders_of_zeros_count(self):
         centers = np.array([[-1.0, 0.0, 0.0], [1.0, -0.0, 0.0]])

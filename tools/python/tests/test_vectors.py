@@ -110,6 +110,18 @@ class ValidVectors(unittest.TestCase):
         self.assertIsNotNone(scene.occupancy)
         self.assertEqual(scene.decoder.mode, "per ray")
 
+    def test_sky(self):
+        scene = strivec.open(FIXTURES / "v1" / "sky.strivec")
+        self.assertEqual(scene.rules.sky.shape, (3, 25))
+        rays = strivec.trace(scene, np.full((1, 3), 100.0), np.ones((1, 3)) / np.sqrt(3.0))
+        self.assertEqual((rays.opacities[0], rays.depths[0]), (1.0, 0.0))
+        self.assertFalse(np.allclose(rays.colors[0], scene.frame.background))
+        # The probes see another sky.
+        sky = scene.rules.sky + np.eye(3, 25)
+        rules = dataclasses.replace(scene.rules, sky=sky)
+        self.assertTrue(strivec.check_probes(dataclasses.replace(scene, rules=rules)).failed)
+        self.assertIsNone(strivec.open(FIXTURES / "v1" / "f32.strivec").rules.sky)
+
     def test_newer_minor_version(self):
         scene = strivec.open(FIXTURES / "v1" / "newer-minor.strivec")
         self.assertGreater(scene.minor_version, 0)

@@ -213,6 +213,7 @@ export class Panel {
     this.#showSpeed(state);
     this.#showViews(state);
     this.#background.value = hex(state.background);
+    this.#background.disabled = !state.shows_background;
     this.#boxes.checked = state.has_boxes;
     this.#showBoxes(state);
     this.#showChoices(state);

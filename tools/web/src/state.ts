@@ -34,6 +34,8 @@ export interface State extends Opened {
   background: [number, number, number];
   own_background: [number, number, number];
   has_own_background: boolean;
+  /** False if all scenes have a sky. */
+  shows_background: boolean;
   has_boxes: boolean;
   boxes: boolean[];
   /** Quality settings stored in the file, for `Player.choose`. */
