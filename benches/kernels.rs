@@ -92,7 +92,7 @@ fn decode(bencher: Bencher<'_, '_>) {
 #[divan::bench(sample_count = 20)]
 fn backward_loss(bencher: Bencher<'_, '_>) {
     let rays = rays(BATCH);
-    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0 }; rays.len()];
+    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0 }; rays.len()];
     let mut backward = Backward::new(&FIELD);
     bencher
         .counter(ItemsCount::new(rays.len()))

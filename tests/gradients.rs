@@ -69,7 +69,7 @@ fn targets(count: usize) -> Vec<Target> {
     let random = Random::new(2, "gradient test targets");
     let color = |i: u64| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32);
     (0..count as u64)
-        .map(|i| Target { color: color(2 * i), background: color(2 * i + 1), view: (i % 3) as u32 })
+        .map(|i| Target { color: color(2 * i), background: color(2 * i + 1), view: (i % 3) as u32, distance: 0.0 })
         .collect()
 }
 
@@ -270,12 +270,19 @@ fn cases() -> Vec<Scene> {
 fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_does_not() {
     for (case, scene) in cases().iter().enumerate() {
         let rays = rays_far_from_decisions(scene, 16);
-        let targets = targets(rays.len());
+        let mut targets = targets(rays.len());
         let mut field = Field::<f64>::new(scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
         if case % 2 == 1 {
             backward.color_maps = color_maps();
+        }
+        if case % 3 == 1 {
+            backward.distance_weight = 0.3;
+            let trace = ReferenceRenderer::new(scene);
+            for (ray, target) in rays.iter().zip(&mut targets) {
+                target.distance = trace.trace_one(ray).depth as f32;
+            }
         }
         let gradients = backward.gradients(&field, &rays, &targets, BatchRoulette::default());
         let mut losses = |field: &Field<f64>| {
@@ -324,6 +331,31 @@ fn gradients_in_f32_match_those_in_f64() {
             assert!(relative_errors(&exact, &flipped).into_iter().fold(0.0, f64::max) > 1.0, "{name}: sign error");
         }
     }
+}
+
+#[test]
+fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
+    let scene = &cases()[0];
+    let rays = rays_far_from_decisions(scene, 16);
+    let field = Field::<f64>::new(scene);
+    let reference = ReferenceRenderer::new(scene);
+    let loss = |weight: f64, share: f64| {
+        let mut targets = targets(rays.len());
+        for (ray, target) in rays.iter().zip(&mut targets) {
+            target.distance = (share * reference.trace_one(ray).depth) as f32;
+        }
+        let mut backward = Backward::new(&field);
+        backward.distance_weight = weight;
+        let loss = backward.loss(&field, &rays, &targets, BatchRoulette::default());
+        [loss, backward.mean_squared_error()]
+    };
+    let [plain, mean_squared_error] = loss(0.0, 1.0);
+    assert_eq!(plain, mean_squared_error);
+    assert_eq!(loss(0.5, 0.0), [plain, plain], "no distance is known");
+    assert_eq!(loss(0.5, 1.0)[1], plain);
+    let [there, elsewhere] = [1.0, 9.0].map(|share| loss(0.5, share)[0] - plain);
+    assert!(there > 0.0 && there < elsewhere, "{there}, {elsewhere}");
+    assert!((elsewhere - 0.5).abs() < 1e-12, "all visibility is in the wrong place: {elsewhere}");
 }
 
 #[test]

@@ -12,7 +12,9 @@ use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::table::plural;
-use super::training::{Meter, cameras, encode, import, interrupts, place, read_state, reconstruct};
+use super::training::{
+    Meter, cameras, encode, find_distances, import, interrupts, is_opaque, place, read_state, reconstruct,
+};
 use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -22,7 +24,7 @@ use crate::measure::ViewReport;
 use crate::model::Scene;
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer};
-use crate::train::{DeadComponents, Trainer};
+use crate::train::{DeadComponents, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -107,11 +109,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let start = Instant::now();
     let mut trainer = match saved {
-        Some((progress, scene)) => Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?,
+        Some((progress, scene)) => {
+            find_distances(&progress.config, &mut dataset, session);
+            Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?
+        }
         None => {
             let cameras = cameras(&dataset);
             let occupied = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
-                Some(occupied) => occupied,
+                Some(occupied) => {
+                    find_distances(&config, &mut dataset, session);
+                    occupied
+                }
                 None => reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?,
             };
             let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;
@@ -124,6 +132,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let mut scene = trainer.scene();
     let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
+    if is_opaque(&dataset) && trainer.config().background == TrainConfig::default().background {
+        // Nothing else is known of where no tensor is. Training had another color there, for which no wall passes.
+        scene.frame.background = dataset::mean_color(&dataset.views, scene.frame.background);
+    }
     let bytes = encode(&scene, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     if let Some(refined) = trainer.refined_cameras() {

@@ -91,13 +91,13 @@ pub(super) fn reconstruct(
     session: &Session,
 ) -> Result<VoxelBoxes, Error> {
     let asked = config.near_far;
-    let is_opaque = dataset.views.par_iter().all(|view| view.pixels.is_opaque());
+    let is_opaque = is_opaque(dataset);
     let all_points = locate(config, dataset, is_opaque, session)?;
-    if is_opaque
-        && !bootstrap
-        && let Some(points) = prior_of_points(config, dataset, asked, all_points, session)?
-    {
-        return Ok(points);
+    if is_opaque && !bootstrap {
+        let matched = match_points(dataset, session);
+        if let Some(points) = prior_of_points(config, dataset, asked, [all_points, matched], session)? {
+            return Ok(points);
+        }
     }
     let total = if bootstrap { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
     let progress = Progress::start(&session.console, "prior", total);
@@ -136,14 +136,36 @@ pub(super) fn place<'a>(
     Ok(trainer)
 }
 
-/// The prior of opaque photographs from points: `all_points` of the dataset, outliers included, else those that are matched
-/// between the photographs, whichever first cover what the photographs show. `config` then has the points' range of rays,
-/// if none was `asked`.
+/// The distances of `dataset`'s photographs, for a training by `config` that finds its prior without [`reconstruct`].
+pub(super) fn find_distances(config: &TrainConfig, dataset: &mut Dataset, session: &Session) {
+    if config.distance_weight > 0.0 && is_opaque(dataset) {
+        match_points(dataset, session);
+    }
+}
+
+/// True if nothing shows through any photograph of `dataset`.
+pub(super) fn is_opaque(dataset: &Dataset) -> bool {
+    dataset.views.par_iter().all(|view| view.pixels.is_opaque())
+}
+
+/// The cells around points that are matched between the photographs of `dataset`, which then have distances.
+fn match_points(dataset: &mut Dataset, session: &Session) -> Option<VoxelBoxes> {
+    let start = Instant::now();
+    let points = prior::match_points(&mut dataset.views)?;
+    let count = plural(points.cells.len(), "cell");
+    let seconds = start.elapsed().as_secs_f64();
+    session.console.say(&format!("matching: {count} around points of the photographs in {seconds:.1} s"));
+    Some(points)
+}
+
+/// The prior of opaque photographs from points: all of the dataset, outliers included, else those that are matched between
+/// the photographs, whichever first cover what the photographs show. `config` then has the points' range of rays, if none
+/// was `asked`.
 fn prior_of_points(
     config: &mut TrainConfig,
     dataset: &Dataset,
     asked: Option<[f64; 2]>,
-    all_points: Option<VoxelBoxes>,
+    [all_points, matched_points]: [Option<VoxelBoxes>; 2],
     session: &Session,
 ) -> Result<Option<VoxelBoxes>, Error> {
     if let Some(points) = all_points
@@ -151,11 +173,7 @@ fn prior_of_points(
     {
         return Ok(Some(cells));
     }
-    let start = Instant::now();
-    let Some(points) = prior::match_points(&dataset.views) else { return Ok(None) };
-    let count = plural(points.cells.len(), "cell");
-    let seconds = start.elapsed().as_secs_f64();
-    session.console.say(&format!("matching: {count} around points of the photographs in {seconds:.1} s"));
+    let Some(points) = matched_points else { return Ok(None) };
     let mut matched = config.clone();
     if asked.is_none() && config.shell.is_none() {
         matched.near_far = Some(prior::ray_range(&cameras(dataset), Some(&points)));

@@ -208,7 +208,7 @@ impl<'a> Fitted<'a> {
             (Some(mask), Some(seen)) => Some(mask.into_iter().zip(seen).map(|(a, b)| a && b).collect()),
             (mask, seen) => mask.or(seen),
         };
-        Ok(View { name: shot.name.clone(), camera, pixels, mask })
+        Ok(View { name: shot.name.clone(), camera, pixels, mask, distances: Vec::new() })
     }
 }
 

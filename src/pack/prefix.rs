@@ -35,8 +35,11 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
     for n in 1..=steps as u64 {
         let rays: Vec<Ray> = views.rays(RAYS, &random.substream(n));
         let background = scene.frame.background;
-        let targets: Vec<Target> =
-            whole.trace(&rays).iter().map(|pixel| Target { color: pixel.color, background, view: 0 }).collect();
+        let targets: Vec<Target> = whole
+            .trace(&rays)
+            .iter()
+            .map(|pixel| Target { color: pixel.color, background, view: 0, distance: 0.0 })
+            .collect();
         let all = BatchRoulette::default();
         let shift = field.rules.density_shift;
         let [above, below] = [OFFSET_DIFFERENCE, -OFFSET_DIFFERENCE].map(|by| {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, IVec3};
 
 use super::bounds::{ray_range, ray_range_of_surroundings};
-use super::stereo::matched_points;
+use super::stereo::{Matches, matches};
 use super::survey::Survey;
 use super::voxels::boxes_of;
 use super::{BuildError, BuildOptions, Built, Outliers, VoxelBoxes, build};
@@ -62,10 +62,12 @@ pub fn locate(
     Ok(Location { near_far, bounds: bounds.or_else(|| points.as_ref().map(around)), points, all_points })
 }
 
-/// The cells around the points that can be matched between opaque photographs with known poses (`stereo.rs`); `None` if
-/// they have no extent. Of many photographs, some are compared with all.
-pub fn match_points(views: &[View]) -> Option<VoxelBoxes> {
-    cells_around(&matched_points(views, MATCHED_VIEWS))
+/// Matches points between opaque photographs with known poses (`stereo.rs`), and sets the views' distances to them. Of
+/// many photographs, some are compared with all. Returns the cells around the points; `None` if they have no extent.
+pub fn match_points(views: &mut [View]) -> Option<VoxelBoxes> {
+    let Matches { points, distances } = matches(views, MATCHED_VIEWS);
+    views.iter_mut().zip(distances).for_each(|(view, distances)| view.distances = distances);
+    cells_around(&points)
 }
 
 /// The cells that hold `points`; `None` if they have no extent.

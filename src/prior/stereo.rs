@@ -47,9 +47,17 @@ const AGREEMENT: f64 = 0.02;
 /// The photographs that must agree with a depth.
 const MIN_AGREEING: usize = 2;
 
-/// Points on the surfaces that `views` show, of any number from none on. Only every so manyth of more than `most` views
-/// is searched for points.
-pub(super) fn matched_points(views: &[View], most: usize) -> Vec<DVec3> {
+/// The surfaces that photographs show, where they could be matched.
+#[derive(Debug)]
+pub(super) struct Matches {
+    /// Points on the surfaces.
+    pub(super) points: Vec<DVec3>,
+    /// \[view\]\[height\]\[width\] the distance along each pixel's ray, 0 if unknown; empty for a view without points.
+    pub(super) distances: Vec<Vec<f32>>,
+}
+
+/// The surfaces that `views` show; there may be none. Only every so manyth of more than `most` views is searched.
+pub(super) fn matches(views: &[View], most: usize) -> Matches {
     let shots: Vec<Shot> = views.par_iter().map(Shot::new).collect();
     let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
@@ -58,7 +66,15 @@ pub(super) fn matched_points(views: &[View], most: usize) -> Vec<DVec3> {
     // [chosen][patch] depths, 0 if unknown.
     let maps: Vec<Vec<f64>> =
         chosen.par_iter().map(|&n| depths(&shots, n, &neighbors(&cameras, n, distance), distance)).collect();
-    chosen.par_iter().zip(&maps).flat_map_iter(|(&n, map)| agreed(&shots, &chosen, &maps, n, map)).collect()
+    let agreed: Vec<Vec<f64>> =
+        chosen.par_iter().zip(&maps).map(|(&n, map)| agreed(&shots, &chosen, &maps, n, map)).collect();
+    let mut distances = vec![Vec::new(); views.len()];
+    let maps = chosen.iter().zip(&agreed).filter(|(_, map)| map.iter().any(|&depth| depth > 0.0));
+    let found: Vec<(usize, Vec<f32>)> =
+        maps.par_bridge().map(|(&n, map)| (n, shots[n].distances(&views[n].camera, map))).collect();
+    found.into_iter().for_each(|(n, of_view)| distances[n] = of_view);
+    let points = chosen.iter().zip(&agreed).flat_map(|(&n, map)| shots[n].points(map)).collect();
+    Matches { points, distances }
 }
 
 /// A photograph without the distortion of its lens, small and gray.
@@ -126,6 +142,29 @@ impl Shot {
         let columns = self.patches()[0];
         let at = [n % columns, n / columns].map(|place| (place * STRIDE + STRIDE / 2) as f64 + 0.5);
         DVec2::from(at)
+    }
+
+    /// The place at `depth` in the middle of patch number `n`.
+    fn place(&self, n: usize, depth: f64) -> DVec3 {
+        let seen = depth * direction(&self.camera, self.middle(n));
+        self.camera.position + self.camera.world_from_camera * (DVec3::new(1.0, -1.0, -1.0) * seen)
+    }
+
+    /// The places of the patches with a depth in `map`.
+    fn points<'a>(&'a self, map: &'a [f64]) -> impl Iterator<Item = DVec3> + 'a {
+        map.iter().enumerate().filter(|(_, depth)| **depth > 0.0).map(|(n, &depth)| self.place(n, depth))
+    }
+
+    /// \[row\]\[column\] the distances along the rays of `camera`, whose picture this was made of, at the depths of the
+    /// patches in `map`; 0 if unknown.
+    fn distances(&self, camera: &Camera, map: &[f64]) -> Vec<f32> {
+        let columns = self.patches()[0];
+        let distance = |(x, y): (u32, u32)| {
+            let at = camera.ray(x, y).and_then(|ray| self.camera.project(ray.at(1.0)))?;
+            let [column, row] = self.patch_at(at)?;
+            Some(map[row * columns + column] * direction(&self.camera, at).length())
+        };
+        pixels_of(camera).map(|pixel| distance(pixel).unwrap_or(0.0) as f32).collect()
     }
 
     /// The patch whose middle is nearest to the picture point `at`; `None` outside the picture.
@@ -309,13 +348,11 @@ fn peak(profile: &[f32]) -> Option<f64> {
     Some(at as f64 + if curvature < 0.0 { 0.5 * (before - after) / curvature } else { 0.0 })
 }
 
-/// The points of photograph `n` with the depths `map` that the depths of others agree with.
-fn agreed(shots: &[Shot], chosen: &[usize], maps: &[Vec<f64>], n: usize, map: &[f64]) -> Vec<DVec3> {
+/// The depths `map` of photograph `n` that the depths of others agree with; 0 for all others.
+fn agreed(shots: &[Shot], chosen: &[usize], maps: &[Vec<f64>], n: usize, map: &[f64]) -> Vec<f64> {
     let shot = &shots[n];
-    let flip = DVec3::new(1.0, -1.0, -1.0);
-    let point = |(patch, &depth): (usize, &f64)| {
-        let seen = depth * direction(&shot.camera, shot.middle(patch));
-        let place = shot.camera.position + shot.camera.world_from_camera * (flip * seen);
+    let depth = |(patch, &depth): (usize, &f64)| {
+        let place = shot.place(patch, depth);
         let agrees = |(&m, map): (&usize, &Vec<f64>)| {
             let other = &shots[m];
             let Some(at) = other.camera.project(place) else { return false };
@@ -328,9 +365,9 @@ fn agreed(shots: &[Shot], chosen: &[usize], maps: &[Vec<f64>], n: usize, map: &[
             around.any(|patch| (map[patch] - depth).abs() < AGREEMENT * depth)
         };
         let count = chosen.iter().zip(maps).filter(|(m, _)| **m != n).filter(|&pair| agrees(pair)).take(MIN_AGREEING);
-        (depth > 0.0 && count.count() == MIN_AGREEING).then_some(place)
+        if depth > 0.0 && count.count() == MIN_AGREEING { depth } else { 0.0 }
     };
-    map.iter().enumerate().filter_map(point).collect()
+    map.iter().enumerate().map(depth).collect()
 }
 
 #[cfg(test)]
@@ -380,7 +417,8 @@ mod tests {
     }
 
     fn assert_found(lens: Lens) {
-        let points = matched_points(&views(lens), 100);
+        let views = views(lens);
+        let Matches { points, distances } = matches(&views, 100);
         let off = |point: &DVec3| (point.length() - 1.0).abs().min((point.x + 2.0).abs());
         let wrong = points.iter().filter(|point| off(point) > 0.12).count();
         let on_wall = points.iter().filter(|point| point.x < -1.9).count();
@@ -389,6 +427,25 @@ mod tests {
         assert!(50 * wrong < points.len(), "{wrong} of {} points are on no surface", points.len());
         let blank = points.iter().filter(|point| point.x < -1.9 && point.y.abs() < 0.5).count();
         assert!(blank < 5, "{blank} points where the wall has no texture");
+
+        let random = Random::new(7, "texture");
+        let [mut known, mut off, mut off_next] = [0; 3];
+        for (view, distances) in views.iter().zip(&distances) {
+            for (n, &distance) in distances.iter().enumerate().filter(|(_, distance)| **distance > 0.0) {
+                let [x, y] = [n % 120, n / 120].map(|v| v as u32);
+                let misses = |x: u32| {
+                    let ray = view.camera.ray(x, y).unwrap();
+                    let exact = scene(&random, ray.origin, ray.direction).0;
+                    i32::from((f64::from(distance) - exact).abs() > 0.03 * exact)
+                };
+                known += 1;
+                off += misses(x);
+                off_next += misses((x + 12) % 120);
+            }
+        }
+        println!("{known} distances, {off} wrong, {off_next} of another pixel");
+        assert!(known > 9 * 1500 && 10 * off < known, "{off} of {known} distances are wrong");
+        assert!(off_next > 2 * off, "distances of other pixels show: {off_next}, {off}");
     }
 
     #[test]
@@ -407,8 +464,8 @@ mod tests {
         let mut views = views(Lens::PINHOLE);
         let position = views[0].camera.position;
         views.iter_mut().for_each(|view| view.camera.position = position);
-        assert_eq!(matched_points(&views, 100), []);
-        assert_eq!(matched_points(&views[..1], 100), []);
-        assert_eq!(matched_points(&[], 100), []);
+        assert_eq!(matches(&views, 100).points, []);
+        assert_eq!(matches(&views[..1], 100).points, []);
+        assert_eq!(matches(&[], 100).points, []);
     }
 }

@@ -36,6 +36,8 @@ impl<S: Default> Pool<S> {
 pub struct Backward<T> {
     /// \[view\] the maps from the scene's colors to those of photographs; none if empty.
     pub color_maps: Vec<ColorMap>,
+    /// Weight in the loss of the mean visibility that is not at the known distances of rays.
+    pub distance_weight: f64,
     pub(super) layout: NetworkLayout,
     pub(super) chunks: Vec<Chunk<T>>,
     scratch: Pool<Scratch<T>>,
@@ -44,7 +46,7 @@ pub struct Backward<T> {
 /// The gradients of all trained parameters, for tests and tools; training itself never holds them all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gradients<T> {
-    /// Mean over rays and channels of the squared error.
+    /// The loss, as [`Backward::loss`] returns it.
     pub loss: T,
     /// \[scale\] laid out as the density factors.
     pub density: Vec<Vec<T>>,
@@ -57,13 +59,21 @@ pub struct Gradients<T> {
 impl<T: Real> Backward<T> {
     /// For batches on `field`, or on a field with the same decoder.
     pub fn new(field: &Field<T>) -> Self {
-        Self { color_maps: Vec::new(), layout: NetworkLayout::new(field), chunks: Vec::new(), scratch: Pool::default() }
+        Self {
+            color_maps: Vec::new(),
+            distance_weight: 0.0,
+            layout: NetworkLayout::new(field),
+            chunks: Vec::new(),
+            scratch: Pool::default(),
+        }
     }
 
-    /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error.
+    /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error, and the mean over
+    /// rays of the visibility that is not at a known distance, times its weight.
     pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], roulette: BatchRoulette) -> f64 {
         let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
+        let distance_scale = self.distance_weight / rays.len() as f64;
         let (layout, scratch, maps) = (&self.layout, &self.scratch, &self.color_maps);
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
@@ -75,11 +85,17 @@ impl<T: Real> Backward<T> {
                 scratch.with(|scratch| {
                     vectorized(
                         #[inline(always)]
-                        || chunk.run(field, layout, rays, targets, maps, loss_scale, roulette, scratch),
+                        || chunk.run(field, layout, rays, targets, maps, loss_scale, distance_scale, roulette, scratch),
                     );
                 });
             });
-        self.chunks.iter().map(|c| c.squared_error).sum::<f64>() * loss_scale
+        self.mean_squared_error() + self.chunks.iter().map(|c| c.misplaced).sum::<f64>() * distance_scale
+    }
+
+    /// The mean over rays and channels of the squared error in the last batch.
+    pub fn mean_squared_error(&self) -> f64 {
+        let rays: usize = self.chunks.iter().map(|c| c.colors.len()).sum();
+        self.chunks.iter().map(|c| c.squared_error).sum::<f64>() / (3 * rays) as f64
     }
 
     /// \[ray\] the scene's colors in the last batch, before any map.
@@ -156,6 +172,7 @@ impl Backward<f32> {
             color: [0, 1, 2].map(|c| color[c] - size * sign(3 * ray + c)),
             background: field.background,
             view: 0,
+            distance: 0.0,
         };
         let targets: Vec<Target> = colors.iter().enumerate().map(target).collect();
         self.gradients(field, rays, &targets, BatchRoulette::default())

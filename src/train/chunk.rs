@@ -16,6 +16,9 @@ use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Sample
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
+/// The share of a known distance by which visible samples may be nearer or farther.
+const DISTANCE_TOLERANCE: f32 = 0.03;
+
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
 pub(crate) const RAYS_PER_CHUNK: usize = 128;
 
@@ -28,6 +31,8 @@ pub struct Target {
     pub background: [f32; 3],
     /// The photograph.
     pub view: u32,
+    /// The distance of what the pixel shows, in model units; 0 if unknown.
+    pub distance: f32,
 }
 
 /// Russian roulette of a batch.
@@ -56,6 +61,8 @@ pub(super) struct Chunk<T> {
     pub(super) colors: Vec<[f32; 3]>,
     /// Σ over rays and channels of the squared error.
     pub(super) squared_error: f64,
+    /// Σ over rays of known distance of the visibility that is elsewhere.
+    pub(super) misplaced: f64,
 }
 
 /// Buffers of a thread for the work on a chunk. Reused.
@@ -83,7 +90,8 @@ pub(super) struct Scratch<T> {
 
 impl<T: Real> Chunk<T> {
     /// Marches and decodes `rays`, compares them with `targets`, and computes the gradients. The loss is the squared
-    /// error of the colors that \[view\] `maps` make of the scene's, if there are any, times `loss_scale`.
+    /// error of the colors that \[view\] `maps` make of the scene's, if there are any, times `loss_scale`, plus the visibility
+    /// that is not at known distances times `distance_scale`.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the inputs of a chunk have different owners")]
     pub(super) fn run(
@@ -94,6 +102,7 @@ impl<T: Real> Chunk<T> {
         targets: &[Target],
         maps: &[ColorMap],
         loss_scale: f64,
+        distance_scale: f64,
         roulette: BatchRoulette,
         scratch: &mut Scratch<T>,
     ) {
@@ -108,7 +117,7 @@ impl<T: Real> Chunk<T> {
         self.decode_backward(field, layout, scratch);
         self.sky_backward(field, layout, rays, scratch);
         self.weigh_backward(field, scratch);
-        self.composite_backward(field, scratch);
+        self.composite_backward(field, targets, T::of(distance_scale), scratch);
         if let Some(roulette) = roulette.density {
             self.density_roulette(roulette, &mut scratch.feature_gradients);
         }
@@ -210,14 +219,22 @@ impl<T: Real> Chunk<T> {
         self.samples.clock.lap(Stage::CompositeBackward);
     }
 
-    /// From the gradients of weights to those of density features.
+    /// From the gradients of weights to those of density features. Where a ray's distance is known, the loss has
+    /// 1 − Σ w over the samples near it, times `distance_scale`, so that their weights have the gradient −`distance_scale`.
     #[inline(always)]
-    fn composite_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
+    fn composite_backward(
+        &mut self,
+        field: &Field<T>,
+        targets: &[Target],
+        distance_scale: T,
+        scratch: &mut Scratch<T>,
+    ) {
         let Scratch {
             activations, behind: colors_behind, pixel_gradients, weight_gradients, feature_gradients, ..
         } = scratch;
         let (samples, shaded) = (&self.samples, &activations.shaded);
         let scales = field.scales.len();
+        let mut misplaced_sum = 0.0;
         // Slopes first: a loop without branches.
         feature_gradients.clear();
         feature_gradients.extend(samples.features.iter().map(|&feature| field.optical_depth_slope(feature)));
@@ -226,12 +243,21 @@ impl<T: Real> Chunk<T> {
             for i in 0..3 {
                 behind += samples.remaining[ray] * color_behind[i] * gradient[i];
             }
+            let [nearest, farthest] =
+                [-1.0, 1.0].map(|side| T::of_f32(targets[ray].distance * (1.0 + side * DISTANCE_TOLERANCE)));
+            let is_known = distance_scale > T::zero() && targets[ray].distance > 0.0;
+            let mut misplaced = if is_known { T::one() } else { T::zero() };
             let mut ray_range = shaded.ray_range(ray);
             for &place in samples.order[samples.ray_range(ray)].iter().rev() {
                 let mut weight_gradient = T::zero();
+                let distance = samples.distances[place as usize];
+                if is_known && distance >= nearest && distance <= farthest {
+                    weight_gradient = -distance_scale;
+                    misplaced -= samples.weight(place as usize);
+                }
                 if ray_range.end > ray_range.start && shaded.slots[ray_range.end - 1] == place {
                     ray_range.end -= 1;
-                    weight_gradient = weight_gradients[ray_range.end];
+                    weight_gradient += weight_gradients[ray_range.end];
                 }
                 let place = place as usize;
                 let after = samples.transmittances[place] * (T::one() - samples.alphas[place]);
@@ -243,7 +269,9 @@ impl<T: Real> Chunk<T> {
                 }
                 feature_gradients[place] = gradient;
             }
+            misplaced_sum += misplaced.f64();
         }
+        self.misplaced = misplaced_sum;
     }
 
     /// Russian roulette on the small gradients of density features.

@@ -160,7 +160,7 @@ mod tests {
                 let gain = 1.0 + spread * (f64::from(view) - 1.5);
                 let noise = 0.02 * (random.uniform(u64::from(1000 + ray)) - 0.5);
                 let seen = color.map(|v| (gain * f64::from(v) + noise) as f32);
-                (color, Target { color: seen, background: [0.0; 3], view })
+                (color, Target { color: seen, background: [0.0; 3], view, distance: 0.0 })
             })
             .unzip()
     }

@@ -18,6 +18,8 @@ pub struct RaySampler<'a> {
     firsts: Vec<u64>,
     /// Indices of the pixels whose rays are active, ascending.
     active: Vec<u32>,
+    /// Model units in one unit of the dataset.
+    unit: f32,
     /// The color behind transparent pixels.
     background: [f32; 3],
     /// The stream of random backgrounds, and \[view\] true if it has them; `None` if `background` is behind all pixels.
@@ -42,7 +44,8 @@ impl<'a> RaySampler<'a> {
             let transparent = views.par_iter().map(|v| !v.pixels.is_opaque()).collect();
             (Random::new(config.seed, "backgrounds"), transparent)
         });
-        Ok(Self { views, cameras, firsts, active: Vec::new(), background: frame.background, random })
+        let unit = frame.model_from_dataset.scale as f32;
+        Ok(Self { views, cameras, firsts, active: Vec::new(), unit, background: frame.background, random })
     }
 
     /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
@@ -101,7 +104,10 @@ impl<'a> RaySampler<'a> {
     }
 
     fn target(&self, view: usize, within: u32, background: [f32; 3]) -> Target {
-        Target { color: self.views[view].pixels.color(within as usize, background), background, view: view as u32 }
+        let View { pixels, distances, .. } = &self.views[view];
+        let color = pixels.color(within as usize, background);
+        let distance = self.unit * distances.get(within as usize).copied().unwrap_or(0.0);
+        Target { color, background, view: view as u32, distance }
     }
 
     /// Number of active rays.

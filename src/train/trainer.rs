@@ -198,7 +198,9 @@ impl<'a> Trainer<'a> {
         let threads = rayon::current_num_threads() as f64;
         self.backward.color_maps.clear();
         self.backward.color_maps.extend_from_slice(self.checkpoint.exposures.maps());
-        let mean_squared_error = self.backward.loss(&self.field, &rays, &targets, roulette);
+        self.backward.distance_weight = self.config.distance_weight;
+        self.backward.loss(&self.field, &rays, &targets, roulette);
+        let mean_squared_error = self.backward.mean_squared_error();
         self.checkpoint.step += 1;
         let step = self.checkpoint.step;
         self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.steps);

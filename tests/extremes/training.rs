@@ -21,7 +21,12 @@ use crate::scenes;
 fn assert_finite_gradients(name: &str, scene: &Scene) {
     let rays = rays_through(scene, 128);
     let targets: Vec<Target> = (0..rays.len())
-        .map(|n| Target { color: [(n % 3) as f32 / 2.0, 0.25, 0.75], background: scene.frame.background, view: 0 })
+        .map(|n| Target {
+            color: [(n % 3) as f32 / 2.0, 0.25, 0.75],
+            background: scene.frame.background,
+            view: 0,
+            distance: 0.0,
+        })
         .collect();
     let field = Field::<f32>::new(scene);
     let found = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());

@@ -32,6 +32,7 @@ impl TrainConfig {
         }
         for (place, value) in [
             ("density_l1", self.density_l1),
+            ("distance_weight", self.distance_weight),
             ("color_roulette", self.color_roulette),
             ("density_roulette", self.density_roulette),
         ] {

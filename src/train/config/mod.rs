@@ -60,6 +60,9 @@ pub struct TrainConfig {
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
     /// off.
     pub density_l1: f64,
+    /// Weight in the loss of the mean visibility that is not where points were matched between photographs (`prior/stereo.rs`),
+    /// over rays through such points. 0 turns it off.
+    pub distance_weight: f64,
     /// Russian roulette on colors in training: a sample of less than this visibility weight is shaded with a
     /// probability of its weight over this, and then has this weight. The expected pixel stays the same. 0 shades all
     /// samples.

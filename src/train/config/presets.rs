@@ -105,6 +105,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         sky_learning_rate: None,
         learning_rate_decay: 0.1,
         density_l1: 1e-5,
+        distance_weight: 0.01,
         color_roulette: 0.001,
         density_roulette: 1.0,
         factor_deviation: 0.2,
