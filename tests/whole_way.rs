@@ -191,6 +191,56 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
 }
 
 #[test]
+fn views_follow_refined_poses_and_an_opaque_capture_has_its_mean_color_behind_it() {
+    let temporary = TempDir::new().unwrap();
+    let folder = temporary.path();
+    fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
+    run(folder, &["synth", "data", "--views", "12", "--test-views", "3", "--size", "24x24", "--seed", "4"]);
+    run(folder, &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet", "--refine-poses"]);
+    assert_eq!(json(folder, &["info", "a.strivec"])["background"], serde_json::json!([1.0, 1.0, 1.0]));
+    let eval = |poses: &[&str]| {
+        json(folder, &[&["eval", "a.strivec", "data"], poses].concat())["psnr"].as_f64().unwrap()
+    };
+    let plain = eval(&[]);
+    let refined = eval(&["--aligned-to", "a.strivec.poses.json"]);
+    assert!((plain - refined).abs() < 1.0, "{plain} and {refined} dB");
+
+    // The same poses, all moved by the same length along x.
+    let path = folder.join("a.strivec.poses.json");
+    let mut poses: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    for frame in poses["frames"].as_array_mut().unwrap() {
+        let x = &mut frame["transform_matrix"][0][3];
+        *x = (x.as_f64().unwrap() + 0.5).into();
+    }
+    fs::write(folder.join("moved.json"), poses.to_string()).unwrap();
+    let moved = eval(&["--aligned-to", "moved.json"]);
+    assert!(moved < refined - 1.0, "a shift shows: {moved} and {refined} dB");
+
+    for (text, expected) in [
+        ("{", "not the refined poses"),
+        (r#"{"frames": []}"#, "0 of its photographs"),
+        (r#"{"frames": [{"file_path": "r_0", "transform_matrix": [[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]}]}"#, "r_0"),
+    ] {
+        fs::write(folder.join("wrong.json"), text).unwrap();
+        let output = strivec(folder, &["eval", "a.strivec", "data", "--quiet", "--aligned-to", "wrong.json"]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(3) && message.contains(expected), "{message}");
+    }
+
+    for entry in fs::read_dir(folder.join("data/train")).unwrap() {
+        let path = entry.unwrap().path();
+        image::open(&path).unwrap().to_rgb8().save(&path).unwrap();
+    }
+    run(folder, &["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--quiet"]);
+    let behind = json(folder, &["info", "b.strivec"])["background"].clone();
+    let views = strivec::dataset::load(&folder.join("data"), "train", &Default::default()).unwrap().views;
+    let mean = strivec::dataset::mean_color(&views, [1.0; 3]);
+    for (channel, mean) in mean.into_iter().enumerate() {
+        assert!((behind[channel].as_f64().unwrap() - f64::from(mean)).abs() < 1e-6, "{behind}, {mean}");
+    }
+}
+
+#[test]
 fn a_dataset_without_anything_in_it_is_named() {
     let temporary = TempDir::new().unwrap();
     let folder = temporary.path();

@@ -60,6 +60,17 @@ def similarity(source, target):
     return scale, rotation, target.mean(0) - scale * rotation @ source.mean(0)
 
 
+def errors(estimated, true):
+    """Rotations in degrees and distances of centers between poses (N, 4, 4), after the similarity that maps the centers."""
+    scale, rotation, translation = similarity(estimated[:, :3, 3], true[:, :3, 3])
+    centers = scale * estimated[:, :3, 3] @ rotation.T + translation
+    between = np.swapaxes(rotation @ estimated[:, :3, :3], 1, 2) @ true[:, :3, :3]
+    # The sine is exact for small angles, where the cosine is not.
+    axis = np.stack([between[:, 2, 1] - between[:, 1, 2], between[:, 0, 2] - between[:, 2, 0], between[:, 1, 0] - between[:, 0, 1]], 1)
+    angles = np.degrees(np.arctan2(np.linalg.norm(axis, axis=1), np.trace(between, axis1=1, axis2=2) - 1))
+    return angles, np.linalg.norm(centers - true[:, :3, 3], axis=1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("capture", type=Path, help="output folder of strivec pose")
@@ -72,14 +83,9 @@ def main():
     if len(names) < 3:
         parser.error(f"only {len(names)} pictures have both poses")
     estimated, true = (np.array([poses[name] for name in names]) for poses in (found, known))
-    scale, rotation, translation = similarity(estimated[:, :3, 3], true[:, :3, 3])
-    centers = scale * estimated[:, :3, 3] @ rotation.T + translation
     size = np.linalg.norm(true[:, None, :3, 3] - true[None, :, :3, 3], axis=2).max()
-    position = 100 * np.linalg.norm(centers - true[:, :3, 3], axis=1) / size
-    between = np.swapaxes(rotation @ estimated[:, :3, :3], 1, 2) @ true[:, :3, :3]
-    # The sine is exact for small angles, where the cosine is not.
-    axis = np.stack([between[:, 2, 1] - between[:, 1, 2], between[:, 0, 2] - between[:, 2, 0], between[:, 1, 0] - between[:, 0, 1]], 1)
-    angle = np.degrees(np.arctan2(np.linalg.norm(axis, axis=1), np.trace(between, axis1=1, axis2=2) - 1))
+    angle, position = errors(estimated, true)
+    position *= 100 / size
     result = {
         "pictures": len(names),
         "rotation_degrees": {"median": float(np.median(angle)), "largest": float(angle.max())},
