@@ -198,9 +198,8 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_its_mean_color_behind_it
     run(folder, &["synth", "data", "--views", "12", "--test-views", "3", "--size", "24x24", "--seed", "4"]);
     run(folder, &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet", "--refine-poses"]);
     assert_eq!(json(folder, &["info", "a.strivec"])["background"], serde_json::json!([1.0, 1.0, 1.0]));
-    let eval = |poses: &[&str]| {
-        json(folder, &[&["eval", "a.strivec", "data"], poses].concat())["psnr"].as_f64().unwrap()
-    };
+    let eval =
+        |poses: &[&str]| json(folder, &[&["eval", "a.strivec", "data"], poses].concat())["psnr"].as_f64().unwrap();
     let plain = eval(&[]);
     let refined = eval(&["--aligned-to", "a.strivec.poses.json"]);
     assert!((plain - refined).abs() < 1.0, "{plain} and {refined} dB");

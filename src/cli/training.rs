@@ -158,9 +158,9 @@ fn match_points(dataset: &mut Dataset, session: &Session) -> Option<VoxelBoxes> 
     Some(points)
 }
 
-/// The prior of opaque photographs from points: all of the dataset, outliers included, else those that are matched between
-/// the photographs, whichever first cover what the photographs show. `config` then has the points' range of rays, if none
-/// was `asked`.
+/// The prior of opaque photographs from points: those of the dataset, outliers included, or those that are matched between
+/// the photographs, whichever more of the rays meet, if these are nearly all. `config` then has the points' range of rays,
+/// if none was `asked`.
 fn prior_of_points(
     config: &mut TrainConfig,
     dataset: &Dataset,
@@ -168,42 +168,39 @@ fn prior_of_points(
     [all_points, matched_points]: [Option<VoxelBoxes>; 2],
     session: &Session,
 ) -> Result<Option<VoxelBoxes>, Error> {
-    if let Some(points) = all_points
-        && let Some(cells) = covering(config, dataset, points, "the dataset's points", session)?
-    {
-        return Ok(Some(cells));
+    let mut best: Option<PointPrior> = None;
+    let range = |points: &VoxelBoxes| prior::ray_range(&cameras(dataset), Some(points));
+    let of_dataset = all_points.map(|points| (points, "the dataset's points", config.near_far));
+    let of_matching = matched_points.map(|points| {
+        let near_far = if asked.is_none() && config.shell.is_none() { Some(range(&points)) } else { config.near_far };
+        (points, "points matched between photographs", near_far)
+    });
+    for (points, what, near_far) in [of_dataset, of_matching].into_iter().flatten() {
+        let config = TrainConfig { near_far, ..config.clone() };
+        let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
+        let share = train::covered_share(&config, dataset, &cells)?;
+        if share >= ENOUGH_COVERED && best.as_ref().is_none_or(|best| share > best.share) {
+            best = Some(PointPrior { cells, what, near_far, share });
+        }
     }
-    let Some(points) = matched_points else { return Ok(None) };
-    let mut matched = config.clone();
-    if asked.is_none() && config.shell.is_none() {
-        matched.near_far = Some(prior::ray_range(&cameras(dataset), Some(&points)));
-    }
-    let Some(cells) = covering(&matched, dataset, points, "points matched between photographs", session)? else {
-        return Ok(None);
-    };
-    if let Some([near, far]) = matched.near_far.filter(|range| Some(*range) != config.near_far) {
+    let Some(PointPrior { cells, what, near_far, share }) = best else { return Ok(None) };
+    let count = plural(cells.cells.len(), "cell");
+    session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
+    if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.near_far) {
         session.console.say(&format!("rays from {near:.3} to {far:.3}, by these points"));
     }
-    *config = matched;
+    config.near_far = near_far;
     Ok(Some(cells))
 }
 
-/// The cells of `points`, which are `what`, in the space of `config`'s prior, if they cover what the photographs show.
-fn covering(
-    config: &TrainConfig,
-    dataset: &Dataset,
-    points: VoxelBoxes,
-    what: &str,
-    session: &Session,
-) -> Result<Option<VoxelBoxes>, Error> {
-    let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
-    let share = train::covered_share(config, dataset, &cells)?;
-    if share < ENOUGH_COVERED {
-        return Ok(None);
-    }
-    let count = plural(cells.cells.len(), "cell");
-    session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
-    Ok(Some(cells))
+/// Cells around points that may be the prior.
+struct PointPrior {
+    /// In the space of the prior.
+    cells: VoxelBoxes,
+    what: &'static str,
+    near_far: Option<[f64; 2]>,
+    /// The share of rays that meet tensors around the cells.
+    share: f64,
 }
 
 /// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points.
