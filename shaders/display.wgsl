@@ -20,7 +20,9 @@ struct Display {
     most_samples: f32,
     // The nearest and the farthest depth.
     depths: vec2<f32>,
-    padding: vec2<f32>,
+    // Or the depth of medium gray, if all depths up to infinity are shown; else 0.
+    depth_scale: f32,
+    padding: f32,
     // The photograph's corner and size, relative to the picture's rectangle.
     photograph: vec4<f32>,
     // The camera's axes.
@@ -91,7 +93,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     switch display.view {
         case 1u: {
             let depth = picture[first + 1u].x;
-            let nearness = (display.depths.y - depth) / max(display.depths.y - display.depths.x, 1e-6);
+            let between = (display.depths.y - depth) / max(display.depths.y - display.depths.x, 1e-6);
+            let scale = display.depth_scale;
+            let nearness = select(between, scale / max(scale + depth, 1e-6), scale > 0.0);
             color = select(vec3(0.0), vec3(mix(0.08, 1.0, clamp(nearness, 0.0, 1.0))), depth > 0.0) * picture[first].w;
         }
         case 2u: {

@@ -5,7 +5,9 @@
 //! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalized, and the formula of `src/measure/ssim.rs`.
 #![cfg(feature = "toolkit")]
 
-use strivec::measure::{Error, Report, ViewReport, color_png, depth_png, error_map, mse, opacity_png, psnr, ssim};
+use strivec::measure::{
+    DepthCode, Error, Report, ViewReport, color_png, depth_png, error_map, mse, opacity_png, psnr, ssim,
+};
 use strivec::psnr::psnr_of_mse;
 
 const SIZE: [u32; 2] = [23, 17];
@@ -174,7 +176,8 @@ fn every_8_bit_color_survives() {
 #[test]
 fn depths_are_multiples_of_the_unit() {
     let depths = [0.0, 0.001, 1.2344, 65.535, 100.0, f64::NAN];
-    let picture = image::load_from_memory(&depth_png([2, 3], &depths, 0.001).unwrap()).unwrap();
+    let picture =
+        image::load_from_memory(&depth_png([2, 3], &depths, DepthCode::Linear { unit: 0.001 }).unwrap()).unwrap();
     assert_eq!(picture.color(), image::ColorType::L16);
     assert_eq!(picture.into_luma16().into_raw(), [0, 1, 1234, 65535, 65535, 0]);
 }

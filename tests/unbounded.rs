@@ -115,8 +115,8 @@ fn points(share: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// The messages of `strivec plan` for the walls with [`points`] of `share`.
-fn planned(share: f64) -> String {
+/// A folder with the walls, [`points`] of `share`, and settings.toml.
+fn written(share: f64) -> TempDir {
     let folder = TempDir::new().unwrap();
     let frames: Vec<_> = (dataset().views.iter())
         .map(|view| {
@@ -141,13 +141,39 @@ fn planned(share: f64) -> String {
     fs::write(folder.path().join("points.ply"), ply).unwrap();
     let settings = TrainConfig { shell: None, inner_box: None, near_far: None, ..config() };
     fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
+    folder
+}
 
+/// The messages of `strivec plan` for the walls with [`points`] of `share`.
+fn planned(share: f64) -> String {
+    let folder = written(share);
     let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
     command.arg("plan").arg(folder.path()).arg("--config").arg(folder.path().join("settings.toml"));
     let found = command.output().unwrap();
     let said = String::from_utf8(found.stderr).unwrap();
     assert!(found.status.success(), "{said}");
     said
+}
+
+#[test]
+fn a_trained_file_has_viewpoints_where_its_photographs_were_taken() {
+    let folder = written(1.0);
+    let settings = TrainConfig { steps: 2, occupancy_at: vec![], shell: Some(0.4), ..config() };
+    let settings = TrainConfig { inner_box: None, near_far: None, ..settings };
+    fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
+    command.current_dir(folder.path()).args(["train", ".", "--config", "settings.toml", "-o", "walls.strivec"]);
+    let found = command.args(["--prior", "points.ply", "--quiet"]).output().unwrap();
+    assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
+    let bytes = fs::read(folder.path().join("walls.strivec")).unwrap();
+    let file = container::decode_scene_file(&bytes, container::Limits::default()).unwrap();
+    let views = file.metadata.views.unwrap();
+    let dataset_from_model = file.scene.frame.model_from_dataset.inverse();
+    for pose in &views.path {
+        let place = dataset_from_model.point(pose.position);
+        assert!(place.length() < 1.0, "{place}");
+        assert!((pose.rotation * DVec3::Y).z > 0.8, "up is up");
+    }
 }
 
 #[test]

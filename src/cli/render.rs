@@ -14,8 +14,9 @@ use super::table::plural;
 use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::measure::{color_png, depth_png, opacity_png};
-use crate::render::{Picture, RenderSettings, upsample_bilinear};
+use crate::measure::{DepthCode, color_png, depth_png, opacity_png};
+use crate::model::Scene;
+use crate::render::{Picture, RenderSettings, Turntable, upsample_bilinear};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -27,7 +28,7 @@ Examples:
   strivec render lego.strivec --path flight.json --fps 60 --size 1280x720 --out frames
 
 Depth is the distance along the ray in dataset units, as 16-bit PNG; depth.json in the folder holds the distance per gray \
-value. 0 is empty space. Frames of a path are frame_0000.png, frame_0001.png, …, with or without --video.";
+value or, of an unbounded scene, the scale s of the distance s * (65535 / value - 1). 0 is empty space. Frames of a path are frame_0000.png, frame_0001.png, …, with or without --video.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -68,25 +69,64 @@ struct Report {
     /// Preparation of the renderer, with the density cache.
     seconds_preparing: f64,
     seconds: f64,
-    /// Depth of a gray value of 1, in dataset units.
+    /// Depth of a gray value of 1, in dataset units; absent for an unbounded scene.
     depth_unit: Option<f64>,
+    /// Depth of half the largest gray value in pictures of an unbounded scene, in dataset units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    depth_scale: Option<f64>,
     /// Pictures in the order of the cameras.
     files: Vec<PathBuf>,
     video: Option<PathBuf>,
 }
 
+/// Edge of the inner cube of an unbounded scene, in model units.
+const INNER_EDGE: f64 = 2.0;
+
 /// The content of `depth.json`.
 #[derive(Serialize)]
 struct DepthScale {
     depth: &'static str,
-    unit: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
+}
+
+impl DepthScale {
+    fn new(code: DepthCode) -> Self {
+        match code {
+            DepthCode::Linear { unit } => Self {
+                depth: "distance along the ray in the dataset's units is gray value times unit; 0 where there is nothing",
+                unit: Some(unit),
+                scale: None,
+            },
+            DepthCode::Reciprocal { scale } => Self {
+                depth: "distance along the ray in the dataset's units is scale * (65535 / gray value - 1); 0 where there is \
+                        nothing",
+                unit: None,
+                scale: Some(scale),
+            },
+        }
+    }
+}
+
+/// The gray values of depths of `scene`, in dataset units: to far or, if far is at the horizon of an unbounded scene,
+/// with half of them in the first edge of the inner cube.
+fn depth_code(scene: &Scene) -> DepthCode {
+    let model_units = scene.frame.model_from_dataset.scale;
+    match scene.rules.contraction {
+        None => DepthCode::Linear { unit: unit_reaching(scene.frame.far / model_units) },
+        Some(_) => DepthCode::Reciprocal { scale: INNER_EDGE / model_units },
+    }
 }
 
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
     let (scene_file, _) = scene_file::read_scene_file(&args.file)?;
-    let mut cameras = args.viewpoints.cameras(&scene_file.scene.frame, &scene_file.scene.bounds)?;
+    let (scene, metadata) = (&scene_file.scene, &scene_file.metadata);
+    let turn = Turntable::of(scene, metadata.views.as_ref(), &metadata.cameras);
+    let mut cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds, turn.as_ref())?;
     if args.undistort {
         cameras.iter_mut().for_each(|named| named.camera = named.camera.undistorted());
     }
@@ -106,14 +146,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     planned.extend(args.depth.then(|| scale_file.clone()));
     planned.extend(args.video.clone());
     check_outputs(&planned, session.force)?;
-    let depth_unit = args.depth.then(|| unit_reaching(scene.frame.far / scene.frame.model_from_dataset.scale));
+    let depth_code = args.depth.then(|| depth_code(&scene));
     let frame = scene.frame.clone();
     let start = Instant::now();
     let mut renderer = args.backend.prepare(scene, &settings.approximation, &session.console)?;
     let seconds_preparing = start.elapsed().as_secs_f64();
-    if let Some(unit) = depth_unit {
-        let depth = "distance along the ray in the dataset's units is gray value times unit; 0 where there is nothing";
-        let json = serde_json::to_string_pretty(&DepthScale { depth, unit }).expect("plain data") + "\n";
+    let scale = depth_code.map(DepthScale::new);
+    if let Some(scale) = &scale {
+        let json = serde_json::to_string_pretty(scale).expect("plain data") + "\n";
         write_atomically(&scale_file, json.as_bytes(), session.force)?;
     }
     let progress = Progress::start(&session.console, "render", cameras.len() as u64);
@@ -129,10 +169,10 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let size = [camera.width, camera.height];
         let picture = upsample_bilinear(&renderer.render(&camera.downscaled(settings.divisor))?, size);
         write(file(&named.name, ""), color_png(size, &colors(&picture))?)?;
-        if let Some(unit) = depth_unit {
+        if let Some(code) = depth_code {
             let scale = frame.model_from_dataset.scale;
             let depths: Vec<f64> = picture.pixels.iter().map(|p| f64::from(p.depth) / scale).collect();
-            write(file(&named.name, "_depth"), depth_png(size, &depths, unit)?)?;
+            write(file(&named.name, "_depth"), depth_png(size, &depths, code)?)?;
         }
         if args.opacity {
             let opacities: Vec<f32> = picture.pixels.iter().map(|p| p.opacity).collect();
@@ -153,7 +193,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         settings,
         seconds_preparing,
         seconds,
-        depth_unit,
+        depth_unit: scale.as_ref().and_then(|scale| scale.unit),
+        depth_scale: scale.as_ref().and_then(|scale| scale.scale),
         files,
         video: args.video.clone(),
     };

@@ -12,18 +12,16 @@ use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::table::plural;
-use super::training::{
-    Meter, cameras, encode, find_distances, import, interrupts, is_opaque, place, read_state, reconstruct,
-};
+use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, read_state, reconstruct};
 use super::{Error, Session, check_output, refined_poses, write_atomically};
-use crate::container::{self, EncodeOptions, Encoding};
+use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::measure::ViewReport;
 use crate::model::Scene;
 use crate::psnr::psnr_of_mse;
-use crate::render::{CpuRenderer, Renderer};
+use crate::render::{CpuRenderer, Renderer, Turntable};
 use crate::train::{DeadComponents, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
@@ -136,7 +134,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         // Nothing else is known of where no tensor is. Training had another color there, for which no wall passes.
         scene.frame.background = dataset::mean_color(&dataset.views, scene.frame.background);
     }
-    let bytes = encode(&scene, args.encoding.factors(), output)?;
+    let bytes = encode_with_views(&scene, &dataset, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;
     if let Some(refined) = trainer.refined_cameras() {
         refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
@@ -159,6 +157,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
     })
+}
+
+/// The bytes of `scene`'s file: with viewpoints by the cameras of `dataset`, unless these are all around the scene.
+fn encode_with_views(scene: &Scene, dataset: &Dataset, factors: Encoding, path: &Path) -> Result<Vec<u8>, Error> {
+    let map = scene.frame.model_from_dataset;
+    let cameras: Vec<_> = cameras(dataset).iter().map(|camera| TrainingCamera::from(&camera.mapped(&map))).collect();
+    let turn = Turntable::of(scene, None, &cameras);
+    let views = turn.map(|turn| turn.views(Turntable::POSES, Turntable::SECONDS));
+    let metadata = Metadata { views, ..Metadata::default() };
+    let bytes = container::encode_scene_file(scene, &metadata, &EncodeOptions::uniform(factors));
+    bytes.map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
 }
 
 /// One line on the photographs that are trained on.

@@ -10,7 +10,8 @@ use super::dataset::DatasetOptions;
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};
-use crate::model::{Frame, UpAxis};
+use crate::model::{Frame, Scene, UpAxis};
+use crate::render::Turntable;
 
 /// Default horizontal field of view and elevation of an orbit, in degrees.
 const FOV: f64 = 40.0;
@@ -24,7 +25,7 @@ pub(super) struct Viewpoints {
     /// Use the cameras of a dataset's JSON file, such as transforms_test.json, or of a dataset folder's test split
     #[arg(long, value_name = "PATH")]
     cameras: Option<PathBuf>,
-    /// Place N cameras on a circle around the scene
+    /// Place N cameras on a circle around the scene; in an unbounded scene or a room, where its photographs were taken
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     orbit: Option<u32>,
     /// Use one camera: 16 numbers, the row-major camera-to-world matrix as in transforms_test.json; written --pose=N,N,… if the first is negative
@@ -41,15 +42,18 @@ pub(super) struct Viewpoints {
     /// Size of the pictures in pixels [default: the dataset's, else 800x800]
     #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
-    /// Horizontal field of view of --orbit, --pose and a turntable, 1 to 170 degrees [default: 40]
+    /// Horizontal field of view of --orbit, --pose and a turntable, 1 to 170 degrees [default: 40; of a circle where
+    /// photographs were taken, theirs]
     #[arg(long, value_name = "DEGREES", conflicts_with = "cameras", value_parser = angle(1.0, 170.0))]
     fov: Option<f64>,
-    /// Elevation above the horizon of --orbit and a turntable, -89 to 89 degrees [default: 30]
+    /// Elevation above the horizon of --orbit and a turntable, -89 to 89 degrees [default: 30; of a circle where
+    /// photographs were taken, theirs]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true,
         conflicts_with_all = ["cameras", "pose"],
         value_parser = angle(-89.0, 89.0))]
     elevation: Option<f64>,
-    /// Distance from the scene's center of --orbit and a turntable, in dataset units [default: shows the whole scene]
+    /// Distance from the scene's center of --orbit and a turntable, in dataset units [default: shows the whole scene; of a
+    /// circle where photographs were taken, theirs]
     #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
     radius: Option<f64>,
 }
@@ -69,8 +73,14 @@ fn length(text: &str) -> Result<f64, String> {
 }
 
 impl Viewpoints {
-    /// The cameras, at least one, for the scene of this `frame` whose `bounds` are in model units.
-    pub(super) fn cameras(&self, frame: &Frame, bounds: &Aabb) -> Result<Vec<NamedCamera>, Error> {
+    /// The cameras, at least one, for the scene of this `frame` whose `bounds` are in model units. Orbits and turntables
+    /// follow `turn`, if there is one.
+    pub(super) fn cameras(
+        &self,
+        frame: &Frame,
+        bounds: &Aabb,
+        turn: Option<&Turntable>,
+    ) -> Result<Vec<NamedCamera>, Error> {
         if let Some(path) = &self.cameras {
             let options = self.dataset.load_options(self.downscale);
             return Ok(if path.is_dir() {
@@ -86,8 +96,10 @@ impl Viewpoints {
             return Ok(vec![NamedCamera { name: "pose".into(), camera }]);
         }
         match (self.orbit, self.path.way()) {
-            (Some(count), _) => Ok(numbered("orbit", 3, self.circle(frame, bounds, count, size))),
-            (None, Some(Way::Turntable(count))) => Ok(numbered("frame", 4, self.circle(frame, bounds, count, size))),
+            (Some(count), _) => Ok(numbered("orbit", 3, self.circle(frame, bounds, turn, count, size).into_iter())),
+            (None, Some(Way::Turntable(count))) => {
+                Ok(numbered("frame", 4, self.circle(frame, bounds, turn, count, size).into_iter()))
+            }
             (None, Some(Way::Keyframes(file))) => {
                 if self.fov.is_some() || self.elevation.is_some() || self.radius.is_some() {
                     let message = "the keyframes set the view; leave out --fov, --elevation and --radius";
@@ -109,13 +121,22 @@ impl Viewpoints {
         Camera::focal_of_angle(size[0], self.fov.unwrap_or(FOV).to_radians())
     }
 
-    /// The first camera of an orbit with the defaults of the command line, for pictures of `size`.
-    pub(super) fn first_of_orbit(frame: &Frame, bounds: &Aabb, size: [u32; 2]) -> Camera {
-        Self::default_orbit(frame, bounds, 1, size)[0]
+    /// The first camera of an orbit with the defaults of the command line, for pictures of `size` of `scene`, in model
+    /// space. Neither cameras nor viewpoints of the scene are known.
+    pub(super) fn first_of_orbit(scene: &Scene, size: [u32; 2]) -> Camera {
+        let turn = Turntable::of(scene, None, &[]);
+        Self::default_orbit(&scene.frame, &scene.bounds, turn.as_ref(), 1, size)[0]
+            .mapped(&scene.frame.model_from_dataset)
     }
 
-    /// All `count` cameras of that orbit.
-    pub(super) fn default_orbit(frame: &Frame, bounds: &Aabb, count: u32, size: [u32; 2]) -> Vec<Camera> {
+    /// All `count` cameras of an orbit with those defaults, in the dataset's space.
+    pub(super) fn default_orbit(
+        frame: &Frame,
+        bounds: &Aabb,
+        turn: Option<&Turntable>,
+        count: u32,
+        size: [u32; 2],
+    ) -> Vec<Camera> {
         let defaults = Self {
             cameras: None,
             orbit: Some(count),
@@ -128,19 +149,28 @@ impl Viewpoints {
             elevation: None,
             radius: None,
         };
-        defaults.circle(frame, bounds, count, size).collect()
+        defaults.circle(frame, bounds, turn, count, size)
     }
 
-    /// `count` cameras evenly around the scene.
+    /// `count` cameras evenly around the scene, or along `turn`.
     fn circle(
         &self,
         frame: &Frame,
         bounds: &Aabb,
+        turn: Option<&Turntable>,
         count: u32,
         size: [u32; 2],
-    ) -> impl ExactSizeIterator<Item = Camera> + use<> {
-        let focal = self.focal(size);
+    ) -> Vec<Camera> {
         let dataset_from_model = frame.model_from_dataset.inverse();
+        let share = |n: u32| f64::from(n) / f64::from(count);
+        if let Some(turn) = turn {
+            let focal = self.fov.map_or_else(|| turn.focal(size), |_| self.focal(size));
+            let distance = self.radius.map_or(turn.distance(), |radius| radius * frame.model_from_dataset.scale);
+            let elevation = self.elevation.map_or(turn.elevation(), f64::to_radians);
+            let camera = |n: u32| turn.camera_at(share(n), size, focal, distance, elevation);
+            return (0..count).map(|n| camera(n).mapped(&dataset_from_model)).collect();
+        }
+        let focal = self.focal(size);
         let target = dataset_from_model.point(bounds.center());
         let radius = self.radius.unwrap_or_else(|| orbit_radius(frame, bounds, size, focal));
         // The first two span the horizon, the third points up.
@@ -153,11 +183,12 @@ impl Viewpoints {
             UpAxis::MinusZ => [DVec3::Y, DVec3::X, -DVec3::Z],
         };
         let (rise, level) = self.elevation.unwrap_or(ELEVATION).to_radians().sin_cos();
-        (0..count).map(move |n| {
-            let (sin, cos) = (TAU * f64::from(n) / f64::from(count)).sin_cos();
+        let camera = |n: u32| {
+            let (sin, cos) = (TAU * share(n)).sin_cos();
             let direction = level * (cos * ahead + sin * aside) + rise * up;
             Camera::looking_at(size, focal, target + radius * direction, target, up)
-        })
+        };
+        (0..count).map(camera).collect()
     }
 }
 
@@ -193,7 +224,7 @@ mod tests {
     fn cameras(arguments: &[&str], up: UpAxis) -> Result<Vec<NamedCamera>, Error> {
         let command = Command::try_parse_from([&["command"], arguments].concat()).unwrap();
         let (frame, bounds) = scene(up);
-        command.viewpoints.cameras(&frame, &bounds)
+        command.viewpoints.cameras(&frame, &bounds, None)
     }
 
     /// A scene around (2, 0, 0) in the dataset's space, whose model space is half as large.

@@ -22,7 +22,7 @@ pub use cells::{Cell, CellMap, FLAT};
 pub use error::Error;
 pub use error_map::{error_map, ramp};
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
-pub use png::{color_png, depth_png, opacity_png};
+pub use png::{DepthCode, color_jpeg, color_png, depth_png, opacity_png};
 pub use probes::{PROBE_MARGIN, ProbeReport, check_probes, make_probes, probe_density_error};
 pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};

@@ -1,12 +1,16 @@
-//! Colors, opacities and depths as the bytes of PNG files.
+//! Colors, opacities and depths as the bytes of PNG files, and colors as those of JPEG files.
 
 use std::io::Cursor;
 
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::Error;
 use crate::color::byte;
+
+/// Quality of JPEG files, of 100.
+const JPEG_QUALITY: u8 = 85;
 
 /// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up. Values outside are clamped; NaN is 0.
 fn quantized(value: f64, full: f64) -> f64 {
@@ -28,6 +32,22 @@ pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> 
     encoded(size, colors.len(), &bytes, ExtendedColorType::Rgb8)
 }
 
+/// A JPEG of `colors` of `size` (columns, rows), for pictures like photographs.
+///
+/// # Errors
+///
+/// As [`color_png`].
+pub fn color_jpeg(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> {
+    Error::unless_size(size, colors.len())?;
+    if colors.is_empty() {
+        return Err(Error::Empty);
+    }
+    let bytes: Vec<u8> = colors.iter().flat_map(|&color| color_bytes(color)).collect();
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY).encode(&bytes, size[0], size[1], ExtendedColorType::Rgb8)?;
+    Ok(jpeg)
+}
+
 /// An 8-bit gray PNG of `opacities` in \[0, 1\] of `size` (columns, rows).
 ///
 /// # Errors
@@ -38,17 +58,46 @@ pub fn opacity_png(size: [u32; 2], opacities: &[f32]) -> Result<Vec<u8>, Error> 
     encoded(size, opacities.len(), &bytes, ExtendedColorType::L8)
 }
 
-/// A 16-bit gray PNG of `depths` of `size` (columns, rows): a value v stands for the depth v·`unit`, up to
-/// 65535·`unit`. `unit` must be positive.
+/// The gray values of depths in 16-bit pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DepthCode {
+    /// A value v stands for the depth v·`unit`, up to 65535·`unit`.
+    Linear {
+        /// Positive.
+        unit: f64,
+    },
+    /// A value v above 0 stands for the depth `scale`·(65535/v − 1): near depths have small steps, and far ones any
+    /// value.
+    Reciprocal {
+        /// The depth of half the largest value; positive.
+        scale: f64,
+    },
+}
+
+impl DepthCode {
+    /// The value of `depth`, from 0 to 1, and 0 for nothing: a depth of 0 or less.
+    fn share(self, depth: f64) -> f64 {
+        match self {
+            Self::Linear { unit } => depth / unit / f64::from(u16::MAX),
+            Self::Reciprocal { scale } if depth > 0.0 => {
+                // However far, it is something.
+                (scale / (scale + depth)).max(1.0 / f64::from(u16::MAX))
+            }
+            Self::Reciprocal { .. } => 0.0,
+        }
+    }
+}
+
+/// A 16-bit gray PNG of `depths` of `size` (columns, rows) as values of `code`.
 ///
 /// # Errors
 ///
 /// As [`color_png`].
-pub fn depth_png(size: [u32; 2], depths: &[f64], unit: f64) -> Result<Vec<u8>, Error> {
+pub fn depth_png(size: [u32; 2], depths: &[f64], code: DepthCode) -> Result<Vec<u8>, Error> {
     let full = f64::from(u16::MAX);
     // The encoder takes 16-bit samples in the machine's byte order.
     let bytes: Vec<u8> =
-        depths.iter().flat_map(|&depth| (quantized(depth / unit / full, full) as u16).to_ne_bytes()).collect();
+        depths.iter().flat_map(|&depth| (quantized(code.share(depth), full) as u16).to_ne_bytes()).collect();
     encoded(size, depths.len(), &bytes, ExtendedColorType::L16)
 }
 

@@ -2,10 +2,11 @@
 
 use glam::DMat3;
 
-use crate::container::TrainingCamera;
+use crate::container::{TrainingCamera, Views as Viewpoints};
 use crate::geometry::{Camera, Lens, Ray};
 use crate::model::Scene;
 use crate::random::Random;
+use crate::render::Turntable;
 use crate::train::FactorImportance;
 
 /// Cameras in the model's space, in place of a dataset's.
@@ -16,11 +17,18 @@ pub struct Views {
 }
 
 /// `count` cameras with pictures of about `size` pixels along the longer side: `known` cameras at equal distances if
-/// there are any, else cameras around the bounds, most of them above the horizon, so near that the scene fills their
-/// pictures.
-pub fn probe_views(scene: &Scene, known: &[TrainingCamera], count: usize, size: u32) -> Views {
+/// there are any. Else cameras along and beside the turn of a scene that is seen from within, as far as the viewpoints
+/// `views` of its file say; else cameras around the bounds, most of them above the horizon, so near that the scene fills
+/// their pictures.
+pub fn probe_views(
+    scene: &Scene,
+    views: Option<&Viewpoints>,
+    known: &[TrainingCamera],
+    count: usize,
+    size: u32,
+) -> Views {
     let cameras = if known.is_empty() {
-        around(scene, count, size)
+        Turntable::of(scene, views, &[]).map_or_else(|| around(scene, count, size), |turn| turn.spread(count, size))
     } else {
         let pick = |n: usize| &known[n * known.len() / count.min(known.len())];
         (0..count.min(known.len())).map(|n| of_training(pick(n), size)).collect()

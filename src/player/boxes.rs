@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Contraction};
 use crate::model::Scene;
 use crate::render::gpu::Gpu;
 
@@ -18,6 +18,12 @@ const OPACITIES: [f32; 2] = [0.05, 0.4];
 /// number.
 const OPAQUE_TENSORS: f32 = 150.0;
 
+/// Straight parts of an edge in a contracted scene, where edges are curved.
+const SEGMENTS: u32 = 8;
+/// Boxes of a contracted scene are drawn up to this distance from the bounds of contracted space, where space ends.
+/// Twin: `expanded` of `shaders/boxes.wgsl`.
+const FROM_END: f64 = 1e-3;
+
 /// `Boxes` of `shaders/boxes.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -25,6 +31,9 @@ struct Uniform {
     clip_from_model: [[f32; 4]; 4],
     halves: [[f32; 4]; SCALES],
     colors: [[f32; 4]; SCALES],
+    shell: f32,
+    segments: u32,
+    padding: [u32; 2],
 }
 
 /// The tensor boxes of a scene in device memory.
@@ -73,7 +82,11 @@ impl BoxLines {
             layout: &pipeline.get_bind_group_layout(0),
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniform_buffer.as_entire_binding() }],
         });
-        let uniform = Uniform { clip_from_model: [[0.0; 4]; 4], halves, colors };
+        let (shell, segments) = match scene.rules.contraction {
+            None => (0.0, 1),
+            Some(contraction) => (contraction.shell as f32, SEGMENTS),
+        };
+        let uniform = Uniform { clip_from_model: [[0.0; 4]; 4], halves, colors, shell, segments, padding: [0; 2] };
         Self { pipeline, bind_group, uniform_buffer, uniform, centers: centers_buffer, firsts, origin }
     }
 
@@ -87,7 +100,7 @@ impl BoxLines {
         pass.set_bind_group(0, &self.bind_group, &[]);
         pass.set_vertex_buffer(0, self.centers.slice(..));
         for (range, _) in self.firsts.windows(2).zip(scales).filter(|(_, is_shown)| **is_shown) {
-            pass.draw(0..24, range[0]..range[1]);
+            pass.draw(0..24 * self.uniform.segments, range[0]..range[1]);
         }
     }
 }
@@ -104,20 +117,37 @@ fn color_of(s: usize, tensors: usize) -> [f32; 4] {
 pub fn each_line(scene: &Scene, camera: &Camera, scales: &[bool], mut draw: impl FnMut([DVec2; 2], [f32; 4])) {
     let origin = scene.bounds.center();
     let clip_from_model = clip_from_model(camera, origin);
+    let contraction = scene.rules.contraction;
+    let segments = contraction.map_or(1, |_| SEGMENTS);
+    let placed = |point: DVec3| contraction.map_or(point, |contraction| expanded(&contraction, point));
     for (s, scale) in scene.scales.iter().enumerate().filter(|(s, _)| scales.get(*s) == Some(&true)) {
         let color = color_of(s, scale.cloud.len());
         for center in scale.cloud.centers() {
-            let corners: [DVec4; 8] = std::array::from_fn(|n| {
+            let corners: [DVec3; 8] = std::array::from_fn(|n| {
                 let sign = DVec3::from_array([1, 2, 4].map(|bit| if n & bit == 0 { -1.0 } else { 1.0 }));
-                clip_from_model * (center - origin + sign * scale.cloud.half_edge).extend(1.0)
+                center + sign * scale.cloud.half_edge
             });
             for (a, b) in (0..8).flat_map(|a| [1, 2, 4].map(|bit| (a, a | bit))).filter(|(a, b)| a != b) {
-                if let Some(ends) = in_front(corners[a], corners[b]) {
-                    draw(ends.map(|p| DVec2::new(0.5 + 0.5 * p.x / p.w, 0.5 - 0.5 * p.y / p.w)), color);
+                let end = |n: u32| {
+                    let point = corners[a].lerp(corners[b], f64::from(n) / f64::from(segments));
+                    clip_from_model * (placed(point) - origin).extend(1.0)
+                };
+                for n in 0..segments {
+                    if let Some(ends) = in_front(end(n), end(n + 1)) {
+                        draw(ends.map(|p| DVec2::new(0.5 + 0.5 * p.x / p.w, 0.5 - 0.5 * p.y / p.w)), color);
+                    }
                 }
             }
         }
     }
+}
+
+/// The point of model space whose image is `contracted`, or one far away in its direction if that is near the bounds or
+/// beyond.
+fn expanded(contraction: &Contraction, contracted: DVec3) -> DVec3 {
+    let norm = contracted.abs().max_element();
+    let most = 1.0 + contraction.shell - FROM_END;
+    contraction.expand(if norm > most { contracted * (most / norm) } else { contracted })
 }
 
 /// The part of a line that lies in front of the camera, in clip space; `None` if it lies behind the camera.
@@ -189,7 +219,16 @@ mod tests {
 
     #[test]
     fn the_uniform_lies_as_the_shader_has_it() {
-        crate::render::gpu::testing::assert_same_layout!(SHADER, "Boxes", Uniform, clip_from_model, halves, colors);
+        crate::render::gpu::testing::assert_same_layout!(
+            SHADER,
+            "Boxes",
+            Uniform,
+            clip_from_model,
+            halves,
+            colors,
+            shell,
+            segments
+        );
     }
 
     #[test]
@@ -216,5 +255,25 @@ mod tests {
         assert_eq!(lines, 12 * scene.scales[0].cloud.len());
         let behind = camera.position - camera.ray_through(15.0, 10.0).unwrap().direction;
         assert!((clip_from_model(&camera, DVec3::ZERO) * behind.extend(1.0)).w < 0.0);
+    }
+
+    #[test]
+    fn boxes_of_a_contracted_scene_lie_where_their_content_is_seen() {
+        let mut scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let contraction = Contraction { shell: 0.4 };
+        (scene.bounds, scene.rules.contraction) = (contraction.bounds(), Some(contraction));
+        let camera = Camera::looking_at([30, 20], 25.0, DVec3::new(0.2, 0.1, 0.3), DVec3::X, DVec3::Z);
+        let mut lines = 0;
+        each_line(&scene, &camera, &[true], |ends, _| {
+            lines += 1;
+            assert!(ends.iter().all(|p| p.is_finite()), "{ends:?}");
+        });
+        assert!(lines > 0);
+        for (contracted, expected) in [([0.5, -0.9, 0.0], [0.5, -0.9, 0.0]), ([1.2, 0.0, 0.6], [2.0, 0.0, 1.0])] {
+            let found = expanded(&contraction, DVec3::from_array(contracted));
+            assert!((found - DVec3::from_array(expected)).length() < 1e-12, "{found}");
+        }
+        let beyond = expanded(&contraction, DVec3::new(0.0, 1.6, 0.0));
+        assert!((beyond - DVec3::new(0.0, 400.0, 0.0)).length() < 1e-6, "{beyond}");
     }
 }

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::action::MAX_SAVED_VIEWS;
-use super::first_view::{Stand, first_view};
+use super::first_view::{FirstView, Stand, extent, first_view};
 use super::{Action, Gesture, Gestures, action_of};
 use crate::container::{Pose, TrainingCamera, Views};
 use crate::geometry::{Camera, Lens};
@@ -14,7 +14,7 @@ use crate::model::Scene;
 
 /// Minimum angle between the line of sight and the vertical, in radians.
 const FROM_POLE: f64 = 0.02;
-/// Flying speed, in extents of the scene per second.
+/// Flying speed, in extents of the scene per second. In the surroundings of a contracted scene it grows with the distance.
 const FLYING_SPEED: f64 = 0.4;
 /// Factor of the flying speed while Shift is held.
 const FASTER: f64 = 4.0;
@@ -43,8 +43,12 @@ pub struct Controls {
     /// Vertical angle of view, in radians.
     angle_of_view: f64,
     up: DVec3,
-    /// The longest edge of the scene's bounds.
+    /// The longest edge of the scene's bounds, or of a contracted scene's inner cube.
     extent: f64,
+    /// True if the scene is contracted.
+    is_unbounded: bool,
+    /// True if dragging turns the camera around its own position first, and around the pivot with Control.
+    looks_around: bool,
     held: BTreeSet<String>,
     gestures: Gestures,
 }
@@ -53,9 +57,8 @@ impl Controls {
     /// Controls for `scene`. The first view is a training camera's if `cameras` do not surround the scene, else that of
     /// `views`, else an overview.
     pub fn new(scene: &Scene, views: Option<&Views>, cameras: &[TrainingCamera]) -> Self {
-        let up = scene.frame.up_in_model();
-        let (first, angle_of_view) = first_view(scene, up, views, cameras);
-        let extent = scene.bounds.size().max_element();
+        let FirstView { stand: first, angle: angle_of_view, up, looks_around } = first_view(scene, views, cameras);
+        let extent = extent(scene);
         Self {
             first,
             first_angle: angle_of_view,
@@ -64,6 +67,8 @@ impl Controls {
             angle_of_view,
             up,
             extent,
+            is_unbounded: scene.rules.contraction.is_some(),
+            looks_around,
             held: BTreeSet::new(),
             gestures: Gestures::default(),
         }
@@ -151,12 +156,13 @@ impl Controls {
         self.dolly(0.9_f64.powf(lines.clamp(-20.0, 20.0)));
     }
 
-    /// Applies a drag of the pointer to the right and down, in parts of the window's height.
+    /// Applies a drag of the pointer to the right and down, in parts of the window's height. In a room, where an orbit
+    /// would pass through walls, [`Drag::Orbit`] and [`Drag::Look`] are exchanged.
     pub fn dragged(&mut self, [right, down]: [f64; 2], drag: Drag) {
-        match drag {
-            Drag::Orbit => self.orbit(right, down),
-            Drag::Pan => self.pan(right, down),
-            Drag::Look => self.look(right, down),
+        match (drag, self.looks_around) {
+            (Drag::Orbit, false) | (Drag::Look, true) => self.orbit(right, down),
+            (Drag::Look, false) | (Drag::Orbit, true) => self.look(right, down),
+            (Drag::Pan, _) => self.pan(right, down),
         }
     }
 
@@ -216,13 +222,16 @@ impl Controls {
         }
     }
 
-    /// Orbits or zooms by one step of an arrow key, plus or minus. Returns whether `code` is such a key.
+    /// Orbits or, in a room, looks around, or zooms by one step of an arrow key, plus or minus. Returns whether `code` is
+    /// such a key.
     pub fn step(&mut self, code: &str) -> bool {
+        // Looking left moves the picture to the right.
+        let by = if self.looks_around { -KEY_STEP } else { KEY_STEP };
         match code {
-            "ArrowLeft" => self.orbit(-KEY_STEP, 0.0),
-            "ArrowRight" => self.orbit(KEY_STEP, 0.0),
-            "ArrowUp" => self.orbit(0.0, -KEY_STEP),
-            "ArrowDown" => self.orbit(0.0, KEY_STEP),
+            "ArrowLeft" => self.dragged([-by, 0.0], Drag::Orbit),
+            "ArrowRight" => self.dragged([by, 0.0], Drag::Orbit),
+            "ArrowUp" => self.dragged([0.0, -by], Drag::Orbit),
+            "ArrowDown" => self.dragged([0.0, by], Drag::Orbit),
             "Equal" | "NumpadAdd" => self.wheel(1.0),
             "Minus" | "NumpadSubtract" => self.wheel(-1.0),
             _ => return false,
@@ -243,7 +252,8 @@ impl Controls {
             return false;
         }
         let faster = if held("ShiftLeft") + held("ShiftRight") > 0.0 { FASTER } else { 1.0 };
-        let length = FLYING_SPEED * faster * self.extent * seconds.clamp(0.0, 0.25);
+        let away = if self.is_unbounded { self.now.pose.position.abs().max_element().max(1.0) } else { 1.0 };
+        let length = FLYING_SPEED * faster * away * self.extent * seconds.clamp(0.0, 0.25);
         self.now.pose.position += length * self.now.axis(step.normalize());
         true
     }
@@ -266,6 +276,8 @@ mod tests {
             angle_of_view: 0.7,
             up: DVec3::Z,
             extent: 2.0,
+            is_unbounded: false,
+            looks_around: false,
             held: BTreeSet::new(),
             gestures: Gestures::default(),
         }
@@ -350,6 +362,37 @@ mod tests {
         assert_eq!(controls.pose(), kept);
         assert_eq!([action_of("Digit0", false), action_of("KeyZ", false)], [None, None]);
         assert_eq!(controls.key("KeyF", false, false), None, "keys act when they go down");
+    }
+
+    #[test]
+    fn in_a_room_dragging_looks_around_and_the_arrows_look_where_they_point() {
+        let mut controls = Controls { looks_around: true, ..controls() };
+        let before = controls.pose();
+        controls.dragged([0.1, 0.05], Drag::Orbit);
+        assert_eq!(controls.pose().position, before.position);
+        assert_ne!(controls.pose().rotation, before.rotation);
+        controls.dragged([0.1, 0.0], Drag::Look);
+        assert_ne!(controls.pose().position, before.position);
+        controls.act(Action::Reset);
+        let left = -controls.now.axis(DVec3::X);
+        assert!(controls.step("ArrowLeft"));
+        assert!(left.dot(-controls.now.axis(DVec3::Z)) > 0.01);
+        let up = controls.now.axis(DVec3::Y);
+        assert!(controls.step("ArrowUp"));
+        assert!(up.dot(-controls.now.axis(DVec3::Z)) > 0.01);
+    }
+
+    #[test]
+    fn flying_in_the_surroundings_is_faster_the_farther_away_they_are() {
+        let mut controls = Controls { is_unbounded: true, ..controls() };
+        controls.key("KeyW", true, false);
+        let mut flown = |at: DVec3| {
+            controls.now.pose.position = at;
+            controls.fly(0.1);
+            (controls.pose().position - at).length()
+        };
+        assert!((flown(DVec3::splat(0.5)) - 0.08).abs() < 1e-9);
+        assert!((flown(DVec3::new(0.0, -50.0, 1.0)) - 4.0).abs() < 1e-9);
     }
 
     #[test]

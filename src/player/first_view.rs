@@ -7,13 +7,16 @@ use glam::{DQuat, DVec3};
 use crate::container::{Pose, TrainingCamera, Views};
 use crate::geometry::{Aabb, Camera};
 use crate::model::Scene;
+use crate::render::{Gaze, Turntable};
 
 /// Vertical angle of view in radians if the file has none.
 const ANGLE_OF_VIEW: f64 = 0.7;
 /// Elevation of an overview in radians.
 const ELEVATION: f64 = 0.45;
-/// Cameras surround a scene if the mean of their unit directions, seen from its center, is shorter than this.
-const MAX_MEAN_DIRECTION: f64 = 0.5;
+/// Edge of the inner cube of a contracted scene, in model units.
+const INNER_EDGE: f64 = 2.0;
+/// The least distance of the first pivot, as part of the extent.
+const NEAREST_PIVOT: f64 = 0.1;
 
 /// A camera pose in the model's space, and the distance to its pivot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,37 +37,52 @@ impl Stand {
     }
 }
 
-/// The first view of `scene`, and its vertical angle in radians: that of a training camera if `cameras` do not surround
-/// the scene (photographs show it from one side only), else that of `views`, else an overview.
-pub(super) fn first_view(scene: &Scene, up: DVec3, views: Option<&Views>, cameras: &[TrainingCamera]) -> (Stand, f64) {
-    let (center, extent) = (scene.bounds.center(), scene.bounds.size().max_element());
-    if !cameras.is_empty() && !surround(cameras, &scene.bounds, up) {
-        let mean = cameras.iter().map(|camera| camera.pose.position).sum::<DVec3>() / cameras.len() as f64;
-        let far = |camera: &&TrainingCamera| camera.pose.position.distance_squared(mean);
-        if let Some(camera) = cameras.iter().min_by(|a, b| far(a).total_cmp(&far(b))) {
-            let stand = Stand { pose: camera.pose, distance: extent };
-            let ahead = (center - stand.pose.position).dot(-stand.axis(DVec3::Z));
-            let angle = 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan();
-            return (Stand { distance: ahead.max(0.1 * extent), ..stand }, angle.clamp(0.02, 3.0));
-        }
-    }
-    let angle = views.map_or(ANGLE_OF_VIEW, |views| views.angle_of_view).clamp(0.02, 3.0);
-    let stand = match views {
-        Some(views) => Stand { pose: views.first, distance: (views.center - views.first.position).length().max(1e-6) },
-        None => overview(&scene.bounds, up, angle),
-    };
-    (stand, angle)
+/// The first view of a scene, and what the controls derive from its cameras.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FirstView {
+    pub(super) stand: Stand,
+    /// Vertical angle of view, in radians.
+    pub(super) angle: f64,
+    /// The direction that is up in pictures, in the model's space.
+    pub(super) up: DVec3,
+    /// True if the cameras stand within the scene and look away from its middle, as in a room.
+    pub(super) looks_around: bool,
 }
 
-/// True if most of `cameras` are outside of `bounds` and they are on all sides of it.
-fn surround(cameras: &[TrainingCamera], bounds: &Aabb, up: DVec3) -> bool {
-    let inside = cameras.iter().filter(|camera| bounds.contains(camera.pose.position)).count();
-    let direction = |camera: &TrainingCamera| {
-        let to = camera.pose.position - bounds.center();
-        (to - to.dot(up) * up).normalize_or_zero()
+/// The first view of `scene`: that of a training camera if `cameras` do not surround its bounds (photographs show it
+/// from within, or from one side only), else that of `views`, else an overview.
+pub(super) fn first_view(scene: &Scene, views: Option<&Views>, cameras: &[TrainingCamera]) -> FirstView {
+    let turn = Turntable::of(scene, views, cameras);
+    let up = turn.as_ref().map_or_else(|| scene.frame.up_in_model(), |turn| turn.up);
+    let looks_around = turn.as_ref().is_some_and(|turn| turn.gaze == Gaze::Outward);
+    let (stand, angle) = match (&turn, views) {
+        (Some(turn), _) if !cameras.is_empty() => {
+            let camera = &cameras[turn.nearest_camera(cameras)];
+            let ahead = -(camera.pose.rotation * DVec3::Z);
+            let nearest = NEAREST_PIVOT * extent(scene);
+            let distance = match turn.gaze {
+                Gaze::Inward => (turn.center - camera.pose.position).dot(ahead).max(nearest),
+                Gaze::Outward => 2.0 * nearest,
+            };
+            (Stand { pose: camera.pose, distance }, 2.0 * (0.5 * f64::from(camera.size[1]) / camera.focal[1]).atan())
+        }
+        (_, Some(views)) => {
+            let distance = (views.center - views.first.position).length().max(1e-6);
+            (Stand { pose: views.first, distance }, views.angle_of_view)
+        }
+        (Some(turn), None) => {
+            let pose = Pose::from(&turn.camera(0.0, [2, 2]));
+            (Stand { pose, distance: turn.distance().max(NEAREST_PIVOT) }, turn.angle_of_view)
+        }
+        (None, None) => (overview(&scene.bounds, up, ANGLE_OF_VIEW), ANGLE_OF_VIEW),
     };
-    let mean = cameras.iter().map(direction).sum::<DVec3>() / cameras.len() as f64;
-    2 * inside < cameras.len() && mean.length() < MAX_MEAN_DIRECTION
+    FirstView { stand, angle: angle.clamp(0.02, 3.0), up, looks_around }
+}
+
+/// The length that speeds are relative to, in model units: the longest edge of the bounds or, in a contracted scene, of
+/// the inner cube.
+pub(super) fn extent(scene: &Scene) -> f64 {
+    if scene.rules.contraction.is_some() { INNER_EDGE } else { scene.bounds.size().max_element() }
 }
 
 /// A view from slightly above, at a distance that shows the sphere around `bounds`.
@@ -79,6 +97,8 @@ pub(super) fn overview(bounds: &Aabb, up: DVec3, angle_of_view: f64) -> Stand {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// Cameras in a circle of radius `radius` around the origin, from 0 to `angle`, that look at it.
@@ -93,17 +113,58 @@ mod tests {
 
     #[test]
     fn scenes_that_are_not_surrounded_begin_at_a_camera() {
-        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
-        let bounds = Aabb::around(DVec3::ZERO, DVec3::ONE);
-        let scene = Scene { bounds, ..scene };
-        let from = |cameras: &[TrainingCamera]| first_view(&scene, DVec3::Z, None, cameras);
+        let scene = Scene { bounds: Aabb::around(DVec3::ZERO, DVec3::ONE), ..plain() };
+        let from = |cameras: &[TrainingCamera]| first_view(&scene, None, cameras);
         let overview = from(&[]);
-        assert_eq!(from(&circle(2.0 * std::f64::consts::PI, 4.0)), overview, "all sides");
+        assert_eq!(from(&circle(2.0 * PI, 4.0)), overview, "all sides");
         let one_side = circle(1.5, 4.0);
-        let (stand, angle) = from(&one_side);
+        let FirstView { stand, angle, looks_around, .. } = from(&one_side);
         assert!(one_side.iter().any(|camera| camera.pose == stand.pose), "{stand:?}");
         assert!((angle - 2.0 * (10.0_f64 / 25.0).atan()).abs() < 1e-12 && stand.pivot().length() < 1e-6);
-        let inside = circle(2.0 * std::f64::consts::PI, 0.5);
-        assert!(inside.iter().any(|camera| camera.pose == from(&inside).0.pose), "from inside");
+        let inside = circle(2.0 * PI, 0.5);
+        assert!(inside.iter().any(|camera| camera.pose == from(&inside).stand.pose), "from inside");
+        assert!(!looks_around && !from(&inside).looks_around);
+    }
+
+    #[test]
+    fn unbounded_scenes_begin_at_a_camera_of_the_capture_and_orbit_what_it_looks_at() {
+        let scene = unbounded();
+        // Cameras on all sides, outside of the inner cube; the bounds of contracted space say nothing of them.
+        let cameras = circle(2.0 * PI, 4.0);
+        let FirstView { stand, .. } = first_view(&scene, None, &cameras);
+        assert!(cameras.iter().any(|camera| camera.pose == stand.pose), "{stand:?}");
+        assert!(stand.pivot().length() < 1e-6, "{stand:?}");
+        // A scene without cameras begins in the inner cube and looks at its middle.
+        let FirstView { stand, .. } = first_view(&scene, None, &[]);
+        assert!(stand.pose.position.abs().max_element() < 1.0 && stand.pivot().length() < 1e-9, "{stand:?}");
+        assert_eq!(extent(&scene), 2.0);
+    }
+
+    #[test]
+    fn in_a_room_the_camera_looks_around_and_up_is_that_of_its_pictures() {
+        let scene = Scene { bounds: Aabb::around(DVec3::ZERO, DVec3::splat(3.0)), ..plain() };
+        // All directions from the middle of the room, whose floor is at +y.
+        let camera = |n: u32| {
+            let (sin, cos) = f64::from(n).sin_cos();
+            let at = DVec3::new(0.3 * cos, 0.1, 0.3 * sin);
+            let toward = at + DVec3::new(cos, 0.2 * (3.0 * sin).sin(), sin);
+            TrainingCamera::from(&Camera::looking_at([40, 20], 25.0, at, toward, -DVec3::Y))
+        };
+        let cameras: Vec<_> = (0..20).map(camera).collect();
+        let FirstView { stand, up, looks_around, .. } = first_view(&scene, None, &cameras);
+        assert!(looks_around && cameras.iter().any(|camera| camera.pose == stand.pose));
+        assert!(up.dot(-DVec3::Y) > 0.99, "{up}");
+    }
+
+    fn plain() -> Scene {
+        crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap()
+    }
+
+    /// A contracted scene.
+    fn unbounded() -> Scene {
+        let mut scene = plain();
+        let contraction = crate::geometry::Contraction { shell: 0.4 };
+        (scene.bounds, scene.rules.contraction) = (contraction.bounds(), Some(contraction));
+        scene
     }
 }

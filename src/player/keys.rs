@@ -2,12 +2,12 @@
 
 /// Input and effect.
 pub const KEYS: [(&str, &str); 18] = [
-    ("Left drag, one finger", "Orbit around the pivot"),
+    ("Left drag, one finger", "Orbit around the pivot; in a room, look around"),
     ("Right drag, Shift + drag, two fingers", "Pan"),
-    ("Ctrl + drag", "Look around"),
+    ("Ctrl + drag", "Look around; in a room, orbit"),
     ("Wheel, pinch", "Zoom in, out"),
     ("W A S D Q E", "Fly; with Shift four times as fast"),
-    ("Arrow keys, + and −", "Orbit; zoom in, out"),
+    ("Arrow keys, + and −", "Orbit or, in a room, look around; zoom in, out"),
     ("F", "Set the pivot under the pointer"),
     ("R, Home", "Return to the first view"),
     ("1 … 9", "Go to a saved view; with Ctrl or Shift save it"),

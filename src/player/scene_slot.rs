@@ -1,11 +1,12 @@
 //! An open scene, and the picture of it that is being drawn.
 
+use super::first_view::extent;
 use super::{Fact, Step, clock, facts, named_choices, scale_count};
 use crate::container::{Prefix, SceneFile, TrainingCamera};
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::render::gpu::GpuError;
-use crate::render::{Approximation, RenderSettings};
+use crate::render::{Approximation, RenderSettings, Turntable};
 
 /// Draws one scene and keeps its last finished picture. Implemented by the desktop player and by the page.
 pub trait Painter: Sized {
@@ -36,6 +37,9 @@ pub trait Painter: Sized {
         prefixes: &[Option<Prefix>],
         approximation: &Approximation,
     ) -> Result<(), GpuError>;
+
+    /// Begins rays at the distance `near`, in model units, from the next picture on.
+    fn set_near(&mut self, near: f64);
 
     /// True if it can draw now.
     fn is_ready(&self) -> bool {
@@ -79,7 +83,7 @@ pub trait Painter: Sized {
 /// An open scene.
 #[derive(Debug)]
 pub struct SceneSlot<P> {
-    /// The file's scene. Near and far are extended, as the camera of a player may be anywhere.
+    /// The file's scene. Far is extended, as the camera of a player may be anywhere. Near is the chosen one.
     pub scene: Scene,
     /// Near and far of the file.
     pub near_far: [f64; 2],
@@ -119,7 +123,11 @@ impl<P: Painter> SceneSlot<P> {
         let facts = facts(&file, &contents, contents.file_length);
         let SceneFile { mut scene, metadata, .. } = file;
         let near_far = [scene.frame.near, scene.frame.far];
-        scene.frame.near = 0.0;
+        // No photograph shows what is before near. A camera that is outside of the bounds may come as near as it likes;
+        // one that is within the scene would see what is left there.
+        if Turntable::of(&scene, metadata.views.as_ref(), &metadata.cameras).is_none() {
+            scene.frame.near = 0.0;
+        }
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
         let painter = P::new(device, &scene, &metadata.prefixes, approximation)?;
         Ok(Self {
@@ -154,6 +162,18 @@ impl<P: Painter> SceneSlot<P> {
         self.painter.approximate(device, &self.scene, &self.prefixes, approximation)?;
         self.drawing = None;
         Ok(())
+    }
+
+    /// Begins rays at the distance `near`, in model units, from the next picture on.
+    pub fn set_near(&mut self, near: f64) {
+        self.scene.frame.near = near;
+        self.painter.set_near(near);
+        self.drawing = None;
+    }
+
+    /// The largest value of near to choose, in model units.
+    pub fn max_near(&self) -> f64 {
+        (2.0 * self.near_far[0]).max(0.5 * extent(&self.scene))
     }
 
     /// Begins the picture that `camera` takes, in place of an unfinished one. Does nothing while the painter is not

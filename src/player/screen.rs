@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles as _, Vec3};
 
+use super::first_view::extent;
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::render::TraceInfo;
@@ -71,6 +72,9 @@ pub struct Show {
     pub background: [f32; 3],
     /// Depths that are displayed brightest and darkest, in model units.
     pub depths: [f32; 2],
+    /// In an unbounded scene, the depth of medium gray: nearer surfaces are brighter, and only an infinite depth is darkest.
+    /// Otherwise 0.
+    pub depth_scale: f32,
     /// Number of samples that is displayed brightest.
     pub most_samples: f32,
     /// Share of the photograph in the picture, from 0 to 1.
@@ -80,6 +84,14 @@ pub struct Show {
 }
 
 impl Show {
+    /// Brightness of `depth`, from 0 to 1. Twin: `fragment` of `shaders/display.wgsl`.
+    pub fn nearness(&self, depth: f32) -> f32 {
+        let [near, far] = self.depths;
+        let between = (far - depth) / (far - near).max(1e-6);
+        let scale = self.depth_scale;
+        if scale > 0.0 { scale / (scale + depth).max(1e-6) } else { between }.clamp(0.0, 1.0)
+    }
+
     /// Settings for the picture of `scene` that `camera` took: `view`, on `background` or else the scene's own, without
     /// a photograph.
     pub fn new(scene: &Scene, camera: Option<&Camera>, view: View, background: Option<[f32; 3]>) -> Self {
@@ -91,6 +103,7 @@ impl Show {
             scene_background: own,
             background: background.unwrap_or(own),
             depths: [(distance - reach).max(0.0), distance + reach].map(|v| v as f32),
+            depth_scale: scene.rules.contraction.map_or(0.0, |_| extent(scene) as f32),
             most_samples: (bounds.size().max_element() / scene.rules.step).min(256.0) as f32,
             photograph_share: 0.0,
             photograph: [0.0, 0.0, 1.0, 1.0],
@@ -112,7 +125,8 @@ struct Uniform {
     background: [f32; 3],
     most_samples: f32,
     depths: [f32; 2],
-    padding: [f32; 2],
+    depth_scale: f32,
+    padding: f32,
     photograph: [f32; 4],
     right: [f32; 3],
     padding1: f32,
@@ -234,7 +248,8 @@ impl Screen {
             background: show.background,
             most_samples: show.most_samples,
             depths: show.depths,
-            padding: [0.0; 2],
+            depth_scale: show.depth_scale,
+            padding: 0.0,
             photograph: show.photograph,
             right: axis(0),
             padding1: 0.0,
@@ -336,6 +351,7 @@ mod tests {
             background,
             most_samples,
             depths,
+            depth_scale,
             photograph,
             right,
             up,
@@ -354,6 +370,19 @@ mod tests {
             let back = if z < 0.0 { (1.0 - flat.yx().abs()) * signs } else { flat }.extend(z).normalize();
             assert!(back.distance(direction.normalize()) < 2e-3, "{direction} {back}");
         }
+    }
+
+    #[test]
+    fn near_depths_of_an_unbounded_scene_differ_however_far_it_reaches() {
+        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let plain = Show::new(&scene, None, View::Depth, None);
+        assert!((plain.nearness(plain.depths[0]) - 1.0).abs() < 1e-6 && plain.nearness(plain.depths[1]) < 1e-6);
+        let contraction = crate::geometry::Contraction { shell: 0.4 };
+        let rules = crate::model::Rules { contraction: Some(contraction), ..scene.rules.clone() };
+        let unbounded = Scene { bounds: contraction.bounds(), rules, ..scene };
+        let show = Show::new(&unbounded, None, View::Depth, None);
+        let shown = [0.5, 1.0, 2.0, 4.0, 1e3].map(|depth| show.nearness(depth));
+        assert!(shown.windows(2).all(|pair| pair[0] > pair[1] + 0.1), "{shown:?}");
     }
 
     #[test]

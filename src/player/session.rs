@@ -104,6 +104,7 @@ impl<P: Painter> Session<P> {
         let scales = step.file.scene.scales.len();
         let mut slot = SceneSlot::<P>::new(step, &self.device, &approximation)?;
         if let Some(before) = self.slots[n].as_mut().filter(|_| is_next_step) {
+            slot.set_near(before.scene.frame.near);
             slot.painter.take_picture_of(&mut before.painter);
         }
         if n == 0
@@ -295,6 +296,24 @@ impl<P: Painter> Session<P> {
             Some(photograph) => Show { photograph_share: self.photograph.shown_share(), photograph, ..show },
             None => show,
         })
+    }
+
+    /// Where rays begin, and the largest value to choose, in units of the dataset of the first scene; `None` without a
+    /// scene.
+    pub fn near(&self) -> Option<[f64; 2]> {
+        let slot = self.slots[0].as_ref()?;
+        Some([slot.scene.frame.near, slot.max_near()].map(|near| near / slot.scene.frame.model_from_dataset.scale))
+    }
+
+    /// Begins rays at the distance `near`, in units of the dataset. Does nothing if it is negative or not finite.
+    pub fn set_near(&mut self, near: f64) {
+        if near.is_finite() && near >= 0.0 {
+            for slot in self.slots.iter_mut().flatten() {
+                slot.set_near((near * slot.scene.frame.model_from_dataset.scale).min(slot.scene.frame.far));
+            }
+            self.pace.abandoned();
+            self.changed();
+        }
     }
 
     /// Moves the camera by `input`, which returns whether it has moved it.

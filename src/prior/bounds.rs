@@ -1,17 +1,14 @@
 //! Bounds of the scene from the cameras: near and far distances, and the box of all frusta.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use super::VoxelBoxes;
-use crate::geometry::{Aabb, Camera};
+use crate::geometry::{Aabb, Camera, Ray, focus_of_axes};
 
 /// Near and far as multiples of the mean distance between the cameras and the point they look at.
 const NEAR_FAR: (f64, f64) = (0.5, 1.5);
 /// Far as the same multiple if photographs show what is behind the thing that the cameras look at.
 const FAR_OF_SURROUNDINGS: f64 = 2.5;
-/// Optical axes count as parallel if the point nearest to all of them is ill-conditioned: a bound on the smallest
-/// eigenvalue of the mean of I − a·aᵀ, which is the mean squared sine to the best common direction (about 0.6°).
-const PARALLEL: f64 = 1e-4;
 /// Sampled points of a frustum along columns and rows. Points at the distance far form a spherical cap, which its
 /// corners alone do not bound.
 const FRUSTUM_POINTS: u32 = 9;
@@ -36,7 +33,8 @@ impl CameraBounds {
     /// the cameras, else ahead by the extent of the cameras, else 1 unit ahead.
     pub fn from_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
         let count = cameras.clone().count().max(1) as f64;
-        let focus = nearest_to_axes(cameras.clone(), count).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
+        let axes = cameras.clone().map(|camera| Ray { origin: camera.position, direction: axis(camera) });
+        let focus = focus_of_axes(axes).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
         let distance = cameras.map(|c| c.position.distance(focus)).sum::<f64>() / count;
         Self { focus, near: NEAR_FAR.0 * distance, far: NEAR_FAR.1 * distance }
     }
@@ -109,30 +107,6 @@ pub fn frusta_box<'a>(cameras: impl Iterator<Item = &'a Camera>, near: f64, far:
 
 fn axis(camera: &Camera) -> DVec3 {
     -camera.world_from_camera.z_axis
-}
-
-/// The least-squares nearest point to all axes, if it is determined and lies in front of most cameras.
-fn nearest_to_axes<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> Option<DVec3> {
-    // Relative to the mean position, to avoid cancellation far from the origin.
-    let center = cameras.clone().map(|c| c.position).sum::<DVec3>() / count;
-    let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
-    for camera in cameras.clone() {
-        let a = axis(camera);
-        let across = DMat3::IDENTITY - DMat3::from_cols(a * a.x, a * a.y, a * a.z);
-        normal += across * (1.0 / count);
-        right += across * (camera.position - center) / count;
-    }
-    // The eigenvalues lie in [0, 1] and add up to 2, so if the smallest is ε the others are at least 1 − ε and the
-    // determinant is ε within a factor (1 − ε)².
-    let determinant = normal.determinant();
-    if determinant.is_nan() || determinant <= PARALLEL {
-        return None;
-    }
-    let focus = center + normal.inverse() * right;
-    let depths = cameras.map(|c| (focus - c.position).dot(axis(c)));
-    let in_front = depths.clone().filter(|&d| d > 0.0).count() as f64;
-    let mean_depth = depths.sum::<f64>() / count;
-    (focus.is_finite() && mean_depth > 0.0 && in_front > 0.5 * count).then_some(focus)
 }
 
 fn focus_ahead<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone, count: f64) -> DVec3 {

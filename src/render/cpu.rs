@@ -89,6 +89,11 @@ impl<T: Real> CpuRenderer<T> {
         Self { field }
     }
 
+    /// Begins rays at the distance `near`, in model units, from now on.
+    pub fn set_near(&mut self, near: f64) {
+        self.field.near_far[0] = near;
+    }
+
     /// Bytes of the cached density features; `None` if they are not cached.
     pub fn density_cache_bytes(&self) -> Option<u64> {
         self.field.density_cache_bytes()

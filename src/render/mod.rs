@@ -8,6 +8,7 @@ pub mod gpu;
 mod keyframes;
 mod pareto;
 mod reference;
+mod turntable;
 mod upsample;
 
 pub use approximation::{Approximation, ApproximationError};
@@ -15,6 +16,7 @@ pub use cpu::{CpuRenderer, TraceInfo};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use pareto::{ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
 pub use reference::{ReferenceRenderer, Trace};
+pub use turntable::{Gaze, Turntable};
 pub use upsample::upsample_bilinear;
 
 use crate::geometry::{Camera, Ray};

@@ -246,6 +246,7 @@ impl App {
             "camera": session.photograph.camera,
             "photograph": session.photograph.share,
             "has_photograph": session.photograph.is_loaded,
+            "near": session.near(),
             "is_recording": session.recorder.is_recording(),
             "is_playing": session.recorder.is_playing(),
             "quality": {

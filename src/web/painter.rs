@@ -25,6 +25,8 @@ pub(super) struct PagePainter {
     renderer: Option<GpuRenderer>,
     /// Number of the renderer, lent or not.
     number: u64,
+    /// The distance at which rays begin, if it changed while the renderer was lent.
+    near: Option<f64>,
 }
 
 /// A renderer that is lent.
@@ -60,7 +62,7 @@ impl Painter for PagePainter {
         let renderer = Some(renderer(device, scene, prefixes, approximation)?);
         let screen = Screen::new(&device.gpu, device.format);
         let boxes = BoxLines::new(&device.gpu, scene, device.format);
-        Ok(Self { screen, boxes, renderer, number: next_number() })
+        Ok(Self { screen, boxes, renderer, number: next_number(), near: None })
     }
 
     fn approximate(
@@ -71,8 +73,15 @@ impl Painter for PagePainter {
         approximation: &Approximation,
     ) -> Result<(), GpuError> {
         self.renderer = Some(renderer(device, scene, prefixes, approximation)?);
-        self.number = next_number();
+        (self.number, self.near) = (next_number(), None);
         Ok(())
+    }
+
+    fn set_near(&mut self, near: f64) {
+        match &mut self.renderer {
+            Some(renderer) => renderer.set_near(near),
+            None => self.near = Some(near),
+        }
     }
 
     fn is_ready(&self) -> bool {
@@ -124,9 +133,12 @@ impl PagePainter {
     }
 
     /// Takes the renderer back, unless it was replaced. Returns whether it did.
-    pub(super) fn take_back(&mut self, lent: Lent) -> bool {
+    pub(super) fn take_back(&mut self, mut lent: Lent) -> bool {
         let is_own = lent.number == self.number;
         if is_own {
+            if let Some(near) = self.near.take() {
+                lent.renderer.set_near(near);
+            }
             self.renderer = Some(lent.renderer);
         }
         is_own

@@ -295,6 +295,11 @@ impl Player {
         Ok(self.app.borrow_mut().session.choose(name)?)
     }
 
+    /// Begins rays at the distance `near` from the camera, in units of the dataset.
+    pub fn set_near(&self, near: f64) {
+        self.app.borrow_mut().session.set_near(near);
+    }
+
     /// Sets the time of a picture while the camera moves, in milliseconds.
     pub fn set_frame_time(&self, milliseconds: f64) {
         self.app.borrow_mut().session.pace.set_target(1e-3 * milliseconds);

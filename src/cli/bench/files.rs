@@ -121,8 +121,7 @@ impl Rows {
 /// The middle pixel of a picture of the whole scene.
 fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
     let scene = container::decode(file)?;
-    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [1, 1]);
-    let ray = camera.mapped(&scene.frame.model_from_dataset).ray(0, 0);
+    let ray = Viewpoints::first_of_orbit(&scene, [1, 1]).ray(0, 0);
     Ok(CpuRenderer::from_field(Field::<f32>::consuming(scene)).trace(ray.as_slice())[0])
 }
 

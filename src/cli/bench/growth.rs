@@ -237,7 +237,7 @@ fn point(args: &Args, parameter: Parameter, factor: f64) -> Result<Point, Error>
 }
 
 fn seconds_of_frame(scene: &Scene, edge: u32, runs: Runs) -> f64 {
-    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [edge; 2]);
+    let camera = Viewpoints::first_of_orbit(scene, [edge; 2]);
     let renderer = CpuRenderer::<f32>::new(scene);
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.render(&camera)));
     let Ok((seconds, _)) = timed;

@@ -61,8 +61,7 @@ pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> 
 /// Measures on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, name) = subject(args.file.as_ref())?;
-    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, args.size);
-    let camera = camera.mapped(&scene.frame.model_from_dataset);
+    let camera = Viewpoints::first_of_orbit(&scene, args.size);
     let measured = args.repeats.on_each_pool(session, |peak| {
         session.console.say("bench: rendering");
         Ok((peak.clone(), frames(&scene, &camera, args.repeats.runs(), peak, MemoryMark::set())))

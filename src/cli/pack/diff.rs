@@ -66,7 +66,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     } else {
         let error = Distortion::from_own_pictures(
             &before.scene,
-            probe_views(&before.scene, &before.metadata.cameras, 6, JUDGED.1),
+            probe_views(&before.scene, before.metadata.views.as_ref(), &before.metadata.cameras, 6, JUDGED.1),
         )
         .mse(&after.scene);
         (error > 0.0).then(|| psnr_of_mse(error))

@@ -68,7 +68,8 @@ pub(super) struct PruneArgs {
 /// Drops components that pictures do not show.
 pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
     args.target.rewrite(session, |mut document, _| {
-        let views = probe_views(&document.scene, &document.metadata.cameras, PROBED.0, JUDGED.1);
+        let SceneFile { scene, metadata, .. } = &document;
+        let views = probe_views(scene, metadata.views.as_ref(), &metadata.cameras, PROBED.0, JUDGED.1);
         let importance = views.importance(&document.scene, PROBED.1, args.seed);
         let share = pack::prune(&mut document.scene, &importance, args.error);
         session.console.say(&format!("{:.1} % of the components dropped", 100.0 * share));

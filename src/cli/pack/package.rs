@@ -21,6 +21,7 @@ use crate::measure::make_probes;
 use crate::model::Scene;
 use crate::pack::{self, Candidate, Distortion, Goal, MAX_TRIED, Views, fit_prefix, probe_views, search};
 use crate::psnr::psnr_of_mse;
+use crate::render::Turntable;
 use crate::train::FactorImportance;
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
@@ -268,15 +269,21 @@ fn pack(
     let lossless = args.goal.lossless.then(|| pack::lossless(&document)).transpose();
     let lossless = lossless.map_err(|e| Error::container(path, e))?;
     let SceneFile { scene, mut metadata, .. } = document;
+    let mut cameras = Vec::new();
     if args.with_cameras {
         metadata.cameras = args.data.training_cameras(&scene)?;
+    } else if let Ok(known) = args.data.training_cameras(&scene) {
+        // A dataset may lack the training split.
+        cameras = known;
     }
+    // Cameras around the bounds stand for those of the photographs, unless these are within.
+    if !metadata.cameras.is_empty() || Turntable::of(&scene, None, &cameras).is_none() {
+        cameras.clone_from(&metadata.cameras);
+    }
+    let probed = |count| probe_views(&scene, metadata.views.as_ref(), &cameras, count, args.judged_width());
     let packing = Packing {
-        views: probe_views(&scene, &metadata.cameras, PROBED.0, args.judged_width()),
-        own: Distortion::from_own_pictures(
-            &scene,
-            probe_views(&scene, &metadata.cameras, JUDGED.0, args.judged_width()),
-        ),
+        views: probed(PROBED.0),
+        own: Distortion::from_own_pictures(&scene, probed(JUDGED.0)),
         real: photographs.map(|(views, what)| {
             let distortion = Distortion::from_photographs(&scene, views);
             let before = distortion.mse(&scene);
@@ -284,6 +291,7 @@ fn pack(
         }),
         scene,
         metadata,
+        cameras,
         args,
         session,
         smallest: Cell::new(None),
@@ -313,6 +321,8 @@ fn pack(
 struct Packing<'a> {
     scene: Scene,
     metadata: Metadata,
+    /// The photographs' cameras, as far as measurements use them; the file need not have them.
+    cameras: Vec<TrainingCamera>,
     views: Views,
     /// The scene's own pictures.
     own: Distortion,
@@ -369,8 +379,9 @@ impl Packing<'_> {
             (self.args.probes > 0).then(|| make_probes(decoded, self.args.probes as usize, self.args.seed));
         metadata.license = self.args.license.clone().or(metadata.license);
         if !self.args.no_views {
-            metadata.views = metadata.views.or_else(|| Some(default_views(decoded)));
-            metadata.thumbnail = Some(thumbnail(decoded)?);
+            let views = metadata.views.take().unwrap_or_else(|| default_views(decoded, &self.cameras));
+            metadata.thumbnail = Some(thumbnail(decoded, &views)?);
+            metadata.views = Some(views);
         }
         let mut quality = metadata.quality.take().unwrap_or_default();
         let error = self.own.mse(decoded);
@@ -396,7 +407,7 @@ impl Packing<'_> {
         }
         let distortion = Distortion::from_own_pictures(
             decoded,
-            probe_views(decoded, &metadata.cameras, 4, self.args.judged_width()),
+            probe_views(decoded, metadata.views.as_ref(), &self.cameras, 4, self.args.judged_width()),
         );
         let progress = Progress::start(&self.session.console, "prefixes", scales as u64 - 1);
         let mut psnrs = Vec::new();

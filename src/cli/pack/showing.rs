@@ -3,31 +3,40 @@
 use crate::cli::Error;
 use crate::cli::render::colors;
 use crate::cli::viewpoints::Viewpoints;
-use crate::container::{Pose, Thumbnail, ThumbnailFormat, Views};
-use crate::measure::color_png;
+use crate::container::{Pose, Thumbnail, ThumbnailFormat, TrainingCamera, Views};
+use crate::geometry::Viewpoint;
+use crate::measure::{color_jpeg, color_png};
 use crate::model::Scene;
-use crate::render::{CpuRenderer, Renderer};
+use crate::render::{CpuRenderer, Renderer, Turntable};
 
 /// Edge of a thumbnail in pixels.
 const THUMBNAIL: u32 = 256;
-/// Poses of a turntable, and the seconds of a turn.
-const TURNTABLE: (u32, f64) = (36, 12.0);
 
-/// A camera that sees all of the scene, and a turntable.
-pub(super) fn default_views(scene: &Scene) -> Views {
-    let (count, seconds) = TURNTABLE;
-    let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, count, [THUMBNAIL; 2]);
+/// The viewpoints of `scene` without any of its own: the turn by the photographs' `cameras` if they are not all around
+/// the bounds, else a camera that sees all of the scene, and a turntable.
+pub(super) fn default_views(scene: &Scene, cameras: &[TrainingCamera]) -> Views {
+    let (count, seconds) = (Turntable::POSES, Turntable::SECONDS);
+    if let Some(turn) = Turntable::of(scene, None, cameras) {
+        return turn.views(count, seconds);
+    }
+    let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, None, count, [THUMBNAIL; 2]);
     let path: Vec<Pose> =
         cameras.iter().map(|camera| Pose::from(&camera.mapped(&scene.frame.model_from_dataset))).collect();
     let angle_of_view = 2.0 * (0.5 * f64::from(THUMBNAIL) / cameras[0].focal[1]).atan();
     Views { angle_of_view, first: path[0], center: scene.bounds.center(), seconds, is_closed: true, path }
 }
 
-/// The picture from the first of [`default_views`].
-pub(super) fn thumbnail(scene: &Scene) -> Result<Thumbnail, Error> {
-    let camera = Viewpoints::first_of_orbit(&scene.frame, &scene.bounds, [THUMBNAIL; 2]);
-    let picture = CpuRenderer::<f32>::new(scene).render(&camera.mapped(&scene.frame.model_from_dataset));
+/// The picture from the initial pose of `views`.
+pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, Error> {
+    let Pose { position, rotation } = views.first;
+    let camera = Viewpoint { position, rotation, vertical_angle: views.angle_of_view }.camera([THUMBNAIL; 2]);
+    let picture = CpuRenderer::<f32>::new(scene).render(&camera);
     let size = [picture.width, picture.height];
-    let file = color_png(size, &colors(&picture))?;
-    Ok(Thumbnail { format: ThumbnailFormat::Png, size: size.map(|n| n as u16), file })
+    let colors = colors(&picture);
+    // A scene that is seen from within fills the picture like a photograph.
+    let (format, file) = match Turntable::of(scene, Some(views), &[]) {
+        Some(_) => (ThumbnailFormat::Jpeg, color_jpeg(size, &colors)?),
+        None => (ThumbnailFormat::Png, color_png(size, &colors)?),
+    };
+    Ok(Thumbnail { format, size: size.map(|n| n as u16), file })
 }

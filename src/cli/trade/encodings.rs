@@ -14,7 +14,7 @@ const PLAIN: [(&str, Encoding); 3] =
 const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
 
 /// `scene` after encoding and decoding, once per encoding.
-pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, Error> {
+pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> Result<Vec<Source>, Error> {
     let failed = |e: crate::container::Error| Error::Runtime(e.to_string());
     let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
         let bytes = encode_scene_file(scene, &Metadata::default(), options).map_err(failed)?;
@@ -27,9 +27,9 @@ pub(super) fn encoded(scene: &Scene, session: &Session) -> Result<Vec<Source>, E
         sources.push(source(name.to_owned(), scene, &EncodeOptions::uniform(encoding))?);
     }
     session.console.say("estimating importance");
-    let views = probe_views(scene, &[], PROBED.0, JUDGED.1);
-    let importance = views.importance(scene, PROBED.1, 0);
-    let distortion = Distortion::from_own_pictures(scene, probe_views(scene, &[], JUDGED.0, JUDGED.1));
+    let probed = |count| probe_views(scene, metadata.views.as_ref(), &metadata.cameras, count, JUDGED.1);
+    let importance = probed(PROBED.0).importance(scene, PROBED.1, 0);
+    let distortion = Distortion::from_own_pictures(scene, probed(JUDGED.0));
     for psnr in LOSSY {
         session.console.say(&format!("encoding at {psnr} dB"));
         let goal = Goal::Error { before: 0.0, more: 10f64.powf(-psnr / 10.0) };

@@ -28,7 +28,7 @@ use super::output::make_folder;
 use super::settings::configuration;
 use super::table::plural;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::container::{self, SceneFile};
+use crate::container::{self, Metadata, SceneFile};
 use crate::render::{ParetoFront, RenderSettings, TRADE_NOTE};
 use crate::train::TrainConfig;
 
@@ -135,14 +135,18 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
             let options = args.dataset.load_options(args.downscale);
             Views::of_dataset(folder, &args.split, &options, args.views.into(), &scene, console)?
         }
-        None => Views::own(&scene, &metadata.cameras, args.views.into(), args.size, console)?,
+        None => Views::own(&scene, &metadata, args.views.into(), args.size, console)?,
     };
     // The difference to photographs includes the scene's error already.
     let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&metadata) };
     let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let own =
-        Source { name: name.clone(), scene: scene.clone(), prefixes: metadata.prefixes, bytes: bytes.len() as u64 };
-    let (sources, checksums) = sources(own, crc32fast::hash(&bytes), args, session)?;
+    let own = Source {
+        name: name.clone(),
+        scene: scene.clone(),
+        prefixes: metadata.prefixes.clone(),
+        bytes: bytes.len() as u64,
+    };
+    let (sources, checksums) = sources(own, &metadata, crc32fast::hash(&bytes), args, session)?;
 
     make_folder(&args.out)?;
     let belongs = Belongs { version: 1, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
@@ -176,8 +180,14 @@ fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> 
     console.result(&report, Report::text)
 }
 
-/// All scenes of the sweep, beginning with the file's `own`, and the CRC-32 of each file.
-fn sources(own: Source, checksum: u32, args: &Args, session: &Session) -> Result<(Vec<Source>, Vec<u32>), Error> {
+/// All scenes of the sweep, beginning with the file's `own`, which has `metadata`, and the CRC-32 of each file.
+fn sources(
+    own: Source,
+    metadata: &Metadata,
+    checksum: u32,
+    args: &Args,
+    session: &Session,
+) -> Result<(Vec<Source>, Vec<u32>), Error> {
     let (mut sources, mut checksums) = (vec![own], vec![checksum]);
     for path in &args.also {
         let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(path)?;
@@ -186,7 +196,7 @@ fn sources(own: Source, checksum: u32, args: &Args, session: &Session) -> Result
         sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });
     }
     if args.encodings {
-        sources.extend(encodings::encoded(&sources[0].scene, session)?);
+        sources.extend(encodings::encoded(&sources[0].scene, metadata, session)?);
     }
     Ok((sources, checksums))
 }

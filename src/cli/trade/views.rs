@@ -7,7 +7,7 @@ use crate::cli::Error;
 use crate::cli::console::Console;
 use crate::cli::render::colors;
 use crate::cli::table::plural;
-use crate::container::TrainingCamera;
+use crate::container::Metadata;
 use crate::dataset::{self, Dataset, LoadOptions};
 use crate::geometry::Camera;
 use crate::model::Scene;
@@ -53,15 +53,16 @@ impl Views {
         Self::of(photographs.collect(), what, scene, console)
     }
 
-    /// The scene's exact pictures from `count` cameras: some of `known`, or around the scene.
+    /// The scene's exact pictures from `count` cameras: some of the file's, else where its viewpoints are, else around
+    /// the scene.
     pub(super) fn own(
         scene: &Scene,
-        known: &[TrainingCamera],
+        metadata: &Metadata,
         count: usize,
         size: u32,
         console: &Console,
     ) -> Result<Self, Error> {
-        let cameras = probe_views(scene, known, count, size).cameras;
+        let cameras = probe_views(scene, metadata.views.as_ref(), &metadata.cameras, count, size).cameras;
         let what = format!("{} of the scene", plural(cameras.len(), "exact picture"));
         Self::of(cameras.into_iter().map(|camera| (camera, None)).collect(), what, scene, console)
     }

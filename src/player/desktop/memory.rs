@@ -48,9 +48,7 @@ impl Shown<'_> {
         let color = match show.view {
             View::Color => self.between_pixels(at),
             View::Depth if info.pixel.depth > 0.0 => {
-                let [near, far] = show.depths;
-                let nearness = (far - info.pixel.depth) / (far - near).max(1e-6);
-                Vec3::splat((0.08 + 0.92 * nearness.clamp(0.0, 1.0)) * info.pixel.opacity)
+                Vec3::splat((0.08 + 0.92 * show.nearness(info.pixel.depth)) * info.pixel.opacity)
             }
             View::Opacity => Vec3::splat(info.pixel.opacity),
             View::Normals => info.normal.map_or(Vec3::ZERO, |normal| {

@@ -114,6 +114,13 @@ impl Painter for DesktopPainter {
         Ok(())
     }
 
+    fn set_near(&mut self, near: f64) {
+        match &mut self.renderer {
+            SceneRenderer::Gpu(renderer) => renderer.set_near(near),
+            SceneRenderer::Cpu(painter) => painter.renderer.set_near(near),
+        }
+    }
+
     fn begin(&mut self, camera: &Camera, has_normals: bool) -> Result<(), GpuError> {
         match &mut self.renderer {
             SceneRenderer::Gpu(renderer) => {

@@ -246,6 +246,12 @@ fn cameras(app: &mut App, ui: &mut Ui) {
             }
         }
     });
+    if let Some([mut near, max_near]) = app.session.near() {
+        let slider = Slider::new(&mut near, 0.0..=max_near).text("Near");
+        if ui.add(slider).on_hover_text("Distance from the camera at which rays begin, to see past a wall").changed() {
+            app.session.set_near(near);
+        }
+    }
     let count = app.session.slots[0].as_ref().map_or(0, |slot| slot.cameras.len());
     if count > 0 {
         let mut n = app.session.photograph.camera.unwrap_or(0);

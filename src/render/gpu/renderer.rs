@@ -3,7 +3,7 @@
 use super::device::Gpu;
 use super::error::GpuError;
 use super::job::{Drawing, Job};
-use super::layout::{Frame, PixelPair, Ray as DeviceRay};
+use super::layout::{Frame, PixelPair, Ray as DeviceRay, SceneHead};
 use super::packed::{BufferLimits, Packed};
 use super::shader::{CHUNK_SHIFT, Precision, RAY_LANES, Stage, TILE};
 use super::workspace::{StageTime, Workspace};
@@ -211,6 +211,15 @@ impl GpuRenderer {
     /// Turns normals on or off for pictures that are begun from now on.
     pub fn set_normals(&mut self, has_normals: bool) {
         self.has_normals = has_normals;
+    }
+
+    /// Begins rays at the distance `near`, in model units, in pictures that are begun from now on. Abandons an unfinished
+    /// one.
+    pub fn set_near(&mut self, near: f64) {
+        self.abandon();
+        self.near_far[0] = near;
+        let at = std::mem::offset_of!(SceneHead, near) as u64;
+        self.gpu.queue.write_buffer(&self.scene, at, &(near as f32).to_ne_bytes());
     }
 
     /// The pixels of the last finished picture, two `vec4<f32>` per pixel as in `shaders/layout.wgsl`.

@@ -108,6 +108,7 @@ export class Panel {
   readonly #frameTime = slider("ms while moving", 5, 500, 1, (v) => `${v}`);
   readonly #record: HTMLButtonElement;
   readonly #play: HTMLButtonElement;
+  readonly #near = slider("Near", 0, 1, 0.001, (v) => `${Number(v.toPrecision(2))}`);
   readonly #camera = slider("Training camera", 1, 1, 1, (v) => `${v}`);
   readonly #photograph = slider("Photograph", 0, 1, 0.05, (v) => `${Math.round(100 * v)} %`);
   readonly #folder: HTMLElement;
@@ -143,6 +144,7 @@ export class Panel {
 
     this.#record = this.#key("Record path", "KeyC");
     this.#play = this.#key("Play path", "Space");
+    this.#near.input.addEventListener("input", () => this.#do((player) => player.set_near(this.#near.input.valueAsNumber)));
     this.#camera.input.addEventListener("input", () =>
       this.#do((player) => player.go_to_camera(this.#camera.input.valueAsNumber - 1)),
     );
@@ -184,6 +186,7 @@ export class Panel {
       section(
         "Camera",
         element("div", { className: "row" }, this.#record, this.#play),
+        this.#near.row,
         this.#camera.row,
         this.#photograph.row,
         this.#folder,
@@ -237,6 +240,10 @@ export class Panel {
   #showCamera(state: State): void {
     this.#record.textContent = state.is_recording ? "Stop recording" : "Record path";
     this.#play.textContent = state.is_playing ? "Stop" : "Play path";
+    const [near, most] = state.near;
+    this.#near.input.max = `${most}`;
+    this.#near.input.step = `${most / 500}`;
+    this.#near.show(near);
     this.#camera.row.hidden = state.cameras === 0;
     this.#camera.input.max = `${state.cameras}`;
     this.#camera.show((state.camera ?? 0) + 1);

@@ -46,6 +46,8 @@ export interface State extends Opened {
   /** Share of its photograph in the picture, and whether it is loaded. */
   photograph: number;
   has_photograph: boolean;
+  /** Where rays begin, and the largest value to choose, in units of the dataset. */
+  near: [number, number];
   is_recording: boolean;
   is_playing: boolean;
   quality: Quality;
