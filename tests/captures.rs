@@ -70,7 +70,7 @@ fn png(picture: &Picture) -> Vec<u8> {
 /// The largest difference of two PNG pictures' channels.
 fn apart(a: &[u8], b: &[u8]) -> u8 {
     let [a, b] = [a, b].map(|bytes| image::load_from_memory(bytes).unwrap().into_rgb8().into_raw());
-    assert_eq!(a.len(), b.len());
+    assert_eq!(a.len(), b.len(), "the sizes of the pictures");
     a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
 }
 

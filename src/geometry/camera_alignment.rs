@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn cameras_in_one_place_have_no_scale() {
         let still = cameras(|_| DVec3::ONE);
-        let moving = cameras(|n| DVec3::splat(n));
+        let moving = cameras(DVec3::splat);
         assert_eq!(align_cameras(&still, &moving), None);
         assert_eq!(align_cameras(&moving[..1], &moving[..1]), None);
     }
