@@ -70,14 +70,13 @@ fn rotation_of(covariance: &DMat3) -> DQuat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
 
     fn cameras(place: impl Fn(f64) -> DVec3) -> Vec<Camera> {
-        let random = Random::new(3, "cameras");
-        let direction = |n: u64| DVec3::from([0, 1, 2].map(|i| random.uniform(3 * n + i) - 0.5));
-        let camera = |n: u64| {
-            let position = place(n as f64);
-            Camera::looking_at([4, 3], 5.0, position, position + direction(n), DVec3::Z)
+        let camera = |n: u32| {
+            let n = f64::from(n);
+            let position = place(n);
+            let direction = DVec3::new((1.7 * n).cos(), (1.7 * n).sin(), 0.4 * (2.3 * n).sin());
+            Camera::looking_at([4, 3], 5.0, position, position + direction, DVec3::Z)
         };
         (0..9).map(camera).collect()
     }
