@@ -146,7 +146,7 @@ impl Camera {
     /// The angle between the orientations of two cameras, in degrees.
     pub fn degrees_to(&self, other: &Self) -> f64 {
         let turn = self.world_from_camera.transpose() * other.world_from_camera;
-        // Of small angles, the cosine keeps half the digits; the sine keeps all.
+        // The cosine of a small angle loses half of its digits, the sine none.
         let sine = 0.5
             * DVec3::new(turn.y_axis.z - turn.z_axis.y, turn.z_axis.x - turn.x_axis.z, turn.x_axis.y - turn.y_axis.x)
                 .length();
