@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use super::shot::{Shot, Split};
-use super::{Error, files};
+use super::{DepthMap, Error, files};
 use crate::geometry::Aabb;
 
 /// The content of a dataset's files but for pictures.
@@ -21,6 +21,8 @@ pub(super) struct Capture {
     pub(super) points: Option<PathBuf>,
     /// The box of the scene, in the dataset's space.
     pub(super) bounds: Option<Aabb>,
+    /// The depth maps of photographs.
+    pub(super) depth_maps: Vec<DepthMap>,
 }
 
 /// The interval of test views unless another is chosen.
@@ -45,7 +47,15 @@ impl Default for Holdout {
 impl Capture {
     /// The capture of `shots` that the file or folder `listing` names.
     pub(super) fn new(listing: &Path, shots: Vec<Shot>) -> Self {
-        Self { listing: listing.to_path_buf(), shots, lost: 0, left_out: Vec::new(), points: None, bounds: None }
+        Self {
+            listing: listing.to_path_buf(),
+            shots,
+            lost: 0,
+            left_out: Vec::new(),
+            points: None,
+            bounds: None,
+            depth_maps: Vec::new(),
+        }
     }
 
     /// Leaves out the photographs whose pictures do not exist.

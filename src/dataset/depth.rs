@@ -4,16 +4,18 @@
 //! unit are distances from the camera's plane, in the dataset's units; 0 is unknown. The unit is `integer_depth_scale`, as
 //! in Instant-NGP, else a thousandth, as in nerfstudio.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
 use glam::DVec3;
 use image::DynamicImage;
+use rayon::prelude::*;
 
-use super::Error;
 use super::picture::{self, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
+use super::{Dataset, Error};
 use crate::geometry::Camera;
 use crate::npy;
 
@@ -30,7 +32,44 @@ pub struct DepthMap {
     pub(super) unit: f64,
 }
 
+/// Sets the distances of the views of `dataset` that have a depth map. Returns the number of these views.
+///
+/// # Errors
+///
+/// If a map cannot be read or has another shape than its photograph.
+pub fn read_distances(dataset: &mut Dataset) -> Result<usize, Error> {
+    let Dataset { views, depth_maps, .. } = dataset;
+    let by_name: HashMap<&str, &DepthMap> = depth_maps.iter().map(|map| (map.shot.name.as_str(), map)).collect();
+    let read: Vec<_> = (views.par_iter_mut())
+        .filter_map(|view| Some((by_name.get(view.name.as_str())?, view)))
+        .map(|(map, view)| map.distances(&view.camera).map(|distances| view.distances = distances))
+        .collect();
+    let count = read.len();
+    read.into_iter().collect::<Result<Vec<_>, _>>()?;
+    Ok(count)
+}
+
 impl DepthMap {
+    /// \[height\]\[width\] the distances along the rays of `camera`, which is the photograph's at any size, in the
+    /// dataset's units; 0 where unknown.
+    fn distances(&self, camera: &Camera) -> Result<Vec<f32>, Error> {
+        let (size, depths) = self.depths()?;
+        self.camera(size)?;
+        let axis = -camera.world_from_camera.z_axis;
+        let nearest = |pixel: u32, of: u32, extent: u32| {
+            (u64::from(2 * pixel + 1) * u64::from(extent) / u64::from(2 * of)) as usize
+        };
+        let distance = |column: u32, row: u32| -> Option<f64> {
+            let cosine = camera.ray(column, row)?.direction.dot(axis);
+            let place =
+                nearest(row, camera.height, size[1]) * size[0] as usize + nearest(column, camera.width, size[0]);
+            let depth = self.unit * depths[place];
+            (depth > 0.0 && depth.is_finite() && cosine >= LEAST_COSINE).then(|| depth / cosine)
+        };
+        let pixels = (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| (column, row)));
+        Ok(pixels.map(|(column, row)| distance(column, row).unwrap_or(0.0) as f32).collect())
+    }
+
     /// The places that the map shows, in the dataset's space: those of all its pixels, or of pixels at equal steps if they
     /// are more than about `most`.
     ///
@@ -176,6 +215,22 @@ mod tests {
         ] {
             let message = maps(&folder(name, "", &depth))[0].points(9).unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn views_have_the_distances_of_their_maps_at_any_size() {
+        let folder = folder("d.png", "", &png([8, 6], 2000));
+        image::RgbImage::new(8, 6).save(folder.path().join("a.png")).unwrap();
+        for downscale in [1, 2] {
+            let options = super::super::LoadOptions { downscale, ..Default::default() };
+            let mut dataset = super::super::load(folder.path(), "all", &options).unwrap();
+            assert_eq!(read_distances(&mut dataset).unwrap(), 1);
+            let view = &dataset.views[0];
+            assert_eq!(view.distances.len(), (48 / downscale.pow(2)) as usize);
+            for (ray, &distance) in view.camera.rays(0..view.camera.height).zip(&view.distances) {
+                assert!(ray.unwrap().at(f64::from(distance)).z.abs() < 1e-6);
+            }
         }
     }
 

@@ -24,7 +24,7 @@ mod synthetic;
 mod transforms;
 
 pub use capture::Holdout;
-pub use depth::DepthMap;
+pub use depth::{DepthMap, read_distances};
 pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
 pub use layout::Layout;
@@ -56,12 +56,22 @@ pub struct Dataset {
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
     pub bounds: Option<Aabb>,
+    /// Depth maps of photographs, of any split.
+    pub depth_maps: Vec<DepthMap>,
 }
 
 impl Dataset {
     /// The dataset of `views` alone.
     pub fn new(name: impl Into<String>, views: Vec<View>) -> Self {
-        Self { name: name.into(), views, lost: 0, left_out: Vec::new(), points: None, bounds: None }
+        Self {
+            name: name.into(),
+            views,
+            lost: 0,
+            left_out: Vec::new(),
+            points: None,
+            bounds: None,
+            depth_maps: Vec::new(),
+        }
     }
 }
 

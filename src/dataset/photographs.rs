@@ -104,8 +104,8 @@ fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) ->
     }
     let views: Vec<_> = fitted.par_iter().map(Fitted::view).collect();
     let views = views.into_iter().collect::<Result<_, _>>()?;
-    let Capture { lost, left_out, points, bounds, .. } = capture;
-    Ok(Dataset { name, views, lost, left_out, points, bounds })
+    let Capture { lost, left_out, points, bounds, depth_maps, .. } = capture;
+    Ok(Dataset { name, views, lost, left_out, points, bounds, depth_maps })
 }
 
 /// The cameras of the split `split` of `capture` that `options` select. `size` (columns and rows) is for pictures that do

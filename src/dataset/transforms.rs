@@ -93,7 +93,8 @@ pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<
     // Its depth maps are read as a file of points.
     let has_depth = || transforms.frames.iter().any(|frame| frame.depth_file_path.is_some());
     let points = ply.or_else(|| has_depth().then(|| json.to_path_buf()));
-    Ok(Capture { bounds: transforms.bounds(json)?, points, ..Capture::new(json, shots) })
+    let depth_maps = transforms.depth_maps(json)?;
+    Ok(Capture { bounds: transforms.bounds(json)?, points, depth_maps, ..Capture::new(json, shots) })
 }
 
 /// The depth maps that the `transforms.json` file `json` names and that exist.
@@ -102,24 +103,28 @@ pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<
 ///
 /// Those of the JSON file.
 pub fn depth_maps(json: &Path) -> Result<Vec<DepthMap>, Error> {
-    let transforms = Transforms::read(json)?;
-    let unit = transforms.integer_depth_scale.unwrap_or(MILLIMETERS);
-    if !(unit.is_normal() && unit > 0.0) {
-        return Err(Error::text(json, "integer_depth_scale", "a positive number", unit.to_string()));
-    }
-    let folder = json.parent().unwrap_or(Path::new(""));
-    let mut maps = Vec::new();
-    for (n, frame) in transforms.frames.iter().enumerate() {
-        let Some(path) = &frame.depth_file_path else { continue };
-        let path = inside_folder(json, folder, &format!("frame {n}: depth_file_path"), path)?;
-        if path.is_file() {
-            maps.push(DepthMap { path, shot: transforms.shot(json, folder, n, frame, None, 1)?, unit });
-        }
-    }
-    Ok(maps)
+    Transforms::read(json)?.depth_maps(json)
 }
 
 impl Transforms {
+    /// The depth maps that exist.
+    fn depth_maps(&self, json: &Path) -> Result<Vec<DepthMap>, Error> {
+        let unit = self.integer_depth_scale.unwrap_or(MILLIMETERS);
+        if !(unit.is_normal() && unit > 0.0) {
+            return Err(Error::text(json, "integer_depth_scale", "a positive number", unit.to_string()));
+        }
+        let folder = json.parent().unwrap_or(Path::new(""));
+        let mut maps = Vec::new();
+        for (n, frame) in self.frames.iter().enumerate() {
+            let Some(path) = &frame.depth_file_path else { continue };
+            let path = inside_folder(json, folder, &format!("frame {n}: depth_file_path"), path)?;
+            if path.is_file() {
+                maps.push(DepthMap { path, shot: self.shot(json, folder, n, frame, None, 1)?, unit });
+            }
+        }
+        Ok(maps)
+    }
+
     /// The file `json`, which has frames.
     fn read(json: &Path) -> Result<Self, Error> {
         let bytes = files::read(json)?;
