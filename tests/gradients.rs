@@ -359,6 +359,33 @@ fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
 }
 
 #[test]
+fn a_sky_can_learn_from_rays_without_samples_alone() {
+    let scene = cases().pop().unwrap();
+    let field = Field::<f64>::new(&scene);
+    let inside = rays_far_from_decisions(&scene, 16);
+    let outside: Vec<Ray> = inside.iter().map(|ray| Ray { origin: ray.origin + 100.0 * DVec3::Z, ..*ray }).collect();
+    let rays = [inside, outside.clone()].concat();
+    let sky_gradients = |rays: &[Ray], sky_of_open_rays: bool| {
+        let mut backward = Backward::new(&field);
+        backward.sky_of_open_rays = sky_of_open_rays;
+        let networks = backward.gradients(&field, rays, &targets(rays.len()), BatchRoulette::default()).networks;
+        networks[networks.len() - field.sky.as_ref().unwrap().coefficients.len()..].to_vec()
+    };
+    let halves = |gradients: Vec<f64>| gradients.into_iter().map(|g| 0.5 * g).collect::<Vec<_>>();
+    let open: Vec<Ray> = outside.into_iter().filter(|ray| field.first_sample(ray).is_none()).collect();
+    assert_eq!(open.len(), 16);
+    let of_open = {
+        let mut backward = Backward::new(&field);
+        let targets = targets(rays.len())[16..].to_vec();
+        let networks = backward.gradients(&field, &open, &targets, BatchRoulette::default()).networks;
+        networks[networks.len() - field.sky.as_ref().unwrap().coefficients.len()..].to_vec()
+    };
+    assert!(of_open.iter().any(|g| *g != 0.0));
+    assert_eq!(sky_gradients(&rays, true), halves(of_open));
+    assert_ne!(sky_gradients(&rays, true), sky_gradients(&rays, false));
+}
+
+#[test]
 fn thinned_density_gradients_are_right_on_average() {
     const DRAWS: u64 = 400;
     let scene = &cases()[0];

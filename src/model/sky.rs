@@ -59,6 +59,16 @@ impl Sky {
         Self { degree, coefficients: vec![0.0; 3 * Self::terms(degree)] }
     }
 
+    /// The sky of this degree whose color is `color`, limited to 0.1 to 0.9, in every direction.
+    pub fn of_color(degree: u32, color: [f32; 3]) -> Self {
+        let mut sky = Self::gray(degree);
+        for (row, channel) in sky.coefficients.chunks_exact_mut(Self::terms(degree)).zip(color) {
+            let channel = channel.clamp(0.1, 0.9);
+            row[0] = (channel / (1.0 - channel)).ln() / SKY_NORMS[0] as f32;
+        }
+        sky
+    }
+
     /// (L + 1)², the number of basis functions of a sky of degree L.
     pub const fn terms(degree: u32) -> usize {
         (degree as usize + 1).pow(2)
@@ -111,6 +121,7 @@ impl Sky {
     ///
     /// let mut sky = Sky::gray(1);
     /// assert_eq!(sky.color(DVec3::Z), [0.5; 3]);
+    /// assert!((Sky::of_color(2, [0.2, 0.5, 0.8]).color(DVec3::X)[2] - 0.8).abs() < 1e-6);
     /// // The blue channel's coefficient of z.
     /// sky.coefficients[2 * Sky::terms(1) + 2] = 3.0;
     /// assert!(sky.color(DVec3::Z)[2] > 0.8 && sky.color(DVec3::NEG_Z)[2] < 0.2);

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::NetworkLayout;
-use super::chunk::{BatchRoulette, Chunk, RAYS_PER_CHUNK, Scratch, Target};
+use super::chunk::{BatchRoulette, Chunk, LossTerms, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
 use crate::color_map::ColorMap;
 use crate::field::{Field, Real, Roulette, Work, vectorized};
@@ -38,6 +38,9 @@ pub struct Backward<T> {
     pub color_maps: Vec<ColorMap>,
     /// Weight in the loss of the mean visibility that is not at the known distances of rays.
     pub distance_weight: f64,
+    /// A sky has gradients only of rays without samples. A sky that learns from all rays takes the color of plain walls
+    /// before density grows there, and then none does.
+    pub sky_of_open_rays: bool,
     pub(super) layout: NetworkLayout,
     pub(super) chunks: Vec<Chunk<T>>,
     scratch: Pool<Scratch<T>>,
@@ -62,6 +65,7 @@ impl<T: Real> Backward<T> {
         Self {
             color_maps: Vec::new(),
             distance_weight: 0.0,
+            sky_of_open_rays: false,
             layout: NetworkLayout::new(field),
             chunks: Vec::new(),
             scratch: Pool::default(),
@@ -71,10 +75,14 @@ impl<T: Real> Backward<T> {
     /// Runs all chunks of a batch. Returns the loss: the mean over rays and channels of the squared error, and the mean over
     /// rays of the visibility that is not at a known distance, times its weight.
     pub fn loss(&mut self, field: &Field<T>, rays: &[Ray], targets: &[Target], roulette: BatchRoulette) -> f64 {
-        let loss_scale = 1.0 / (3 * rays.len()) as f64;
         self.chunks.resize_with(rays.len().div_ceil(RAYS_PER_CHUNK), Chunk::default);
-        let distance_scale = self.distance_weight / rays.len() as f64;
-        let (layout, scratch, maps) = (&self.layout, &self.scratch, &self.color_maps);
+        let terms = LossTerms {
+            maps: &self.color_maps,
+            color_scale: T::of(1.0 / (3 * rays.len()) as f64),
+            distance_scale: T::of(self.distance_weight / rays.len() as f64),
+            sky_of_open_rays: self.sky_of_open_rays,
+        };
+        let (layout, scratch) = (&self.layout, &self.scratch);
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
@@ -85,11 +93,12 @@ impl<T: Real> Backward<T> {
                 scratch.with(|scratch| {
                     vectorized(
                         #[inline(always)]
-                        || chunk.run(field, layout, rays, targets, maps, loss_scale, distance_scale, roulette, scratch),
+                        || chunk.run(field, layout, rays, targets, &terms, roulette, scratch),
                     );
                 });
             });
-        self.mean_squared_error() + self.chunks.iter().map(|c| c.misplaced).sum::<f64>() * distance_scale
+        let misplaced = self.chunks.iter().map(|c| c.misplaced).sum::<f64>() / rays.len() as f64;
+        self.mean_squared_error() + self.distance_weight * misplaced
     }
 
     /// The mean over rays and channels of the squared error in the last batch.

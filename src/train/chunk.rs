@@ -88,10 +88,21 @@ pub(super) struct Scratch<T> {
     sample_gradients: Vec<T>,
 }
 
+/// The terms of the loss.
+pub(super) struct LossTerms<'a, T> {
+    /// \[view\] the maps from the scene's colors to those of photographs; none if empty.
+    pub(super) maps: &'a [ColorMap],
+    /// Factor of the squared errors of colors.
+    pub(super) color_scale: T,
+    /// Factor of the visibility that is not at known distances.
+    pub(super) distance_scale: T,
+    /// A sky has gradients only of rays without samples.
+    pub(super) sky_of_open_rays: bool,
+}
+
 impl<T: Real> Chunk<T> {
-    /// Marches and decodes `rays`, compares them with `targets`, and computes the gradients. The loss is the squared
-    /// error of the colors that \[view\] `maps` make of the scene's, if there are any, times `loss_scale`, plus the visibility
-    /// that is not at known distances times `distance_scale`.
+    /// Marches and decodes `rays`, compares them with `targets`, and computes the gradients of the loss, which is the sum of
+    /// `terms`.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the inputs of a chunk have different owners")]
     pub(super) fn run(
@@ -100,9 +111,7 @@ impl<T: Real> Chunk<T> {
         layout: &NetworkLayout,
         rays: &[Ray],
         targets: &[Target],
-        maps: &[ColorMap],
-        loss_scale: f64,
-        distance_scale: f64,
+        terms: &LossTerms<'_, T>,
         roulette: BatchRoulette,
         scratch: &mut Scratch<T>,
     ) {
@@ -112,12 +121,12 @@ impl<T: Real> Chunk<T> {
         scratch.behind.clear();
         let behind = |(ray, target): (&Ray, &Target)| field.behind(ray, target.background.map(T::of_f32));
         scratch.behind.extend(rays.iter().zip(targets).map(behind));
-        self.compare(field, targets, maps, T::of(loss_scale), scratch);
+        self.compare(field, targets, terms, scratch);
         self.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
-        self.sky_backward(field, layout, rays, scratch);
+        self.sky_backward(field, layout, rays, terms.sky_of_open_rays, scratch);
         self.weigh_backward(field, scratch);
-        self.composite_backward(field, targets, T::of(distance_scale), scratch);
+        self.composite_backward(field, targets, terms.distance_scale, scratch);
         if let Some(roulette) = roulette.density {
             self.density_roulette(roulette, &mut scratch.feature_gradients);
         }
@@ -128,14 +137,7 @@ impl<T: Real> Chunk<T> {
 
     /// Pixels, loss, and the gradients of pixels, of colors before the sigmoid and of the decoder's outputs.
     #[inline(always)]
-    fn compare(
-        &mut self,
-        field: &Field<T>,
-        targets: &[Target],
-        maps: &[ColorMap],
-        loss_scale: T,
-        scratch: &mut Scratch<T>,
-    ) {
+    fn compare(&mut self, field: &Field<T>, targets: &[Target], terms: &LossTerms<'_, T>, scratch: &mut Scratch<T>) {
         let Scratch { activations, behind, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
         self.colors.clear();
@@ -145,11 +147,11 @@ impl<T: Real> Chunk<T> {
             let remaining = self.samples.remaining[ray];
             let color = activations.pixel(ray, behind[ray].map(|c| remaining * c));
             self.colors.push(color.map(|c| c.f64() as f32));
-            let map = maps.get(target.view as usize);
+            let map = terms.maps.get(target.view as usize);
             let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));
             let error = [0, 1, 2].map(|i| seen[i] - T::of_f32(target.color[i]));
             self.squared_error += error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
-            let gradient = error.map(|e| (e + e) * loss_scale);
+            let gradient = error.map(|e| (e + e) * terms.color_scale);
             let gradient = map.map_or(gradient, |map| map.pull_back(gradient.map(T::f64)).map(T::of));
             pixel_gradients.push(gradient);
             for term in activations.terms_of_ray(ray) {
@@ -402,12 +404,19 @@ impl<T: Real> Chunk<T> {
         );
     }
 
-    /// The gradients of the sky's coefficients.
+    /// The gradients of the sky's coefficients; of `open_rays`, those without samples, alone if that is true.
     #[inline(always)]
-    fn sky_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, rays: &[Ray], scratch: &Scratch<T>) {
+    fn sky_backward(
+        &mut self,
+        field: &Field<T>,
+        layout: &NetworkLayout,
+        rays: &[Ray],
+        open_rays: bool,
+        scratch: &Scratch<T>,
+    ) {
         let Some(sky) = &field.sky else { return };
         let gradients = &mut self.network_gradients[layout.sky_at()..];
-        for (n, ray) in rays.iter().enumerate() {
+        for (n, ray) in rays.iter().enumerate().filter(|&(n, _)| !open_rays || self.samples.ray_range(n).is_empty()) {
             let color_gradient = scratch.pixel_gradients[n].map(|g| self.samples.remaining[n] * g);
             sky.add_gradients(ray.direction, scratch.behind[n], color_gradient, gradients);
         }

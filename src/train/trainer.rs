@@ -79,7 +79,7 @@ impl<'a> Trainer<'a> {
         check_active_rays(&sampler)?;
         Ok(Self {
             order: Random::new(config.seed, "rays"),
-            backward: Backward::new(&field),
+            backward: backward(&config, &field),
             tensor_gradients: Pool::default(),
             config,
             sampler,
@@ -104,7 +104,7 @@ impl<'a> Trainer<'a> {
     /// optimizer restarts.
     pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
         self.field = Field::new(&scene);
-        self.backward = Backward::new(&self.field);
+        self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
         self.checkpoint.restart(&self.field);
@@ -198,7 +198,6 @@ impl<'a> Trainer<'a> {
         let threads = rayon::current_num_threads() as f64;
         self.backward.color_maps.clear();
         self.backward.color_maps.extend_from_slice(self.checkpoint.exposures.maps());
-        self.backward.distance_weight = self.config.distance_weight;
         self.backward.loss(&self.field, &rays, &targets, roulette);
         let mean_squared_error = self.backward.mean_squared_error();
         self.checkpoint.step += 1;
@@ -228,7 +227,7 @@ impl<'a> Trainer<'a> {
 
     fn update_networks(&mut self) {
         let rate = self.config.network_learning_rate;
-        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate.unwrap_or(rate)].map(|rate| self.adam(rate));
+        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
         let Moments { first, second } = &mut self.checkpoint.networks;
@@ -334,6 +333,13 @@ impl<'a> Trainer<'a> {
         }
         Ok(())
     }
+}
+
+/// The loss that `config` says, on `field`.
+fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
+    let mut backward = Backward::new(field);
+    (backward.distance_weight, backward.sky_of_open_rays) = (config.distance_weight, true);
+    backward
 }
 
 /// The rays of `views` in the space of `scene`. Random backgrounds are ignored if it has a sky.

@@ -16,7 +16,7 @@ impl TrainConfig {
             ("batch_rays", self.batch_rays as f64),
             ("factor_learning_rate", self.factor_learning_rate),
             ("network_learning_rate", self.network_learning_rate),
-            ("sky_learning_rate", self.sky_learning_rate.unwrap_or(self.network_learning_rate)),
+            ("sky_learning_rate", self.sky_learning_rate),
             ("learning_rate_decay", self.learning_rate_decay),
             ("factor_deviation", self.factor_deviation),
             ("half_extent", self.half_extent),

@@ -50,11 +50,10 @@ pub struct TrainConfig {
     pub near_far: Option<[f64; 2]>,
     /// Learning rate of the factors after each restart of the optimizer.
     pub factor_learning_rate: f64,
-    /// Learning rate of the appearance matrices, the decoder and the sky after each restart of the optimizer.
+    /// Learning rate of the appearance matrices and the decoder after each restart of the optimizer.
     pub network_learning_rate: f64,
-    /// Learning rate of the sky, if it has one of its own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sky_learning_rate: Option<f64>,
+    /// Learning rate of the sky after each restart of the optimizer.
+    pub sky_learning_rate: f64,
     /// Factor by which learning rates fall over a whole run without restarts.
     pub learning_rate_decay: f64,
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
@@ -218,9 +217,9 @@ impl TrainConfig {
         self.shell.map(|shell| Contraction { shell })
     }
 
-    /// The sky before the first step, gray in every direction.
+    /// The sky before the first step: about of the background's color in every direction.
     pub fn sky(&self) -> Option<Sky> {
-        (self.sky_degree > 0).then(|| Sky::gray(self.sky_degree))
+        (self.sky_degree > 0).then(|| Sky::of_color(self.sky_degree, self.background))
     }
 
     /// The space of an unbounded scene whose inner box is known.

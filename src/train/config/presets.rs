@@ -102,7 +102,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         near_far: None,
         factor_learning_rate: 0.02,
         network_learning_rate: 0.001,
-        sky_learning_rate: None,
+        sky_learning_rate: 0.02,
         learning_rate_decay: 0.1,
         density_l1: 1e-5,
         distance_weight: 0.01,

@@ -230,7 +230,7 @@ fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
         occupancy_at: Vec::new(),
         factor_learning_rate: LEARNING_RATE_SHARE * config.factor_learning_rate,
         network_learning_rate: LEARNING_RATE_SHARE * config.network_learning_rate,
-        sky_learning_rate: config.sky_learning_rate.map(|rate| LEARNING_RATE_SHARE * rate),
+        sky_learning_rate: LEARNING_RATE_SHARE * config.sky_learning_rate,
         scales: scene.scales.iter().map(of_scale).collect(),
         ..config.clone()
     }
