@@ -108,14 +108,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let start = Instant::now();
     let mut trainer = match saved {
         Some((progress, scene)) => {
-            find_distances(&progress.config, &mut dataset, session);
+            find_distances(&progress.config, &mut dataset, session)?;
             Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?
         }
         None => {
             let cameras = cameras(&dataset);
             let occupied = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
                 Some(occupied) => {
-                    find_distances(&config, &mut dataset, session);
+                    find_distances(&config, &mut dataset, session)?;
                     occupied
                 }
                 None => reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::console::Console;
@@ -14,7 +15,7 @@ use super::progress::Progress;
 use super::table::plural;
 use super::{Error, Session};
 use crate::container::{self, EncodeOptions, Encoding};
-use crate::dataset::Dataset;
+use crate::dataset::{self, Dataset};
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
@@ -27,8 +28,9 @@ use crate::train::{self, StepReport, TrainConfig, Trainer};
 const FAR_OF_UNBOUNDED: f64 = 1000.0;
 
 /// The share of rays from which on tensors around the dataset's points hold the scene; surfaces without texture have no
-/// points.
+/// points. Under a sky, which has none either, fewer rays meet them.
 const ENOUGH_COVERED: f64 = 0.99;
+const ENOUGH_UNDER_SKY: f64 = 0.7;
 
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
@@ -94,8 +96,8 @@ pub(super) fn reconstruct(
     let is_opaque = is_opaque(dataset);
     let all_points = locate(config, dataset, is_opaque, session)?;
     if is_opaque && !bootstrap {
-        let matched = match_points(dataset, session);
-        if let Some(points) = prior_of_points(config, dataset, asked, [all_points, matched], session)? {
+        let matched = find_points(config, dataset, session)?;
+        if let Some(points) = prior_of_points(config, dataset, asked, all_points, &matched, session)? {
             return Ok(points);
         }
     }
@@ -137,10 +139,11 @@ pub(super) fn place<'a>(
 }
 
 /// The distances of `dataset`'s photographs, for a training by `config` that finds its prior without [`reconstruct`].
-pub(super) fn find_distances(config: &TrainConfig, dataset: &mut Dataset, session: &Session) {
+pub(super) fn find_distances(config: &TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<(), Error> {
     if config.distance_weight > 0.0 && is_opaque(dataset) {
-        match_points(dataset, session);
+        find_points(config, dataset, session)?;
     }
+    Ok(())
 }
 
 /// True if nothing shows through any photograph of `dataset`.
@@ -148,44 +151,62 @@ pub(super) fn is_opaque(dataset: &Dataset) -> bool {
     dataset.views.par_iter().all(|view| view.pixels.is_opaque())
 }
 
-/// The cells around points that are matched between the photographs of `dataset`, which then have distances.
-fn match_points(dataset: &mut Dataset, session: &Session) -> Option<VoxelBoxes> {
+/// Sets the distances of the photographs of `dataset`: those of its depth maps or, if it has none, to points that are
+/// matched between the photographs. Returns these points.
+fn find_points(config: &TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<Vec<DVec3>, Error> {
     let start = Instant::now();
-    let points = prior::match_points(&mut dataset.views)?;
-    let count = plural(points.cells.len(), "cell");
-    let seconds = start.elapsed().as_secs_f64();
-    session.console.say(&format!("matching: {count} around points of the photographs in {seconds:.1} s"));
-    Some(points)
+    let with_depth = dataset::read_distances(dataset)?;
+    if with_depth > 0 {
+        session.console.say(&format!("distances: those of {}", plural(with_depth, "depth map")));
+        return Ok(Vec::new());
+    }
+    let points = prior::match_points(&mut dataset.views, config.shell.is_some());
+    let (count, seconds) = (plural(points.len(), "point"), start.elapsed().as_secs_f64());
+    session.console.say(&format!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
+    Ok(points)
 }
 
-/// The prior of opaque photographs from points: those of the dataset, outliers included, or those that are matched between
-/// the photographs, whichever more of the rays meet, if these are nearly all. `config` then has the points' range of rays,
-/// if none was `asked`.
+/// The prior of opaque photographs from points: those of the dataset, outliers included, or those that are `matched`
+/// between the photographs, whichever more of the rays meet, if these are nearly all. `config` then has the points' range
+/// of rays, if none was `asked`. Else `config` says that the matched points are known, if they are more than the dataset's.
 fn prior_of_points(
     config: &mut TrainConfig,
     dataset: &Dataset,
     asked: Option<[f64; 2]>,
-    [all_points, matched_points]: [Option<VoxelBoxes>; 2],
+    all_points: Option<VoxelBoxes>,
+    matched: &[DVec3],
     session: &Session,
 ) -> Result<Option<VoxelBoxes>, Error> {
-    let mut best: Option<PointPrior> = None;
-    let range = |points: &VoxelBoxes| prior::ray_range(&cameras(dataset), Some(points));
-    let of_dataset = all_points.map(|points| (points, "the dataset's points", config.near_far));
-    let of_matching = matched_points.map(|points| {
-        let near_far = if asked.is_none() && config.shell.is_none() { Some(range(&points)) } else { config.near_far };
-        (points, "points matched between photographs", near_far)
-    });
-    for (points, what, near_far) in [of_dataset, of_matching].into_iter().flatten() {
+    let candidate = |cells: VoxelBoxes, what, near_far| -> Result<PointPrior, Error> {
         let config = TrainConfig { near_far, ..config.clone() };
-        let cells = config.unbounded().map_or_else(|| points.clone(), |unbounded| unbounded.contract_boxes(&points));
         let share = train::covered_share(&config, dataset, &cells)?;
-        if share >= ENOUGH_COVERED && best.as_ref().is_none_or(|best| share > best.share) {
-            best = Some(PointPrior { cells, what, near_far, share });
+        Ok(PointPrior { cells, what, near_far, share })
+    };
+    let of_dataset = all_points.map(|points| candidate(points, "the dataset's points", config.near_far)).transpose()?;
+    let unbounded = config.unbounded();
+    let contracted: Vec<DVec3> =
+        matched.iter().map(|&point| unbounded.map_or(point, |unbounded| unbounded.contract(point))).collect();
+    let of_matching = prior::cells_around(&contracted).map(|cells| {
+        let is_free = asked.is_none() && unbounded.is_none();
+        let near_far = if is_free { Some(prior::ray_range(&cameras(dataset), Some(&cells))) } else { config.near_far };
+        candidate(cells, "points matched between photographs", near_far)
+    });
+    let (dataset_share, of_matching) =
+        (of_dataset.as_ref().map_or(0.0, |points| points.share), of_matching.transpose()?);
+    let best = match of_matching {
+        Some(points) if points.share > dataset_share => {
+            // Thin and shiny things have none.
+            (config.prior.points, config.prior.free_before_points) = (Some(points.cells.clone()), false);
+            Some(points)
         }
-    }
+        _ => of_dataset,
+    };
     let Some(PointPrior { cells, what, near_far, share }) = best else { return Ok(None) };
     let count = plural(cells.cells.len(), "cell");
     session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
+    if share < if config.sky_degree > 0 { ENOUGH_UNDER_SKY } else { ENOUGH_COVERED } {
+        return Ok(None);
+    }
     if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.near_far) {
         session.console.say(&format!("rays from {near:.3} to {far:.3}, by these points"));
     }
@@ -203,7 +224,8 @@ struct PointPrior {
     share: f64,
 }
 
-/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points.
+/// Where the scene of `dataset` is, as far as `config` and `dataset` do not say it. Returns the cells of all points, in the
+/// space of the prior.
 fn locate(
     config: &mut TrainConfig,
     dataset: &mut Dataset,
@@ -213,11 +235,16 @@ fn locate(
     let cameras = cameras(dataset);
     let Location { near_far, bounds, points, all_points } =
         prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, || is_opaque)?;
-    config.prior.points = points.filter(|_| is_opaque);
+    let points = points.filter(|_| is_opaque);
+    config.prior.free_before_points = true;
     if config.shell.is_some() {
         locate_unbounded(config, &cameras, near_far[0], session);
-        return Ok(all_points);
     }
+    if let Some(unbounded) = config.unbounded() {
+        config.prior.points = points.map(|points| unbounded.contract_boxes(&points));
+        return Ok(all_points.map(|points| unbounded.contract_boxes(&points)));
+    }
+    config.prior.points = points;
     let [near, far] = *config.near_far.get_or_insert(near_far);
     let within = bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
     session.console.say(&format!("rays from {near:.3} to {far:.3}{within}"));

@@ -1,5 +1,8 @@
 //! Bounds of the scene from the cameras: near and far distances, and the box of all frusta.
 
+use std::iter::successors;
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 
 use super::VoxelBoxes;
@@ -84,10 +87,31 @@ pub(super) fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb
     [if nearest > 0.0 { nearest } else { near.min(0.5 * far) }, far]
 }
 
-/// The inner box of an unbounded scene, in dataset units: that of the cameras and of the point that they look at. Nearer
-/// things than the cameras' own distance from it are in it, the rest is contracted.
+/// The share of the cameras that see the inner box, and its half edge, in distances of the cameras from what they look at.
+const INNER_SEEN: f64 = 0.5;
+const INNER_EDGE: RangeInclusive<f64> = 0.2..=1.0;
+/// Factor between two half edges that are tried.
+const INNER_STEP: f64 = 0.95;
+
+/// The inner box of an unbounded scene, in dataset units. If cameras look at one thing, it is the largest cube around it
+/// whose surface half of the cameras see, in the mean over its corners, edges and sides. Else, as in a room, it is the box
+/// of the cameras and of the point that they look at.
 pub fn inner_box(cameras: &[Camera]) -> Aabb {
     let CameraBounds { focus, near, .. } = CameraBounds::from_cameras(cameras.iter());
+    let distance = near / NEAR_FAR.0;
+    let places: Vec<DVec3> =
+        (0..27).map(|n| DVec3::new(f64::from(n % 3), f64::from(n / 3 % 3), f64::from(n / 9)) - 1.0).collect();
+    let seen = |half: f64| {
+        let is_seen =
+            |camera: &Camera, place: DVec3| camera.project(focus + half * place).is_some_and(|at| camera.is_inside(at));
+        let count = cameras.iter().flat_map(|camera| places.iter().filter(|&&place| is_seen(camera, place))).count();
+        count as f64 / (places.len() * cameras.len().max(1)) as f64
+    };
+    let halves = successors(Some(*INNER_EDGE.end()), |half| Some(half * INNER_STEP));
+    let found = halves.take_while(|half| half >= INNER_EDGE.start()).find(|half| seen(half * distance) >= INNER_SEEN);
+    if let Some(half) = found.filter(|_| distance.is_finite()) {
+        return Aabb::around(focus, DVec3::splat(half * distance));
+    }
     let seen = Aabb::from_points(cameras.iter().map(|camera| camera.position).chain([focus]));
     // A single camera, or one place of all, spans no box.
     seen.union(&Aabb::around(focus, DVec3::splat(near)))
@@ -225,6 +249,25 @@ mod tests {
         let large = Aabb::around(DVec3::ZERO, DVec3::splat(6.0));
         let [near, far] = ray_range_of_surroundings(&cameras, Some(&large));
         assert!((near - 2.0).abs() < 1e-9 && far > 12.0, "{near} {far}");
+    }
+
+    #[test]
+    fn the_inner_box_is_what_half_of_the_cameras_see_or_the_cameras_own() {
+        let target = DVec3::new(1.0, 2.0, -3.0);
+        let around = inner_box(&ring(4.0, target, 1.0));
+        assert!((around.center() - target).length() < 1e-9);
+        // Cameras 4 away whose pictures are 0.8 wide and 0.4 high per unit of distance.
+        let half = 0.5 * around.size();
+        assert!(half.min_element() == half.max_element() && (0.8..1.6).contains(&half.x), "{half}");
+        let scaled = inner_box(&ring(4.0, target, 1e3));
+        assert!((scaled.size() / around.size() - 1e3).abs().max_element() < 1e-6);
+        // Cameras in a room that look outward: no cube is seen by half of them.
+        let outward: Vec<_> = ring(1.0, DVec3::ZERO, 1.0)
+            .iter()
+            .map(|c| Camera::looking_at([8, 8], 9.0, c.position, 2.0 * c.position, DVec3::Z))
+            .collect();
+        let room = inner_box(&outward);
+        assert!(outward.iter().all(|camera| room.contains(camera.position)), "{room:?}");
     }
 
     #[test]

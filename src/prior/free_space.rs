@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::VoxelBoxes;
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Contraction};
 
 /// Tiles along the longer edge of a picture.
 const TILES: u32 = 16;
@@ -29,9 +29,11 @@ struct View {
 }
 
 impl FreeSpace {
-    /// The free space between `cameras` and the cells of `points`.
-    pub(super) fn new(cameras: &[Camera], points: &VoxelBoxes) -> Self {
-        let places: Vec<DVec3> = points.boxes().map(|cell| cell.center()).collect();
+    /// The free space between `cameras` and the cells of `points`, which are in the space of the cameras or, with a
+    /// `contraction`, in that space contracted.
+    pub(super) fn new(cameras: &[Camera], points: &VoxelBoxes, contraction: Option<&Contraction>) -> Self {
+        let centers = points.boxes().map(|cell| cell.center());
+        let places: Vec<DVec3> = centers.map(|at| contraction.map_or(at, |c| c.expand(at))).collect();
         let slack = points.lattice.pitch.length();
         Self(cameras.iter().map(|camera| View::new(camera, &places, slack)).collect())
     }
@@ -90,7 +92,7 @@ mod tests {
         // The left half of a wall 5 units ahead, and one point alone before its right half.
         let mut cells: Vec<UVec3> = (0..120).flat_map(|z| (60..120).map(move |y| UVec3::new(0, y, z))).collect();
         cells.insert(0, UVec3::new(0, 20, 60));
-        let space = FreeSpace::new(&[camera], &VoxelBoxes { lattice, cells });
+        let space = FreeSpace::new(&[camera], &VoxelBoxes { lattice, cells }, None);
         let at = |x: f64, y: f64| space.contains(DVec3::new(x, y * x, 0.0));
         assert!(at(0.5, 0.3) && at(3.5, 0.3));
         assert!(!at(4.6, 0.3), "near the wall, where a surface may bulge");

@@ -63,15 +63,17 @@ pub fn locate(
 }
 
 /// Matches points between opaque photographs with known poses (`stereo.rs`), and sets the views' distances to them. Of
-/// many photographs, some are compared with all. Returns the cells around the points; `None` if they have no extent.
-pub fn match_points(views: &mut [View]) -> Option<VoxelBoxes> {
-    let Matches { points, distances } = matches(views, MATCHED_VIEWS);
+/// many photographs, some are compared with all. Returns the points, in the dataset's space, which may be far away in a
+/// scene that `is_unbounded`.
+pub fn match_points(views: &mut [View], is_unbounded: bool) -> Vec<DVec3> {
+    let Matches { points, distances } = matches(views, MATCHED_VIEWS, is_unbounded);
     views.iter_mut().zip(distances).for_each(|(view, distances)| view.distances = distances);
-    cells_around(&points)
+    points
 }
 
-/// The cells that hold `points`; `None` if they have no extent.
-fn cells_around(points: &[DVec3]) -> Option<VoxelBoxes> {
+/// The cells that hold `points`, about as many along the edges of their box as the coarse reconstruction has; `None` if
+/// they have no extent.
+pub fn cells_around(points: &[DVec3]) -> Option<VoxelBoxes> {
     let mut survey = Survey::new(None);
     points.iter().for_each(|&point| survey.point(point));
     let lattice = survey.lattice(&[]).ok()?;

@@ -31,6 +31,8 @@ const BEST: usize = 3;
 const PARALLAX: [f64; 3] = [0.03, 0.15, 0.7];
 /// The range of depths, in distances of the cameras from what they look at.
 const RANGE: [f64; 2] = [0.15, 8.0];
+/// The largest depth in a scene without an edge, in the same unit.
+const FAR: f64 = 100.0;
 /// The most depths along a ray.
 const MAX_DEPTHS: usize = 320;
 /// By how much a patch may be larger or smaller in another photograph.
@@ -42,8 +44,10 @@ const MIN_SIMILARITY: f32 = 0.75;
 const UNIQUE: f32 = 0.08;
 /// The widest peak, in depths from its top to either side.
 const WIDEST: usize = 8;
-/// The share of the depth by which two photographs' depths of a point may differ.
+/// The share of the depth by which two photographs' depths of a point may differ, and the difference in pixels that is
+/// less than what a photograph tells.
 const AGREEMENT: f64 = 0.02;
+const AGREEMENT_PIXELS: f64 = 0.5;
 /// The photographs that must agree with a depth.
 const MIN_AGREEING: usize = 2;
 
@@ -56,25 +60,46 @@ pub(super) struct Matches {
     pub(super) distances: Vec<Vec<f32>>,
 }
 
-/// The surfaces that `views` show; there may be none. Only every so manyth of more than `most` views is searched.
-pub(super) fn matches(views: &[View], most: usize) -> Matches {
+/// The surfaces that `views` show; there may be none. Only every so manyth of more than `most` views is searched. In a scene
+/// that `is_unbounded`, they may be far away; there, distances are known only where photographs tell them well.
+pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matches {
     let shots: Vec<Shot> = views.par_iter().map(Shot::new).collect();
     let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
     let distance = 2.0 * bounds.near;
+    let range = [RANGE[0], if is_unbounded { FAR } else { RANGE[1] }].map(|share| share * distance);
     let chosen: Vec<usize> = (0..shots.len()).step_by(shots.len().div_ceil(most).max(1)).collect();
-    // [chosen][patch] depths, 0 if unknown.
-    let maps: Vec<Vec<f64>> =
-        chosen.par_iter().map(|&n| depths(&shots, n, &neighbors(&cameras, n, distance), distance)).collect();
+    // By chosen view.
+    let mut maps: Vec<DepthMap> =
+        chosen.par_iter().map(|&n| depths(&shots, n, &neighbors(&cameras, n, distance), distance, range)).collect();
+    if !is_unbounded {
+        // Nothing is so far that the photographs cannot tell.
+        maps.iter_mut().for_each(|map| map.tolerance = 0.0);
+    }
     let agreed: Vec<Vec<f64>> =
         chosen.par_iter().zip(&maps).map(|(&n, map)| agreed(&shots, &chosen, &maps, n, map)).collect();
     let mut distances = vec![Vec::new(); views.len()];
-    let maps = chosen.iter().zip(&agreed).filter(|(_, map)| map.iter().any(|&depth| depth > 0.0));
-    let found: Vec<(usize, Vec<f32>)> =
-        maps.par_bridge().map(|(&n, map)| (n, shots[n].distances(&views[n].camera, map))).collect();
+    let found = chosen.iter().zip(&agreed).filter(|(_, map)| map.iter().any(|&depth| depth > 0.0));
+    let found: Vec<(usize, Vec<f32>)> = found
+        .zip(&maps)
+        .par_bridge()
+        .map(|((&n, agreed), map)| {
+            let well = |&depth: &f64| if map.tolerance * depth <= AGREEMENT { depth } else { 0.0 };
+            let agreed: Vec<f64> = agreed.iter().map(well).collect();
+            (n, shots[n].distances(&views[n].camera, &agreed))
+        })
+        .collect();
     found.into_iter().for_each(|(n, of_view)| distances[n] = of_view);
     let points = chosen.iter().zip(&agreed).flat_map(|(&n, map)| shots[n].points(map)).collect();
     Matches { points, distances }
+}
+
+/// The depths that are found in a photograph.
+struct DepthMap {
+    /// \[patch\] 0 if unknown.
+    depths: Vec<f64>,
+    /// The largest difference of 1/depth that may be more than the photographs tell.
+    tolerance: f64,
 }
 
 /// A photograph without the distortion of its lens, small and gray.
@@ -286,29 +311,30 @@ fn patch(shot: &Shot, middle: DVec2) -> Option<[f32; PATCH]> {
     (length > MIN_CONTRAST * (PATCH as f32).sqrt()).then_some(patch)
 }
 
-/// \[patch\] the depths of the patches of photograph `n`, found in `neighbors`; 0 if unknown.
-fn depths(shots: &[Shot], n: usize, neighbors: &[usize], distance: f64) -> Vec<f64> {
+/// The depths in the range `nearest` to `farthest` of the patches of photograph `n`, found in `neighbors`.
+fn depths(shots: &[Shot], n: usize, neighbors: &[usize], distance: f64, [nearest, farthest]: [f64; 2]) -> DepthMap {
     let shot = &shots[n];
     let [columns, rows] = shot.patches();
     let pairs: Vec<Pair> = neighbors.iter().map(|&m| Pair::new(&shot.camera, &shots[m])).collect();
     if pairs.len() < 2 {
-        return vec![0.0; columns * rows];
+        return DepthMap { depths: vec![0.0; columns * rows], tolerance: 0.0 };
     }
     // Even in the reciprocal, a pixel apart in the photograph in which they are farthest apart.
     let middle = direction(&shot.camera, DVec2::from(shot.camera.principal));
-    let [nearest, farthest] = RANGE.map(|share| share * distance);
     let reach = pairs.iter().map(|pair| {
         let step = |depth: f64| Some(pair.point(middle, 0.99 * depth)?.distance(pair.point(middle, 1.01 * depth)?));
         // The speed in pixels per unit of 1/depth, at the distance of the scene.
         step(distance).map_or(0.0, |pixels| pixels / (0.02 / distance) * (1.0 / nearest - 1.0 / farthest))
     });
-    let count = (reach.fold(0.0, f64::max) as usize).clamp(16, MAX_DEPTHS);
+    let pixels = reach.fold(0.0, f64::max);
+    let count = (pixels as usize).clamp(16, MAX_DEPTHS);
+    let tolerance = AGREEMENT_PIXELS * (1.0 / nearest - 1.0 / farthest) / pixels.max(1.0);
     let depth_of = |place: f64| {
         let share = place / (count - 1) as f64;
         1.0 / (1.0 / nearest + share * (1.0 / farthest - 1.0 / nearest))
     };
     let mut profile = vec![0.0; count];
-    (0..columns * rows)
+    let depths = (0..columns * rows)
         .map(|n| {
             let middle = shot.middle(n);
             let Some(patch) = patch(shot, middle) else { return 0.0 };
@@ -324,7 +350,8 @@ fn depths(shots: &[Shot], n: usize, neighbors: &[usize], distance: f64) -> Vec<f
             }
             peak(&profile).map_or(0.0, depth_of)
         })
-        .collect()
+        .collect();
+    DepthMap { depths, tolerance }
 }
 
 /// The place of the only high peak of `profile`, between its entries.
@@ -349,25 +376,26 @@ fn peak(profile: &[f32]) -> Option<f64> {
 }
 
 /// The depths `map` of photograph `n` that the depths of others agree with; 0 for all others.
-fn agreed(shots: &[Shot], chosen: &[usize], maps: &[Vec<f64>], n: usize, map: &[f64]) -> Vec<f64> {
+fn agreed(shots: &[Shot], chosen: &[usize], maps: &[DepthMap], n: usize, map: &DepthMap) -> Vec<f64> {
     let shot = &shots[n];
     let depth = |(patch, &depth): (usize, &f64)| {
         let place = shot.place(patch, depth);
-        let agrees = |(&m, map): (&usize, &Vec<f64>)| {
+        let agrees = |(&m, map): (&usize, &DepthMap)| {
             let other = &shots[m];
             let Some(at) = other.camera.project(place) else { return false };
             let Some([column, row]) = other.patch_at(at) else { return false };
             let depth = (other.camera.position - place).dot(other.camera.world_from_camera.z_axis);
             let [columns, rows] = other.patches();
-            let mut around = (row.saturating_sub(1)..=(row + 1).min(rows - 1)).flat_map(|row| {
+            let around = (row.saturating_sub(1)..=(row + 1).min(rows - 1)).flat_map(|row| {
                 (column.saturating_sub(1)..=(column + 1).min(columns - 1)).map(move |column| row * columns + column)
             });
-            around.any(|patch| (map[patch] - depth).abs() < AGREEMENT * depth)
+            let tolerance = depth * AGREEMENT.max(map.tolerance * depth);
+            around.map(|patch| map.depths[patch]).any(|found| found > 0.0 && (found - depth).abs() < tolerance)
         };
         let count = chosen.iter().zip(maps).filter(|(m, _)| **m != n).filter(|&pair| agrees(pair)).take(MIN_AGREEING);
         if depth > 0.0 && count.count() == MIN_AGREEING { depth } else { 0.0 }
     };
-    map.iter().enumerate().map(depth).collect()
+    map.depths.iter().enumerate().map(depth).collect()
 }
 
 #[cfg(test)]
@@ -418,7 +446,7 @@ mod tests {
 
     fn assert_found(lens: Lens) {
         let views = views(lens);
-        let Matches { points, distances } = matches(&views, 100);
+        let Matches { points, distances } = matches(&views, 100, false);
         let off = |point: &DVec3| (point.length() - 1.0).abs().min((point.x + 2.0).abs());
         let wrong = points.iter().filter(|point| off(point) > 0.12).count();
         let on_wall = points.iter().filter(|point| point.x < -1.9).count();
@@ -464,7 +492,7 @@ mod tests {
         let mut views = views(Lens::PINHOLE);
         let position = views[0].camera.position;
         views.iter_mut().for_each(|view| view.camera.position = position);
-        assert_eq!(matches(&views, 100).points, []);
+        assert_eq!(matches(&views, 100, false).points, []);
         assert_eq!(matches(&views[..1], 100).points, []);
         assert_eq!(matches(&[], 100).points, []);
     }

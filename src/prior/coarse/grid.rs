@@ -50,6 +50,12 @@ impl<T: Scalar> Grid<T> {
         Self { origin, voxel, vertices, values: vec![[T::zero(); 4]; count] }
     }
 
+    /// The box of the vertices, in dataset units.
+    pub(super) fn bounds(&self) -> Aabb {
+        let last = self.vertices - 1;
+        Aabb { min: self.origin, max: self.position(last.x as usize, last.y as usize, last.z as usize) }
+    }
+
     /// Vertices in a plane of equal z.
     pub(super) fn plane(&self) -> usize {
         self.vertices.x as usize * self.vertices.y as usize

@@ -11,6 +11,7 @@
 
 mod adam;
 mod grid;
+mod known;
 mod options;
 mod ray_loss;
 mod ray_sampler;
@@ -19,14 +20,14 @@ mod tests;
 mod trainer;
 mod visibility;
 
-use std::collections::HashSet;
 use std::ops::ControlFlow;
 
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 
 pub use options::CoarseOptions;
 
 use self::grid::Grid;
+use self::known::Known;
 use self::ray_loss::density_of_alpha;
 use self::ray_sampler::RaySampler;
 pub(crate) use self::ray_sampler::check_views;
@@ -36,6 +37,9 @@ use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice, Similarity, cell_at};
 use crate::psnr::RunningMse;
+
+/// α of the outermost voxels of contracted space at the start, over an edge of the finest voxels.
+const FARTHEST_ALPHA: f64 = 0.9;
 
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,8 +76,10 @@ pub fn reconstruct(
         Some(unbounded) => unbounded.contraction.bounds(),
     };
     let near_far = [near, far].map(|t| t * map.scale);
-    let points = options.points.as_ref().map(|points| points.mapped(&map));
-    let free = points.as_ref().map(|points| FreeSpace::new(photographs.cameras(), points));
+    let contraction = options.unbounded.map(|unbounded| unbounded.contraction);
+    let points = options.points.as_ref();
+    let carving = points.filter(|_| options.free_before_points);
+    let free = carving.map(|points| FreeSpace::new(photographs.cameras(), points, contraction.as_ref()));
     if !frusta.is_solid() {
         let view = dataset.views[0].name.clone();
         return Err(Error::View {
@@ -86,12 +92,16 @@ pub fn reconstruct(
     let levels = options.steps.len();
     let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
     let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
+    if options.unbounded.is_some() {
+        close(&mut grid, options);
+    }
     let mut visible = Vec::new();
+    let mut known = None;
     let mut done = 0;
     let mut fit = RunningMse::default();
     for (number, &steps) in options.steps.iter().enumerate() {
         if number > 0 {
-            let found = worth_refining(&grid, options, points.as_ref());
+            let found = worth_refining(&grid, options);
             grid = grid.refined(&found.map_or(frusta, |found| found.intersection(&frusta)));
         }
         let finest_voxels = f64::from(1_u32 << (levels - 1 - number));
@@ -105,22 +115,16 @@ pub fn reconstruct(
             }
         }
         if number + 1 == levels {
-            visible = trainer.visible(&photographs, options.min_visibility_weight as f32, options.visibility_stride);
+            known = points.map(|points| Known::new(trainer.grid(), points));
+            visible = trainer.visible(&photographs, options, known.as_ref());
         }
         grid = trainer.into_grid();
     }
 
     let mut boxes = occupied(&grid, options, |n| visible[n]);
-    if let Some(points) = &points {
-        let known: HashSet<UVec3> = points.cells.iter().copied().collect();
-        let is_known = |n: usize| {
-            let vertex = grid.vertex(n);
-            let place = options.unbounded.map_or(vertex, |unbounded| unbounded.contraction.expand(vertex));
-            let cell = points.lattice.cell_of(place);
-            cell.min_element() >= 0 && known.contains(&cell.as_uvec3())
-        };
+    if let Some(known) = &known {
         boxes.cells = (0..grid.values.len())
-            .filter(|&n| boxes.cells.binary_search_by_key(&n, |&cell| grid.index(cell)).is_ok() || is_known(n))
+            .filter(|&n| boxes.cells.binary_search_by_key(&n, |&cell| grid.index(cell)).is_ok() || known.contains(n))
             .map(|n| cell_at(n as u64, grid.vertices))
             .collect();
     }
@@ -148,16 +152,24 @@ pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64
     }
 }
 
-/// The box that the next grid covers: that of the occupied voxels and of `points`, grown by two voxels. A grid no larger than the scene
-/// also fits the processor's caches. `None` if no voxel is occupied yet.
-fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions, points: Option<&VoxelBoxes>) -> Option<Aabb> {
-    let known = points.map_or(Aabb::EMPTY, |points| match options.unbounded {
-        None => points.bounds(),
-        Some(unbounded) => unbounded.contraction.contract_box(&points.bounds()),
-    });
+/// Makes the outermost voxels of contracted space opaque: what is far away in one direction needs no fog before it.
+fn close(grid: &mut Grid<f32>, options: &CoarseOptions) {
+    let density = density_of_alpha(FARTHEST_ALPHA, 1.0) - density_of_alpha(options.initial_alpha, 1.0);
+    let last = grid.vertices - 1;
+    for n in 0..grid.values.len() {
+        let vertex = cell_at(n as u64, grid.vertices);
+        if vertex.min_element() == 0 || vertex.cmpeq(last).any() {
+            grid.values[n][0] = density as f32;
+        }
+    }
+}
+
+/// The box that the next grid covers: that of the occupied voxels and of the points, grown by two voxels. A grid no larger
+/// than the scene also fits the processor's caches. `None` if no voxel is occupied yet.
+fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
+    let known = options.points.as_ref().map_or(Aabb::EMPTY, VoxelBoxes::bounds);
     let bounds = occupied(grid, options, |_| true).bounds().union(&known);
-    let whole = Aabb { min: grid.origin, max: grid.origin + grid.voxel * (grid.vertices.as_dvec3() - 1.0) };
-    bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&whole))
+    bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&grid.bounds()))
 }
 
 /// The voxels around those of the vertices that count whose α over a voxel edge exceeds the threshold. A vertex seen by too few views keeps

@@ -55,10 +55,12 @@ pub struct CoarseOptions {
     /// The contracted space in which the reconstruction is made; `None`: the box of all frusta.
     #[serde(skip)]
     pub unbounded: Option<Unbounded>,
-    /// Cells of points on the scene's surfaces, in the dataset's space: they are occupied, and the space before them is
-    /// free.
+    /// Cells of points on the scene's surfaces, in the space of the reconstruction: they are occupied.
     #[serde(skip)]
     pub points: Option<VoxelBoxes>,
+    /// The space before the points is free: nothing that is seen is without points.
+    #[serde(skip)]
+    pub free_before_points: bool,
 }
 
 impl Default for CoarseOptions {
@@ -85,6 +87,7 @@ impl Default for CoarseOptions {
             far: None,
             unbounded: None,
             points: None,
+            free_before_points: false,
         }
     }
 }

@@ -87,7 +87,7 @@ pub(super) struct Shaded<T> {
     /// Visibility weight: transmittance times α.
     pub(super) weight: T,
     /// Transmittance behind the sample.
-    after: T,
+    pub(super) after: T,
     /// interval · sigmoid(density): dα/d(density) / (1 − α).
     slope: T,
 }

@@ -1,11 +1,14 @@
 //! The trainer of one grid: rays from the photographs, their samples, and an Adam step.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::CoarseOptions;
 use super::adam::{Adam, SortedSamples};
 use super::grid::{Grid, Live, Scalar};
+use super::known::Known;
 use super::ray_loss::{Medium, Sample, Segment, Shaded, Shading, density_of_alpha, trace};
 use super::ray_sampler::RaySampler;
 use super::visibility::count_views;
@@ -108,6 +111,15 @@ impl CoarseTrainer {
         Segment::new(&ray, &extent, &self.live.bounds, near_far, self.step_size)
     }
 
+    fn meets(&self, known: &Known, ray: &Ray) -> bool {
+        known.meets(&self.grid, &RayPath::new(ray, &self.grid.bounds(), self.contraction, self.near_far))
+    }
+
+    /// The grid.
+    pub(super) fn grid(&self) -> &Grid<f32> {
+        &self.grid
+    }
+
     /// The trained grid.
     pub(super) fn into_grid(self) -> Grid<f32> {
         self.grid
@@ -158,45 +170,61 @@ impl CoarseTrainer {
         batch.sort(&chunk.samples, self.grid.plane(), self.grid.vertices.z as usize);
     }
 
-    /// \[vertex\]: true if the voxel around the vertex holds a sample whose visibility weight exceeds `weight` in any
-    /// pixel. Only every `stride`th pixel of every `stride`th row is traced.
-    pub(super) fn visible(&mut self, photographs: &RaySampler, weight: f32, stride: u32) -> Vec<bool> {
+    /// \[vertex\]: true if the voxel around the vertex holds a sample whose visibility weight exceeds that of `options` in
+    /// any pixel. With `known` voxels, it is the sample at which a ray that meets none of them is half absorbed, in as many
+    /// views as a surface must be in: fog is everywhere. Only some pixels are traced, as `options` say.
+    pub(super) fn visible(
+        &mut self,
+        photographs: &RaySampler,
+        options: &CoarseOptions,
+        known: Option<&Known>,
+    ) -> Vec<bool> {
         self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
         let cameras = photographs.cameras();
-        let none = || vec![false; self.grid.values.len()];
+        let none = || vec![0_u32; self.grid.values.len()];
         let arch = pulp::Arch::new();
-        // A union does not depend on the order.
-        let union = |mut a: Vec<bool>, b: Vec<bool>| {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
+        // Sums do not depend on the order.
+        let sum = |mut a: Vec<u32>, b: Vec<u32>| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
             a
         };
-        cameras
+        let views = cameras
             .par_iter()
             .with_min_len(cameras.len().div_ceil(16))
-            .fold(none, |mut seen, camera| {
-                arch.dispatch(|| self.mark_visible(camera, weight, stride, &mut seen));
-                seen
+            .fold(none, |mut views, camera| {
+                let seen = arch.dispatch(|| self.seen_by(camera, options, known));
+                seen.into_iter().for_each(|n| views[n] += 1);
+                views
             })
-            .reduce(none, union)
+            .reduce(none, sum);
+        let least = if known.is_some() { options.min_views.min(cameras.len() as u32) } else { 1 };
+        views.into_iter().map(|count| count >= least.max(1)).collect()
     }
 
+    /// The vertices that `camera` sees.
     #[inline(always)]
-    fn mark_visible(&self, camera: &Camera, weight: f32, stride: u32, seen: &mut [bool]) {
+    fn seen_by(&self, camera: &Camera, options: &CoarseOptions, known: Option<&Known>) -> BTreeSet<usize> {
+        let (weight, stride) = (options.min_visibility_weight as f32, options.visibility_stride as usize);
         let medium = self.medium();
         let (row, plane) = (self.grid.vertices.x as usize, self.grid.plane());
         let mut chunk = Chunk::default();
-        for y in (0..camera.height).step_by(stride as usize) {
-            for x in (0..camera.width).step_by(stride as usize) {
-                let Some(segment) = camera.ray(x, y).and_then(|ray| self.segment(&ray)) else { continue };
+        let mut seen = BTreeSet::new();
+        for y in (0..camera.height).step_by(stride) {
+            for x in (0..camera.width).step_by(stride) {
+                let ray = camera.ray(x, y).filter(|ray| !known.is_some_and(|known| self.meets(known, ray)));
+                let Some(segment) = ray.and_then(|ray| self.segment(&ray)) else { continue };
                 chunk.samples.clear();
                 trace(&medium, &segment, [0.0; 3], &mut chunk.samples, &mut chunk.shaded);
-                let shaded = chunk.samples.iter().zip(&chunk.shaded);
-                for (sample, _) in shaded.filter(|(_, s)| s.weight > weight) {
+                let shaded = || chunk.samples.iter().zip(&chunk.shaded);
+                let middle = shaded().find(|(_, s)| s.after < 0.5).filter(|_| known.is_some());
+                let all = shaded().filter(|(_, s)| known.is_none() && s.weight > weight);
+                seen.extend(all.chain(middle).map(|(sample, _)| {
                     let [dx, dy, dz] = sample.fraction.map(|f| usize::from(f > 0.5));
-                    seen[sample.first as usize + dz * plane + dy * row + dx] = true;
-                }
+                    sample.first as usize + dz * plane + dy * row + dx
+                }));
             }
         }
+        seen
     }
 }
 

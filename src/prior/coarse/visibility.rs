@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::grid::{Grid, Scalar};
 use crate::geometry::{Camera, Contraction};
 
-/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it, or its place before
-/// `contraction`. DVGO counts the views whose rays touch a vertex, which is the same up to a pixel at the edges of the
+/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it or, from `near` on, its
+/// place before `contraction`: vertices on the border of contracted space are infinitely far away. DVGO counts the views whose rays touch a vertex, which is the same up to a pixel at the edges of the
 /// pictures.
 pub(super) fn count_views<T: Scalar>(
     grid: &Grid<T>,
@@ -17,6 +17,7 @@ pub(super) fn count_views<T: Scalar>(
 ) -> Vec<u32> {
     let row = grid.vertices.x as usize;
     let rows = grid.vertices.y as usize;
+    let far = if contraction.is_some() { f64::INFINITY } else { far };
     let mut counts = vec![0; grid.values.len()];
     counts.par_chunks_mut(row).enumerate().for_each(|(line, counts)| {
         for camera in cameras {
