@@ -33,7 +33,7 @@ pub(super) struct Settings {
     #[arg(long, value_enum)]
     pub(super) background: Option<Background>,
     /// Degree of a learned sky, the color behind the scene by direction, 1 to 4; 0 for the background color [default:
-    /// the configuration's, else 0]
+    /// the configuration's, else 2 in an unbounded scene part of which is too far away to tell where, else 0]
     #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(..=i64::from(Sky::MAX_DEGREE)))]
     pub(super) sky: Option<u32>,
     /// Distance at which rays begin, in dataset units [default: the dataset's]
@@ -134,7 +134,7 @@ impl Settings {
         config.refine_poses |= self.refine_poses;
         config.exposure = self.exposure.unwrap_or(config.exposure);
         config.background = self.background.map_or(config.background, Background::color);
-        config.sky_degree = self.sky.unwrap_or(config.sky_degree);
+        config.sky_degree = self.sky.or(config.sky_degree);
         if self.unbounded || self.inner_box.is_some() {
             config.shell.get_or_insert(DEFAULT_SHELL);
         }

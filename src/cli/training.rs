@@ -28,9 +28,11 @@ use crate::train::{self, StepReport, TrainConfig, Trainer};
 const FAR_OF_UNBOUNDED: f64 = 1000.0;
 
 /// The share of rays from which on tensors around the dataset's points hold the scene; surfaces without texture have no
-/// points. Under a sky, which has none either, fewer rays meet them.
+/// points. In an unbounded scene, the rest may be so far away that photographs do not tell where.
 const ENOUGH_COVERED: f64 = 0.99;
-const ENOUGH_UNDER_SKY: f64 = 0.7;
+const ENOUGH_BEFORE_FAR: f64 = 0.7;
+/// The degree of the sky of such a scene.
+const SKY_DEGREE: u32 = 2;
 
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
@@ -204,13 +206,22 @@ fn prior_of_points(
     let Some(PointPrior { cells, what, near_far, share }) = best else { return Ok(None) };
     let count = plural(cells.cells.len(), "cell");
     session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
-    if share < if config.sky_degree > 0 { ENOUGH_UNDER_SKY } else { ENOUGH_COVERED } {
+    let is_enough = share >= if unbounded.is_some() { ENOUGH_BEFORE_FAR } else { ENOUGH_COVERED };
+    if !is_enough {
         return Ok(None);
     }
     if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.near_far) {
         session.console.say(&format!("rays from {near:.3} to {far:.3}, by these points"));
     }
     config.near_far = near_far;
+    if share < ENOUGH_COVERED {
+        let degree = *config.sky_degree.get_or_insert(if config.random_background { 0 } else { SKY_DEGREE });
+        let cells = train::with_far_cells(config, dataset, &cells)?;
+        let count = plural(cells.cells.len(), "cell");
+        let sky = if degree > 0 { format!(", before a sky of degree {degree}") } else { String::new() };
+        session.console.say(&format!("prior: {count} with those where the other rays end, far away{sky}"));
+        return Ok(Some(cells));
+    }
     Ok(Some(cells))
 }
 

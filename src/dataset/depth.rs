@@ -4,18 +4,16 @@
 //! unit are distances from the camera's plane, in the dataset's units; 0 is unknown. The unit is `integer_depth_scale`, as
 //! in Instant-NGP, else a thousandth, as in nerfstudio.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
 use glam::DVec3;
 use image::DynamicImage;
-use rayon::prelude::*;
 
+use super::Error;
 use super::picture::{self, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
-use super::{Dataset, Error};
 use crate::geometry::Camera;
 use crate::npy;
 
@@ -32,27 +30,10 @@ pub struct DepthMap {
     pub(super) unit: f64,
 }
 
-/// Sets the distances of the views of `dataset` that have a depth map. Returns the number of these views.
-///
-/// # Errors
-///
-/// If a map cannot be read or has another shape than its photograph.
-pub fn read_distances(dataset: &mut Dataset) -> Result<usize, Error> {
-    let Dataset { views, depth_maps, .. } = dataset;
-    let by_name: HashMap<&str, &DepthMap> = depth_maps.iter().map(|map| (map.shot.name.as_str(), map)).collect();
-    let read: Vec<_> = (views.par_iter_mut())
-        .filter_map(|view| Some((by_name.get(view.name.as_str())?, view)))
-        .map(|(map, view)| map.distances(&view.camera).map(|distances| view.distances = distances))
-        .collect();
-    let count = read.len();
-    read.into_iter().collect::<Result<Vec<_>, _>>()?;
-    Ok(count)
-}
-
 impl DepthMap {
     /// \[height\]\[width\] the distances along the rays of `camera`, which is the photograph's at any size, in the
     /// dataset's units; 0 where unknown.
-    fn distances(&self, camera: &Camera) -> Result<Vec<f32>, Error> {
+    pub(super) fn distances(&self, camera: &Camera) -> Result<Vec<f32>, Error> {
         let (size, depths) = self.depths()?;
         self.camera(size)?;
         let axis = -camera.world_from_camera.z_axis;
@@ -219,16 +200,14 @@ mod tests {
     }
 
     #[test]
-    fn views_have_the_distances_of_their_maps_at_any_size() {
+    fn distances_are_those_to_the_plane_at_any_size() {
         let folder = folder("d.png", "", &png([8, 6], 2000));
-        image::RgbImage::new(8, 6).save(folder.path().join("a.png")).unwrap();
+        let map = &maps(&folder)[0];
         for downscale in [1, 2] {
-            let options = super::super::LoadOptions { downscale, ..Default::default() };
-            let mut dataset = super::super::load(folder.path(), "all", &options).unwrap();
-            assert_eq!(read_distances(&mut dataset).unwrap(), 1);
-            let view = &dataset.views[0];
-            assert_eq!(view.distances.len(), (48 / downscale.pow(2)) as usize);
-            for (ray, &distance) in view.camera.rays(0..view.camera.height).zip(&view.distances) {
+            let camera = map.camera([8, 6]).unwrap().downscaled(downscale);
+            let distances = map.distances(&camera).unwrap();
+            assert_eq!(distances.len(), (48 / downscale.pow(2)) as usize);
+            for (ray, distance) in camera.rays(0..camera.height).zip(distances) {
                 assert!(ray.unwrap().at(f64::from(distance)).z.abs() < 1e-6);
             }
         }

@@ -24,11 +24,11 @@ mod synthetic;
 mod transforms;
 
 pub use capture::Holdout;
-pub use depth::{DepthMap, read_distances};
+pub use depth::DepthMap;
 pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
 pub use layout::Layout;
-pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras};
+pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras, read_distances};
 pub use pixels::Pixels;
 pub use scan::Scan;
 pub use synthetic::{CameraModel, SynthLayout, SynthOptions, Synthesized, synthesize};

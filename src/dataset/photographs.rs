@@ -1,5 +1,6 @@
 //! Loading, common to all layouts: the choice of views, and their pictures, decoded in parallel.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -7,7 +8,7 @@ use rayon::prelude::*;
 use super::capture::Capture;
 use super::picture::{self, Header, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
-use super::{Dataset, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
+use super::{Dataset, DepthMap, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
 use crate::geometry::Camera;
 
 /// Bytes of a pixel in memory: as stored, and averaged or of more than 8 bits.
@@ -83,6 +84,23 @@ pub fn fitting_downscale(folder: &Path, split: &str, options: &LoadOptions) -> R
 /// Bytes of `photographs` in memory if they are made `more` times smaller still.
 fn bytes_of(photographs: &[Fitted<'_>], more: u32) -> u64 {
     photographs.iter().map(|fitted| fitted.bytes(more)).fold(0, u64::saturating_add)
+}
+
+/// Sets the distances of the views of `dataset` that have a depth map. Returns the number of these views.
+///
+/// # Errors
+///
+/// If a map cannot be read or has another shape than its photograph.
+pub fn read_distances(dataset: &mut Dataset) -> Result<usize, Error> {
+    let Dataset { views, depth_maps, .. } = dataset;
+    let by_name: HashMap<&str, &DepthMap> = depth_maps.iter().map(|map| (map.shot.name.as_str(), map)).collect();
+    let read: Vec<_> = (views.par_iter_mut())
+        .filter_map(|view| Some((by_name.get(view.name.as_str())?, view)))
+        .map(|(map, view)| map.distances(&view.camera).map(|distances| view.distances = distances))
+        .collect();
+    let count = read.len();
+    read.into_iter().collect::<Result<Vec<_>, _>>()?;
+    Ok(count)
 }
 
 /// The dataset in `folder`, as far as the split `split` needs it.

@@ -43,3 +43,4 @@ pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
 pub use unbounded::Unbounded;
 pub use voxel_boxes::VoxelBoxes;
 pub use voxels::MAX_CELLS;
+pub(crate) use voxels::boxes_of;

@@ -493,7 +493,7 @@ mod tests {
         let position = views[0].camera.position;
         views.iter_mut().for_each(|view| view.camera.position = position);
         assert_eq!(matches(&views, 100, false).points, []);
-        assert_eq!(matches(&views[..1], 100).points, []);
-        assert_eq!(matches(&[], 100).points, []);
+        assert_eq!(matches(&views[..1], 100, false).points, []);
+        assert_eq!(matches(&[], 100, false).points, []);
     }
 }

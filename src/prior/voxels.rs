@@ -291,7 +291,7 @@ pub(super) fn too_many_cells(pitch: DVec3) -> Error {
 }
 
 /// `cells` of `lattice`, ascending by (z, y, x), as boxes on a lattice whose origin is their smallest corner.
-pub(super) fn boxes_of(lattice: &Lattice, cells: impl Iterator<Item = IVec3> + Clone) -> Option<VoxelBoxes> {
+pub(crate) fn boxes_of(lattice: &Lattice, cells: impl Iterator<Item = IVec3> + Clone) -> Option<VoxelBoxes> {
     let first = cells.clone().reduce(IVec3::min)?;
     let origin = lattice.origin + first.as_dvec3() * lattice.pitch;
     let relative = |cell: IVec3| {

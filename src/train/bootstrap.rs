@@ -119,7 +119,7 @@ impl CoarseCube {
             steps,
             batch_rays: options.batch_rays,
             random_background: false,
-            sky_degree: 0,
+            sky_degree: Some(0),
             exposure: Exposure::Off,
             refine_poses: false,
             upsample_at: Vec::new(),

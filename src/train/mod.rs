@@ -47,7 +47,7 @@ pub use occupancy::estimate_occupancy;
 pub use plan::{
     Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs, plan,
 };
-pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior};
+pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior, with_far_cells};
 pub use prune::prune_unoccupied;
 pub use ray_sampler::RaySampler;
 pub use rays::RayBatch;

@@ -1,13 +1,15 @@
 //! From photographs to the scene that training starts from: prior, canonical map, placement.
 
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
+use glam::IVec3;
 use rayon::prelude::*;
 
 use super::{ConfigError, TrainConfig, TrainError, initial_scene};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, vectorized};
-use crate::geometry::Similarity;
+use crate::geometry::{Ray, Similarity};
 use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
@@ -85,26 +87,70 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
     let scene = place_scene(config, dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
+    let counts = dataset.views.par_iter().map(|view| {
+        let mut counts = [0_u64; 2];
+        for_some_rays(dataset, view, &scene, |ray| {
+            counts[0] += 1;
+            counts[1] += u64::from(meets(&field, ray));
+        });
+        counts
+    });
+    let [all, met] = counts.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    Ok(met as f64 / all.max(1) as f64)
+}
+
+/// `occupied`, the prior of an unbounded scene in contracted space, and the cells at the border of contracted space at which
+/// the rays of `dataset` end that meet no tensor on it: what nothing is known of is taken to be far away.
+///
+/// # Errors
+///
+/// As [`place_scene`].
+pub fn with_far_cells(
+    config: &TrainConfig,
+    dataset: &Dataset,
+    occupied: &VoxelBoxes,
+) -> Result<VoxelBoxes, PrepareError> {
+    let Some(contraction) = config.contraction() else { return Ok(occupied.clone()) };
+    let scene = place_scene(config, dataset, occupied)?;
+    let field = Field::<f32>::new(&scene);
+    let lattice = occupied.lattice;
+    let bounds = contraction.bounds().grown(-0.5 * lattice.pitch);
+    let far = dataset.views.par_iter().map(|view| {
+        let mut cells = Vec::new();
+        for_some_rays(dataset, view, &scene, |ray| {
+            if !meets(&field, ray) {
+                let end = contraction.contract(ray.at(scene.frame.far)).clamp(bounds.min, bounds.max);
+                cells.push(lattice.cell_of(end));
+            }
+        });
+        cells
+    });
+    let cells = occupied.cells.iter().map(|cell| cell.as_ivec3());
+    let all: BTreeSet<_> = cells.chain(far.flatten_iter().collect::<Vec<_>>()).map(|c| [c.z, c.y, c.x]).collect();
+    let boxes = prior::boxes_of(&lattice, all.iter().map(|&[z, y, x]| IVec3::new(x, y, z)));
+    Ok(boxes.unwrap_or_else(|| occupied.clone()))
+}
+
+/// Calls `visit` with the rays of pixels of `view` that count, in the space of `scene`; of a large `dataset`, with those of
+/// some pixels.
+fn for_some_rays(dataset: &Dataset, view: &View, scene: &Scene, mut visit: impl FnMut(&Ray)) {
     let pixels: usize = dataset.views.iter().map(|view| view.pixels.len()).sum();
     let stride = (pixels as f64 / COVERAGE_PIXELS).sqrt().ceil().max(1.0) as usize;
-    let counts = |view: &View| {
-        let camera = view.camera.mapped(&scene.frame.model_from_dataset);
-        let mut counts = [0_u64; 2];
-        for row in (stride as u32 / 2..camera.height).step_by(stride) {
-            for column in (stride as u32 / 2..camera.width).step_by(stride) {
-                let ray = camera.ray(column, row).filter(|_| view.counts((row * camera.width + column) as usize));
-                let Some(ray) = ray else { continue };
-                counts[0] += 1;
-                counts[1] += u64::from(vectorized(
-                    #[inline(always)]
-                    || field.first_sample(&ray).is_some(),
-                ));
-            }
+    let camera = view.camera.mapped(&scene.frame.model_from_dataset);
+    for row in (stride as u32 / 2..camera.height).step_by(stride) {
+        for column in (stride as u32 / 2..camera.width).step_by(stride) {
+            let ray = camera.ray(column, row).filter(|_| view.counts((row * camera.width + column) as usize));
+            ray.iter().for_each(&mut visit);
         }
-        counts
-    };
-    let [all, met] = dataset.views.par_iter().map(counts).reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-    Ok(met as f64 / all.max(1) as f64)
+    }
+}
+
+/// True if `ray` meets a tensor.
+fn meets(field: &Field<f32>, ray: &Ray) -> bool {
+    vectorized(
+        #[inline(always)]
+        || field.first_sample(ray).is_some(),
+    )
 }
 
 /// The frame of a model whose rays have the range `near_far`, in the dataset's units.

@@ -36,12 +36,21 @@ impl Known {
         self.0[n]
     }
 
-    /// True if a known voxel is on `path`, which is in the grid's space.
+    /// True if `path`, which is in the grid's space, passes between known vertices or beside one.
     pub(super) fn meets<T: Scalar>(&self, grid: &Grid<T>, path: &RayPath) -> bool {
         let Some((begin, end)) = path.span else { return false };
         let step = STEP * grid.voxel;
         let steps = ((end - begin) / step).max(0.0) as u32;
-        (0..steps).any(|k| nearest(grid, path.position(begin + f64::from(k) * step)).is_some_and(|n| self.0[n]))
+        let limit = grid.vertices - 1;
+        let is_known = |point: DVec3| {
+            let first = grid.local(point).floor();
+            if first.min_element() < 0.0 || first.cmpge(limit.as_dvec3()).any() {
+                return false;
+            }
+            let first = first.as_uvec3();
+            (0..8).any(|n| self.0[grid.index(first + UVec3::new(n & 1, n >> 1 & 1, n >> 2))])
+        };
+        (0..steps).any(|k| is_known(path.position(begin + f64::from(k) * step)))
     }
 }
 

@@ -38,9 +38,6 @@ use crate::dataset::Dataset;
 use crate::geometry::{Aabb, Lattice, Similarity, cell_at};
 use crate::psnr::RunningMse;
 
-/// α of the outermost voxels of contracted space at the start, over an edge of the finest voxels.
-const FARTHEST_ALPHA: f64 = 0.9;
-
 /// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoarseProgress {
@@ -92,9 +89,6 @@ pub fn reconstruct(
     let levels = options.steps.len();
     let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
     let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
-    if options.unbounded.is_some() {
-        close(&mut grid, options);
-    }
     let mut visible = Vec::new();
     let mut known = None;
     let mut done = 0;
@@ -149,18 +143,6 @@ pub(crate) fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64
         Ok([near, far])
     } else {
         Err(Error::option("near_far", "two numbers with 0 <= near < far", [near, far]))
-    }
-}
-
-/// Makes the outermost voxels of contracted space opaque: what is far away in one direction needs no fog before it.
-fn close(grid: &mut Grid<f32>, options: &CoarseOptions) {
-    let density = density_of_alpha(FARTHEST_ALPHA, 1.0) - density_of_alpha(options.initial_alpha, 1.0);
-    let last = grid.vertices - 1;
-    for n in 0..grid.values.len() {
-        let vertex = cell_at(n as u64, grid.vertices);
-        if vertex.min_element() == 0 || vertex.cmpeq(last).any() {
-            grid.values[n][0] = density as f32;
-        }
     }
 }
 

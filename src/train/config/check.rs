@@ -58,12 +58,13 @@ impl TrainConfig {
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             return Err(error("background", "three numbers in [0, 1]", format!("{:?}", self.background)));
         }
-        if self.sky_degree > Sky::MAX_DEGREE {
-            return Err(error("sky_degree", &format!("0 to {}", Sky::MAX_DEGREE), self.sky_degree));
+        let sky_degree = self.sky_degree.unwrap_or(0);
+        if sky_degree > Sky::MAX_DEGREE {
+            return Err(error("sky_degree", &format!("0 to {}", Sky::MAX_DEGREE), sky_degree));
         }
-        if self.sky_degree > 0 && self.random_background {
+        if sky_degree > 0 && self.random_background {
             let expected = "0 if `random_background` is on, as a sky has one color in a direction";
-            return Err(error("sky_degree", expected, self.sky_degree));
+            return Err(error("sky_degree", expected, sky_degree));
         }
         self.bootstrap.check()?;
         if self.scales.is_empty() {

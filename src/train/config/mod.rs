@@ -35,8 +35,9 @@ pub struct TrainConfig {
     /// the scene can pass for background. The prior and all rendering keep `background`.
     pub random_background: bool,
     /// Degree of the sky, the color behind the scene by direction (spec 4.11), 1 to 4; 0: none, `background` is behind
-    /// the scene. A sky excludes `random_background`.
-    pub sky_degree: u32,
+    /// the scene. A sky excludes `random_background`. `None`: none, unless the prior finds that there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sky_degree: Option<u32>,
     /// The photographs whose exposure and white balance are fitted.
     pub exposure: Exposure,
     /// Refine the cameras' poses.
@@ -219,7 +220,7 @@ impl TrainConfig {
 
     /// The sky before the first step: about of the background's color in every direction.
     pub fn sky(&self) -> Option<Sky> {
-        (self.sky_degree > 0).then(|| Sky::of_color(self.sky_degree, self.background))
+        self.sky_degree.filter(|&degree| degree > 0).map(|degree| Sky::of_color(degree, self.background))
     }
 
     /// The space of an unbounded scene whose inner box is known.

@@ -94,7 +94,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         batch_rays: 4096,
         background: [1.0; 3],
         random_background: false,
-        sky_degree: 0,
+        sky_degree: None,
         exposure: Exposure::Auto,
         refine_poses: false,
         refilter_rays: true,
