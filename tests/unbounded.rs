@@ -181,7 +181,7 @@ fn points_are_the_prior_where_tensors_around_them_meet_the_rays() {
     let said = planned(1.0);
     assert!(said.contains("cells of the dataset's points, which 100.0 % of rays meet"), "{said}");
     let said = planned(0.3);
-    assert!(!said.contains("of the dataset's points") && said.contains("occupied voxels in"), "{said}");
+    assert!(said.contains("photographs tell the rest") && said.contains("occupied voxels in"), "{said}");
 }
 
 #[test]

@@ -204,9 +204,10 @@ fn prior_of_points(
         _ => of_dataset,
     };
     let Some(PointPrior { cells, what, near_far, share }) = best else { return Ok(None) };
-    let count = plural(cells.cells.len(), "cell");
-    session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet", 100.0 * share));
     let is_enough = share >= if unbounded.is_some() { ENOUGH_BEFORE_FAR } else { ENOUGH_COVERED };
+    let rest = if is_enough { "" } else { "; photographs tell the rest" };
+    let count = plural(cells.cells.len(), "cell");
+    session.console.say(&format!("prior: {count} of {what}, which {:.1} % of rays meet{rest}", 100.0 * share));
     if !is_enough {
         return Ok(None);
     }
