@@ -81,7 +81,7 @@ fn a_sky_is_learned_and_all_rays_take_part() {
     assert!(open.len() > 100, "{}", open.len());
     for ray in open.into_iter().step_by(10) {
         let (found, expected) = (found.color(ray.direction), expected.color(ray.direction));
-        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 0.1), "{found:?}, {expected:?}");
+        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 0.15), "{found:?}, {expected:?}");
     }
 }
 
