@@ -191,7 +191,7 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
 }
 
 #[test]
-fn views_follow_refined_poses_and_an_opaque_capture_has_its_mean_color_behind_it() {
+fn views_follow_refined_poses_and_an_opaque_capture_has_behind_it_what_is_seen_past_it() {
     let temporary = TempDir::new().unwrap();
     let folder = temporary.path();
     fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
@@ -233,9 +233,10 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_its_mean_color_behind_it
     run(folder, &["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--quiet"]);
     let behind = json(folder, &["info", "b.strivec"])["background"].clone();
     let views = strivec::dataset::load(&folder.join("data"), "train", &Default::default()).unwrap().views;
-    let mean = strivec::dataset::mean_color(&views, [1.0; 3]);
-    for (channel, mean) in mean.into_iter().enumerate() {
-        assert!((behind[channel].as_f64().unwrap() - f64::from(mean)).abs() < 1e-6, "{behind}, {mean}");
+    // In the corners of the photographs, nothing of the scene is seen.
+    let corner = views[0].pixels.color(0, [1.0; 3]);
+    for (channel, corner) in corner.into_iter().enumerate() {
+        assert!((behind[channel].as_f64().unwrap() - f64::from(corner)).abs() < 0.3, "{behind}, {corner}");
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod approximations;
 mod backend;
+mod background;
 mod bench;
 mod camera_path;
 mod console;

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::background::background_of;
 use super::output::check_scene_name;
 use super::prior::Inputs;
 use super::render::colors;
@@ -131,8 +132,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut scene = trainer.scene();
     let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
     if is_opaque(&dataset) && trainer.config().background == TrainConfig::default().background {
-        // Nothing else is known of where no tensor is. Training had another color there, for which no wall passes.
-        scene.frame.background = dataset::mean_color(&dataset.views, scene.frame.background);
+        // Where no tensor is, training had a color for which no wall passes.
+        scene.frame.background = background_of(&scene, &dataset.views);
     }
     let bytes = encode_with_views(&scene, &dataset, args.encoding.factors(), output)?;
     write_atomically(output, &bytes, session.force)?;

@@ -37,8 +37,6 @@ pub use transforms::depth_maps;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use rayon::prelude::*;
-
 use crate::geometry::{Aabb, Camera};
 
 /// The photographs of one split of a dataset, with their cameras in the dataset's own space.
@@ -90,21 +88,6 @@ pub struct View {
     /// \[height\]\[width\] the distance along each pixel's ray to what it shows, in the dataset's units; 0 if unknown. Empty
     /// if none is known.
     pub distances: Vec<f32>,
-}
-
-/// The mean sRGB color of the pixels of `views` that count, on `background`.
-pub fn mean_color(views: &[View], background: [f32; 3]) -> [f32; 3] {
-    let of_view = |view: &View| {
-        let pixels = (0..view.pixels.len()).filter(|&pixel| view.counts(pixel));
-        pixels.fold([0.0; 4], |sums: [f64; 4], pixel| {
-            let [r, g, b] = view.pixels.color(pixel, background).map(f64::from);
-            [sums[0] + r, sums[1] + g, sums[2] + b, sums[3] + 1.0]
-        })
-    };
-    // In the order of views, so that the sum does not depend on threads.
-    let sums: Vec<[f64; 4]> = views.par_iter().map(of_view).collect();
-    let [r, g, b, count] = sums.iter().fold([0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
-    [r, g, b].map(|sum| (sum / f64::max(count, 1.0)) as f32)
 }
 
 impl View {

@@ -1,0 +1,63 @@
+//! The background of scenes that are trained on opaque photographs.
+
+use rayon::prelude::*;
+
+use crate::dataset::View;
+use crate::model::Scene;
+use crate::render::{CpuRenderer, Renderer};
+
+/// About this many pixels of a photograph are looked at.
+const PIXELS: f64 = 4000.0;
+/// The weight of pixels that are opaque in the scene.
+const OPAQUE_WEIGHT: f64 = 1e-3;
+
+/// The mean sRGB color of `views` where nothing of `scene` is before the background; where something is everywhere, about
+/// their mean color.
+pub(super) fn background_of(scene: &Scene, views: &[View]) -> [f32; 3] {
+    let renderer = CpuRenderer::new(scene);
+    let of_view = |view: &View| {
+        let pixels = f64::from(view.camera.width) * f64::from(view.camera.height);
+        let shortest = view.camera.width.min(view.camera.height);
+        let factor = ((pixels / PIXELS).sqrt().ceil() as u32).clamp(1, shortest.max(1));
+        let small = view.camera.downscaled(factor);
+        let picture = renderer.render(&small.mapped(&scene.frame.model_from_dataset));
+        let mut sums = [0.0; 4];
+        for (n, pixel) in picture.pixels.iter().enumerate() {
+            let [column, row] = [n as u32 % small.width, n as u32 / small.width].map(|at| at * factor + factor / 2);
+            let place = (row * view.camera.width + column) as usize;
+            if view.counts(place) {
+                let weight = OPAQUE_WEIGHT + f64::from(1.0 - pixel.opacity);
+                let color = view.pixels.color(place, scene.frame.background);
+                color.iter().zip(&mut sums).for_each(|(&c, sum)| *sum += weight * f64::from(c));
+                sums[3] += weight;
+            }
+        }
+        sums
+    };
+    // In the order of views, so that the sum does not depend on threads.
+    let sums: Vec<[f64; 4]> = views.par_iter().map(of_view).collect();
+    let [r, g, b, weight] = sums.iter().fold([0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+    [r, g, b].map(|sum| (sum / weight.max(OPAQUE_WEIGHT)) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Pixels;
+    use crate::geometry::Camera;
+
+    #[test]
+    fn the_background_is_what_is_seen_past_the_scene_or_the_mean_color() {
+        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let view = |toward: glam::DVec3| {
+            let position = glam::DVec3::new(0.0, -60.0, 0.0);
+            let camera = Camera::looking_at([8, 8], 400.0, position, position + toward, glam::DVec3::Z);
+            let camera = camera.mapped(&scene.frame.model_from_dataset.inverse());
+            View::new("a", camera, Pixels::opaque((0..64).map(|n| [0.25, 0.5, if n < 32 { 0.0 } else { 1.0 }])))
+        };
+        // Away from the scene.
+        let found = background_of(&scene, &[view(glam::DVec3::NEG_Y)]);
+        assert!((0..3).all(|c| (found[c] - [0.25, 0.5, 0.5][c]).abs() < 1e-6), "{found:?}");
+        assert_eq!(background_of(&scene, &[]), [0.0; 3]);
+    }
+}
