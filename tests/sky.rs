@@ -54,7 +54,7 @@ fn file(scene: &Scene) -> Vec<u8> {
 #[test]
 fn a_sky_is_learned_and_all_rays_take_part() {
     let views = views();
-    let mut with = config(150);
+    let mut with = config(250);
     with.sky_learning_rate = 0.2;
     let without = TrainConfig { sky_degree: Some(0), ..with.clone() };
     let [mut sky, mut plain] = [&with, &without].map(|config| trainer(config, &views));
@@ -68,12 +68,12 @@ fn a_sky_is_learned_and_all_rays_take_part() {
         RayBatch::draw(&sampler, &field, &Random::new(1, "judged"), 0, 2000)
     };
     let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
-    run_to(&mut sky, 150);
-    run_to(&mut plain, 150);
+    run_to(&mut sky, with.steps);
+    run_to(&mut plain, with.steps);
     assert_eq!(sky.ray_count() as u32, 8 * SIZE * SIZE, "and are not filtered out with the occupancy");
     let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
     println!("{before:.2} dB gray, {after:.2} dB trained, {background:.2} dB on a background");
-    assert!(after > before + 5.0 && after > background + 5.0, "{before}, {after}, {background}");
+    assert!(after > before + 6.0 && after > background + 6.0, "{before}, {after}, {background}");
     // Where photographs show nothing else, the sky is that of the photographs.
     let (found, expected) = (sky.scene().rules.sky.unwrap(), scenes::sky(1));
     let field = Field::<f32>::new(&sky.scene());
@@ -81,7 +81,7 @@ fn a_sky_is_learned_and_all_rays_take_part() {
     assert!(open.len() > 100, "{}", open.len());
     for ray in open.into_iter().step_by(10) {
         let (found, expected) = (found.color(ray.direction), expected.color(ray.direction));
-        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 0.15), "{found:?}, {expected:?}");
+        assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 0.1), "{found:?}, {expected:?}");
     }
 }
 

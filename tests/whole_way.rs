@@ -226,17 +226,27 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_behind_it_what_is_seen_p
         assert!(output.status.code() == Some(3) && message.contains(expected), "{message}");
     }
 
+    // On white, which training leaves transparent, the background is nearer to white than the mean color.
     for entry in fs::read_dir(folder.join("data/train")).unwrap() {
         let path = entry.unwrap().path();
-        image::open(&path).unwrap().to_rgb8().save(&path).unwrap();
+        let mut picture = image::open(&path).unwrap().to_rgba8();
+        for pixel in picture.pixels_mut() {
+            let alpha = u16::from(pixel[3]);
+            let on_white = |channel: u8| ((u16::from(channel) * alpha + 255 * (255 - alpha)) / 255) as u8;
+            *pixel = image::Rgba([on_white(pixel[0]), on_white(pixel[1]), on_white(pixel[2]), 255]);
+        }
+        image::DynamicImage::from(picture).to_rgb8().save(&path).unwrap();
     }
     run(folder, &["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--quiet"]);
     let behind = json(folder, &["info", "b.strivec"])["background"].clone();
     let views = strivec::dataset::load(&folder.join("data"), "train", &Default::default()).unwrap().views;
-    // In the corners of the photographs, nothing of the scene is seen.
-    let corner = views[0].pixels.color(0, [1.0; 3]);
-    for (channel, corner) in corner.into_iter().enumerate() {
-        assert!((behind[channel].as_f64().unwrap() - f64::from(corner)).abs() < 0.3, "{behind}, {corner}");
+    for channel in 0..3 {
+        let found = behind[channel].as_f64().unwrap();
+        let colors: Vec<f64> =
+            views.iter().flat_map(|view| view.pixels.colors([1.0; 3])).map(|c| f64::from(c[channel])).collect();
+        let mean = colors.iter().sum::<f64>() / colors.len() as f64;
+        // This short training leaves some fog before objects, which counts.
+        assert!(1.0 - found < 0.7 * (1.0 - mean), "{behind}, {mean}");
     }
 }
 

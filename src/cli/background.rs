@@ -43,21 +43,31 @@ pub(super) fn background_of(scene: &Scene, views: &[View]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
+
     use crate::dataset::Pixels;
     use crate::geometry::Camera;
+    use crate::model::Sky;
 
     #[test]
     fn the_background_is_what_is_seen_past_the_scene_or_the_mean_color() {
-        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
-        let view = |toward: glam::DVec3| {
-            let position = glam::DVec3::new(0.0, -60.0, 0.0);
-            let camera = Camera::looking_at([8, 8], 400.0, position, position + toward, glam::DVec3::Z);
-            let camera = camera.mapped(&scene.frame.model_from_dataset.inverse());
-            View::new("a", camera, Pixels::opaque((0..64).map(|n| [0.25, 0.5, if n < 32 { 0.0 } else { 1.0 }])))
+        let mut scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let dataset_from_model = scene.frame.model_from_dataset.inverse();
+        let view = |toward: DVec3, color: [f32; 3]| {
+            let position = DVec3::new(0.0, -60.0, 0.0);
+            let camera = Camera::looking_at([8, 8], 400.0, position, position + toward, DVec3::Z);
+            let camera = camera.mapped(&dataset_from_model);
+            View::new("a", camera, Pixels::opaque((0..64).map(|n| if n < 32 { color } else { [1.0; 3] })))
         };
-        // Away from the scene.
-        let found = background_of(&scene, &[view(glam::DVec3::NEG_Y)]);
-        assert!((0..3).all(|c| (found[c] - [0.25, 0.5, 0.5][c]).abs() < 1e-6), "{found:?}");
+        let is_near = |found: [f32; 3], expected: [f32; 3]| {
+            assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-6), "{found:?}, {expected:?}");
+        };
+        // One photograph away from the scene, all of which is past it.
+        let away = view(DVec3::NEG_Y, [0.0, 0.5, 0.25]);
+        is_near(background_of(&scene, std::slice::from_ref(&away)), [0.5, 0.75, 0.625]);
+        // In front of a sky nothing is past the scene.
+        scene.rules.sky = Some(Sky::gray(1));
+        is_near(background_of(&scene, &[away, view(DVec3::Y, [0.0; 3])]), [0.5, 0.625, 0.5625]);
         assert_eq!(background_of(&scene, &[]), [0.0; 3]);
     }
 }
