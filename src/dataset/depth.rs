@@ -14,7 +14,7 @@ use image::DynamicImage;
 use super::Error;
 use super::picture::{self, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Ray};
 use crate::npy;
 
 /// The smallest cosine between a ray and the optical axis at which a depth is still a distance.
@@ -36,16 +36,13 @@ impl DepthMap {
     pub(super) fn distances(&self, camera: &Camera) -> Result<Vec<f32>, Error> {
         let (size, depths) = self.depths()?;
         self.camera(size)?;
-        let axis = -camera.world_from_camera.z_axis;
         let nearest = |pixel: u32, of: u32, extent: u32| {
             (u64::from(2 * pixel + 1) * u64::from(extent) / u64::from(2 * of)) as usize
         };
         let distance = |column: u32, row: u32| -> Option<f64> {
-            let cosine = camera.ray(column, row)?.direction.dot(axis);
             let place =
                 nearest(row, camera.height, size[1]) * size[0] as usize + nearest(column, camera.width, size[0]);
-            let depth = self.unit * depths[place];
-            (depth > 0.0 && depth.is_finite() && cosine >= LEAST_COSINE).then(|| depth / cosine)
+            self.distance(camera, &camera.ray(column, row)?, depths[place])
         };
         let pixels = (0..camera.height).flat_map(|row| (0..camera.width).map(move |column| (column, row)));
         Ok(pixels.map(|(column, row)| distance(column, row).unwrap_or(0.0) as f32).collect())
@@ -62,19 +59,21 @@ impl DepthMap {
         let camera = self.camera(size)?;
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let step = (pixels as f64 / most.max(1) as f64).sqrt().ceil().max(1.0) as usize;
-        let axis = -camera.world_from_camera.z_axis;
         let mut points = Vec::new();
         for row in (step as u32 / 2..size[1]).step_by(step) {
             for column in (step as u32 / 2..size[0]).step_by(step) {
-                let depth = self.unit * depths[row as usize * size[0] as usize + column as usize];
-                let Some(ray) = camera.ray(column, row).filter(|_| depth > 0.0 && depth.is_finite()) else { continue };
-                let cosine = ray.direction.dot(axis);
-                if cosine >= LEAST_COSINE {
-                    points.push(ray.at(depth / cosine));
-                }
+                let depth = depths[row as usize * size[0] as usize + column as usize];
+                let Some(ray) = camera.ray(column, row) else { continue };
+                points.extend(self.distance(&camera, &ray, depth).map(|distance| ray.at(distance)));
             }
         }
         Ok(points)
+    }
+
+    /// The distance along `ray` of `camera` at which `depth`, a number of the map, is; `None` if it is unknown.
+    fn distance(&self, camera: &Camera, ray: &Ray, depth: f64) -> Option<f64> {
+        let (depth, cosine) = (self.unit * depth, -ray.direction.dot(camera.world_from_camera.z_axis));
+        (depth > 0.0 && depth.is_finite() && cosine >= LEAST_COSINE).then(|| depth / cosine)
     }
 
     /// The photograph's camera for a picture of `size`.
