@@ -14,7 +14,8 @@ pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
 }
 
 /// A scene of random factors and networks on `clouds`, coarsest first. Its bounds are the smallest box around the
-/// covered points (paper, Implementation), or those of `config`'s contraction. Its sky, if any, has the color of the background.
+/// covered points (paper, Implementation), or those of `config`'s contraction. Its sky, if any, has the color of the
+/// background.
 ///
 /// # Errors
 ///

@@ -87,9 +87,10 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
     let scene = place_scene(config, dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
+    let stride = coverage_stride(dataset);
     let counts = dataset.views.par_iter().map(|view| {
         let mut counts = [0_u64; 2];
-        for_some_rays(dataset, view, &scene, |ray| {
+        for_some_rays(view, stride, &scene, |ray| {
             counts[0] += 1;
             counts[1] += u64::from(meets(&field, ray));
         });
@@ -115,9 +116,10 @@ pub fn with_far_cells(
     let field = Field::<f32>::new(&scene);
     let lattice = occupied.lattice;
     let bounds = contraction.bounds().grown(-0.5 * lattice.pitch);
+    let stride = coverage_stride(dataset);
     let far = dataset.views.par_iter().map(|view| {
         let mut cells = Vec::new();
-        for_some_rays(dataset, view, &scene, |ray| {
+        for_some_rays(view, stride, &scene, |ray| {
             if !meets(&field, ray) {
                 let end = contraction.contract(ray.at(scene.frame.far)).clamp(bounds.min, bounds.max);
                 cells.push(lattice.cell_of(end));
@@ -131,11 +133,15 @@ pub fn with_far_cells(
     Ok(boxes.unwrap_or_else(|| occupied.clone()))
 }
 
-/// Calls `visit` with the rays of pixels of `view` that count, in the space of `scene`; of a large `dataset`, with those of
-/// some pixels.
-fn for_some_rays(dataset: &Dataset, view: &View, scene: &Scene, mut visit: impl FnMut(&Ray)) {
+/// The interval of columns and rows between the pixels of `dataset` among which covered ones are counted.
+fn coverage_stride(dataset: &Dataset) -> usize {
     let pixels: usize = dataset.views.iter().map(|view| view.pixels.len()).sum();
-    let stride = (pixels as f64 / COVERAGE_PIXELS).sqrt().ceil().max(1.0) as usize;
+    (pixels as f64 / COVERAGE_PIXELS).sqrt().ceil().max(1.0) as usize
+}
+
+/// Calls `visit` with the rays of every `stride`th pixel of every `stride`th row of `view` that count, in the space of
+/// `scene`.
+fn for_some_rays(view: &View, stride: usize, scene: &Scene, mut visit: impl FnMut(&Ray)) {
     let camera = view.camera.mapped(&scene.frame.model_from_dataset);
     for row in (stride as u32 / 2..camera.height).step_by(stride) {
         for column in (stride as u32 / 2..camera.width).step_by(stride) {
