@@ -131,7 +131,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
     let mut scene = trainer.scene();
     let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
-    if is_opaque(&dataset) && trainer.config().background == TrainConfig::default().background {
+    let is_free = scene.rules.sky.is_none() && trainer.config().background == TrainConfig::default().background;
+    if is_free && is_opaque(&dataset) {
         // Where no tensor is, training had a color for which no wall passes.
         scene.frame.background = background_of(&scene, &dataset.views);
     }
