@@ -44,32 +44,50 @@ impl CameraBounds {
 }
 
 /// The most cells, and cameras, whose distances are looked at; of more, some at equal steps.
-const RANGE_CELLS: usize = 4096;
+const RANGE_CELLS: usize = 32_768;
 const RANGE_CAMERAS: usize = 128;
-/// The share of the distances below and above a range: single cells may be outliers.
+/// The share of the distances above a range: single cells may be outliers.
 const RANGE_OUTLIERS: f64 = 0.002;
+/// The share of a picture that cells before a range fill, and the share of the cameras of which that is more.
+const RANGE_PICTURE: f64 = 0.01;
+const RANGE_PICTURES: f64 = 0.02;
 /// The factor by which a range is wider than the distances of cells, besides a cell: tensors reach past the cells. It is a
 /// factor because space before the cameras in which nothing is fills with floaters.
 const RANGE_MARGIN: f64 = 1.1;
 
 /// Distances at which rays begin and end, in dataset units. With `geometry`, which is in the cameras' space, the range
-/// holds its cells as the cameras that have them in their pictures see them. Without, or if none is in a picture, it is
+/// holds its cells as the cameras that have them in their pictures see them: it begins before what fills some part of a
+/// picture, since few cells fill much of a picture that is taken close to them. Without, or if none is in a picture, it is
 /// that of [`CameraBounds`].
 pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] {
     let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras.iter());
     let Some(boxes) = geometry else { return [near, far] };
     let evenly = |count: usize, most: usize| (0..count).step_by(count.div_ceil(most).max(1));
     let places: Vec<DVec3> = evenly(boxes.cells.len(), RANGE_CELLS).map(|n| boxes.cell_box(n).center()).collect();
-    let mut distances = Vec::new();
+    // The side of a place as a cell of its own and of those that are left out for it.
+    let side_squared =
+        boxes.lattice.pitch.element_product().cbrt().powi(2) * boxes.cells.len() as f64 / places.len().max(1) as f64;
+    let (mut begins, mut distances) = (Vec::new(), Vec::new());
     for camera in evenly(cameras.len(), RANGE_CAMERAS).map(|n| &cameras[n]) {
         let is_seen = |place: &&DVec3| camera.project(**place).is_some_and(|at| camera.is_inside(at));
-        distances.extend(places.iter().filter(is_seen).map(|place| place.distance(camera.position)));
+        let mut seen: Vec<f64> = places.iter().filter(is_seen).map(|p| p.distance(camera.position)).collect();
+        seen.sort_by(f64::total_cmp);
+        let pixels = f64::from(camera.width) * f64::from(camera.height);
+        let part = camera.focal[0] * camera.focal[1] * side_squared / pixels;
+        let mut filled = 0.0;
+        let fills = |distance: &&f64| {
+            filled += part / (*distance * *distance);
+            filled >= RANGE_PICTURE
+        };
+        begins.extend(seen.iter().find(fills).or(seen.last()));
+        distances.append(&mut seen);
     }
-    distances.sort_by(f64::total_cmp);
-    let quantile = |q: f64| distances.get((q * distances.len().saturating_sub(1) as f64) as usize);
-    let (Some(least), Some(most)) = (quantile(RANGE_OUTLIERS), quantile(1.0 - RANGE_OUTLIERS)) else {
-        return [near, far];
+    let quantile = |values: &mut Vec<f64>, share: f64| {
+        values.sort_by(f64::total_cmp);
+        values.get((share * values.len().saturating_sub(1) as f64) as usize).copied()
     };
+    let ends = [quantile(&mut begins, RANGE_PICTURES), quantile(&mut distances, 1.0 - RANGE_OUTLIERS)];
+    let [Some(least), Some(most)] = ends else { return [near, far] };
     let cell = boxes.lattice.pitch.length();
     [(least / RANGE_MARGIN - cell).max(0.0), most * RANGE_MARGIN + cell]
 }
@@ -236,6 +254,24 @@ mod tests {
         // Cells that no picture shows say nothing.
         let above = VoxelBoxes { cells: vec![UVec3::new(30, 30, 90)], ..room };
         assert_eq!(ray_range(&cameras, Some(&above)), [unaided, end]);
+    }
+
+    #[test]
+    fn the_range_begins_before_what_is_close_to_some_cameras_but_not_before_a_stray_cell() {
+        // Cameras at a wall of 10 by 10 units, every eighth of them close to it.
+        let look = |i: u32| {
+            let from = DVec3::new(f64::from(i) / 30.0 - 2.0, 0.0, if i % 8 == 0 { 0.5 } else { 5.0 });
+            Camera::looking_at([80, 60], 80.0, from, from - DVec3::Z, DVec3::Y)
+        };
+        let cameras: Vec<_> = (0..128).map(look).collect();
+        let lattice = Lattice { origin: DVec3::new(-5.0, -5.0, -0.05), pitch: DVec3::splat(0.1) };
+        let wall: Vec<UVec3> = (0..10_000).map(|n| UVec3::new(n % 100, n / 100, 0)).collect();
+        let boxes = |more: Vec<UVec3>| VoxelBoxes { lattice, cells: wall.iter().copied().chain(more).collect() };
+        let [near, _] = ray_range(&cameras, Some(&boxes(Vec::new())));
+        assert!((0.2..0.5).contains(&near), "{near}");
+        // A cell right before one of the others.
+        let [still, _] = ray_range(&cameras, Some(&boxes(vec![UVec3::new(40, 50, 49)])));
+        assert!((still - near).abs() < 0.05, "{near} {still}");
     }
 
     #[test]
