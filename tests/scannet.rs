@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec3};
 use image::RgbImage;
 use strivec::dataset::{
-    self, CameraModel, Dataset, Error, ErrorKind, LoadOptions, Scan, SynthLayout, SynthOptions, Synthesized,
-    load_cameras, synthesize,
+    self, CameraModel, Dataset, Error, ErrorKind, LoadOptions, Scan, Surroundings, SynthLayout, SynthOptions,
+    Synthesized, load_cameras, synthesize,
 };
 use tempfile::TempDir;
 
@@ -20,7 +20,7 @@ const OPTIONS: SynthOptions = SynthOptions {
     test_views: 4,
     size: [48, 36],
     seed: 5,
-    outdoor: false,
+    surroundings: Surroundings::None,
     force: false,
 };
 
@@ -156,6 +156,23 @@ fn seed_alone_decides_every_byte_of_a_synthetic_scan() {
     }
     let again = synthesize(&folder, &SynthOptions { force: false, ..OPTIONS }).unwrap_err();
     assert_eq!(again.kind(), ErrorKind::Argument);
+}
+
+#[test]
+fn a_scanned_room_has_the_inner_sides_of_its_walls() {
+    let options = SynthOptions { surroundings: Surroundings::Room, views: 3, test_views: 1, size: [12, 9], ..OPTIONS };
+    let (_around, folder, _) = synthetic(&options);
+    let scan = Scan::open(&folder).unwrap().unwrap();
+    let (vertices, ..) = mesh(scan.mesh.as_deref().unwrap());
+    // 1.2 m per unit.
+    let walls = 1.2 * DVec3::new(2.3, 1.9, 1.14);
+    let mut on_walls = 0;
+    for at in vertices.iter().map(|&vertex| scan.aligned(vertex)) {
+        // The floor and the ceiling reach under and over the walls.
+        assert!((at.abs() - walls).max_element() < 0.1201, "{at}");
+        on_walls += usize::from((at.abs() - walls).abs().min_element() < 1e-4);
+    }
+    assert!(3 * on_walls > vertices.len(), "{on_walls} of {}", vertices.len());
 }
 
 const IDENTITY: &str = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use strivec::dataset::{
-    CameraModel, Error, ErrorKind, Layout, LoadOptions, SynthLayout, SynthOptions, View, load, synthesize,
+    CameraModel, Error, ErrorKind, Layout, LoadOptions, Surroundings, SynthLayout, SynthOptions, View, load, synthesize,
 };
 use strivec::geometry::{Camera, Distortion, Lens, Projection};
 use strivec::npy::{Header, Number};
@@ -20,7 +20,7 @@ const OPTIONS: SynthOptions = SynthOptions {
     test_views: 3,
     size: [32, 24],
     seed: 7,
-    outdoor: false,
+    surroundings: Surroundings::None,
     force: false,
 };
 
@@ -351,19 +351,27 @@ fn cameras_and_splits_that_a_layout_cannot_state_are_refused() {
     assert!(message.contains("camera_model") && message.contains("RADIAL_FISHEYE or EQUIRECTANGULAR"), "{message}");
 }
 
-#[test]
-fn outdoors_every_pixel_is_opaque_and_its_distance_is_known() {
-    let folder = tempfile::tempdir().unwrap();
-    let options = SynthOptions { outdoor: true, views: 2, test_views: 2, size: [40, 30], ..OPTIONS };
-    synthesize(folder.path(), &options).unwrap();
-    let dataset = load(folder.path(), "test", &LoadOptions::default()).unwrap();
-    for view in &dataset.views {
+/// The test views of `folder`, all opaque, and the exact distances of their pixels.
+fn distances(folder: &Path) -> Vec<(View, Vec<f64>)> {
+    let of_view = |view: View| {
         assert!(view.pixels.is_opaque());
-        let file = std::fs::read(folder.path().join(format!("distances/{}.npy", view.name))).unwrap();
+        let file = fs::read(folder.join(format!("distances/{}.npy", view.name))).unwrap();
         let mut input = &file[..];
         let header = Header::read(&mut input).unwrap();
         assert_eq!(header.shape, [30, 40]);
         let distances = header.numbers(&mut input).unwrap();
+        (view, distances)
+    };
+    views(folder, "test").into_iter().map(of_view).collect()
+}
+
+#[test]
+fn outdoors_every_pixel_is_opaque_and_its_distance_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let surroundings = Surroundings::Meadow;
+    let options = SynthOptions { surroundings, views: 2, test_views: 2, size: [40, 30], ..OPTIONS };
+    synthesize(folder.path(), &options).unwrap();
+    for (view, distances) in distances(folder.path()) {
         let mut on_meadow = 0;
         for (ray, distance) in view.camera.rays(0..30).zip(&distances) {
             let point = ray.unwrap().at(*distance);
@@ -373,5 +381,21 @@ fn outdoors_every_pixel_is_opaque_and_its_distance_is_known() {
         assert!(on_meadow > 200, "{on_meadow}");
     }
     let scan = SynthOptions { layout: SynthLayout::ScanNet, ..options };
-    assert!(synthesize(folder.path(), &scan).unwrap_err().to_string().contains("outdoor"));
+    assert!(synthesize(folder.path(), &scan).unwrap_err().to_string().contains("meadow"));
+}
+
+#[test]
+fn a_room_is_closed_and_its_sparse_points_are_what_cameras_see() {
+    let folder = tempfile::tempdir().unwrap();
+    let (surroundings, layout) = (Surroundings::Room, SynthLayout::Colmap);
+    let options = SynthOptions { surroundings, layout, views: 7, test_views: 1, size: [40, 30], ..OPTIONS };
+    synthesize(folder.path(), &options).unwrap();
+    for (view, distances) in distances(folder.path()) {
+        for (ray, distance) in view.camera.rays(0..30).zip(&distances) {
+            let at = ray.unwrap().at(*distance);
+            assert!(at.x.abs() < 2.301 && at.y.abs() < 1.901 && (-0.861..1.141).contains(&at.z), "{at}");
+        }
+    }
+    let points = fs::metadata(folder.path().join("sparse/0/points3D.bin")).unwrap().len();
+    assert!(points > 1000 * 43, "{points} bytes");
 }

@@ -69,7 +69,6 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         test_views: HELD_OUT_VIEWS,
         size: [SIZE, SIZE],
         seed: args.seed,
-        outdoor: false,
         force: session.force,
         ..SynthOptions::default()
     };

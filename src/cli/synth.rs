@@ -6,18 +6,18 @@ use serde::Serialize;
 
 use super::named_value::one_of;
 use super::{Error, Session, picture_size};
-use crate::dataset::{self, CameraModel, SynthLayout, SynthOptions, Synthesized};
+use crate::dataset::{self, CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec synth toy --views 40 --size 200x200 --seed 1
   strivec synth fisheye --layout colmap --camera opencv-fisheye --views 52
   strivec synth meadow --outdoor --views 140 --test-views 20
-  strivec synth scene0000_00 --layout scannet --views 140 --test-views 20 --size 324x242
+  strivec synth scene0000_00 --layout scannet --room --views 140 --test-views 20 --size 324x242
 
 Every layout but scannet has the same viewpoints and the exact geometry: a mesh (mesh.ply, mesh.obj), points on the surface \
 (points.ply) and the occupied cells (occupancy.npz). The layouts colmap and llff test on every eighth picture. The ScanNet \
-layout is a room as written by ScanNet's exporter: a mesh with holes, poses with an axis alignment, two of them lost, and one \
+layout is what ScanNet's exporter writes: a mesh with holes, poses with an axis alignment, two of them lost, and one \
 frame in eight for testing. The layouts blender, nsvf, llff and scannet have pinhole cameras only, transforms all but \
 thin-prism-fisheye. An equirectangular picture is the whole sphere: with 8.73 times the width it shows the scene with as many \
 pixels as the others. A folder that is not empty needs --force.";
@@ -47,6 +47,9 @@ pub(super) struct Args {
     /// Surroundings without an edge instead of a transparent background: a meadow to the horizon, far hills and a sky
     #[arg(long)]
     outdoor: bool,
+    /// A closed room instead of a transparent background: floor, walls and ceiling, with cameras in it
+    #[arg(long, conflicts_with = "outdoor")]
+    room: bool,
     /// Random seed; equal seeds give equal bytes
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
@@ -74,11 +77,16 @@ struct ScanReport<'a> {
 
 /// Makes the dataset.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let &Args { layout, camera, views, size, seed, outdoor, .. } = args;
+    let &Args { layout, camera, views, size, seed, outdoor, room, .. } = args;
+    let surroundings = match (outdoor, room) {
+        (true, _) => Surroundings::Meadow,
+        (_, true) => Surroundings::Room,
+        _ => Surroundings::None,
+    };
     let folder = &args.out;
     session.console.say(&format!("synth: making {}", folder.display()));
     let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(SynthOptions::default().test_views);
-    let options = SynthOptions { layout, camera, views, test_views, size, seed, outdoor, force: session.force };
+    let options = SynthOptions { layout, camera, views, test_views, size, seed, surroundings, force: session.force };
     let made = dataset::synthesize(folder, &options)?;
     let Synthesized { pictures, lost, triangles, torn: torn_share, points, occupied_cells } = made;
     if layout == SynthLayout::ScanNet {

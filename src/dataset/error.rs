@@ -227,9 +227,9 @@ pub enum Error {
         /// The name of the camera model.
         found: &'static str,
     },
-    /// Surroundings for the layout of rooms.
-    #[error("`outdoor` must be off in the layout scannet, whose scene is a room")]
-    SynthOutdoor,
+    /// A meadow for the layout of rooms.
+    #[error("`surroundings` must be a room or none in the layout scannet; found a meadow")]
+    SynthMeadow,
     /// A number of test views that a synthetic dataset's layout does not hold out.
     #[error(
         "`test_views` must be {expected} for {views} training views, as the layout {layout} holds out every eighth \
@@ -282,7 +282,7 @@ impl Error {
             | Self::FolderNotEmpty { .. }
             | Self::SynthOption { .. }
             | Self::SynthCamera { .. }
-            | Self::SynthOutdoor
+            | Self::SynthMeadow
             | Self::SynthTestViews { .. }
             | Self::NotAFolder { .. }
             | Self::Split { .. }

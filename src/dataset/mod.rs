@@ -31,7 +31,7 @@ pub use layout::Layout;
 pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras, read_distances};
 pub use pixels::Pixels;
 pub use scan::Scan;
-pub use synthetic::{CameraModel, SynthLayout, SynthOptions, Synthesized, synthesize};
+pub use synthetic::{CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized, synthesize};
 pub use transforms::depth_maps;
 
 use std::ops::Range;

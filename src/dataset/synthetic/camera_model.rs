@@ -151,11 +151,11 @@ impl CameraModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::synthetic::pictures::cameras;
+    use crate::dataset::synthetic::pictures::orbit;
 
     #[test]
     fn lenses_distort_and_see_the_pinholes_angle_of_view() {
-        for pinhole in cameras(3, [200, 200], 1) {
+        for pinhole in orbit(3, [200, 200], 1) {
             for model in CameraModel::ALL {
                 let camera = model.camera(&pinhole);
                 assert!(camera.seen_pixels().is_none(), "{model:?} has pixels without a ray");

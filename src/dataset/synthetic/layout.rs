@@ -158,7 +158,7 @@ mod tests {
             let test = SynthLayout::Colmap.test_views(views).unwrap();
             assert!(SynthLayout::Colmap.splits(views, test), "{views} {test}");
             assert!(!SynthLayout::Llff.splits(views, test + 2) && SynthLayout::Nsvf.splits(views, test + 2));
-            let cameras = |count| super::super::pictures::cameras(count, [8, 8], 1);
+            let cameras = |count| super::super::pictures::orbit(count, [8, 8], 1);
             let made = SynthLayout::Colmap.photographs(cameras(views), Vec::new(), cameras(test));
             assert_eq!(made.len() as u32, views + test);
         }

@@ -172,7 +172,7 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
-    use crate::dataset::synthetic::pictures::cameras;
+    use crate::dataset::synthetic::pictures::orbit;
     use crate::geometry::Ray;
 
     fn each_solid(mut check: impl FnMut(&Solid, &Mesh)) {
@@ -235,7 +235,7 @@ mod tests {
         let scene = Scene::new(0);
         let mesh = Mesh::of_scene(&scene);
         let (mut met, mut differ) = (0, 0);
-        for camera in cameras(6, [20, 20], 4) {
+        for camera in orbit(6, [20, 20], 4) {
             for ray in camera.rays(0..20).flatten() {
                 let exact = scene.hit(&ray, 0.0);
                 let found = nearest(&mesh, &ray);

@@ -17,6 +17,7 @@ mod pictures;
 mod points;
 mod polytope;
 mod portable;
+mod room;
 mod scan;
 mod scene;
 mod shading;
@@ -36,7 +37,7 @@ pub use self::camera_model::CameraModel;
 use self::layout::Photograph;
 pub use self::layout::SynthLayout;
 use self::mesh::Mesh;
-pub use self::options::{SynthOptions, Synthesized};
+pub use self::options::{Surroundings, SynthOptions, Synthesized};
 use self::options::{check, prepare, write};
 use self::portable::hash;
 use self::scene::Scene;
@@ -50,6 +51,8 @@ use crate::npy;
 const POINTS: usize = 100_000;
 /// Number of points for sparse models; those that fewer than two pictures see are left out.
 const SPARSE_POINTS: usize = 5000;
+/// The same in a room.
+const ROOM_POINTS: usize = 20_000;
 
 /// Writes a synthetic dataset to the folder `out`: pictures with straight alpha as PNG, and the files of the layout:
 ///
@@ -68,10 +71,10 @@ const SPARSE_POINTS: usize = 5000;
 /// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], true if the cell, a closed box, has a point in common with a
 ///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
-/// With surroundings, pictures are opaque, and `distances/` has the exact distances along the rays of test views, float32
-/// \[row\]\[column\], infinite to the sky.
+/// With surroundings, pictures are opaque, and but in ScanNet's layout `distances/` has the exact distances along the rays of
+/// test views, float32 \[row\]\[column\], infinite to the sky.
 ///
-/// The scene lies within \[−1, 1\]³, z up. Pictures of fisheye and equirectangular cameras use the sines of the platform's
+/// The still life lies within \[−1, 1\]³, z up, a room within \[−2.5, 2.5\]³. Pictures of fisheye and equirectangular cameras use the sines of the platform's
 /// mathematics library and may differ in their last bits between platforms.
 ///
 /// # Errors
@@ -85,19 +88,19 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
         return scan::synthesize(out, options);
     }
     let SynthOptions { layout, camera, seed, .. } = *options;
-    let scene = Scene::new(hash(seed, 0));
+    let scene = Scene::of(options);
     let cameras = |count: u32, stream: u64| -> Vec<Camera> {
-        let pinholes = pictures::cameras(count, options.size, hash(seed, stream));
+        let pinholes = pictures::cameras(&scene, count, options.size, hash(seed, stream));
         pinholes.iter().map(|pinhole| camera.camera(pinhole)).collect()
     };
     let validation = cameras(options.test_views.div_ceil(4), 2);
     let photographs = layout.photographs(cameras(options.views, 1), validation, cameras(options.test_views, 3));
-    let outdoor = options.outdoor.then(|| hash(seed, 6));
-    take(&scene, out, &photographs, outdoor)?;
-    if let Some(outdoor) = outdoor {
-        write_distances(&scene, out, &photographs, outdoor)?;
+    take(&scene, out, &photographs)?;
+    if scene.surroundings != Surroundings::None {
+        write_distances(&scene, out, &photographs)?;
     }
-    let sparse_points = || points::points(&scene, SPARSE_POINTS, hash(seed, 5));
+    let sparse_count = if scene.surroundings == Surroundings::Room { ROOM_POINTS } else { SPARSE_POINTS };
+    let sparse_points = || points::points(&scene, sparse_count, hash(seed, 5));
     match layout {
         SynthLayout::Blender | SynthLayout::ScanNet => transforms::write_blender(out, &photographs)?,
         SynthLayout::Transforms => transforms::write_transforms(out, &photographs, camera)?,
@@ -116,21 +119,23 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
     let points = points::points(&scene, POINTS, hash(seed, 4));
     write(&out.join("points.ply"), |file| points::write_ply(&points, file))?;
     let cells = occupancy::occupancy(&scene);
-    write(&out.join("occupancy.npz"), |file| occupancy::write_npz(&cells, file))?;
+    write(&out.join("occupancy.npz"), |file| occupancy::write_npz(&scene, &cells, file))?;
     let occupied_cells = cells.iter().filter(|&&occupied| occupied).count();
     let (pictures, triangles, points) = (photographs.len(), mesh.triangles.len(), points.len());
     Ok(Synthesized { pictures, lost: 0, triangles, torn: 0.0, points, occupied_cells })
 }
 
 /// Writes the exact distances along the rays of all pixels of test views, infinite to the sky.
-fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph], outdoor: u64) -> Result<(), Error> {
+fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
     let folder = out.join("distances");
     fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
     photographs.par_iter().filter(|photograph| photograph.split == Split::Test).try_for_each(|photograph| {
         let camera = &photograph.camera;
         let distance = |ray: Ray| {
             let to_scene = scene.hit(&ray, 0.0).map(|hit| hit.t);
-            to_scene.or_else(|| outdoor::distance(&ray, outdoor)).unwrap_or(f64::INFINITY) as f32
+            let to_meadow = || outdoor::distance(&ray, scene.meadow_seed);
+            let found = if scene.surroundings == Surroundings::Meadow { to_scene.or_else(to_meadow) } else { to_scene };
+            found.unwrap_or(f64::INFINITY) as f32
         };
         let distances: Vec<f32> = camera.rays(0..camera.height).map(|ray| ray.map_or(f32::NAN, distance)).collect();
         let shape = [camera.height, camera.width].map(|extent| extent as usize);
@@ -139,7 +144,7 @@ fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph], outdoo
 }
 
 /// Writes the pictures.
-fn take(scene: &Scene, out: &Path, photographs: &[Photograph], outdoor: Option<u64>) -> Result<(), Error> {
+fn take(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
     for photograph in photographs {
         let folder = out.join(&photograph.file);
         let folder = folder.parent().unwrap_or(out);
@@ -147,7 +152,7 @@ fn take(scene: &Scene, out: &Path, photographs: &[Photograph], outdoor: Option<u
     }
     let lights = Lights::new();
     photographs.par_iter().try_for_each(|photograph| {
-        let picture = pictures::picture(scene, &lights, &photograph.camera, outdoor);
+        let picture = pictures::picture(scene, &lights, &photograph.camera);
         let encoded = |file: &mut BufWriter<File>| picture.write_to(file, ImageFormat::Png).map_err(io::Error::other);
         write(&out.join(&photograph.file), encoded)
     })

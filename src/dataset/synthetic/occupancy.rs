@@ -13,20 +13,24 @@ use crate::npy::NpzWriter;
 
 /// Number of cells along each axis.
 pub(super) const CELLS: usize = 100;
-/// The bounds of the grid.
-pub(super) const BOUNDS: Aabb = Aabb { min: DVec3::NEG_ONE, max: DVec3::ONE };
 /// The margin by which cells are enlarged on each side, so that rounding never loses a cell.
 const MARGIN: f64 = 1e-9;
 
+/// The bounds of the grid.
+fn bounds(scene: &Scene) -> Aabb {
+    Aabb::around(DVec3::ZERO, DVec3::splat(scene.extent()))
+}
+
 /// The grid's cells.
-pub(super) fn lattice() -> Lattice {
-    Lattice { origin: BOUNDS.min, pitch: BOUNDS.size() / CELLS as f64 }
+pub(super) fn lattice(scene: &Scene) -> Lattice {
+    let bounds = bounds(scene);
+    Lattice { origin: bounds.min, pitch: bounds.size() / CELLS as f64 }
 }
 
 /// \[z\]\[y\]\[x\] true if the closed cell, enlarged by 1e-9, has a point in common with a closed solid, its inside
 /// included.
 pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
-    let lattice = lattice();
+    let lattice = lattice(scene);
     let mut cells = vec![false; CELLS * CELLS * CELLS];
     cells.par_chunks_exact_mut(CELLS * CELLS).enumerate().for_each(|(z, layer)| {
         for solid in scene.things.iter().map(|thing| &thing.solid) {
@@ -47,12 +51,12 @@ pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
     cells
 }
 
-/// Writes `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the grid's smallest and largest corner as
+/// Writes the `cells` of `scene`: `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the grid's smallest and largest corner as
 /// x, y, z) as an NPZ file.
-pub(super) fn write_npz(cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
-    let mut archive = NpzWriter::new(out, false);
+pub(super) fn write_npz(scene: &Scene, cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
+    let (bounds, mut archive) = (bounds(scene), NpzWriter::new(out, false));
     archive.add("occupancy", &[CELLS; 3], cells.iter().copied())?;
-    archive.add("bounds", &[2, 3], [BOUNDS.min, BOUNDS.max].iter().flat_map(|corner| corner.to_array()))?;
+    archive.add("bounds", &[2, 3], [bounds.min, bounds.max].iter().flat_map(|corner| corner.to_array()))?;
     archive.finish()?;
     Ok(())
 }
@@ -110,7 +114,7 @@ mod tests {
     #[test]
     fn every_surface_point_is_in_an_occupied_cell_and_occupied_cells_are_near() {
         let scene = Scene::new(2);
-        let (cells, lattice) = (occupancy(&scene), lattice());
+        let (cells, lattice) = (occupancy(&scene), lattice(&scene));
         let on_surface = points(&scene, 50_000, 3).into_iter().map(|p| p.position);
         for point in on_surface.chain(Mesh::of_scene(&scene).vertices) {
             let cell = lattice.cell_of(point).as_uvec3();

@@ -13,6 +13,18 @@ const MAX_VIEWS: u32 = 10_000;
 /// The longest edge of a picture that is made.
 const MAX_EDGE: u32 = 4096;
 
+/// What is around the still life.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Surroundings {
+    /// Nothing: the background is transparent.
+    #[default]
+    None,
+    /// A meadow without an edge, far hills and a sky.
+    Meadow,
+    /// A closed room, with cameras in it.
+    Room,
+}
+
 /// Options of synthetic datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SynthOptions {
@@ -30,8 +42,8 @@ pub struct SynthOptions {
     pub size: [u32; 2],
     /// Seed of the cameras' positions and the textures' variations; the geometry is always the same.
     pub seed: u64,
-    /// Surroundings without an edge instead of a transparent background: a meadow, far hills and a sky.
-    pub outdoor: bool,
+    /// What is around the still life; no meadow in ScanNet's layout, which is of rooms.
+    pub surroundings: Surroundings,
     /// If true, also writes to a folder that is not empty, replacing files of the same names and keeping all others.
     pub force: bool,
 }
@@ -40,7 +52,8 @@ impl Default for SynthOptions {
     /// 100 training and 20 test views of 200×200 pixels by a pinhole camera, in the Blender layout.
     fn default() -> Self {
         let (layout, camera) = (SynthLayout::Blender, CameraModel::Pinhole);
-        Self { layout, camera, views: 100, test_views: 20, size: [200, 200], seed: 0, outdoor: false, force: false }
+        let surroundings = Surroundings::None;
+        Self { layout, camera, views: 100, test_views: 20, size: [200, 200], seed: 0, surroundings, force: false }
     }
 }
 
@@ -79,8 +92,8 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
         let (layout, expected, found) = (layout.name(), names.join(", "), camera.name());
         return Err(Error::SynthCamera { layout, expected, found });
     }
-    if options.outdoor && layout == SynthLayout::ScanNet {
-        return Err(Error::SynthOutdoor);
+    if options.surroundings == Surroundings::Meadow && layout == SynthLayout::ScanNet {
+        return Err(Error::SynthMeadow);
     }
     match layout.test_views(views) {
         Some(expected) if !layout.splits(views, test_views) => {

@@ -4,10 +4,11 @@ use glam::DVec3;
 use image::RgbaImage;
 use rayon::prelude::*;
 
-use super::outdoor;
+use super::options::Surroundings;
 use super::portable::{cos_sin, uniform};
 use super::scene::Scene;
 use super::shading::{Lights, color};
+use super::{outdoor, room};
 use crate::color::byte;
 use crate::geometry::{Camera, Ray};
 
@@ -18,9 +19,14 @@ pub(super) const DISTANCE: f64 = 4.031_128_874_149_275;
 /// Number of samples of a pixel in each direction.
 const SAMPLES: u32 = 4;
 
+/// `count` cameras for pictures of `scene`: in its room, or else around it.
+pub(super) fn cameras(scene: &Scene, count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
+    if scene.surroundings == Surroundings::Room { room::cameras(count, size, seed) } else { orbit(count, size, seed) }
+}
+
 /// `count` cameras on a sphere around the origin that look at it, mostly from above: a Fibonacci spiral in equal steps
 /// of height, each camera moved by up to half a step at random.
-pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
+pub(super) fn orbit(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
     let (cos, sin) = cos_sin(0.25 * CAMERA_ANGLE / std::f64::consts::PI);
     let focal = 0.5 * f64::from(size[0]) * cos / sin;
     let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
@@ -37,15 +43,14 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
         .collect()
 }
 
-/// The picture of `camera`: straight alpha, transparent outside the scene, or opaque with the surroundings of the seed
-/// `outdoor`.
+/// The picture of `camera`: straight alpha, transparent outside the scene, which has no outside on a meadow or in a room.
 ///
 /// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values, because volume rendering and downscaling
 /// average display colors too.
-pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera, outdoor: Option<u64>) -> RgbaImage {
+pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
     let seen = |ray: Ray| {
-        let surroundings = || Some(outdoor::color(scene, lights, &ray, outdoor?));
-        color(scene, lights, &ray).or_else(surroundings)
+        let meadow = || Some(outdoor::color(scene, lights, &ray));
+        color(scene, lights, &ray).or_else(|| if scene.surroundings == Surroundings::Meadow { meadow() } else { None })
     };
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {
@@ -76,12 +81,12 @@ mod tests {
     #[test]
     fn pixels_without_a_ray_are_transparent() {
         let distortion = Distortion::new([-1.5, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap();
-        let mut camera = cameras(1, [40, 40], 9)[0];
+        let mut camera = orbit(1, [40, 40], 9)[0];
         camera.lens = Lens { projection: Projection::Perspective, distortion };
         // Near enough that the scene covers the picture.
         camera.focal = [50.0; 2];
         camera.position *= 0.4;
-        let picture = picture(&Scene::new(3), &Lights::new(), &camera, None);
+        let picture = picture(&Scene::new(3), &Lights::new(), &camera);
         let seen = camera.seen_pixels().unwrap();
         let opaque = |(pixel, seen): (&image::Rgba<u8>, &bool)| (pixel[3] > 0, *seen);
         let pixels: Vec<_> = picture.pixels().zip(&seen).map(opaque).collect();
@@ -95,9 +100,9 @@ mod tests {
     #[test]
     fn picture_shows_the_solids_where_the_camera_puts_them() {
         let scene = Scene::new(3);
-        for camera in cameras(5, [120, 100], 9) {
+        for camera in orbit(5, [120, 100], 9) {
             assert!((camera.position.length() - DISTANCE).abs() < 1e-12);
-            let picture = picture(&scene, &Lights::new(), &camera, None);
+            let picture = picture(&scene, &Lights::new(), &camera);
             for thing in &scene.things {
                 // Project by hand: camera axes are x right, y up, −z forwards; rows grow downwards.
                 let seen = camera.world_from_camera.transpose() * (thing.solid.world(DVec3::ZERO) - camera.position);

@@ -9,9 +9,6 @@ use super::scene::Scene;
 use crate::color::byte;
 use crate::geometry::Ray;
 
-/// A ball around the origin that contains the scene.
-const RADIUS: f64 = 1.35;
-
 /// A point on the surface.
 pub(super) struct Point {
     /// The position in the world.
@@ -43,7 +40,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
         }
         let direction = direction.normalize();
         let right = direction.any_orthonormal_vector();
-        let origin = RADIUS * (x * right + y * direction.cross(right));
+        let origin = scene.radius() * (x * right + y * direction.cross(right));
         let ray = Ray { origin, direction };
         for (i, thing) in scene.things.iter().enumerate() {
             for crossing in thing.solid.spans(&ray).into_iter().flatten().flatten() {

@@ -10,9 +10,10 @@ use image::{ExtendedColorType, RgbaImage};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
-use super::options::{SynthOptions, Synthesized, write};
+use super::options::{Surroundings, SynthOptions, Synthesized, write};
 use super::pictures::{cameras, picture};
 use super::portable::{cos_sin, hash, srgb};
+use super::room;
 use super::scene::{Scene, Thing};
 use super::shading::Lights;
 use super::solid::Face;
@@ -21,8 +22,9 @@ use crate::dataset::shot::OPENGL_FROM_OPENCV;
 use crate::dataset::{Error, files};
 use crate::geometry::Camera;
 
-/// Meters per unit of the scene: 4.8 m from wall to wall.
+/// Meters per unit of the scene: the still life is 4.8 m across, or half of that in a room of 5.5 by 4.6 m.
 const SCALE: f64 = 2.4;
+const SCALE_IN_ROOM: f64 = 1.2;
 /// The longest edge of the mesh's triangles and the radii of its holes, in the scene's units.
 const LONGEST: f64 = 0.03;
 const RADII: [f64; 2] = [0.05, 0.15];
@@ -39,23 +41,26 @@ const QUALITY: u8 = 95;
 ///   poses, like the lost frames of a scanner. The layout has no splits: `views` and `test_views` are added up.
 /// - `intrinsic/intrinsic_color.txt`; `NAME.txt` with sizes, focal lengths and an axis alignment that turns about z and
 ///   tilts.
-/// - `NAME_vh_clean_2.ply`: the surface before alignment, with vertex colors; holes of 8 % of its area.
+/// - `NAME_vh_clean_2.ply`: the surface before alignment, with vertex colors; holes of 8 % of its area. Of a room's floor,
+///   walls and ceiling it has the inner sides.
 ///
-/// Aligned, the scene lies within ±2.4 m, z up.
+/// Aligned, the still life lies within ±2.4 m, a room within ±3 m, z up.
 pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     let name = files::name_of(out);
-    let scene = Scene::new(hash(options.seed, 0));
+    let scene = Scene::of(options);
+    let in_room = scene.surroundings == Surroundings::Room;
+    let scale = if in_room { SCALE_IN_ROOM } else { SCALE };
     let stored_from_aligned = aligned_from_stored().inverse();
 
     let count = options.views + options.test_views + LOST;
-    let cameras = cameras(count, options.size, hash(options.seed, 1));
+    let cameras = cameras(&scene, count, options.size, hash(options.seed, 1));
     let lost = lost(count, hash(options.seed, 2));
     let folders = ["color", "pose", "intrinsic"].map(|part| out.join(part));
     folders.iter().try_for_each(|folder| fs::create_dir_all(folder).map_err(Error::write(folder)))?;
     let [color, pose, intrinsic] = folders;
     let lights = Lights::new();
     cameras.par_iter().enumerate().try_for_each(|(i, camera)| {
-        let rgb = on_white(&picture(&scene, &lights, camera, None));
+        let rgb = on_white(&picture(&scene, &lights, camera));
         write(&color.join(format!("{i}.jpg")), |file| {
             let mut encoder = JpegEncoder::new_with_quality(file, QUALITY);
             let encoded = encoder.encode(&rgb, camera.width, camera.height, ExtendedColorType::Rgb8);
@@ -65,7 +70,7 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
             DMat4::from_cols_array(&[f64::NEG_INFINITY; 16])
         } else {
             let opencv = camera.world_from_camera * OPENGL_FROM_OPENCV;
-            stored_from_aligned * DMat4::from_mat3_translation(opencv, SCALE * camera.position)
+            stored_from_aligned * DMat4::from_mat3_translation(opencv, scale * camera.position)
         };
         write(&pose.join(format!("{i}.txt")), |file| file.write_all(lines(&matrix).as_bytes()))
     })?;
@@ -85,6 +90,9 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
         let first = mesh.vertices.len();
         let mut solid = Mesh::default();
         solid.sweep(&thing.solid);
+        if thing.lets_light_through {
+            solid.keep(room::faces_inside);
+        }
         solid.refine(LONGEST);
         colors.extend(solid.vertices.iter().map(|&vertex| color_at(thing, vertex)));
         mesh.triangles.extend(solid.triangles.iter().map(|t| t.map(|index| index + first as u32)));
@@ -92,7 +100,7 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
     }
     let (torn, was) = mesh.tear(TORN, RADII, hash(options.seed, 3));
     let colors: Vec<[u8; 3]> = was.iter().map(|&index| colors[index as usize]).collect();
-    mesh.vertices.iter_mut().for_each(|v| *v = stored_from_aligned.transform_point3(SCALE * *v));
+    mesh.vertices.iter_mut().for_each(|v| *v = stored_from_aligned.transform_point3(scale * *v));
     write(&out.join(format!("{name}_vh_clean_2.ply")), |file| write_ply(&mesh, &colors, file))?;
     let (pictures, triangles) = (cameras.len(), mesh.triangles.len());
     Ok(Synthesized { pictures, lost: lost.len(), triangles, torn, points: 0, occupied_cells: 0 })

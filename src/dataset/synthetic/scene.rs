@@ -4,7 +4,9 @@
 
 use glam::{DMat3, DVec3};
 
+use super::options::{Surroundings, SynthOptions};
 use super::portable::{cos_sin, hash};
+use super::room;
 use super::solid::{Face, Solid};
 use super::texture::Texture;
 use crate::geometry::{Aabb, Ray};
@@ -20,11 +22,16 @@ pub(super) struct Thing {
     pub(super) texture: Texture,
     /// The number that selects a variant of the texture, from the seed.
     pub(super) texture_seed: u64,
+    /// True if it throws no shadow: otherwise a closed room would be dark.
+    pub(super) lets_light_through: bool,
 }
 
-/// The solids, within a ball of radius 1.3 around the origin; z is up.
+/// The solids, and what is around them; z is up. The still life is within \[−1, 1\]³.
 pub(super) struct Scene {
     pub(super) things: Vec<Thing>,
+    pub(super) surroundings: Surroundings,
+    /// Selects the shape of the hills and the pattern of the meadow.
+    pub(super) meadow_seed: u64,
 }
 
 /// The intersection of a ray with the scene.
@@ -37,10 +44,10 @@ pub(super) struct Hit<'a> {
 impl Scene {
     /// The still life with textures of `seed`.
     pub(super) fn new(seed: u64) -> Self {
-        let mut scene = Self { things: Vec::new() };
+        let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, meadow_seed: 0 };
         let mut add = |solid, texture| {
             let texture_seed = hash(seed, scene.things.len() as u64);
-            scene.things.push(Thing { solid, texture, texture_seed });
+            scene.things.push(Thing { solid, texture, texture_seed, lets_light_through: false });
         };
         add(Solid::rod(DVec3::new(0.0, 0.0, FLOOR - 0.06), 0.95, 0.06), Texture::Mosaic);
         add_wall(&mut add);
@@ -49,6 +56,26 @@ impl Scene {
         add_pins(&mut add);
         add_brushes(&mut add);
         scene
+    }
+
+    /// The still life and its surroundings.
+    pub(super) fn of(options: &SynthOptions) -> Self {
+        let &SynthOptions { seed, surroundings, .. } = options;
+        let mut scene = Self { surroundings, meadow_seed: hash(seed, 6), ..Self::new(hash(seed, 0)) };
+        if surroundings == Surroundings::Room {
+            scene.things.extend(room::things(hash(seed, 7)));
+        }
+        scene
+    }
+
+    /// Half the edge of a cube around the origin that contains all solids.
+    pub(super) fn extent(&self) -> f64 {
+        if self.surroundings == Surroundings::Room { room::EXTENT } else { 1.0 }
+    }
+
+    /// The radius of a ball around the origin that contains all solids.
+    pub(super) fn radius(&self) -> f64 {
+        if self.surroundings == Surroundings::Room { room::RADIUS } else { 1.35 }
     }
 
     /// The first surface that `ray` enters after distance `nearest`.
@@ -64,10 +91,10 @@ impl Scene {
         best
     }
 
-    /// True if any point of `ray` after its origin is inside a solid.
+    /// True if any point of `ray` after its origin is inside a solid that throws a shadow.
     pub(super) fn blocks(&self, ray: &Ray) -> bool {
         let meets = |solid: &Solid| solid.spans(ray).into_iter().flatten().any(|[_, leave]| leave.t > 0.0);
-        self.things.iter().any(|thing| thing.solid.may_meet(ray) && meets(&thing.solid))
+        self.things.iter().any(|thing| !thing.lets_light_through && thing.solid.may_meet(ray) && meets(&thing.solid))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::portable::{angle, fractal_noise, linear, noise, uniform_at};
+use super::portable::{angle, fractal_noise, hash, linear, noise, uniform_at};
 use super::solid::Face;
 
 /// A pattern; colors are sRGB 0xRRGGBB.
@@ -28,6 +28,12 @@ pub(super) enum Texture {
     Dots([u32; 2]),
     /// Hammered metal.
     Brass,
+    /// Boards side by side.
+    Planks,
+    /// Panels of wood below, diamonds above.
+    Wallpaper,
+    /// A ceiling of square panels.
+    Plaster,
 }
 
 /// Specular reflection of a surface.
@@ -78,6 +84,14 @@ impl Texture {
                 let q = p * 55.0;
                 let cell = q.floor();
                 pick(colors, (q - cell - 0.5).length() > 0.38) * grain(q, seed, 0.2)
+            }
+            Self::Planks => planks(p, face, seed),
+            Self::Wallpaper => wallpaper(p, face, seed),
+            Self::Plaster => {
+                let edge = border(p.x / 0.5).min(border(p.y / 0.5)) * 0.5;
+                let spots = fractal_noise(seed, p * 6.0);
+                linear(0xdcd6c8).lerp(linear(0x9c8f78), if edge < 0.02 { 0.8 } else { 0.6 * spots })
+                    * grain(p * 50.0, seed, 0.6)
             }
             Self::Brass => {
                 let turn = 40.0 * angle(p.x, p.y);
@@ -246,6 +260,51 @@ fn book(cover: u32, half: f64, p: DVec3, face: Face, seed: u64) -> DVec3 {
             linear(0xeee3c8) * (0.62 + 0.38 * uniform_at(seed, page, 3, 0)) * grain(p * 40.0, seed, 0.2)
         }
     }
+}
+
+/// `p` along the longer and the shorter edge of a face: horizontally, and up or across.
+fn on_face(p: DVec3, face: Face) -> DVec2 {
+    match face {
+        Face::Flat { axis: 0, .. } => DVec2::new(p.y, p.z),
+        Face::Flat { axis: 1, .. } => DVec2::new(p.x, p.z),
+        _ => DVec2::new(p.x, p.y),
+    }
+}
+
+fn planks(p: DVec3, face: Face, seed: u64) -> DVec3 {
+    const WIDTH: f64 = 0.14;
+    const LENGTH: f64 = 1.1;
+    let q = on_face(p, face);
+    let row = (q.y / WIDTH).floor();
+    let along = q.x / LENGTH + uniform_at(seed, row as i64, 0, 0);
+    let gap = (border(q.y / WIDTH) * WIDTH).min(border(along) * LENGTH) < 0.004;
+    let (board, tone) = (along.floor() as i64, |n| uniform_at(seed, row as i64, along.floor() as i64, n));
+    let rings = fractal_noise(hash(seed, board as u64), DVec3::new(3.0, 26.0, 26.0) * DVec3::new(q.x, q.y, row));
+    let wood = linear(0xc08a55).lerp(linear(0x5c3a20), (0.7 * rings + 0.5 * tone(1)).min(1.0));
+    wood * grain(p * 60.0, seed, 0.3) * if gap { 0.3 } else { 1.0 }
+}
+
+fn wallpaper(p: DVec3, face: Face, seed: u64) -> DVec3 {
+    /// The height of the panels' upper edge above the wall's middle.
+    const PANELS: f64 = -0.4;
+    let q = on_face(p, face);
+    if q.y < PANELS {
+        let inset = border(q.x / 0.4) * 0.4;
+        let wood = linear(0x7c5a3c).lerp(linear(0x4a3322), fractal_noise(seed, DVec3::new(24.0, 24.0, 3.0) * p));
+        return wood * grain(p * 70.0, seed, 0.4) * if inset < 0.02 || PANELS - q.y < 0.05 { 1.7 } else { 1.0 };
+    }
+    let cell = DVec2::new(q.x / 0.2 + q.y / 0.3, q.x / 0.2 - q.y / 0.3);
+    let tone = uniform_at(seed, cell.x.floor() as i64, cell.y.floor() as i64, 0);
+    let (edge, heart) = (border(cell.x).min(border(cell.y)), border(cell.x).max(border(cell.y)));
+    let ground = linear(0x3d6b6e).lerp(linear(0xa8b89a), tone);
+    let color = if edge < 0.06 {
+        linear(0xd9c27a)
+    } else if heart < 0.2 {
+        linear(0x8c3b33)
+    } else {
+        ground
+    };
+    color * grain(p * 45.0, seed, 0.5)
 }
 
 /// A triangle wave of period 1 in [0, 1].

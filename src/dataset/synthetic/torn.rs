@@ -79,6 +79,16 @@ impl Mesh {
         (gone / below, self.prune_dead_components())
     }
 
+    /// Keeps the triangles for whose center and outward normal, of any length, `keeps` holds, and their vertices.
+    pub(super) fn keep(&mut self, keeps: impl Fn(DVec3, DVec3) -> bool) {
+        let vertices = &self.vertices;
+        self.triangles.retain(|triangle| {
+            let [a, b, c] = triangle.map(|index| vertices[index as usize]);
+            keeps((a + b + c) / 3.0, (b - a).cross(c - a))
+        });
+        self.prune_dead_components();
+    }
+
     /// Removes vertices of no triangle. Returns the previous index of each remaining vertex.
     fn prune_dead_components(&mut self) -> Vec<u32> {
         let mut used = vec![false; self.vertices.len()];
