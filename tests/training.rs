@@ -306,9 +306,30 @@ fn disturbed_poses_are_found_again_by_a_scene_that_is_right() {
 }
 
 #[test]
+fn a_wrong_focal_length_is_found_again_with_the_poses() {
+    let exact = views();
+    let mut wrong = disturbed(&exact, 0.5, 0.01);
+    wrong.iter_mut().for_each(|view| view.camera.focal = view.camera.focal.map(|focal| 1.04 * focal));
+    let scene = || scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
+    let error = |refine_focal_length: bool| {
+        let config = TrainConfig { refine_focal_length, ..frozen() };
+        let mut trainer = Trainer::new(config, scene(), &wrong).unwrap();
+        run_to(&mut trainer, 25);
+        let cameras = trainer.refined_cameras().unwrap();
+        let growth = cameras[0].focal[0] / exact[0].camera.focal[0];
+        assert!(cameras.iter().zip(&exact).all(|(c, v)| (c.focal[1] / v.camera.focal[1] - growth).abs() < 1e-12));
+        (growth - 1.0, pose_error(&cameras, &exact))
+    };
+    let (fixed, found) = (error(false), error(true));
+    println!("focal length and pixels off: {fixed:?} as it is, {found:?} refined");
+    assert!((fixed.0 - 0.04).abs() < 1e-12 && found.0.abs() < 0.01, "{fixed:?} {found:?}");
+    assert!(found.1 < 0.6 * fixed.1, "{fixed:?} {found:?}");
+}
+
+#[test]
 fn a_run_that_refines_poses_resumes_to_the_same_file() {
     let wrong = disturbed(&views(), 1.0, 0.03);
-    let config = TrainConfig { refine_poses: true, steps: 60, ..config() };
+    let config = TrainConfig { refine_poses: true, refine_focal_length: true, steps: 60, ..config() };
     let state = |trainer: &Trainer<'_>| trainer.checkpoint().to_bytes(&file(&trainer.scene()));
     let mut whole = Trainer::new(config.clone(), scenes::scene(&config), &wrong).unwrap();
     run_to(&mut whole, 3);

@@ -94,8 +94,12 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let Dataset { name, mut views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
     if let Some(path) = &args.aligned_to {
         let all = LoadOptions { views: None, every: 1, ..options };
-        let map = refined_poses::alignment(path, &dataset::load_cameras(&args.dataset, "train", None, &all)?)?;
-        views.iter_mut().for_each(|view| view.camera = view.camera.mapped(&map));
+        let (map, focal_scale) =
+            refined_poses::alignment(path, &dataset::load_cameras(&args.dataset, "train", None, &all)?)?;
+        for View { camera, .. } in &mut views {
+            *camera = camera.mapped(&map);
+            camera.focal = camera.focal.map(|focal| focal_scale * focal);
+        }
     }
     let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {

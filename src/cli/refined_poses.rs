@@ -1,4 +1,5 @@
-//! The file of refined camera poses that training writes beside a scene: the frames of a `transforms.json`.
+//! The file of refined camera poses that training writes beside a scene: the frames of a `transforms.json`, and the factor
+//! by which focal lengths grew.
 
 use std::path::Path;
 
@@ -14,7 +15,14 @@ const MAX_BYTES: u64 = 64 << 20;
 
 #[derive(Serialize, Deserialize)]
 struct Poses {
+    /// The refined focal lengths are the dataset's times this.
+    #[serde(default = "one")]
+    focal_scale: f64,
     frames: Vec<Frame>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 #[derive(Serialize, Deserialize)]
@@ -29,7 +37,9 @@ pub(super) fn write(path: &Path, views: &[View], refined: &[Camera], session: &S
         file_path: view.name.clone(),
         transform_matrix: *camera.pose().as_chunks::<4>().0.first_chunk().expect("16 numbers"),
     };
-    let poses = Poses { frames: views.iter().zip(refined).map(frame).collect() };
+    let focal_scale =
+        views.first().zip(refined.first()).map_or(1.0, |(view, camera)| camera.focal[0] / view.camera.focal[0]);
+    let poses = Poses { focal_scale, frames: views.iter().zip(refined).map(frame).collect() };
     let text = serde_json::to_string_pretty(&poses).expect("numbers are JSON");
     write_atomically(path, text.as_bytes(), session.force)?;
     let median = |of: fn(&Camera, &Camera) -> f64| {
@@ -38,7 +48,7 @@ pub(super) fn write(path: &Path, views: &[View], refined: &[Camera], session: &S
         moves[moves.len() / 2]
     };
     session.console.say(&format!(
-        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median",
+        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median, focal lengths times {focal_scale:.5}",
         path.display(),
         plural(views.len(), "photograph"),
         median(Camera::degrees_to),
@@ -47,8 +57,9 @@ pub(super) fn write(path: &Path, views: &[View], refined: &[Camera], session: &S
     Ok(())
 }
 
-/// The map from the dataset's space, in which `cameras` are, to that of the refined poses in the file `path`.
-pub(super) fn alignment(path: &Path, cameras: &[NamedCamera]) -> Result<Similarity, Error> {
+/// The map from the dataset's space, in which `cameras` are, to that of the refined poses in the file `path`, and the factor
+/// of its focal lengths.
+pub(super) fn alignment(path: &Path, cameras: &[NamedCamera]) -> Result<(Similarity, f64), Error> {
     let malformed = |found: String| Error::Malformed(format!("{}: {found}", path.display()));
     let length = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
     if length > MAX_BYTES {
@@ -57,6 +68,10 @@ pub(super) fn alignment(path: &Path, cameras: &[NamedCamera]) -> Result<Similari
     let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
     let poses: Poses = serde_json::from_str(&text)
         .map_err(|e| malformed(format!("not the refined poses that `strivec train --refine-poses` writes: {e}")))?;
+    let focal_scale = poses.focal_scale;
+    if !(focal_scale.is_finite() && focal_scale > 0.0) {
+        return Err(malformed(format!("focal_scale must be positive; found {focal_scale}")));
+    }
     let (mut from, mut to) = (Vec::new(), Vec::new());
     for frame in &poses.frames {
         let Some(named) = cameras.iter().find(|camera| camera.name == frame.file_path) else { continue };
@@ -64,7 +79,7 @@ pub(super) fn alignment(path: &Path, cameras: &[NamedCamera]) -> Result<Similari
         to.push(camera.map_err(|e| malformed(format!("{}: {e}", frame.file_path)))?);
         from.push(named.camera);
     }
-    align_cameras(&from, &to).ok_or_else(|| {
+    align_cameras(&from, &to).map(|map| (map, focal_scale)).ok_or_else(|| {
         malformed(format!(
             "{} of its photographs are in the dataset; an alignment needs two in different places",
             from.len()

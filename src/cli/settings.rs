@@ -55,6 +55,9 @@ pub(super) struct Settings {
     /// Refine the cameras' poses, and write them beside the scene as FILE.poses.json
     #[arg(long)]
     refine_poses: bool,
+    /// With the poses, refine the focal lengths: one factor for all photographs
+    #[arg(long)]
+    refine_focal_length: bool,
     /// Remove tensors whose boxes turn out to be empty during training: smaller files, the same pictures
     #[arg(long)]
     prune: bool,
@@ -131,7 +134,8 @@ impl Settings {
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
-        config.refine_poses |= self.refine_poses;
+        config.refine_focal_length |= self.refine_focal_length;
+        config.refine_poses |= self.refine_poses || config.refine_focal_length;
         config.exposure = self.exposure.unwrap_or(config.exposure);
         config.background = self.background.map_or(config.background, Background::color);
         config.sky_degree = self.sky.or(config.sky_degree);

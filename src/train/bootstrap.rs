@@ -122,6 +122,7 @@ impl CoarseCube {
             sky_degree: Some(0),
             exposure: Exposure::Off,
             refine_poses: false,
+            refine_focal_length: false,
             upsample_at: Vec::new(),
             occupancy_at: Vec::new(),
             decoder: DecoderConfig {

@@ -28,8 +28,9 @@ pub struct Checkpoint {
     pub(super) networks: Moments<f32>,
     /// The exposures of the photographs.
     pub exposures: Exposures,
-    /// \[view\] the refined pose in the model's space, as [`Camera::pose`]; empty before the first refinement.
-    pub(super) poses: Vec<[f64; 16]>,
+    /// \[view\] the refined pose in the model's space, as [`Camera::pose`], and focal lengths; empty before the first
+    /// refinement.
+    pub(super) cameras: Vec<([f64; 16], [f64; 2])>,
     /// [`RaySampler::active_ray_mask`].
     pub(super) active_rays: Vec<u8>,
     /// [`RaySampler::checksum`].
@@ -51,7 +52,7 @@ impl Checkpoint {
             appearance: Vec::new(),
             networks: Moments::default(),
             exposures: Exposures::new(config.exposure, sampler.view_count()),
-            poses: Vec::new(),
+            cameras: Vec::new(),
             active_rays: sampler.active_ray_mask(),
             photographs: sampler.checksum(),
         };
@@ -95,18 +96,20 @@ impl Checkpoint {
         if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
             return Err(malformed("photographs", "those of the dataset", "other ones"));
         }
-        if !self.poses.is_empty() {
-            expect("poses", sampler.view_count(), self.poses.len())?;
-            let camera = |(view, pose): (usize, &[f64; 16])| {
+        if !self.cameras.is_empty() {
+            expect("cameras", sampler.view_count(), self.cameras.len())?;
+            let camera = |(view, (pose, focal)): (usize, &([f64; 16], [f64; 2]))| {
                 let old = sampler.camera(view);
-                Camera::posed(pose, [old.width, old.height], old.focal[0])
-                    .map_err(|e| malformed(&format!("pose {view}"), e.expected, e.found))?;
+                for focal in focal {
+                    Camera::posed(pose, [old.width, old.height], *focal)
+                        .map_err(|e| malformed(&format!("camera {view}"), e.expected, e.found))?;
+                }
                 // The numbers as they are: those of a checked pose are rounded once more.
                 let [x, y, z, position] = DMat4::from_cols_array(pose).transpose().to_cols_array_2d().map(DVec4::from);
                 let world_from_camera = DMat3::from_cols(x.truncate(), y.truncate(), z.truncate());
-                Ok(Camera { world_from_camera, position: position.truncate(), ..*old })
+                Ok(Camera { world_from_camera, position: position.truncate(), focal: *focal, ..*old })
             };
-            let cameras: Result<Vec<Camera>, CheckpointError> = self.poses.iter().enumerate().map(camera).collect();
+            let cameras: Result<Vec<Camera>, CheckpointError> = self.cameras.iter().enumerate().map(camera).collect();
             sampler.set_cameras(cameras?);
         }
         Ok(())
@@ -121,7 +124,10 @@ impl Checkpoint {
         }
         let exposures = self.exposures.to_numbers();
         tensors.push(("exposures".into(), Dtype::F64, bytemuck::cast_slice(&exposures)));
-        tensors.push(("poses".into(), Dtype::F64, bytemuck::cast_slice(self.poses.as_flattened())));
+        let poses: Vec<f64> = self.cameras.iter().flat_map(|(pose, _)| *pose).collect();
+        let focals: Vec<f64> = self.cameras.iter().flat_map(|(_, focal)| *focal).collect();
+        tensors.push(("poses".into(), Dtype::F64, bytemuck::cast_slice(&poses)));
+        tensors.push(("focal_lengths".into(), Dtype::F64, bytemuck::cast_slice(&focals)));
         tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
@@ -193,10 +199,12 @@ impl Checkpoint {
         };
         let exposures: Vec<f64> = bytemuck::pod_collect_to_vec(tensor("exposures", Dtype::F64)?);
         let poses: Vec<f64> = bytemuck::pod_collect_to_vec(tensor("poses", Dtype::F64)?);
-        let (poses, rest) = poses.as_chunks();
-        if !rest.is_empty() {
-            return Err(malformed("tensor poses", "16 numbers for each photograph", format!("{} more", rest.len())));
+        let focals: Vec<f64> = bytemuck::pod_collect_to_vec(tensor("focal_lengths", Dtype::F64)?);
+        if !poses.len().is_multiple_of(16) || 8 * focals.len() != poses.len() {
+            let found = format!("{} and {}", poses.len(), focals.len());
+            return Err(malformed("tensors poses and focal_lengths", "16 and 2 numbers for each photograph", found));
         }
+        let (poses, focals) = (poses.as_chunks().0, focals.as_chunks().0);
         let config = TrainConfig::from_toml(text("config")?, None)?;
         let of_scales = |name: &str| {
             (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
@@ -211,7 +219,7 @@ impl Checkpoint {
             networks: moments("networks")?,
             exposures: Exposures::from_numbers(&exposures)
                 .ok_or_else(|| malformed("tensor exposures", "the sums and maps of photographs", "other numbers"))?,
-            poses: poses.to_vec(),
+            cameras: poses.iter().copied().zip(focals.iter().copied()).collect(),
             active_rays: tensor("kept", Dtype::U8)?.to_vec(),
             config,
         };

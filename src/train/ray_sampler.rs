@@ -85,7 +85,8 @@ impl<'a> RaySampler<'a> {
         &self.cameras[view]
     }
 
-    /// Draws all further rays from `cameras`, which differ from the present ones in their poses only.
+    /// Draws all further rays from `cameras`, which differ from the present ones in their poses and
+    /// focal lengths only, and have a ray for each pixel that has one.
     pub(super) fn set_cameras(&mut self, cameras: Vec<Camera>) {
         self.cameras = cameras;
     }

@@ -129,7 +129,7 @@ impl<'a> Trainer<'a> {
     pub fn refined_cameras(&self) -> Option<Vec<Camera>> {
         let dataset_from_model = self.scene.frame.model_from_dataset.inverse();
         let cameras = (0..self.sampler.view_count()).map(|view| self.sampler.camera(view).mapped(&dataset_from_model));
-        (!self.checkpoint.poses.is_empty()).then(|| cameras.collect())
+        (!self.checkpoint.cameras.is_empty()).then(|| cameras.collect())
     }
 
     /// Adds to the wall time of the checkpoint.
@@ -322,8 +322,9 @@ impl<'a> Trainer<'a> {
                 None => 0.5 * (self.scene.frame.near + self.scene.frame.far),
                 Some(_) => 1.0,
             };
-            let cameras = poses::refined(&self.field, &self.sampler, maps, distance, &random);
-            self.checkpoint.poses = cameras.iter().map(Camera::pose).collect();
+            let growing = self.config.refine_focal_length;
+            let cameras = poses::refined(&self.field, &self.sampler, maps, distance, growing, &random);
+            self.checkpoint.cameras = cameras.iter().map(|camera| (camera.pose(), camera.focal)).collect();
             self.sampler.set_cameras(cameras);
         }
         if self.config.refilter_rays && self.config.occupancy_at.contains(&step) {

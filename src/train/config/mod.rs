@@ -42,6 +42,8 @@ pub struct TrainConfig {
     pub exposure: Exposure,
     /// Refine the cameras' poses.
     pub refine_poses: bool,
+    /// With the poses, refine one factor of all focal lengths.
+    pub refine_focal_length: bool,
     /// Select the rays to train on anew with every new occupancy, so that none is spent on space that proved empty.
     pub refilter_rays: bool,
     /// Remove tensors whose boxes are empty with every new occupancy. Pictures stay the same, and files get smaller.

@@ -97,6 +97,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         sky_degree: None,
         exposure: Exposure::Auto,
         refine_poses: false,
+        refine_focal_length: false,
         refilter_rays: true,
         prune: false,
         near_far: None,
