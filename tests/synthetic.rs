@@ -354,11 +354,11 @@ fn cameras_and_splits_that_a_layout_cannot_state_are_refused() {
 /// The test views of `folder`, all opaque, and the exact distances of their pixels.
 fn distances(folder: &Path) -> Vec<(View, Vec<f64>)> {
     let of_view = |view: View| {
-        assert!(view.pixels.is_opaque());
+        assert!(view.pixels.is_opaque(), "{}", view.name);
         let file = fs::read(folder.join(format!("distances/{}.npy", view.name))).unwrap();
         let mut input = &file[..];
         let header = Header::read(&mut input).unwrap();
-        assert_eq!(header.shape, [30, 40]);
+        assert_eq!(header.shape, [30, 40], "{}", view.name);
         let distances = header.numbers(&mut input).unwrap();
         (view, distances)
     };

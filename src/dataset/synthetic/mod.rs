@@ -22,7 +22,9 @@ mod scan;
 mod scene;
 mod shading;
 mod solid;
+mod surroundings;
 mod texture;
+mod thing;
 mod torn;
 mod transforms;
 
@@ -37,11 +39,12 @@ pub use self::camera_model::CameraModel;
 use self::layout::Photograph;
 pub use self::layout::SynthLayout;
 use self::mesh::Mesh;
-pub use self::options::{Surroundings, SynthOptions, Synthesized};
+pub use self::options::{SynthOptions, Synthesized};
 use self::options::{check, prepare, write};
 use self::portable::hash;
 use self::scene::Scene;
 use self::shading::Lights;
+pub use self::surroundings::Surroundings;
 use super::Error;
 use super::shot::Split;
 use crate::geometry::{Camera, Ray};
@@ -88,7 +91,7 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
         return scan::synthesize(out, options);
     }
     let SynthOptions { layout, camera, seed, .. } = *options;
-    let scene = Scene::of(options);
+    let scene = Scene::within(options.surroundings, options.seed);
     let cameras = |count: u32, stream: u64| -> Vec<Camera> {
         let pinholes = pictures::cameras(&scene, count, options.size, hash(seed, stream));
         pinholes.iter().map(|pinhole| camera.camera(pinhole)).collect()

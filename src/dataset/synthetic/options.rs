@@ -6,24 +6,13 @@ use std::path::Path;
 
 use super::camera_model::CameraModel;
 use super::layout::SynthLayout;
+use super::surroundings::Surroundings;
 use crate::dataset::Error;
 
 /// The most views of a split.
 const MAX_VIEWS: u32 = 10_000;
 /// The longest edge of a picture that is made.
 const MAX_EDGE: u32 = 4096;
-
-/// What is around the still life.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Surroundings {
-    /// Nothing: the background is transparent.
-    #[default]
-    None,
-    /// A meadow without an edge, far hills and a sky.
-    Meadow,
-    /// A closed room, with cameras in it.
-    Room,
-}
 
 /// Options of synthetic datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

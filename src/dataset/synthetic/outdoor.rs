@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::portable::{linear, noise, srgb};
-use super::scene::{FOOT, Scene};
+use super::scene::Scene;
 use super::shading::{Lights, surroundings};
+use super::thing::FOOT;
 use crate::geometry::Ray;
 
 /// The distance of the hills from the origin.

@@ -4,10 +4,10 @@ use glam::DVec3;
 use image::RgbaImage;
 use rayon::prelude::*;
 
-use super::options::Surroundings;
 use super::portable::{cos_sin, uniform};
 use super::scene::Scene;
 use super::shading::{Lights, color};
+use super::surroundings::Surroundings;
 use super::{outdoor, room};
 use crate::color::byte;
 use crate::geometry::{Camera, Ray};

@@ -45,7 +45,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
         for (i, thing) in scene.things.iter().enumerate() {
             for crossing in thing.solid.spans(&ray).into_iter().flatten().flatten() {
                 let position = ray.at(crossing.t);
-                let hidden = |(j, other): (usize, &super::scene::Thing)| j != i && other.solid.depth(position) > -1e-9;
+                let hidden = |(j, other): (usize, &super::thing::Thing)| j != i && other.solid.depth(position) > -1e-9;
                 if scene.things.iter().enumerate().any(hidden) {
                     continue;
                 }
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn share_of_points_is_the_share_of_area() {
         let scene = Scene::new(5);
-        let area = |thing: &super::super::scene::Thing| {
+        let area = |thing: &super::super::thing::Thing| {
             let mut mesh = Mesh::default();
             mesh.sweep(&thing.solid);
             let of = |t: &[u32; 3]| {
@@ -110,7 +110,7 @@ mod tests {
         // The wall and the bowl are covered by nothing but at their feet.
         let (wall, bowl) = (&scene.things[1], &scene.things[3]);
         let points = points(&scene, 40_000, 8);
-        let on = |thing: &super::super::scene::Thing| {
+        let on = |thing: &super::super::thing::Thing| {
             points.iter().filter(|p| thing.solid.depth(p.position).abs() < 1e-9).count() as f64
         };
         let ratio = (on(wall) / on(bowl)) / (area(wall) / area(bowl));

@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::portable::{cos_sin, hash, uniform};
-use super::scene::{FOOT, Thing};
 use super::solid::Solid;
 use super::texture::Texture;
+use super::thing::{FOOT, Thing};
 use crate::geometry::Camera;
 
 /// Half of the room from wall to wall, and its height.
@@ -91,12 +91,12 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dataset::synthetic::Surroundings;
     use crate::dataset::synthetic::scene::Scene;
-    use crate::dataset::synthetic::{Surroundings, SynthOptions};
 
     #[test]
     fn cameras_are_inside_and_see_something_in_every_direction() {
-        let scene = Scene::of(&SynthOptions { surroundings: Surroundings::Room, ..SynthOptions::default() });
+        let scene = Scene::within(Surroundings::Room, 0);
         let cameras = cameras(40, [24, 18], 3);
         let mut walls_seen = [0; 3];
         for camera in &cameras {

@@ -10,13 +10,15 @@ use image::{ExtendedColorType, RgbaImage};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
-use super::options::{Surroundings, SynthOptions, Synthesized, write};
+use super::options::{SynthOptions, Synthesized, write};
 use super::pictures::{cameras, picture};
 use super::portable::{cos_sin, hash, srgb};
 use super::room;
-use super::scene::{Scene, Thing};
+use super::scene::Scene;
 use super::shading::Lights;
 use super::solid::Face;
+use super::surroundings::Surroundings;
+use super::thing::Thing;
 use crate::color::byte;
 use crate::dataset::shot::OPENGL_FROM_OPENCV;
 use crate::dataset::{Error, files};
@@ -47,7 +49,7 @@ const QUALITY: u8 = 95;
 /// Aligned, the still life lies within ±2.4 m, a room within ±3 m, z up.
 pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     let name = files::name_of(out);
-    let scene = Scene::of(options);
+    let scene = Scene::within(options.surroundings, options.seed);
     let in_room = scene.surroundings == Surroundings::Room;
     let scale = if in_room { SCALE_IN_ROOM } else { SCALE };
     let stored_from_aligned = aligned_from_stored().inverse();

@@ -4,27 +4,13 @@
 
 use glam::{DMat3, DVec3};
 
-use super::options::{Surroundings, SynthOptions};
 use super::portable::{cos_sin, hash};
 use super::room;
 use super::solid::{Face, Solid};
+use super::surroundings::Surroundings;
 use super::texture::Texture;
+use super::thing::{FLOOR, Thing};
 use crate::geometry::{Aabb, Ray};
-
-/// The height of the plinth's top, on which all other solids stand.
-const FLOOR: f64 = -0.74;
-/// The height of its foot.
-pub(super) const FOOT: f64 = FLOOR - 0.12;
-
-/// A solid and its texture.
-pub(super) struct Thing {
-    pub(super) solid: Solid,
-    pub(super) texture: Texture,
-    /// The number that selects a variant of the texture, from the seed.
-    pub(super) texture_seed: u64,
-    /// True if it throws no shadow: otherwise a closed room would be dark.
-    pub(super) lets_light_through: bool,
-}
 
 /// The solids, and what is around them; z is up. The still life is within \[−1, 1\]³.
 pub(super) struct Scene {
@@ -58,9 +44,8 @@ impl Scene {
         scene
     }
 
-    /// The still life and its surroundings.
-    pub(super) fn of(options: &SynthOptions) -> Self {
-        let &SynthOptions { seed, surroundings, .. } = options;
+    /// The still life and its surroundings, with textures of `seed`, a dataset's.
+    pub(super) fn within(surroundings: Surroundings, seed: u64) -> Self {
         let mut scene = Self { surroundings, meadow_seed: hash(seed, 6), ..Self::new(hash(seed, 0)) };
         if surroundings == Surroundings::Room {
             scene.things.extend(room::things(hash(seed, 7)));
