@@ -154,7 +154,7 @@ pub(super) fn is_opaque(dataset: &Dataset) -> bool {
 }
 
 /// Sets the distances of the photographs of `dataset`: those of its depth maps or, if it has none, to points that are
-/// matched between the photographs. Returns these points.
+/// matched between the photographs, and else to its mesh. Returns the matched points.
 fn find_points(config: &TrainConfig, dataset: &mut Dataset, session: &Session) -> Result<Vec<DVec3>, Error> {
     let start = Instant::now();
     let with_depth = dataset::read_distances(dataset)?;
@@ -165,6 +165,14 @@ fn find_points(config: &TrainConfig, dataset: &mut Dataset, session: &Session) -
     let points = prior::match_points(&mut dataset.views, config.shell.is_some());
     let (count, seconds) = (plural(points.len(), "point"), start.elapsed().as_secs_f64());
     session.console.say(&format!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
+    if let Some(file) = dataset.points.as_deref().filter(|_| config.distance_weight > 0.0) {
+        let share = prior::mesh_distances(file, &mut dataset.views).map_err(prior::BuildError::from)?;
+        if share > 0.0 {
+            session
+                .console
+                .say(&format!("distances: of {:.1} % more of the pixels, by the dataset's mesh", 100.0 * share));
+        }
+    }
     Ok(points)
 }
 

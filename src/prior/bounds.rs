@@ -260,7 +260,7 @@ mod tests {
     fn the_range_begins_before_what_is_close_to_some_cameras_but_not_before_a_stray_cell() {
         // Cameras at a wall of 10 by 10 units, every eighth of them close to it.
         let look = |i: u32| {
-            let from = DVec3::new(f64::from(i) / 30.0 - 2.0, 0.0, if i % 8 == 0 { 0.5 } else { 5.0 });
+            let from = DVec3::new(f64::from(i) / 30.0 - 2.0, 0.0, if i.is_multiple_of(8) { 0.5 } else { 5.0 });
             Camera::looking_at([80, 60], 80.0, from, from - DVec3::Z, DVec3::Y)
         };
         let cameras: Vec<_> = (0..128).map(look).collect();
