@@ -48,7 +48,8 @@ pub(super) fn write(path: &Path, views: &[View], refined: &[Camera], session: &S
         moves[moves.len() / 2]
     };
     session.console.say(&format!(
-        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median, focal lengths times {focal_scale:.5}",
+        "{}: the refined poses of {}, turned by {:.3} degrees and moved by {:.5} units in the median, focal lengths times \
+         {focal_scale:.5}",
         path.display(),
         plural(views.len(), "photograph"),
         median(Camera::degrees_to),
