@@ -97,7 +97,7 @@ struct Refinement<'a> {
     growth_unit: f64,
 }
 
-/// What a photograph says of its camera.
+/// A photograph's cost and normal equations at its camera.
 struct Step {
     /// The cost where the camera is.
     cost: f64,

@@ -74,11 +74,11 @@ const ROOM_POINTS: usize = 20_000;
 /// - `occupancy.npz`: `occupancy`, bool \[z\]\[y\]\[x\], true if the cell, a closed box, has a point in common with a
 ///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
-/// With surroundings, pictures are opaque, and but in ScanNet's layout `distances/` has the exact distances along the rays of
-/// test views, float32 \[row\]\[column\], infinite to the sky.
+/// With surroundings, pictures are opaque, and in all layouts but ScanNet's `distances/` has the exact distances along the
+/// rays of test views, float32 \[row\]\[column\], infinite to the sky.
 ///
-/// The still life lies within \[−1, 1\]³, z up, a room within \[−2.5, 2.5\]³. Pictures of fisheye and equirectangular cameras use the sines of the platform's
-/// mathematics library and may differ in their last bits between platforms.
+/// The still life lies within \[−1, 1\]³, z up, a room within \[−2.5, 2.5\]³. Pictures of fisheye and equirectangular
+/// cameras use the sines of the platform's mathematics library and may differ in their last bits between platforms.
 ///
 /// # Errors
 ///
@@ -136,9 +136,8 @@ fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Res
         let camera = &photograph.camera;
         let distance = |ray: Ray| {
             let to_scene = scene.hit(&ray, 0.0).map(|hit| hit.t);
-            let to_meadow = || outdoor::distance(&ray, scene.meadow_seed);
-            let found = if scene.surroundings == Surroundings::Meadow { to_scene.or_else(to_meadow) } else { to_scene };
-            found.unwrap_or(f64::INFINITY) as f32
+            let to_meadow = || outdoor::distance(&ray, scene.meadow?);
+            to_scene.or_else(to_meadow).unwrap_or(f64::INFINITY) as f32
         };
         let distances: Vec<f32> = camera.rays(0..camera.height).map(|ray| ray.map_or(f32::NAN, distance)).collect();
         let shape = [camera.height, camera.width].map(|extent| extent as usize);

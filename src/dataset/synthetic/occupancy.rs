@@ -51,8 +51,8 @@ pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
     cells
 }
 
-/// Writes the `cells` of `scene`: `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the grid's smallest and largest corner as
-/// x, y, z) as an NPZ file.
+/// Writes the `cells` of `scene` as an NPZ file: `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the
+/// grid's smallest and largest corner as x, y, z).
 pub(super) fn write_npz(scene: &Scene, cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
     let (bounds, mut archive) = (bounds(scene), NpzWriter::new(out, false));
     archive.add("occupancy", &[CELLS; 3], cells.iter().copied())?;

@@ -31,7 +31,7 @@ pub struct SynthOptions {
     pub size: [u32; 2],
     /// Seed of the cameras' positions and the textures' variations; the geometry is always the same.
     pub seed: u64,
-    /// What is around the still life; no meadow in ScanNet's layout, which is of rooms.
+    /// The surroundings of the still life. ScanNet's layout describes rooms and rejects a meadow.
     pub surroundings: Surroundings,
     /// If true, also writes to a folder that is not empty, replacing files of the same names and keeping all others.
     pub force: bool,

@@ -21,8 +21,7 @@ const OCTAVES: u32 = 9;
 const PIXEL: f64 = 0.004;
 
 /// The sRGB color, in \[0, 1\], of what `ray` sees past the solids.
-pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray) -> [f64; 3] {
-    let seed = scene.meadow_seed;
+pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray, seed: u64) -> [f64; 3] {
     let seen = match distance(ray, seed) {
         None => surroundings(ray.direction),
         Some(distance) => {

@@ -49,8 +49,8 @@ pub(super) fn orbit(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
 /// average display colors too.
 pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
     let seen = |ray: Ray| {
-        let meadow = || Some(outdoor::color(scene, lights, &ray));
-        color(scene, lights, &ray).or_else(|| if scene.surroundings == Surroundings::Meadow { meadow() } else { None })
+        let meadow = || Some(outdoor::color(scene, lights, &ray, scene.meadow?));
+        color(scene, lights, &ray).or_else(meadow)
     };
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {

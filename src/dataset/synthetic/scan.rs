@@ -50,8 +50,7 @@ const QUALITY: u8 = 95;
 pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     let name = files::name_of(out);
     let scene = Scene::within(options.surroundings, options.seed);
-    let in_room = scene.surroundings == Surroundings::Room;
-    let scale = if in_room { SCALE_IN_ROOM } else { SCALE };
+    let scale = if scene.surroundings == Surroundings::Room { SCALE_IN_ROOM } else { SCALE };
     let stored_from_aligned = aligned_from_stored().inverse();
 
     let count = options.views + options.test_views + LOST;

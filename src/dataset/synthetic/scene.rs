@@ -12,12 +12,12 @@ use super::texture::Texture;
 use super::thing::{FLOOR, Thing};
 use crate::geometry::{Aabb, Ray};
 
-/// The solids, and what is around them; z is up. The still life is within \[−1, 1\]³.
+/// The solids and their surroundings; z is up. The still life is within \[−1, 1\]³.
 pub(super) struct Scene {
     pub(super) things: Vec<Thing>,
     pub(super) surroundings: Surroundings,
-    /// Selects the shape of the hills and the pattern of the meadow.
-    pub(super) meadow_seed: u64,
+    /// The seed of the hills' shape and the meadow's pattern; `None` without a meadow.
+    pub(super) meadow: Option<u64>,
 }
 
 /// The intersection of a ray with the scene.
@@ -30,7 +30,7 @@ pub(super) struct Hit<'a> {
 impl Scene {
     /// The still life with textures of `seed`.
     pub(super) fn new(seed: u64) -> Self {
-        let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, meadow_seed: 0 };
+        let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, meadow: None };
         let mut add = |solid, texture| {
             let texture_seed = hash(seed, scene.things.len() as u64);
             scene.things.push(Thing { solid, texture, texture_seed, lets_light_through: false });
@@ -46,7 +46,8 @@ impl Scene {
 
     /// The still life and its surroundings, with textures of `seed`, a dataset's.
     pub(super) fn within(surroundings: Surroundings, seed: u64) -> Self {
-        let mut scene = Self { surroundings, meadow_seed: hash(seed, 6), ..Self::new(hash(seed, 0)) };
+        let meadow = (surroundings == Surroundings::Meadow).then(|| hash(seed, 6));
+        let mut scene = Self { surroundings, meadow, ..Self::new(hash(seed, 0)) };
         if surroundings == Surroundings::Room {
             scene.things.extend(room::things(hash(seed, 7)));
         }

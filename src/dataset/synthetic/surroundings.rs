@@ -1,6 +1,6 @@
-//! What may be around the still life.
+//! The surroundings of the still life.
 
-/// What is around the still life.
+/// The surroundings of the still life, which its pictures show past it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Surroundings {
     /// Nothing: the background is transparent.

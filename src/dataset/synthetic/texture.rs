@@ -278,9 +278,10 @@ fn planks(p: DVec3, face: Face, seed: u64) -> DVec3 {
     let row = (q.y / WIDTH).floor();
     let along = q.x / LENGTH + uniform_at(seed, row as i64, 0, 0);
     let gap = (border(q.y / WIDTH) * WIDTH).min(border(along) * LENGTH) < 0.004;
-    let (board, tone) = (along.floor() as i64, |n| uniform_at(seed, row as i64, along.floor() as i64, n));
+    let board = along.floor() as i64;
     let rings = fractal_noise(hash(seed, board as u64), DVec3::new(3.0, 26.0, 26.0) * DVec3::new(q.x, q.y, row));
-    let wood = linear(0xc08a55).lerp(linear(0x5c3a20), (0.7 * rings + 0.5 * tone(1)).min(1.0));
+    let wood =
+        linear(0xc08a55).lerp(linear(0x5c3a20), (0.7 * rings + 0.5 * uniform_at(seed, row as i64, board, 1)).min(1.0));
     wood * grain(p * 60.0, seed, 0.3) * if gap { 0.3 } else { 1.0 }
 }
 

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::grid::{Grid, Scalar};
 use crate::geometry::{Camera, Contraction};
 
-/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it or, from `near` on, its
-/// place before `contraction`: vertices on the border of contracted space are infinitely far away. DVGO counts the views whose rays touch a vertex, which is the same up to a pixel at the edges of the
-/// pictures.
+/// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it or, from `near` on,
+/// its place before `contraction`: vertices on the border of contracted space are infinitely far away. DVGO counts the
+/// views whose rays touch a vertex, which is the same up to a pixel at the edges of the pictures.
 pub(super) fn count_views<T: Scalar>(
     grid: &Grid<T>,
     cameras: &[Camera],
