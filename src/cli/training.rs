@@ -167,10 +167,15 @@ fn find_points(config: &TrainConfig, dataset: &mut Dataset, session: &Session) -
     session.console.say(&format!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
     if let Some(file) = dataset.points.as_deref().filter(|_| config.distance_weight > 0.0) {
         let share = prior::mesh_distances(file, &mut dataset.views).map_err(prior::BuildError::from)?;
-        if share > 0.0 {
-            session
-                .console
-                .say(&format!("distances: of {:.1} % more of the pixels, by the dataset's mesh", 100.0 * share));
+        let told = match share {
+            Some(share) => format!("of {:.1} % more of the pixels, by the dataset's mesh", 100.0 * share),
+            None => {
+                let most = grouped(prior::MAX_TRIANGLES as u64);
+                format!("none by {}, which has more than {most} triangles", file.display())
+            }
+        };
+        if share != Some(0.0) {
+            session.console.say(&format!("distances: {told}"));
         }
     }
     Ok(points)

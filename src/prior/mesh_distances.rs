@@ -10,22 +10,25 @@ use crate::geometry::{Aabb, Camera, Projection, Ray};
 use crate::import::{self, Fault, ImportError, Point, ReadOptions, Visitor};
 
 /// The most triangles of a mesh that is drawn: 36 bytes each.
-const MAX_TRIANGLES: usize = 20_000_000;
+pub const MAX_TRIANGLES: usize = 20_000_000;
 /// Distances count if no neighbor in the picture differs by more than this share: at edges, cameras and mesh may disagree.
 const EDGE: f32 = 0.1;
 
 /// Sets the distances of the pixels of `views` that have none yet to where their rays first meet a triangle of the file
-/// `path`, which is in the space of the cameras; pixels at edges stay without. Files without triangles, and with more than
-/// 20 million, change nothing. Returns the share of pixels that were set.
+/// `path`, which is in the space of the cameras; pixels at edges stay without. Returns the share of pixels that were set, or
+/// `None` if the file has more than [`MAX_TRIANGLES`], which changes nothing.
 ///
 /// # Errors
 ///
 /// Those of [`import::read`].
-pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<f64, ImportError> {
+pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<Option<f64>, ImportError> {
     let mut mesh = Mesh::default();
     import::read(path, &ReadOptions::default(), &mut mesh)?;
-    if mesh.triangles.is_empty() || mesh.triangles.len() > MAX_TRIANGLES {
-        return Ok(0.0);
+    if mesh.triangles.is_empty() {
+        return Ok(Some(0.0));
+    }
+    if mesh.triangles.len() > MAX_TRIANGLES {
+        return Ok(None);
     }
     let counts = views.par_iter_mut().map(|view| {
         let drawn = away_from_edges(&drawn(&mesh.triangles, &view.camera), view.camera.width as usize);
@@ -36,7 +39,7 @@ pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<f64, ImportErro
         [set, drawn.len()]
     });
     let [set, all] = counts.reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-    Ok(set as f64 / all.max(1) as f64)
+    Ok(Some(set as f64 / all.max(1) as f64))
 }
 
 /// The triangles of a file, as long as they are not too many.
@@ -147,7 +150,7 @@ mod tests {
         let mut views = [view];
         views[0].distances = vec![0.0; 1600];
         views[0].distances[20 * 40 + 20] = 1.5;
-        let share = mesh_distances(&folder.path().join("mesh.obj"), &mut views).unwrap();
+        let share = mesh_distances(&folder.path().join("mesh.obj"), &mut views).unwrap().unwrap();
         let View { camera, distances, .. } = &views[0];
         assert_eq!(distances[20 * 40 + 20], 1.5, "what is known stays");
         let mut edges = 0;
@@ -171,7 +174,7 @@ mod tests {
         let path = folder.path().join("points.xyz");
         std::fs::write(&path, "0 0 0\n1 1 0\n").unwrap();
         let mut views = [view];
-        assert_eq!(mesh_distances(&path, &mut views).unwrap(), 0.0);
+        assert_eq!(mesh_distances(&path, &mut views).unwrap(), Some(0.0));
         assert!(views[0].distances.is_empty());
     }
 }

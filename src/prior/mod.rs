@@ -37,7 +37,7 @@ pub(crate) use coarse::{check_views, frusta_within, near_and_far};
 pub use error::{BuildError, Error};
 pub use file::to_npz;
 pub use location::{Location, cells_around, locate, match_points};
-pub use mesh_distances::mesh_distances;
+pub use mesh_distances::{MAX_TRIANGLES, mesh_distances};
 pub use outliers::Outliers;
 pub use overlay::{Shading, distance_range, overlay};
 pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
