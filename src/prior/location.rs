@@ -19,8 +19,8 @@ const SPARSE_OUTLIERS: Outliers = Outliers { neighbors: 16, deviations: 2.0 };
 /// The margin around the points' box, as a share of its size: surfaces without texture have no points.
 const SPARSE_MARGIN: f64 = 0.1;
 
-/// The photographs among which points are matched, at most: it takes about a second for each.
-const MATCHED_VIEWS: usize = 120;
+/// The photographs among which points are matched, at most: it takes a core about a second for each.
+const MATCHED_VIEWS: usize = 200;
 
 /// The place of a dataset's scene, in the dataset's space.
 #[derive(Clone, Debug, PartialEq)]
