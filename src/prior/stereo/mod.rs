@@ -7,6 +7,7 @@
 //! patches beside them, where they may slant (Furukawa and Ponce, "Accurate, Dense, and Robust Multi-View Stereopsis",
 //! CVPR 2007), and must agree again.
 
+mod pair;
 mod plane;
 mod search;
 mod shot;

@@ -5,7 +5,8 @@ use std::mem::swap;
 
 use glam::DVec2;
 
-use super::plane::{Pair, Plane, direction};
+use super::pair::Pair;
+use super::plane::{Plane, direction};
 use super::shot::{PATCH, PlaneMap, RADIUS, Shot};
 
 /// Patches between two that are swept, in both directions.

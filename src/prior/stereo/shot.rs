@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::plane::{MIN_CONTRAST, Plane, direction};
+use super::plane::{Plane, direction};
 use crate::dataset::View;
 use crate::geometry::Camera;
 
@@ -14,6 +14,9 @@ const STRIDE: usize = 3;
 pub(super) const RADIUS: i32 = 3;
 /// Pixels of a patch.
 pub(super) const PATCH: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+
+/// The least standard deviation of the luminance of a patch that is searched for, and that counts as similar.
+pub(super) const MIN_CONTRAST: f32 = 0.012;
 
 /// \[patch\] the plane that a photograph shows there, if known.
 pub(super) type PlaneMap = Vec<Option<Plane>>;
