@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::portable::{srgb, uniform};
 use super::scene::Scene;
+use super::thing::Thing;
 use crate::color::byte;
 use crate::geometry::Ray;
 
@@ -45,7 +46,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
         for (i, thing) in scene.things.iter().enumerate() {
             for crossing in thing.solid.spans(&ray).into_iter().flatten().flatten() {
                 let position = ray.at(crossing.t);
-                let hidden = |(j, other): (usize, &super::thing::Thing)| j != i && other.solid.depth(position) > -1e-9;
+                let hidden = |(j, other): (usize, &Thing)| j != i && other.solid.depth(position) > -1e-9;
                 if scene.things.iter().enumerate().any(hidden) {
                     continue;
                 }
@@ -98,7 +99,7 @@ mod tests {
     #[test]
     fn share_of_points_is_the_share_of_area() {
         let scene = Scene::new(5);
-        let area = |thing: &super::super::thing::Thing| {
+        let area = |thing: &Thing| {
             let mut mesh = Mesh::default();
             mesh.sweep(&thing.solid);
             let of = |t: &[u32; 3]| {
@@ -110,9 +111,7 @@ mod tests {
         // The wall and the bowl are covered by nothing but at their feet.
         let (wall, bowl) = (&scene.things[1], &scene.things[3]);
         let points = points(&scene, 40_000, 8);
-        let on = |thing: &super::super::thing::Thing| {
-            points.iter().filter(|p| thing.solid.depth(p.position).abs() < 1e-9).count() as f64
-        };
+        let on = |thing: &Thing| points.iter().filter(|p| thing.solid.depth(p.position).abs() < 1e-9).count() as f64;
         let ratio = (on(wall) / on(bowl)) / (area(wall) / area(bowl));
         assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
     }

@@ -109,7 +109,7 @@ fn neighbors(cameras: &[Camera], n: usize, distance: f64) -> Vec<usize> {
         let more = |seen: f64, worth: f64| (seen + worth).min(ENOUGH) - seen.min(ENOUGH);
         let gain = |worths: &[f64]| -> f64 { seen.iter().zip(worths).map(|(&seen, &worth)| more(seen, worth)).sum() };
         let gains = others.iter().enumerate().map(|(n, (_, worths))| (gain(worths), n));
-        // Of equal ones the first.
+        // The first camera of those with equal gains.
         let best = gains.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         let Some((_, best)) = best else { break };
         let (m, worths) = others.remove(best);

@@ -9,7 +9,7 @@ use super::pair::Pair;
 use super::plane::{Plane, direction};
 use super::shot::{PATCH, PlaneMap, RADIUS, Shot};
 
-/// Patches between two that are swept, in both directions.
+/// Of so many patches one is swept, along columns and along rows.
 const SWEPT_STRIDE: usize = 3;
 /// The number of compared photographs whose similarities count at a depth, in a sweep and after it: the highest ones.
 const SWEPT_BEST: usize = 3;
@@ -90,7 +90,8 @@ impl<'a> Search<'a> {
         best[..count].iter().sum::<f32>() / count as f32
     }
 
-    /// Of some patches, the planes that face the camera, where one depth is much more similar than all others.
+    /// Sweeps one patch in [`SWEPT_STRIDE`], along columns and rows. A patch gets a plane that faces the camera if the
+    /// similarity has only one high peak along its ray.
     pub(super) fn sweep(&self) -> PlaneMap {
         let [columns, rows] = self.shot.patches();
         let count = (self.pixels as usize).clamp(16, MAX_DEPTHS);
