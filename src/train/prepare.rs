@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use glam::IVec3;
 use rayon::prelude::*;
 
-use super::{ConfigError, TrainConfig, TrainError, initial_scene};
+use super::{ConfigError, ScaleConfig, TrainConfig, TrainError, initial_scene};
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, vectorized};
 use crate::geometry::{Ray, Similarity};
@@ -15,6 +15,8 @@ use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 
 /// Pixels among which the share of covered ones is counted, about.
 const COVERAGE_PIXELS: f64 = 2e6;
+/// The longest edge of the finest of [`close_tensors`], in half the extent of a scene or of its inner cube.
+const CLOSE_EDGE: f64 = 0.17;
 
 /// A scene that cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -78,14 +80,14 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     Ok(scene)
 }
 
-/// The share of `dataset`'s pixels whose rays meet the tensors that [`place_scene`] places on `occupied`; of large
-/// datasets, among some pixels of each view.
+/// The share of `dataset`'s pixels whose rays meet [`close_tensors`] on `occupied`; of large datasets, among some pixels of
+/// each view.
 ///
 /// # Errors
 ///
 /// As [`place_scene`].
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
-    let scene = place_scene(config, dataset, occupied)?;
+    let scene = place_scene(&close_tensors(config), dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
     let stride = coverage_stride(dataset);
     let counts = dataset.views.par_iter().map(|view| {
@@ -101,7 +103,7 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
 }
 
 /// `occupied`, the prior of an unbounded scene in contracted space, and the cells at the border of contracted space at which
-/// the rays of `dataset` end that meet no tensor on it: what nothing is known of is taken to be far away.
+/// the rays of `dataset` end that meet none of [`close_tensors`] on it: what nothing is known of is taken to be far away.
 ///
 /// # Errors
 ///
@@ -112,7 +114,7 @@ pub fn with_far_cells(
     occupied: &VoxelBoxes,
 ) -> Result<VoxelBoxes, PrepareError> {
     let Some(contraction) = config.contraction() else { return Ok(occupied.clone()) };
-    let scene = place_scene(config, dataset, occupied)?;
+    let scene = place_scene(&close_tensors(config), dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
     let lattice = occupied.lattice;
     let bounds = contraction.bounds().grown(-0.5 * lattice.pitch);
@@ -131,6 +133,23 @@ pub fn with_far_cells(
     let all: BTreeSet<_> = cells.chain(far.flatten_iter().collect::<Vec<_>>()).map(|c| [c.z, c.y, c.x]).collect();
     let boxes = prior::boxes_of(&lattice, all.iter().map(|&[z, y, x]| IVec3::new(x, y, z)));
     Ok(boxes.unwrap_or_else(|| occupied.clone()))
+}
+
+/// `config` with tensors that are close around what they stand on: if its finest tensors are large, all are smaller in
+/// proportion. Cameras may stand within large tensors, which then all rays meet.
+fn close_tensors(config: &TrainConfig) -> TrainConfig {
+    let half_extent = if config.shell.is_some() { 1.0 } else { config.half_extent };
+    let longest = |scale: &ScaleConfig| scale.edge.into_iter().fold(0.0, f64::max);
+    let finest = config.scales.iter().map(longest).fold(f64::INFINITY, f64::min);
+    let factor = (CLOSE_EDGE * half_extent / finest).min(1.0);
+    let mut close = config.clone();
+    for scale in &mut close.scales {
+        (scale.pitch, scale.edge) = (scale.pitch.map(|p| p * factor), scale.edge.map(|e| e * factor));
+        let fewer = |cells: u32| ((f64::from(cells) * factor).ceil() as u32).max(1);
+        scale.resolutions.iter_mut().for_each(|resolution| *resolution = resolution.map(fewer));
+        (scale.density_rank, scale.appearance_rank) = (1, 1);
+    }
+    close
 }
 
 /// The interval of columns and rows between the pixels of `dataset` among which covered ones are counted.
