@@ -99,6 +99,47 @@ fn backward_loss(bencher: Bencher<'_, '_>) {
         .bench_local(|| backward.loss(&FIELD, &rays, &targets, BatchRoulette::default()));
 }
 
+/// Components of each tensor: below, at and beyond the lanes of registers.
+const RANKS: [u32; 16] = [1, 2, 3, 4, 6, 8, 12, 15, 16, 17, 24, 31, 32, 33, 40, 48];
+
+/// [`SCENE`] with two scales whose tensors have `rank` components of density and of appearance.
+fn field_of_rank(rank: u32) -> Field<f32> {
+    let mut config = TrainConfig::preset("24").expect("a preset");
+    config.scales.truncate(2);
+    config.scales.iter_mut().for_each(|scale| (scale.density_rank, scale.appearance_rank) = (rank, rank));
+    Field::new(&ball(&config, 2).expect("a ball"))
+}
+
+/// Neighbors and density at all samples of some rays, by components of a tensor.
+#[divan::bench(args = RANKS)]
+fn density_of_rank(bencher: Bencher<'_, '_>, rank: u32) {
+    let field = field_of_rank(rank);
+    let positions = marched(&rays(RAYS)).positions;
+    let mut scratch = Samples::default();
+    bencher.counter(ItemsCount::new(positions.len())).bench_local(|| {
+        vectorized(
+            #[inline(always)]
+            || {
+                let mut sum = 0.0;
+                field.density_features(positions.iter().copied(), &mut scratch, |_, feature| sum += feature);
+                sum
+            },
+        )
+    });
+}
+
+/// Gradients of all factors, by components of a tensor, on all threads. Includes a batch forward and backward.
+#[divan::bench(args = RANKS, sample_count = 10)]
+fn gradients_of_rank(bencher: Bencher<'_, '_>, rank: u32) {
+    let field = field_of_rank(rank);
+    let rays = rays(BATCH);
+    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0 }; rays.len()];
+    let mut backward = Backward::new(&field);
+    bencher
+        .counter(ItemsCount::new(rays.len()))
+        .bench_local(|| backward.gradients(&field, &rays, &targets, BatchRoulette::default()));
+}
+
 /// Rows, inner length and columns: larger than the caches, the decoder's layers, and the appearance matrices.
 #[divan::bench(args = [[1024, 1024, 1024], [4096, 150, 128], [512, 150, 128], [512, 128, 128], [512, 128, 3], [512, 72, 27]])]
 fn product(bencher: Bencher<'_, '_>, [rows, inner, columns]: [usize; 3]) {

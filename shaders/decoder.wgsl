@@ -38,7 +38,7 @@ fn find_sites(lane: u32) {
         covering[item] = select(0.0, 1.0, nearest.count > 0u);
         for (var k = 0u; k < TOP_K; k += 1u) {
             if k < nearest.count {
-                sites[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position);
+                sites[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position, APPEARANCE);
             } else {
                 sites[item * TOP_K + k].weight = 0.0;
                 break;
@@ -53,7 +53,6 @@ fn components_of(r: u32, component: u32) -> vec4<f32> {
     while component < scene.scales[s].first_quad {
         s -= 1u;
     }
-    let quads = scene.scales[s].appearance_quads;
     let q = component - scene.scales[s].first_quad;
     var sum = vec4(0.0);
     for (var k = 0u; k < TOP_K; k += 1u) {
@@ -61,7 +60,9 @@ fn components_of(r: u32, component: u32) -> vec4<f32> {
         if site.weight == 0.0 {
             break;
         }
-        sum += product(scene.scales[s].appearance, quads, q, site);
+        if q < site.quads {
+            sum += product(q, site);
+        }
     }
     if APPEARANCE_IS_MEAN {
         var scales = 0.0;

@@ -21,15 +21,14 @@ fn density_feature(position: vec3<f32>) -> Density {
         }
         found.covered = true;
         covering += 1.0;
-        let quads = scene.scales[s].density_quads;
         var sum = vec4(0.0);
         for (var k = 0u; k < TOP_K; k += 1u) {
             if k >= nearest.count {
                 break;
             }
-            let site = locate(s, nearest.candidates[k], nearest.weights[k], position);
-            for (var q = 0u; q < quads; q += 1u) {
-                sum += product(scene.scales[s].density, quads, q, site);
+            let site = locate(s, nearest.candidates[k], nearest.weights[k], position, DENSITY);
+            for (var q = 0u; q < site.quads; q += 1u) {
+                sum += product(q, site);
             }
         }
         found.feature += sum.x + sum.y + sum.z + sum.w;

@@ -18,19 +18,13 @@ struct Scale {
     candidates: u32,
     // By axis: a tensor's cells per model unit, the index of its last cell, and its first row.
     factor_cells_per_unit: vec3<f32>,
-    // Number of rows of a tensor.
-    rows: u32,
+    // The quad of the first tensor's factors: for density, then for appearance, the first factor quad, and the quads of a
+    // row, the last one padded with zeros.
+    tensors: u32,
     last_cell: vec3<u32>,
-    // The factor quad of the first tensor's first density component.
-    density: u32,
-    first_row: vec3<u32>,
-    // The factor quad of the first tensor's first appearance component.
-    appearance: u32,
-    // Components of a row in quads, the last one padded with zeros.
-    density_quads: u32,
-    appearance_quads: u32,
     // The scale's first appearance component over all scales, in quads.
     first_quad: u32,
+    first_row: vec3<u32>,
     padding: u32,
 }
 

@@ -90,28 +90,28 @@ type Reach = Box<dyn Fn(&mut Field<f64>, usize) -> &mut f64>;
 
 fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, Reach)> {
     let mut groups: Vec<(String, Vec<f64>, Reach)> = Vec::new();
+    let mut field = Field::<f64>::new(scene);
     for (s, scale) in scene.scales.iter().enumerate() {
-        let first_rows = strivec::model::Factors::axis_rows(scale.cloud.resolution);
-        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
-        for axis in 0..3 {
-            let axis_of = move |row: usize| (0..3).rev().find(|&a| row >= first_rows[a]).expect("row 0 is on axis 0");
-            for (name, rank, values) in [
-                ("density", scale.factors.density_rank as usize, &gradients.density[s]),
-                ("appearance", scale.factors.appearance_rank as usize, &gradients.appearance[s]),
+        for (axis, rows) in strivec::model::Factors::axis_ranges(scale.cloud.resolution).into_iter().enumerate() {
+            for (name, factors, values) in [
+                ("density", &field.scales[s].density, &gradients.density[s]),
+                ("appearance", &field.scales[s].appearance, &gradients.appearance[s]),
             ] {
-                let places: Vec<usize> = (0..values.len()).filter(|i| axis_of(i / rank % rows) == axis).collect();
+                let held = factors.held();
+                let of_tensor = |n| held.values(n).skip(rows.start * held.count(n)).take(rows.len() * held.count(n));
+                let places: Vec<usize> = (0..held.tensors()).flat_map(of_tensor).collect();
                 let of_axis = places.iter().map(|&i| values[i]).collect();
                 let density = name == "density";
                 let reach: Reach = Box::new(move |field, i| {
                     let scale = &mut field.scales[s];
-                    &mut (if density { &mut scale.density } else { &mut scale.appearance })[places[i]]
+                    &mut (if density { &mut scale.density } else { &mut scale.appearance }).values_mut()[places[i]]
                 });
                 groups.push((format!("scale {s} {name} axis {axis}"), of_axis, reach));
             }
         }
     }
     let mut at = 0;
-    let lens: Vec<usize> = network_parts(&mut Field::<f64>::new(scene)).map(|p| p.len()).collect();
+    let lens: Vec<usize> = network_parts(&mut field).map(|p| p.len()).collect();
     for (part, len) in lens.into_iter().enumerate() {
         let values = gradients.networks[at..at + len].to_vec();
         at += len;
@@ -248,7 +248,8 @@ fn configs() -> Vec<TrainConfig> {
     vec![plain, other]
 }
 
-/// Scenes under both sets of rules, in all of the decoder's modes, one that is contracted, and two with a sky.
+/// Scenes under both sets of rules, in all of the decoder's modes, one that is contracted, one with components of
+/// zeros, and two with a sky.
 fn cases() -> Vec<Scene> {
     let case = |config: &TrainConfig, mode| {
         let mut scene = scene(config);
@@ -258,6 +259,9 @@ fn cases() -> Vec<Scene> {
     let mut cases: Vec<Scene> =
         configs().iter().flat_map(|config| DecoderMode::ALL.map(|mode| case(config, mode))).collect();
     cases.push(scenes::contracted(case(&configs()[0], DecoderMode::PerRay)));
+    let mut scene = case(&configs()[0], DecoderMode::PerSample);
+    scenes::write_zero_components(&mut scene);
+    cases.push(scene);
     for (config, mode, degree) in [(1, DecoderMode::PerSample, 4), (0, DecoderMode::Residual, 2)] {
         let mut scene = case(&configs()[config], mode);
         scene.rules.sky = Some(scenes::sky(degree));

@@ -272,7 +272,7 @@ impl<T: Real> Field<T> {
 /// Fills `components` and `reductions`.
 struct GatherAppearance<'a, T> {
     field: &'a Field<T>,
-    samples: &'a Samples<T>,
+    samples: &'a mut Samples<T>,
     activations: &'a mut Activations<T>,
 }
 
@@ -285,26 +285,30 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
         let width = field.component_count();
         let scales = field.scales.len();
         let Activations { shaded, components, reductions, sites, .. } = activations;
-        components.resize(shaded.len() * width, T::zero());
+        let padding = 3 * T::lanes::<S>();
+        components.resize(shaded.len() * width + padding, T::zero());
         reductions.clear();
-        for (row, &slot) in components.chunks_exact_mut(width.max(1)).zip(&shaded.slots) {
+        let mut count = 0;
+        for (row, &slot) in shaded.slots.iter().enumerate() {
             let slot = slot as usize;
-            let mut rest = &mut *row;
+            let row = &mut components[row * width..][..width + padding];
+            let mut first = 0;
             for (s, scale) in field.scales.iter().enumerate() {
-                let (scale_components, after) = rest.split_at_mut(scale.appearance_rank);
                 sites.clear();
                 // Not `extend`: it is not inlined and so compiled for the baseline instruction set.
                 for &contribution in samples.contributions_of(slot, s, scales) {
                     sites.push(scale.locate(contribution, samples.positions[slot]));
                 }
-                scale.appearance_of(simd, sites, scale_components);
-                rest = after;
+                scale.appearance_of(simd, sites, &mut row[first..], &mut count);
+                first += scale.appearance.held().rank();
             }
             if field.rules.appearance_reduction == Reduction::Mean {
                 let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
-                row.iter_mut().for_each(|v| *v *= reduction);
+                row[..width].iter_mut().for_each(|v| *v *= reduction);
                 reductions.push(reduction);
             }
         }
+        components.truncate(shaded.len() * width);
+        samples.clock.work.appearance_components += count as u64;
     }
 }

@@ -22,7 +22,7 @@ impl<T: Real> Field<T> {
     /// Calls `take` with the index and the density feature of each of the `positions` that is in the model. `samples`
     /// is scratch.
     #[inline(always)]
-    pub(super) fn density_features(
+    pub fn density_features(
         &self,
         positions: impl Iterator<Item = [T; 3]>,
         samples: &mut Samples<T>,
@@ -153,17 +153,22 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
         let scales = field.scales.len();
         let first_slot = samples.features.len();
         let first_contribution = (samples.contributions.len() - samples.sites.len()) as u32;
-        for slot in first_slot..samples.positions.len() {
-            let mut feature = T::zero();
-            for (s, scale) in field.scales.iter().enumerate() {
+        let mut count = 0;
+        samples.features.resize(samples.positions.len(), T::zero());
+        // Scale by scale: the rows that neighboring samples share then stay in the nearest cache.
+        for (s, scale) in field.scales.iter().enumerate() {
+            for (slot, feature) in samples.features.iter_mut().enumerate().skip(first_slot) {
                 let [first, end] = samples.contribution_ranges[slot * scales + s];
                 let sites = &samples.sites[(first - first_contribution) as usize..(end - first_contribution) as usize];
-                feature += scale.density_of(simd, sites);
+                *feature += scale.density_of(simd, sites, &mut count);
             }
-            if field.rules.density_reduction == Reduction::Mean {
-                feature /= T::of(samples.covering_scales(slot, scales) as f64);
-            }
-            samples.features.push(feature);
         }
+        if field.rules.density_reduction == Reduction::Mean {
+            for slot in first_slot..samples.positions.len() {
+                let covering = samples.covering_scales(slot, scales);
+                samples.features[slot] /= T::of(covering as f64);
+            }
+        }
+        samples.clock.work.density_components += count as u64;
     }
 }

@@ -105,13 +105,13 @@ impl<T: Real> CellIndex<T> {
         lists.clear();
         for first in (0..positions.len()).step_by(lanes) {
             for (a, cells) in cells.iter_mut().enumerate() {
-                let position = T::load_full(simd, &positions.axis(a)[first..]);
+                let position = T::load(simd, &positions.axis(a)[first..]);
                 let offset = T::minus(simd, position, T::splat(simd, self.min[a]));
                 let u = T::times(simd, offset, T::splat(simd, self.cells_per_unit[a]));
                 let u = T::select(simd, T::less_or_equal(simd, zero, u), u, zero);
                 let last = T::of_i32(self.cells[a] - 1);
                 let floor = floor::<T, S>(simd, T::smaller(simd, u, T::splat(simd, last)));
-                T::store_full(simd, cells, floor);
+                T::store(simd, cells, floor);
             }
             for lane in 0..lanes.min(positions.len() - first) {
                 let cell = [cells[0][lane].small_u32(), cells[1][lane].small_u32(), cells[2][lane].small_u32()];

@@ -1,7 +1,7 @@
 //! Dense products through the `gemm` crate.
 //!
-//! The only file of the crate with `unsafe` code: `gemm` takes pointers and strides. The views below check every bound
-//! before the call.
+//! Besides `factors.rs` the only file of the crate with `unsafe` code: `gemm` takes pointers and strides. The views below
+//! check every bound before the call.
 #![expect(unsafe_code, reason = "`gemm` takes pointers and strides")]
 
 use super::Real;

@@ -12,6 +12,7 @@ mod decoder_weights;
 mod density;
 mod density_bake;
 mod density_cache;
+mod factors;
 mod gather;
 mod index;
 mod march;
@@ -33,27 +34,27 @@ pub use compact::{Roulette, ShadedSamples};
 pub use decoder::Activations;
 pub use decoder_weights::{Dense, FieldDecoder};
 pub use density_cache::DensityCache;
+pub(crate) use factors::Holding;
+pub use factors::{FieldFactors, HeldComponents};
 pub use gather::InterpolationSite;
-#[cfg(feature = "toolkit")]
-pub(crate) use gather::{all_but, load, register_at};
 pub use index::CellIndex;
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use ray_marcher::RayMarcher;
 pub use real::{Real, add_compensated};
 pub use samples::Samples;
-use scale::aligned;
 pub use scale::{Contribution, FieldScale, TensorRows};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
 pub use sky::FieldSky;
 pub use stages::{Stage, StageClock, Work};
+#[cfg(feature = "toolkit")]
+pub(crate) use vector::MAX_LANES;
 pub use vector::Vector;
 
-use aligned_vec::AVec;
 use glam::DVec3;
 
 use crate::geometry::{Aabb, MAX_SPACING, Ray};
-use crate::model::{Coverage, Rules, Scene};
+use crate::model::{Coverage, Factors, Rules, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
 /// only if they are inlined into `work`.
@@ -94,7 +95,13 @@ pub struct Field<T> {
 impl<T: Real> Field<T> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
     pub fn new(scene: &Scene) -> Self {
-        let factors = scene.scales.iter().map(|s| [aligned(&s.factors.density), aligned(&s.factors.appearance)]);
+        let factors = scene.scales.iter().map(|scale| {
+            let (factors, rows) = (&scale.factors, Factors::rows(scale.cloud.resolution));
+            [
+                FieldFactors::new(Holding::Nonzero, &factors.density, rows, factors.density_rank as usize),
+                FieldFactors::new(Holding::UpToLast, &factors.appearance, rows, factors.appearance_rank as usize),
+            ]
+        });
         Self::with_factors(scene, factors.collect())
     }
 
@@ -102,15 +109,19 @@ impl<T: Real> Field<T> {
     /// them in memory at any time.
     pub fn consuming(mut scene: Scene) -> Self {
         let factors = scene.scales.iter_mut().map(|scale| {
-            let factors = &mut scale.factors;
-            [&mut factors.density, &mut factors.appearance].map(|values| aligned(&std::mem::take(values)))
+            let (factors, rows) = (&mut scale.factors, Factors::rows(scale.cloud.resolution));
+            let [density, appearance] = [&mut factors.density, &mut factors.appearance].map(std::mem::take);
+            [
+                FieldFactors::new(Holding::Nonzero, &density, rows, factors.density_rank as usize),
+                FieldFactors::new(Holding::UpToLast, &appearance, rows, factors.appearance_rank as usize),
+            ]
         });
         let factors = factors.collect();
         Self::with_factors(&scene, factors)
     }
 
     /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].
-    fn with_factors(scene: &Scene, factors: Vec<[AVec<T>; 2]>) -> Self {
+    fn with_factors(scene: &Scene, factors: Vec<[FieldFactors<T>; 2]>) -> Self {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
         let scales: Vec<FieldScale<T>> = (scene.scales.iter().zip(factors))
@@ -184,7 +195,7 @@ impl<T: Real> Field<T> {
 
     /// Bytes of the factors, appearance matrices, decoder layers and sky.
     pub fn parameter_bytes(&self) -> u64 {
-        let factors = self.scales.iter().map(|s| s.density.len() + s.appearance.len()).sum::<usize>();
+        let factors = self.scales.iter().map(|s| s.density.values().len() + s.appearance.values().len()).sum::<usize>();
         let layers = self.decoder.layers.iter().map(|l| l.weights.len() + l.bias.len()).sum::<usize>();
         let sky = self.sky.as_ref().map_or(0, |sky| sky.coefficients.len());
         ((factors + layers + sky + self.decoder.appearance.len()) * size_of::<T>()) as u64
@@ -192,6 +203,6 @@ impl<T: Real> Field<T> {
 
     /// ΣR, the number of appearance components over all scales.
     pub fn component_count(&self) -> usize {
-        self.scales.iter().map(|s| s.appearance_rank).sum()
+        self.scales.iter().map(|s| s.appearance.held().rank()).sum()
     }
 }

@@ -206,8 +206,7 @@ impl<T: Real> FieldScale<T> {
         for c in 0..covering.count.min(BLOCK) {
             let weight = covering.weights[c][lane];
             if weight > T::zero() {
-                let first = covering.tensors[c] * rows.count as u32;
-                let row = |a: usize| first + rows.first(a) + covering.lowers[c][a][lane].small_u32();
+                let row = |a: usize| rows.first(a) + covering.lowers[c][a][lane].small_u32();
                 let fractions = &covering.fractions[c];
                 sites.push(InterpolationSite {
                     tensor: self.first_tensor + covering.tensors[c],

@@ -2,11 +2,10 @@
 
 use glam::DVec3;
 
-use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
 
 use super::real::floor;
-use super::{CellIndex, Real};
+use super::{CellIndex, FieldFactors, Real};
 use crate::model::{Factors, Scale};
 
 /// The tensors of a scale.
@@ -20,15 +19,10 @@ pub struct FieldScale<T> {
     pub half_edge: [T; 3],
     /// Cells along each axis.
     pub resolution: [u32; 3],
-    /// Density components of a tensor.
-    pub density_rank: usize,
-    /// Appearance components of a tensor.
-    pub appearance_rank: usize,
-    /// Density factors, laid out as in [`Factors`] and aligned to a cache line, so that most registers of components
-    /// lie in one line.
-    pub density: AVec<T>,
-    /// Appearance factors, laid out as in [`Factors`].
-    pub appearance: AVec<T>,
+    /// Density factors.
+    pub density: FieldFactors<T>,
+    /// Appearance factors.
+    pub appearance: FieldFactors<T>,
     top_k: usize,
     index: CellIndex<T>,
     rows: TensorRows<T>,
@@ -117,22 +111,20 @@ pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
     [position[0] - center[0], position[1] - center[1], position[2] - center[2]]
 }
 
-/// `values` in the field's precision, aligned to a cache line.
-pub(super) fn aligned<T: Real>(values: &[f32]) -> AVec<T> {
-    AVec::from_iter(CACHELINE_ALIGN, values.iter().map(|&v| T::of_f32(v)))
-}
-
 impl<T: Real> FieldScale<T> {
     /// Prepares `scale`, whose factors are `density` and `appearance`, for positions relative to `origin`;
     /// `first_tensor` is the number of tensors before it.
-    pub(super) fn new(scale: &Scale, [density, appearance]: [AVec<T>; 2], origin: DVec3, first_tensor: u32) -> Self {
+    pub(super) fn new(
+        scale: &Scale,
+        [density, appearance]: [FieldFactors<T>; 2],
+        origin: DVec3,
+        first_tensor: u32,
+    ) -> Self {
         Self {
             first_tensor,
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
             half_edge: scale.cloud.half_edge.to_array().map(T::of),
             resolution: scale.cloud.resolution,
-            density_rank: scale.factors.density_rank as usize,
-            appearance_rank: scale.factors.appearance_rank as usize,
             density,
             appearance,
             top_k: scale.top_k as usize,
@@ -156,18 +148,17 @@ impl<T: Real> FieldScale<T> {
         &self.rows
     }
 
-    /// Replaces the factors by factors of another resolution, when training upsamples.
+    /// Gives the tensors another resolution, when training upsamples: `resampled` returns a tensor's new factors from the
+    /// old ones and their number of components.
     ///
     /// # Panics
     ///
-    /// If the lengths of the factors do not fit the resolution.
-    pub fn set_resolution(&mut self, resolution: [u32; 3], density: Vec<T>, appearance: Vec<T>) {
+    /// If the new factors do not fit the resolution.
+    pub fn set_resolution(&mut self, resolution: [u32; 3], resampled: impl Fn(&[T], usize) -> Vec<T>) {
         self.rows = TensorRows::new(DVec3::from_array(self.half_edge.map(T::f64)), resolution);
-        assert_eq!(density.len(), self.len() * self.rows.count * self.density_rank, "length of `density`");
-        assert_eq!(appearance.len(), self.len() * self.rows.count * self.appearance_rank, "length of `appearance`");
         self.resolution = resolution;
-        self.density = AVec::from_slice(CACHELINE_ALIGN, &density);
-        self.appearance = AVec::from_slice(CACHELINE_ALIGN, &appearance);
+        self.density.resample(self.rows.count, &resampled);
+        self.appearance.resample(self.rows.count, &resampled);
     }
 
     /// The most neighbors of a point.

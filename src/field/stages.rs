@@ -106,10 +106,14 @@ pub struct Work {
     pub samples: u64,
     /// (tensor, sample) contributions of the evaluated samples, by scale.
     pub contributions: Vec<u64>,
+    /// Density components of these contributions: those that their tensors hold.
+    pub density_components: u64,
     /// Samples that were shaded (spec 4.8).
     pub shaded: u64,
     /// (tensor, sample) contributions of the shaded samples, by scale.
     pub shaded_contributions: Vec<u64>,
+    /// Appearance components of these contributions: those that their tensors hold.
+    pub appearance_components: u64,
     /// Decoder evaluations: one per shaded sample or, in modes that decode rays, one per ray.
     pub decoded: u64,
 }
@@ -124,6 +128,8 @@ impl Work {
         self.evaluated += other.evaluated;
         self.samples += other.samples;
         self.shaded += other.shaded;
+        self.density_components += other.density_components;
+        self.appearance_components += other.appearance_components;
         self.decoded += other.decoded;
         for (sums, counts) in [
             (&mut self.contributions, &other.contributions),

@@ -6,7 +6,7 @@
 use pulp::Simd;
 
 /// The most lanes of a register in any instruction set.
-pub(super) const MAX_LANES: usize = 16;
+pub(crate) const MAX_LANES: usize = 16;
 
 /// A number with vector registers.
 pub trait Vector: Copy {
@@ -15,18 +15,17 @@ pub trait Vector: Copy {
     /// One truth value per lane.
     type Mask<S: Simd>: Copy;
 
+    /// 0, 1, 2 and so on: the index of each lane of a register.
+    const LANES: [Self; MAX_LANES];
+
     /// Lanes of a register.
     fn lanes<S: Simd>() -> usize;
     /// `value` in every lane.
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
-    /// The first values of `values`; 0 in the lanes beyond its end.
-    fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
     /// The first values of `values`, which must fill a register.
-    fn load_full<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
-    /// Writes the first lanes, as many as `values` holds.
-    fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
+    fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S>;
     /// Writes all lanes to the first of `values`, which must hold a register.
-    fn store_full<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
+    fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>);
     /// a + b.
     fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// a − b.
@@ -65,6 +64,7 @@ macro_rules! vector {
         impl Vector for $number {
             type Register<S: Simd> = S::$registers;
             type Mask<S: Simd> = S::$masks;
+            const LANES: [Self; MAX_LANES] = [0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 10., 11., 12., 13., 14., 15.];
             #[inline(always)]
             fn lanes<S: Simd>() -> usize {
                 S::$lanes
@@ -81,30 +81,11 @@ macro_rules! vector {
             simd.$splat(value)
         }
         #[inline(always)]
-        fn load<S: Simd>(simd: S, values: &[Self]) -> Self::Register<S> {
-            let lanes = Self::lanes::<S>();
-            if values.len() >= lanes {
-                return Self::load_full(simd, values);
-            }
-            let mut padded = [0.0; MAX_LANES];
-            padded[..values.len()].copy_from_slice(values);
-            bytemuck::pod_read_unaligned(bytemuck::cast_slice(&padded[..lanes]))
-        }
-        #[inline(always)]
-        fn load_full<S: Simd>(_: S, values: &[Self]) -> Self::Register<S> {
+        fn load<S: Simd>(_: S, values: &[Self]) -> Self::Register<S> {
             bytemuck::pod_read_unaligned(bytemuck::cast_slice(&values[..Self::lanes::<S>()]))
         }
         #[inline(always)]
-        fn store<S: Simd>(simd: S, values: &mut [Self], register: Self::Register<S>) {
-            if values.len() >= Self::lanes::<S>() {
-                Self::store_full(simd, values, register);
-            } else {
-                let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
-                values.copy_from_slice(&numbers[..values.len()]);
-            }
-        }
-        #[inline(always)]
-        fn store_full<S: Simd>(_: S, values: &mut [Self], register: Self::Register<S>) {
+        fn store<S: Simd>(_: S, values: &mut [Self], register: Self::Register<S>) {
             let numbers: &[Self] = bytemuck::cast_slice(bytemuck::bytes_of(&register));
             // A length known at compile time compiles to one store.
             values[..Self::lanes::<S>()].copy_from_slice(&numbers[..Self::lanes::<S>()]);

@@ -8,7 +8,7 @@ use super::Views;
 use crate::container::{Prefix, first_scales};
 use crate::field::Field;
 use crate::geometry::Ray;
-use crate::model::{Factors, Scene};
+use crate::model::Scene;
 use crate::random::Random;
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::{Adam, Backward, BatchRoulette, Moments, Target};
@@ -49,7 +49,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         field.rules.density_shift = shift;
         let gradients = backward.gradients(&field, &rays, &targets, all);
         let gain_gradient: f64 = x_vectors(&field)
-            .map(|(s, at)| f64::from(field.scales[s].density[at]) * f64::from(gradients.density[s][at]))
+            .map(|(s, at)| f64::from(field.scales[s].density.values()[at]) * f64::from(gradients.density[s][at]))
             .sum();
         let shape_gradients = [gain_gradient as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
         let decay = 0.1f64.powf((n - 1) as f64 / steps as f64);
@@ -71,13 +71,13 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let ratio = (shape[0] - before[0]).exp();
         let entries: Vec<_> = x_vectors(&field).collect();
         for (s, at) in entries {
-            field.scales[s].density[at] *= ratio;
+            field.scales[s].density.values_mut()[at] *= ratio;
         }
     }
     let width = field.component_count();
     let mut first = 0;
     let matrices = field.scales.iter().map(|scale| {
-        let rank = scale.appearance_rank;
+        let rank = scale.appearance.held().rank();
         let rows = field.decoder.appearance.chunks_exact(width);
         let matrix = rows.flat_map(|row| row[first..first + rank].iter().copied()).collect();
         first += rank;
@@ -90,8 +90,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
 /// Scale and index of each entry of the density vectors along x.
 fn x_vectors(field: &Field<f32>) -> impl Iterator<Item = (usize, usize)> {
     field.scales.iter().enumerate().flat_map(|(s, scale)| {
-        let tensor = Factors::rows(scale.resolution) * scale.density_rank;
-        let along_x = (scale.resolution[0] as usize + 1) * scale.density_rank;
-        (0..scale.len()).flat_map(move |n| (n * tensor..n * tensor + along_x).map(move |at| (s, at)))
+        let (held, rows) = (scale.density.held(), scale.resolution[0] as usize + 1);
+        (0..scale.len()).flat_map(move |n| held.values(n).take(rows * held.count(n)).map(move |at| (s, at)))
     })
 }

@@ -1,6 +1,6 @@
 //! Adam (Kingma and Ba, 2015), with the option to leave entries alone whose gradient is zero.
 
-use crate::field::Real;
+use crate::field::{HeldComponents, Real};
 
 /// β₁, β₂ and ε.
 const BETAS: [f64; 2] = [0.9, 0.99];
@@ -21,11 +21,10 @@ impl<T: Real> Moments<T> {
         Self { first: vec![T::zero(); len], second: vec![T::zero(); len] }
     }
 
-    /// Keeps the moments of the tensors of the numbers `kept`, of `tensors`.
-    pub(super) fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
+    /// Keeps the moments of the tensors of the numbers `kept`, of those that `held` describes.
+    pub(super) fn keep_tensors(&mut self, kept: &[usize], held: &HeldComponents) {
         for moments in [&mut self.first, &mut self.second] {
-            let len = moments.len() / tensors.max(1);
-            *moments = kept.iter().flat_map(|&n| &moments[n * len..(n + 1) * len]).copied().collect();
+            *moments = kept.iter().flat_map(|&n| &moments[held.values(n)]).copied().collect();
         }
     }
 }

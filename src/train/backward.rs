@@ -51,9 +51,9 @@ pub struct Backward<T> {
 pub struct Gradients<T> {
     /// The loss, as [`Backward::loss`] returns it.
     pub loss: T,
-    /// \[scale\] laid out as the density factors.
+    /// \[scale\] laid out as the field's density factors.
     pub density: Vec<Vec<T>>,
-    /// \[scale\] laid out as the appearance factors.
+    /// \[scale\] laid out as the field's appearance factors.
     pub appearance: Vec<Vec<T>>,
     /// Laid out by [`NetworkLayout`].
     pub networks: Vec<T>,
@@ -146,20 +146,19 @@ impl<T: Real> Backward<T> {
         let (mut density, mut appearance) = (Vec::new(), Vec::new());
         for (scale, components) in field.scales.iter().zip(component_ranges(field)) {
             let geometry = ScaleGeometry::new(scale, &scale.centers, components);
-            let lens = [scale.density_rank, scale.appearance_rank].map(|rank| scale.rows().count * rank);
-            let mut of_scale = lens.map(|len| vec![T::zero(); scale.len() * len]);
+            let parts = [&scale.density, &scale.appearance];
+            let mut of_scale = parts.map(|part| vec![T::zero(); part.values().len()]);
             let [of_density, of_appearance] = &mut of_scale;
-            (of_density.par_chunks_mut(lens[0]).zip(of_appearance.par_chunks_mut(lens[1]))).enumerate().for_each(
-                |(n, (of_density, of_appearance))| {
-                    tensors.with(|tensor| {
-                        let factors = [(&scale.density, lens[0]), (&scale.appearance, lens[1])]
-                            .map(|(factors, len)| &factors[n * len..(n + 1) * len]);
-                        tensor.accumulate(geometry, n, factors, &self.chunks);
-                        of_density.copy_from_slice(&tensor.density);
-                        of_appearance.copy_from_slice(&tensor.appearance);
-                    });
-                },
-            );
+            let by_tensor = [parts[0].held().split_mut(of_density), parts[1].held().split_mut(of_appearance)];
+            let [of_density, of_appearance] = by_tensor;
+            of_density.into_par_iter().zip(of_appearance).enumerate().for_each(|(n, (of_density, of_appearance))| {
+                tensors.with(|tensor| {
+                    let factors = parts.map(|part| &part.values()[part.held().values(n)]);
+                    tensor.accumulate(geometry, n, factors, &self.chunks);
+                    of_density.copy_from_slice(&tensor.density);
+                    of_appearance.copy_from_slice(&tensor.appearance);
+                });
+            });
             let [of_density, of_appearance] = of_scale;
             density.push(of_density);
             appearance.push(of_appearance);
@@ -194,7 +193,7 @@ pub(super) fn component_ranges<T: Real>(field: &Field<T>) -> Vec<ComponentRange>
     let mut first = 0;
     let range = |scale: &crate::field::FieldScale<T>| {
         let range = ComponentRange { first, width };
-        first += scale.appearance_rank;
+        first += scale.appearance.held().rank();
         range
     };
     field.scales.iter().map(range).collect()

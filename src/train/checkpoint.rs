@@ -63,16 +63,16 @@ impl Checkpoint {
     /// Resets the optimizer, for the resolutions that `field` has now.
     pub(super) fn restart(&mut self, field: &Field<f32>) {
         self.restarted_at = self.step;
-        self.density = field.scales.iter().map(|s| Moments::zeros(s.density.len())).collect();
-        self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.len())).collect();
+        self.density = field.scales.iter().map(|s| Moments::zeros(s.density.values().len())).collect();
+        self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.values().len())).collect();
         self.networks = Moments::zeros(NetworkLayout::new(field).len());
     }
 
     /// Removes the optimizer's state of all tensors but \[scale\] those of index `kept`, of `field`.
     pub(super) fn keep_tensors(&mut self, kept: &[Vec<usize>], field: &Field<f32>) {
         for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
-            self.density[s].keep_tensors(kept, scale.len());
-            self.appearance[s].keep_tensors(kept, scale.len());
+            self.density[s].keep_tensors(kept, scale.density.held());
+            self.appearance[s].keep_tensors(kept, scale.appearance.held());
         }
     }
 
@@ -87,9 +87,13 @@ impl Checkpoint {
         };
         expect("scales", field.scales.len(), self.density.len())?;
         for (s, scale) in field.scales.iter().enumerate() {
-            expect(&format!("density moments of scale {s}"), scale.density.len(), self.density[s].first.len())?;
+            expect(
+                &format!("density moments of scale {s}"),
+                scale.density.values().len(),
+                self.density[s].first.len(),
+            )?;
             let place = format!("appearance moments of scale {s}");
-            expect(&place, scale.appearance.len(), self.appearance[s].first.len())?;
+            expect(&place, scale.appearance.values().len(), self.appearance[s].first.len())?;
         }
         expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
         expect("exposures", sampler.view_count(), self.exposures.view_count())?;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::field::Field;
+use crate::field::{Field, FieldFactors, Holding};
 use crate::model::{Factors, Scene};
 
 /// Density and appearance of a scale, in this order.
@@ -34,18 +34,17 @@ impl ComponentMask {
         }
     }
 
-    /// Copies the factors of `scene` to `field`, with zeros for the masked components.
+    /// Copies the factors of `scene` to `field`, without the masked components.
     pub(super) fn write_to(&self, scene: &Scene, field: &mut Field<f32>) {
         for ((scale, of_field), mask) in scene.scales.iter().zip(&mut field.scales).zip(&self.scales) {
             let rows = Factors::rows(scale.cloud.resolution);
-            let parts = [
-                (&mut of_field.density, &scale.factors.density, &mask[0], scale.factors.density_rank),
-                (&mut of_field.appearance, &scale.factors.appearance, &mask[1], scale.factors.appearance_rank),
-            ];
-            for (to, from, mask, rank) in parts {
-                to.copy_from_slice(from);
-                write_zeros(to, rows, rank as usize, mask);
-            }
+            let factors = &scale.factors;
+            let without = |holding, dense, rank: u32, mask: &[bool]| {
+                let rank = rank as usize;
+                FieldFactors::without(holding, dense, rows, rank, |n, c| mask[n * rank + c])
+            };
+            of_field.density = without(Holding::Nonzero, &factors.density, factors.density_rank, &mask[0]);
+            of_field.appearance = without(Holding::UpToLast, &factors.appearance, factors.appearance_rank, &mask[1]);
         }
     }
 

@@ -132,9 +132,15 @@ impl DivergenceMonitor {
             return Ok(());
         }
         let usual = TrainConfig::default();
-        let exploded =
-            |values: &[f32]| values.par_iter().copied().find_first(|v| v.is_nan() || v.abs() > MAX_PARAMETER);
-        let of_factors = field.scales.iter().find_map(|s| exploded(&s.density).or_else(|| exploded(&s.appearance)));
+        let is_out = |v: f32| v.is_nan() || v.abs() > MAX_PARAMETER;
+        // Chunk by chunk without an end in between, which compiles to vector operations.
+        let exploded = |values: &[f32]| {
+            let chunk =
+                values.par_chunks(1 << 14).find_first(|chunk| chunk.iter().fold(false, |any, &v| any | is_out(v)));
+            chunk.and_then(|chunk| chunk.iter().copied().find(|&v| is_out(v)))
+        };
+        let of_factors =
+            field.scales.iter().find_map(|s| exploded(s.density.values()).or_else(|| exploded(s.appearance.values())));
         if let Some(found) = of_factors {
             return Err(Divergence::Parameter {
                 what: "factors",

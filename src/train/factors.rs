@@ -5,7 +5,7 @@ use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::chunk::Chunk;
-use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, all_but, load, offset, register_at};
+use crate::field::{FieldScale, Interpolation, MAX_LANES, Real, Stage, StageClock, offset};
 
 /// Position of a scale's components in the row of a shaded sample.
 #[derive(Clone, Copy, Debug)]
@@ -25,15 +25,19 @@ pub(super) struct TensorGradient<T> {
     pub(super) has_appearance: bool,
     /// Time since a step began.
     pub(super) clock: StageClock,
+    /// Factors, each row a multiple of a register.
+    padded: AVec<T>,
 }
 
 impl<T> Default for TensorGradient<T> {
     fn default() -> Self {
+        let none = || AVec::new(CACHELINE_ALIGN);
         Self {
-            density: AVec::new(CACHELINE_ALIGN),
-            appearance: AVec::new(CACHELINE_ALIGN),
+            density: none(),
+            appearance: none(),
             has_appearance: false,
             clock: StageClock::default(),
+            padded: none(),
         }
     }
 }
@@ -66,116 +70,140 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sums, scale, n, factors: [density, appearance], chunks } = self;
-        for (gradient, factors) in [(&mut sums.density, density), (&mut sums.appearance, appearance)] {
-            gradient.clear();
-            gradient.resize(factors.len(), T::zero());
-        }
-        let (of_density, of_appearance) = (sums.density.as_mut_slice(), sums.appearance.as_mut_slice());
+        let TensorGradient { density: of_density, appearance: of_appearance, padded, .. } = sums;
         let center = scale.centers[n];
-        let [density_rank, appearance_rank] = scale.ranks;
+        let tensor = scale.first_tensor + n;
+
+        let rank = density.len() / scale.rows.count;
+        let stride = rank.next_multiple_of(T::lanes::<S>());
+        let factors = pad_rows(density, rank, stride, padded);
+        reset(of_density, scale.rows.count * stride);
         for chunk in chunks {
-            for pair in chunk.density_pairs.of(scale.first_tensor + n) {
+            for pair in chunk.density_pairs.of(tensor) {
                 let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
                 let gradient = T::splat(simd, pair.weight);
                 add(
                     simd,
-                    density,
+                    factors,
                     of_density,
-                    density_rank,
+                    stride,
                     &at,
                     #[inline(always)]
                     |_| gradient,
                 );
             }
         }
+        unpad_rows(of_density, rank, stride);
         sums.clock.lap(Stage::DensityBackward);
+
+        let rank = appearance.len() / scale.rows.count;
+        let stride = rank.next_multiple_of(T::lanes::<S>());
+        let factors = pad_rows(appearance, rank, stride, padded);
+        reset(of_appearance, scale.rows.count * stride);
         sums.has_appearance = false;
         for chunk in chunks {
-            for pair in chunk.appearance_pairs.of(scale.first_tensor + n) {
+            for pair in chunk.appearance_pairs.of(tensor) {
                 sums.has_appearance = true;
                 let weight = T::splat(simd, pair.weight);
-                let first = pair.row as usize * scale.components.width + scale.components.first;
-                let gradients = &chunk.component_gradients[first..][..appearance_rank];
+                let of_components = pair.row as usize * scale.components.width + scale.components.first;
+                let gradients = &chunk.component_gradients[of_components..];
                 let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
                 add(
                     simd,
-                    appearance,
+                    factors,
                     of_appearance,
-                    appearance_rank,
+                    stride,
                     &at,
                     #[inline(always)]
-                    |first| T::times(simd, weight, T::load(simd, &gradients[first..])),
+                    |first| T::times(simd, weight, load_some(simd, &gradients[first..])),
                 );
             }
         }
+        unpad_rows(of_appearance, rank, stride);
         sums.clock.lap(Stage::AppearanceBackward);
     }
 }
 
-/// Adds one pair's gradients: each of x·y·z by the product of the other two, shared between the two vertices.
-/// `component(r)` is ∂L/∂component for the register that begins with component r.
+/// A register of the first of `values`; with zeros, if these are fewer. What is behind a tensor's last component does not
+/// matter: its factors are zeros there.
+#[inline(always)]
+fn load_some<T: Real, S: Simd>(simd: S, values: &[T]) -> T::Register<S> {
+    if values.len() >= T::lanes::<S>() {
+        return T::load(simd, values);
+    }
+    let mut padded = [T::zero(); MAX_LANES];
+    padded[..values.len()].copy_from_slice(values);
+    T::load(simd, &padded)
+}
+
+/// `len` zeros.
+#[inline(always)]
+fn reset<T: Real>(values: &mut AVec<T>, len: usize) {
+    values.clear();
+    values.resize(len, T::zero());
+}
+
+/// `values`, rows of `rank` components, as rows of `stride` in `padded`, with zeros at their ends.
+#[inline(always)]
+fn pad_rows<'v, T: Real>(values: &'v [T], rank: usize, stride: usize, padded: &'v mut AVec<T>) -> &'v [T] {
+    if rank == stride {
+        return values;
+    }
+    reset(padded, values.len() / rank * stride);
+    for (padded, row) in padded.chunks_exact_mut(stride).zip(values.chunks_exact(rank)) {
+        padded[..rank].copy_from_slice(row);
+    }
+    padded
+}
+
+/// Removes the ends of rows that [`pad_rows`] adds.
+#[inline(always)]
+fn unpad_rows<T: Real>(values: &mut AVec<T>, rank: usize, stride: usize) {
+    if rank == stride {
+        return;
+    }
+    let rows = values.len() / stride;
+    for row in 1..rows {
+        values.copy_within(row * stride..row * stride + rank, row * rank);
+    }
+    values.truncate(rows * rank);
+}
+
+/// Adds one pair's gradients: each of x·y·z by the product of the other two, shared between the two vertices. Rows have
+/// `stride` components, a multiple of a register's. `component(r)` is ∂L/∂component for the register that begins with
+/// component r.
 #[inline(always)]
 fn add<T: Real, S: Simd>(
     simd: S,
     factors: &[T],
     gradients: &mut [T],
-    rank: usize,
-    at: &Interpolation<T>,
-    component: impl Fn(usize) -> T::Register<S>,
-) {
-    // Apart, so that full registers are not burdened with what others need.
-    if rank >= T::lanes::<S>() {
-        add_registers::<T, S, true>(simd, factors, gradients, rank, at, component);
-    } else {
-        add_registers::<T, S, false>(simd, factors, gradients, rank, at, component);
-    }
-}
-
-/// [`add`] with registers of which all, or not all, are full.
-#[inline(always)]
-fn add_registers<T: Real, S: Simd, const FULL: bool>(
-    simd: S,
-    factors: &[T],
-    gradients: &mut [T],
-    rank: usize,
+    stride: usize,
     at: &Interpolation<T>,
     component: impl Fn(usize) -> T::Register<S>,
 ) {
     // No `map` over arrays of registers: it is compiled for the least instruction set.
     let [fx, fy, fz] = at.fractions;
     let fractions = [T::splat(simd, fx), T::splat(simd, fy), T::splat(simd, fz)];
-    let firsts = [at.rows[0] * rank, at.rows[1] * rank, at.rows[2] * rank];
-    for n in 0..rank.div_ceil(T::lanes::<S>()) {
-        let (first, overlap) = register_at::<T, S>(rank, n);
+    let firsts = [at.rows[0] * stride, at.rows[1] * stride, at.rows[2] * stride];
+    for first in (0..stride).step_by(T::lanes::<S>()) {
         let mut values = fractions;
         for a in 0..3 {
-            let rows = &factors[firsts[a]..][..2 * rank];
-            let lower = load::<T, S, FULL>(simd, &rows[first..rank]);
-            let upper = load::<T, S, FULL>(simd, &rows[rank + first..]);
+            let rows = &factors[firsts[a] + first..];
+            let (lower, upper) = (T::load(simd, rows), T::load(simd, &rows[stride..]));
             values[a] = T::times_plus(simd, fractions[a], T::minus(simd, upper, lower), lower);
         }
-        let mut gradient = component(first);
-        if overlap > 0 {
-            gradient = T::times(simd, gradient, all_but::<T, S>(simd, overlap));
-        }
+        let gradient = component(first);
         let [x, y, z] = values;
         let with_x = T::times(simd, gradient, x);
         let of_axes =
             [T::times(simd, T::times(simd, gradient, y), z), T::times(simd, with_x, z), T::times(simd, with_x, y)];
         for a in 0..3 {
-            let (lower, upper) = gradients[firsts[a]..][..2 * rank].split_at_mut(rank);
-            let (lower, upper) = (&mut lower[first..], &mut upper[first..]);
+            let rows = &mut gradients[firsts[a] + first..];
             let to_upper = T::times(simd, fractions[a], of_axes[a]);
             let to_lower = T::minus(simd, of_axes[a], to_upper);
-            let new_lower = T::plus(simd, load::<T, S, FULL>(simd, lower), to_lower);
-            let new_upper = T::plus(simd, load::<T, S, FULL>(simd, upper), to_upper);
-            if FULL {
-                T::store_full(simd, lower, new_lower);
-                T::store_full(simd, upper, new_upper);
-            } else {
-                T::store(simd, lower, new_lower);
-                T::store(simd, upper, new_upper);
-            }
+            T::store(simd, rows, T::plus(simd, T::load(simd, rows), to_lower));
+            let rows = &mut rows[stride..];
+            T::store(simd, rows, T::plus(simd, T::load(simd, rows), to_upper));
         }
     }
 }
@@ -187,8 +215,6 @@ pub(super) struct ScaleGeometry<'a, T> {
     pub(super) centers: &'a [[T; 3]],
     pub(super) rows: crate::field::TensorRows<T>,
     pub(super) resolution: [u32; 3],
-    /// Density and appearance.
-    pub(super) ranks: [usize; 2],
     pub(super) components: ComponentRange,
 }
 
@@ -199,7 +225,6 @@ impl<'a, T: Real> ScaleGeometry<'a, T> {
             centers,
             rows: *scale.rows(),
             resolution: scale.resolution,
-            ranks: [scale.density_rank, scale.appearance_rank],
             components,
         }
     }

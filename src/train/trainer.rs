@@ -12,7 +12,7 @@ use super::{
     march_step, network_parts, prune_dead_components, prune_unoccupied, upsample,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
+use crate::field::{Field, FieldFactors, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
 use crate::geometry::{Aabb, Camera};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -145,9 +145,9 @@ impl<'a> Trainer<'a> {
         let mut first = 0;
         for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
             scale.cloud.resolution = trained.resolution;
-            scale.factors.density = trained.density.to_vec();
-            scale.factors.appearance = trained.appearance.to_vec();
-            let rank = trained.appearance_rank;
+            scale.factors.density = trained.density.held().dense(trained.density.values());
+            scale.factors.appearance = trained.appearance.held().dense(trained.appearance.values());
+            let rank = trained.appearance.held().rank();
             for (p, row) in scale.appearance_matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
                 row.copy_from_slice(&matrices[p * width + first..][..rank]);
             }
@@ -249,15 +249,11 @@ impl<'a> Trainer<'a> {
             let geometry = ScaleGeometry::new(scale, &[], ranges[s]);
             let FieldScale { centers, density, appearance, .. } = scale;
             let geometry = ScaleGeometry { centers, ..geometry };
-            let [density_rank, appearance_rank] = geometry.ranks;
-            let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density_rank);
-            let rows = geometry.rows.count;
-            let of_density = &mut self.checkpoint.density[s];
-            let of_appearance = &mut self.checkpoint.appearance[s];
-            let density = TensorChunks::new(density, of_density, rows * density_rank);
-            let appearance = TensorChunks::new(appearance, of_appearance, rows * appearance_rank);
-            density.into_par_iter().zip(appearance.into_par_iter()).enumerate().for_each(
-                |(n, ((density, d_first, d_second), (appearance, a_first, a_second)))| {
+            let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density.held().rank());
+            let density = tensor_updates(density, &mut self.checkpoint.density[s]);
+            let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
+            density.into_par_iter().zip(appearance).enumerate().for_each(
+                |(n, ([density, d_first, d_second], [appearance, a_first, a_second]))| {
                     pool.with(|gradient| {
                         gradient.clock.skip();
                         gradient.accumulate(geometry, n, [density, appearance], chunks);
@@ -306,9 +302,7 @@ impl<'a> Trainer<'a> {
                 self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
             {
                 let (from, to) = (trained.resolution, config.resolutions[stage]);
-                let density = upsample(&trained.density, trained.density_rank, from, to);
-                let appearance = upsample(&trained.appearance, trained.appearance_rank, from, to);
-                trained.set_resolution(to, density, appearance);
+                trained.set_resolution(to, |factors, rank| upsample(factors, rank, from, to));
                 scale.cloud.resolution = to;
             }
             self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
@@ -356,48 +350,39 @@ fn check_active_rays(sampler: &RaySampler<'_>) -> Result<(), TrainError> {
     }
 }
 
-/// A scale's vectors and moments, split by tensor.
-struct TensorChunks<'a> {
-    factors: &'a mut [f32],
-    moments: &'a mut Moments<f32>,
-    len: usize,
-}
-
-impl<'a> TensorChunks<'a> {
-    fn new(factors: &'a mut [f32], moments: &'a mut Moments<f32>, len: usize) -> Self {
-        Self { factors, moments, len }
-    }
-
-    fn into_par_iter(self) -> impl IndexedParallelIterator<Item = (&'a mut [f32], &'a mut [f32], &'a mut [f32])> {
-        let Moments { first, second } = self.moments;
-        (self.factors.par_chunks_mut(self.len))
-            .zip(first.par_chunks_mut(self.len))
-            .zip(second.par_chunks_mut(self.len))
-            .map(|((factors, first), second)| (factors, first, second))
-    }
+/// \[tensor\] the factors that it holds, and both moments.
+fn tensor_updates<'a>(factors: &'a mut FieldFactors<f32>, moments: &'a mut Moments<f32>) -> Vec<[&'a mut [f32]; 3]> {
+    let (held, factors) = factors.split();
+    let [factors, first, second] =
+        [factors, &mut moments.first, &mut moments.second].map(|values| held.split_mut(values));
+    let of_tensor = |((factors, first), second)| [factors, first, second];
+    factors.into_iter().zip(first).zip(second).map(of_tensor).collect()
 }
 
 /// The loss's mean absolute density factor, per axis (paper, "Optimization and objectives").
 struct L1 {
-    /// (first entry, end, gradient of |v|) of each axis within a tensor.
-    axes: [(usize, usize, f32); 3],
+    /// \[axis\] the end of its rows within a tensor, and the gradient of |v|.
+    axes: [(usize, f32); 3],
 }
 
 impl L1 {
     fn new(weight: f64, tensors: usize, resolution: [u32; 3], rank: usize) -> Self {
-        let first_rows = Factors::axis_rows(resolution);
-        let axes = [0, 1, 2].map(|a| {
-            let rows = resolution[a] as usize + 1;
-            let entries = tensors * rows * rank;
-            (first_rows[a] * rank, (first_rows[a] + rows) * rank, (weight / entries.max(1) as f64) as f32)
+        let axes = Factors::axis_ranges(resolution).map(|rows| {
+            let entries = tensors * rows.len() * rank;
+            (rows.end, (weight / entries.max(1) as f64) as f32)
         });
         Self { axes }
     }
 
+    /// Adds the gradient of `factors`, those of a tensor.
     #[inline(always)]
     fn add(&self, factors: &[f32], gradients: &mut [f32]) {
-        for &(first, end, weight) in &self.axes {
-            for (g, &v) in gradients[first..end].iter_mut().zip(&factors[first..end]) {
+        let rank = factors.len() / self.axes[2].0;
+        let mut first = 0;
+        for (end, weight) in self.axes {
+            let rows = first..end * rank;
+            first = rows.end;
+            for (g, &v) in gradients[rows.clone()].iter_mut().zip(&factors[rows]) {
                 let sign = if v > 0.0 { 1.0 } else { -1.0 };
                 *g += if v == 0.0 { 0.0 } else { weight * sign };
             }

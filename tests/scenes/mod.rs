@@ -123,7 +123,36 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
         let degree = scene.rules.sky.as_ref().map_or(0, |sky| sky.degree);
         cases.push((format!("contracted, {:?}, sky of degree {degree}", scene.decoder.mode), contracted(scene)));
     }
+    for n in 0..DecoderMode::ALL.len() {
+        // The GPU's test takes every third case.
+        let mut scene = cases[n].1.clone();
+        write_zero_components(&mut scene);
+        cases.push((format!("some components of tensors are zeros, {:?}", scene.decoder.mode), scene));
+    }
     cases
+}
+
+/// Writes zeros over components of tensors: of every sixth tensor over all, of the others over the last ones, and of half
+/// of them over one component that is not the last.
+pub(crate) fn write_zero_components(scene: &mut Scene) {
+    let random = Random::new(3, "zero components");
+    for (s, scale) in scene.scales.iter_mut().enumerate() {
+        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
+        let factors = &mut scale.factors;
+        let parts = [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)];
+        for (part, (values, rank)) in parts.into_iter().enumerate() {
+            let (rank, random) = (rank as usize, random.substream(2 * s as u64 + part as u64));
+            for (n, tensor) in values.chunks_exact_mut(rows * rank).enumerate() {
+                let bits = random.bits(n as u64);
+                let kept = if bits % 6 == 0 { 0 } else { 1 + (bits >> 8) as usize % rank };
+                let hole = (bits & 1 << 7 == 0).then_some((bits >> 40) as usize % rank);
+                for row in tensor.chunks_exact_mut(rank) {
+                    row[kept..].fill(0.0);
+                    hole.into_iter().for_each(|hole| row[hole] = 0.0);
+                }
+            }
+        }
+    }
 }
 
 /// A sky of this degree whose colors depend strongly on the direction.

@@ -69,9 +69,11 @@ pub struct ScaleShape {
     pub tensors: usize,
     /// Rows (vertices of all three axes) of a tensor.
     pub rows: usize,
-    /// Density components.
-    pub density_rank: usize,
-    /// Appearance components.
+    /// Density components of all tensors.
+    pub density_components: usize,
+    /// Appearance components of all tensors.
+    pub appearance_components: usize,
+    /// Appearance components of the scale.
     pub appearance_rank: usize,
 }
 
@@ -82,8 +84,9 @@ impl FieldShape {
             .map(|s| ScaleShape {
                 tensors: s.len(),
                 rows: s.rows().count,
-                density_rank: s.density_rank,
-                appearance_rank: s.appearance_rank,
+                density_components: s.density.held().components(),
+                appearance_components: s.appearance.held().components(),
+                appearance_rank: s.appearance.held().rank(),
             })
             .collect();
         Self {
@@ -120,19 +123,18 @@ impl FieldShape {
         }
     }
 
-    /// Components are summed over registers, lanes and scales. Reads the neighbors but for their indices, and their
+    /// Components are summed over registers and lanes. Reads the neighbors but for their indices, and their
     /// ranges; writes f.
     fn density_gather(&self, work: &Work, counts: &Counts) -> Cost {
-        let summed = counts.evaluated * self.scales.iter().map(|s| s.density_rank).sum::<usize>() as f64;
-        self.gather(&work.contributions, |s| s.density_rank).plus(Cost::new(
-            summed,
+        gather(work.density_components as f64).plus(Cost::new(
+            work.density_components as f64,
             counts.contributions * (LOCATED - 1.0) + counts.evaluated * (2.0 * counts.scales + 1.0),
         ))
     }
 
     /// Reads contributions, centers and positions; writes a row of components.
     fn appearance_gather(&self, work: &Work, counts: &Counts) -> Cost {
-        self.gather(&work.shaded_contributions, |s| s.appearance_rank).plus(Cost::new(
+        gather(work.appearance_components as f64).plus(Cost::new(
             counts.shaded_contributions * INTERPOLATION,
             counts.shaded_contributions * (PAIR + 3.0)
                 + counts.shaded * (2.0 * counts.scales + 3.0 + counts.components),
@@ -184,40 +186,16 @@ impl FieldShape {
 
     /// Reads the range of a tensor's contributions in each chunk; a contribution and its sample's position.
     fn density_backward(&self, work: &Work, counts: &Counts) -> Cost {
-        let by_scale: Vec<f64> = work.contributions.iter().map(|&n| counts.composited_share * n as f64).collect();
-        let scattered = self.scatter(&by_scale, |s| s.density_rank);
-        scattered.plus(Cost::new(0.0, counts.tensors_by_chunk))
+        let [pairs, components] =
+            [counts.contributions, work.density_components as f64].map(|n| counts.composited_share * n);
+        scatter(pairs, components).plus(Cost::new(0.0, counts.tensors_by_chunk))
     }
 
     /// As the density's; each component's gradient is read and weighted too.
     fn appearance_backward(&self, work: &Work, counts: &Counts) -> Cost {
-        let by_scale: Vec<f64> = work.shaded_contributions.iter().map(|&n| n as f64).collect();
-        let scattered = self.scatter(&by_scale, |s| s.appearance_rank);
-        let weighted = self.per_component(&by_scale, |s| s.appearance_rank);
-        scattered.plus(Cost::new(weighted, counts.tensors_by_chunk + weighted))
-    }
-
-    /// Σ over scales of pairs × rank.
-    fn per_component(&self, pairs: &[f64], rank: fn(&ScaleShape) -> usize) -> f64 {
-        self.scales.iter().zip(pairs).map(|(scale, n)| n * rank(scale) as f64).sum()
-    }
-
-    /// A component of a pair: on 3 axes a subtraction and a multiply-add between two rows (3·3), then weight·x·y·z
-    /// added (4). Reads two rows an axis, 6 numbers a component.
-    fn gather(&self, pairs: &[u64], rank: fn(&ScaleShape) -> usize) -> Cost {
-        let pairs: Vec<f64> = pairs.iter().map(|&n| n as f64).collect();
-        let components = self.per_component(&pairs, rank);
-        Cost { flop: components * 13.0, bytes: components * 6.0 * WORD }
-    }
-
-    /// A component of a pair: x, y, z (3·3), the product of gradient and the other two on each axis (5), shared between
-    /// two rows and added (3·4). Reads 6 factors, reads and writes 6 gradients; reads the pair and its position.
-    fn scatter(&self, pairs: &[f64], rank: fn(&ScaleShape) -> usize) -> Cost {
-        let (count, components) = (pairs.iter().sum::<f64>(), self.per_component(pairs, rank));
-        Cost {
-            flop: components * 26.0 + count * INTERPOLATION,
-            bytes: (components * 18.0 + count * (TENSOR_PAIR + 3.0)) * WORD,
-        }
+        let components = work.appearance_components as f64;
+        let scattered = scatter(counts.shaded_contributions, components);
+        scattered.plus(Cost::new(components, counts.tensors_by_chunk + components))
     }
 
     /// An entry: both moments (3 + 4), the step's size (6). Reads gradient, value and moments, writes value and
@@ -225,16 +203,32 @@ impl FieldShape {
     /// regularization (1) to its gradient. Appearance entries take part if their tensor colored a sample; their
     /// number is bounded by one tensor per pair.
     fn optimizer(&self, work: &Work, runs: u64) -> Cost {
-        let entries = |tensors: u64, scale: &ScaleShape, rank: usize| tensors as f64 * (scale.rows * rank) as f64;
-        let all_tensors = |scale: &ScaleShape| scale.tensors as u64 * runs;
-        let density: f64 = self.scales.iter().map(|s| entries(all_tensors(s), s, s.density_rank)).sum();
+        let density = runs as f64 * self.scales.iter().map(|s| s.rows * s.density_components).sum::<usize>() as f64;
         let appearance: f64 = (self.scales.iter().zip(&work.shaded_contributions))
-            .map(|(s, &pairs)| entries(pairs.min(all_tensors(s)), s, s.appearance_rank))
+            .map(|(s, &pairs)| {
+                let tensors = pairs.min(s.tensors as u64 * runs) as f64;
+                tensors * (s.rows * s.appearance_components) as f64 / s.tensors.max(1) as f64
+            })
             .sum();
         let matrices = self.features * self.scales.iter().map(|s| s.appearance_rank).sum::<usize>();
         let networks = matrices + self.layers.iter().map(|[i, o]| i * o + o).sum::<usize>();
         let all = density + appearance + networks as f64 * runs as f64;
         Cost { flop: all * 13.0 + density, bytes: all * 7.0 * WORD }
+    }
+}
+
+/// A component of a contribution: on 3 axes a subtraction and a multiply-add between two rows (3·3), then weight·x·y·z
+/// added (4). Reads two rows an axis, 6 numbers a component.
+fn gather(components: f64) -> Cost {
+    Cost { flop: components * 13.0, bytes: components * 6.0 * WORD }
+}
+
+/// A component of a pair: x, y, z (3·3), the product of gradient and the other two on each axis (5), shared between two
+/// rows and added (3·4). Reads 6 factors, reads and writes 6 gradients; reads the pair and its position.
+fn scatter(pairs: f64, components: f64) -> Cost {
+    Cost {
+        flop: components * 26.0 + pairs * INTERPOLATION,
+        bytes: (components * 18.0 + pairs * (TENSOR_PAIR + 3.0)) * WORD,
     }
 }
 

@@ -151,7 +151,13 @@ mod tests {
 
     fn shape() -> FieldShape {
         FieldShape {
-            scales: vec![ScaleShape { tensors: 1, rows: 1, density_rank: 1, appearance_rank: 1 }],
+            scales: vec![ScaleShape {
+                tensors: 1,
+                rows: 1,
+                density_components: 1,
+                appearance_components: 1,
+                appearance_rank: 1,
+            }],
             features: 1,
             frequencies: [1, 1],
             layers: vec![[1000, 1000]],
@@ -164,7 +170,9 @@ mod tests {
         let mut work = Work {
             decoded: 100_000,
             contributions: vec![1_000_000],
+            density_components: 1_000_000,
             shaded_contributions: vec![1_000_000],
+            appearance_components: 1_000_000,
             ..Work::default()
         };
         stages.iter().for_each(|&(stage, seconds)| work.seconds[stage as usize] = seconds);

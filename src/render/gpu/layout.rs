@@ -15,14 +15,10 @@ pub(super) struct Scale {
     pub(super) half_edge: [f32; 3],
     pub(super) candidates: u32,
     pub(super) factor_cells_per_unit: [f32; 3],
-    pub(super) rows: u32,
+    pub(super) tensors: u32,
     pub(super) last_cell: [u32; 3],
-    pub(super) density: u32,
-    pub(super) first_row: [u32; 3],
-    pub(super) appearance: u32,
-    pub(super) density_quads: u32,
-    pub(super) appearance_quads: u32,
     pub(super) first_quad: u32,
+    pub(super) first_row: [u32; 3],
     pub(super) padding: u32,
 }
 
@@ -147,8 +143,8 @@ mod tests {
         #[rustfmt::skip]
         assert_same_layout!(
             source, "Scale", Scale,
-            min, top_k, cells_per_unit, lists, cells, starts, half_edge, candidates, factor_cells_per_unit, rows, last_cell,
-            density, first_row, appearance, density_quads, appearance_quads, first_quad
+            min, top_k, cells_per_unit, lists, cells, starts, half_edge, candidates, factor_cells_per_unit,
+            tensors, last_cell, first_quad, first_row
         );
         assert_same_layout!(source, "Layer", Layer, inputs, output_quads, weights, bias);
         #[rustfmt::skip]

@@ -3,7 +3,7 @@
 use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape};
-use crate::field::{BLOCK_SHIFT, Dense, Field, FieldScale, FieldSky};
+use crate::field::{BLOCK_SHIFT, Dense, Field, FieldFactors, FieldScale, FieldSky};
 
 /// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ impl Packed {
         let scales: Vec<Scale> = (field.scales.iter())
             .map(|scale| {
                 let packed = words.scale(scale, precision, component_quads);
-                component_quads += packed.appearance_quads;
+                component_quads += scale.appearance.held().rank().div_ceil(4) as u32;
                 packed
             })
             .collect();
@@ -156,8 +156,9 @@ fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<()
 /// The most iterations of all loops of the march per sample: over candidates, over neighbors' components, and over
 /// neighbors.
 fn iterations_per_sample(field: &Field<f32>, top_k: u32) -> u32 {
-    let of_scale =
-        |s: &FieldScale<f32>| longest_list(s) + s.top_k() * (s.density_rank.div_ceil(4) + 2) + 3 * top_k as usize;
+    let of_scale = |s: &FieldScale<f32>| {
+        longest_list(s) + s.top_k() * (s.density.held().rank().div_ceil(4) + 2) + 3 * top_k as usize
+    };
     (field.scales.iter().map(of_scale).sum::<usize>() + 1) as u32
 }
 
@@ -209,8 +210,12 @@ impl Words {
         }
         let starts = self.push(&starts);
         let candidates = self.push(candidates.as_flattened()) / 4;
+        let parts = [&scale.density, &scale.appearance];
+        let places = parts.map(|factors| self.factors(factors, precision));
+        let quads = |part: &FieldFactors<f32>, n| part.held().count(n).div_ceil(4) as u32;
+        let tensors: Vec<[u32; 4]> =
+            (0..scale.len()).map(|n| [places[0][n], quads(parts[0], n), places[1][n], quads(parts[1], n)]).collect();
         let rows = scale.rows();
-        let mut factors = |values: &[f32], rank: usize| self.factors(values, rank, precision);
         Scale {
             min,
             top_k: scale.top_k() as u32,
@@ -221,14 +226,10 @@ impl Words {
             half_edge: scale.half_edge,
             candidates,
             factor_cells_per_unit: rows.cells_per_unit,
-            rows: rows.count as u32,
+            tensors: self.push(tensors.as_flattened()) / 4,
             last_cell: rows.last_cell.map(|c| c as u32),
-            density: factors(&scale.density, scale.density_rank),
-            first_row: rows.first_row.map(|r| r as u32),
-            appearance: factors(&scale.appearance, scale.appearance_rank),
-            density_quads: scale.density_rank.div_ceil(4) as u32,
-            appearance_quads: scale.appearance_rank.div_ceil(4) as u32,
             first_quad,
+            first_row: rows.first_row.map(|r| r as u32),
             padding: 0,
         }
     }
@@ -252,27 +253,29 @@ impl Words {
         }
     }
 
-    /// Appends rows of `rank` components, each padded to quads. Returns the index of the first quad of factors.
-    fn factors(&mut self, values: &[f32], rank: usize, precision: Precision) -> u32 {
+    /// Appends `factors`, each row padded to quads. Returns \[tensor\] the index of its first quad of factors.
+    fn factors(&mut self, factors: &FieldFactors<f32>, precision: Precision) -> Vec<u32> {
         self.align();
-        let first = self.0.len() as u32;
-        for row in values.chunks_exact(rank.max(1)) {
-            for quad in row.chunks(4) {
-                let mut padded = [0.0; 4];
-                padded[..quad.len()].copy_from_slice(quad);
-                match precision {
-                    Precision::F32 => self.0.extend(padded.map(f32::to_bits)),
-                    Precision::F16 => {
-                        let [a, b, c, d] = padded.map(|v| u32::from(half_of(v)));
-                        self.0.extend([a | b << 16, c | d << 16]);
+        let words_per_quad = if precision == Precision::F32 { 4 } else { 2 };
+        let held = factors.held();
+        let mut places = Vec::with_capacity(held.tensors());
+        for n in 0..held.tensors() {
+            places.push(self.0.len() as u32 / words_per_quad);
+            for row in factors.values()[held.values(n)].chunks_exact(held.count(n).max(1)) {
+                for quad in row.chunks(4) {
+                    let mut padded = [0.0; 4];
+                    padded[..quad.len()].copy_from_slice(quad);
+                    match precision {
+                        Precision::F32 => self.0.extend(padded.map(f32::to_bits)),
+                        Precision::F16 => {
+                            let [a, b, c, d] = padded.map(|v| u32::from(half_of(v)));
+                            self.0.extend([a | b << 16, c | d << 16]);
+                        }
                     }
                 }
             }
         }
-        match precision {
-            Precision::F32 => first / 4,
-            Precision::F16 => first / 2,
-        }
+        places
     }
 
     /// Appends the appearance matrices, \[component\]\[feature\], with features and each scale's components padded to
@@ -283,13 +286,14 @@ impl Words {
         let mut transposed = vec![0.0; 4 * component_quads as usize * width];
         let (mut from, mut to) = (0, 0);
         for scale in &field.scales {
-            for r in 0..scale.appearance_rank {
+            let rank = scale.appearance.held().rank();
+            for r in 0..rank {
                 for p in 0..decoder.features {
                     transposed[(to + r) * width + p] = decoder.appearance[p * components + from + r];
                 }
             }
-            from += scale.appearance_rank;
-            to += scale.appearance_rank.next_multiple_of(4);
+            from += rank;
+            to += rank.next_multiple_of(4);
         }
         self.push_floats(&transposed) / 4
     }

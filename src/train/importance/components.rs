@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::field::Field;
+use crate::field::{Field, FieldScale};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 use crate::train::component_mask::ComponentMask;
@@ -51,28 +51,25 @@ impl ComponentImportance {
         for n in 0..BATCHES {
             let batch = RayBatch::draw(sampler, field, &random.substream(0), n * count as u64, count);
             let gradients = backward.picture_gradients(field, &batch.rays, &random.substream(1).substream(n));
-            for (s, (scale, [density, appearance])) in scene.scales.iter().zip(&mut result.scales).enumerate() {
-                let (factors, resolution) = (&scale.factors, scale.cloud.resolution);
+            for (s, (scale, [density, appearance])) in field.scales.iter().zip(&mut result.scales).enumerate() {
+                // A component is linear in each of its three vectors: the derivative along any of them is that of the
+                // component's magnitude.
+                let axis = Factors::axis_ranges(scale.resolution)[0].clone();
                 let parts = [
-                    (density, &factors.density, &gradients.density[s], factors.density_rank),
-                    (appearance, &factors.appearance, &gradients.appearance[s], factors.appearance_rank),
+                    (density, &scale.density, &gradients.density[s]),
+                    (appearance, &scale.appearance, &gradients.appearance[s]),
                 ];
-                for (importance, values, gradients, rank) in parts {
-                    let rank = rank as usize;
-                    let len = Factors::rows(resolution) * rank;
-                    // A component is linear in each of its three vectors: the derivative along any of them is that of
-                    // the component's magnitude.
-                    let axis = Factors::axis_ranges(resolution)[0].clone();
-                    (importance.par_chunks_mut(rank))
-                        .zip(values.par_chunks(len).zip(gradients.par_chunks(len)))
-                        .for_each(|(importance, (values, gradients))| {
-                            for (c, importance) in importance.iter_mut().enumerate() {
-                                let entries = axis.clone().map(|row| row * rank + c);
-                                let change: f64 =
-                                    entries.map(|at| f64::from(values[at]) * f64::from(gradients[at])).sum();
-                                *importance += change * change / BATCHES as f64;
-                            }
-                        });
+                for (importance, factors, gradients) in parts {
+                    let held = factors.held();
+                    importance.par_chunks_mut(held.rank()).enumerate().for_each(|(n, importance)| {
+                        let (count, range) = (held.count(n), held.values(n));
+                        let (values, gradients) = (&factors.values()[range.clone()], &gradients[range]);
+                        for (c, &component) in held.of(n).iter().enumerate() {
+                            let entries = axis.clone().map(|row| row * count + c);
+                            let change: f64 = entries.map(|at| f64::from(values[at]) * f64::from(gradients[at])).sum();
+                            importance[component as usize] += change * change / BATCHES as f64;
+                        }
+                    });
                 }
             }
         }
@@ -146,12 +143,15 @@ impl ComponentImportance {
 }
 
 /// \[scale\] of density and appearance: the gradient of the mean squared error against the photographs, laid out as the
-/// factors.
+/// factors of `scene`.
 fn error_gradients(scene: &Scene, sampler: &RaySampler<'_>, random: &Random) -> Vec<[Vec<f32>; 2]> {
     let field = Field::new(scene);
     let mut backward = Backward::new(&field);
-    let mut sums: Vec<[Vec<f32>; 2]> =
-        field.scales.iter().map(|s| [vec![0.0; s.density.len()], vec![0.0; s.appearance.len()]]).collect();
+    let mut sums: Vec<[Vec<f32>; 2]> = field
+        .scales
+        .iter()
+        .map(|s| [vec![0.0; s.density.values().len()], vec![0.0; s.appearance.values().len()]])
+        .collect();
     let count = sampler.active_ray_count().min(BATCH_RAYS);
     for n in 0..BATCHES {
         let batch = RayBatch::draw(sampler, &field, &random.substream(0), n * count as u64, count);
@@ -162,5 +162,8 @@ fn error_gradients(scene: &Scene, sampler: &RaySampler<'_>, random: &Random) -> 
             }
         }
     }
-    sums
+    let dense = |(scale, [density, appearance]): (&FieldScale<f32>, [Vec<f32>; 2])| {
+        [scale.density.held().dense(&density), scale.appearance.held().dense(&appearance)]
+    };
+    field.scales.iter().zip(sums).map(dense).collect()
 }

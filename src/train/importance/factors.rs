@@ -9,7 +9,7 @@ use crate::train::Backward;
 /// Rays of a batch.
 const RAYS: usize = 8192;
 
-/// Importance of each factor entry v, laid out as the factors: the mean over rays and channels of (∂color/∂v)², the
+/// Importance of each factor entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the
 /// diagonal of the Gauss-Newton matrix. A small error e of v adds e² times its importance to the mean squared error of
 /// pictures.
 #[derive(Clone, Debug)]
@@ -27,23 +27,22 @@ impl FactorImportance {
         let field = Field::<f32>::new(scene);
         let mut backward = Backward::new(&field);
         let random = Random::new(seed, "sensitivity");
-        let mut sums: Option<Self> = None;
+        let zeros = |values: &[f32]| vec![0.0; values.len()];
+        let mut density: Vec<_> = field.scales.iter().map(|scale| zeros(scale.density.values())).collect();
+        let mut appearance: Vec<_> = field.scales.iter().map(|scale| zeros(scale.appearance.values())).collect();
         for n in 0..batches as u64 {
             let rays = rays(RAYS, &random.substream(2 * n));
             let gradients = backward.picture_gradients(&field, &rays, &random.substream(2 * n + 1));
-            let total = sums.get_or_insert_with(|| Self {
-                density: gradients.density.iter().map(|g| vec![0.0; g.len()]).collect(),
-                appearance: gradients.appearance.iter().map(|g| vec![0.0; g.len()]).collect(),
-            });
             let scale = 1.0 / batches as f32;
-            for (total, gradients) in
-                [(&mut total.density, &gradients.density), (&mut total.appearance, &gradients.appearance)]
-            {
+            for (total, gradients) in [(&mut density, &gradients.density), (&mut appearance, &gradients.appearance)] {
                 for (total, g) in total.iter_mut().flatten().zip(gradients.iter().flatten()) {
                     *total += scale * g * g;
                 }
             }
         }
-        sums.unwrap_or(Self { density: Vec::new(), appearance: Vec::new() })
+        Self {
+            density: field.scales.iter().zip(&density).map(|(s, sums)| s.density.held().dense(sums)).collect(),
+            appearance: field.scales.iter().zip(&appearance).map(|(s, sums)| s.appearance.held().dense(sums)).collect(),
+        }
     }
 }

@@ -7,8 +7,8 @@ use super::*;
 fn shape() -> FieldShape {
     FieldShape {
         scales: vec![
-            ScaleShape { tensors: 3, rows: 6, density_rank: 2, appearance_rank: 1 },
-            ScaleShape { tensors: 5, rows: 9, density_rank: 1, appearance_rank: 3 },
+            ScaleShape { tensors: 3, rows: 6, density_components: 6, appearance_components: 3, appearance_rank: 1 },
+            ScaleShape { tensors: 5, rows: 9, density_components: 5, appearance_components: 15, appearance_rank: 3 },
         ],
         features: 2,
         frequencies: [1, 1],
@@ -26,8 +26,10 @@ fn work() -> Work {
         evaluated: 3,
         samples: 2,
         contributions: vec![4, 5],
+        density_components: 13,
         shaded: 1,
         shaded_contributions: vec![1, 2],
+        appearance_components: 7,
         decoded: 1,
         ..Work::default()
     }
@@ -56,13 +58,6 @@ fn bytes(stage: Stage) -> f64 {
     shape().cost(stage, &work(), 1).bytes
 }
 
-/// Calls `component` for each component of each contribution.
-fn for_components(contributions: &[u64], rank: fn(&ScaleShape) -> usize, mut component: impl FnMut()) {
-    for (scale, &n) in shape().scales.iter().zip(contributions) {
-        (0..n as usize * rank(scale)).for_each(|_| component());
-    }
-}
-
 /// A component's vector between two vertices.
 fn lerp([below, above]: [Counted; 2], fraction: Counted) -> Counted {
     below + fraction * (above - below)
@@ -77,9 +72,10 @@ fn gathering_interpolates_three_vectors_and_adds_their_product() {
     };
     let density = count(|| {
         let mut sum = one;
-        for_components(&work().contributions, |s| s.density_rank, || gather(&mut sum));
-        for _ in 0..work().evaluated {
-            (0..3).for_each(|_| sum += one);
+        for _ in 0..work().density_components {
+            gather(&mut sum);
+            // Lanes are added.
+            sum += one;
         }
     });
     assert_eq!(flop(Stage::DensityGather), density);
@@ -91,7 +87,7 @@ fn gathering_interpolates_three_vectors_and_adds_their_product() {
                 let _fraction = cells - one;
             }
         }
-        for_components(&work().shaded_contributions, |s| s.appearance_rank, || gather(&mut { one }));
+        (0..work().appearance_components).for_each(|_| gather(&mut { one }));
     });
     assert_eq!(flop(Stage::AppearanceGather), appearance);
     assert_eq!([bytes(Stage::DensityGather), bytes(Stage::AppearanceGather)], [624.0, 272.0]);
@@ -112,9 +108,9 @@ fn scattering_shares_a_gradient_between_six_entries() {
     };
     let work = Work { samples: 3, ..work() };
     let locate = |contributions: &[u64]| 12.0 * contributions.iter().sum::<u64>() as f64;
-    let density = count(|| for_components(&work.contributions, |s| s.density_rank, || scatter(one)));
+    let density = count(|| (0..work.density_components).for_each(|_| scatter(one)));
     assert_eq!(shape().cost(Stage::DensityBackward, &work, 1).flop, density + locate(&work.contributions));
-    let appearance = count(|| for_components(&work.shaded_contributions, |s| s.appearance_rank, || scatter(one * one)));
+    let appearance = count(|| (0..work.appearance_components).for_each(|_| scatter(one * one)));
     assert_eq!(flop(Stage::AppearanceBackward), appearance + locate(&work.shaded_contributions));
 }
 
