@@ -155,7 +155,6 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
         let first_contribution = (samples.contributions.len() - samples.sites.len()) as u32;
         let mut count = 0;
         samples.features.resize(samples.positions.len(), T::zero());
-        // Scale by scale: the rows that neighboring samples share then stay in the nearest cache.
         for (s, scale) in field.scales.iter().enumerate() {
             for (slot, feature) in samples.features.iter_mut().enumerate().skip(first_slot) {
                 let [first, end] = samples.contribution_ranges[slot * scales + s];

@@ -80,7 +80,7 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
     Ok(scene)
 }
 
-/// The share of `dataset`'s pixels whose rays meet [`close_tensors`] on `occupied`; of large datasets, among some pixels of
+/// The share of `dataset`'s pixels whose rays meet tensors close around `occupied`; of large datasets, among some pixels of
 /// each view.
 ///
 /// # Errors
@@ -103,7 +103,7 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
 }
 
 /// `occupied`, the prior of an unbounded scene in contracted space, and the cells at the border of contracted space at which
-/// the rays of `dataset` end that meet none of [`close_tensors`] on it: what nothing is known of is taken to be far away.
+/// the rays of `dataset` end that meet no tensors close around it: what nothing is known of is taken to be far away.
 ///
 /// # Errors
 ///
