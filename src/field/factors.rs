@@ -8,8 +8,8 @@
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
 
+use super::Real;
 use super::vector::MAX_LANES;
-use super::{InterpolationSite, Real};
 
 /// The factors of density, or of appearance, of a scale's tensors. A tensor holds some components of the scale, and has
 /// none of the others, which are zero: they cost neither memory nor time. Density components are those that are not zero.
@@ -102,6 +102,19 @@ impl HeldComponents {
         };
         (0..self.tensors()).map(tensor).collect()
     }
+}
+
+/// A contribution, prepared for interpolation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InterpolationSite<T> {
+    /// The tensor's index over all scales.
+    pub tensor: u32,
+    /// The lower of the two rows on each axis, an index over the tensor's rows.
+    pub rows: [u32; 3],
+    /// The fraction of the way to the next row, per axis, in [0, 1].
+    pub fractions: [T; 3],
+    /// The weight w of the tensor in its scale (spec 4.4).
+    pub weight: T,
 }
 
 /// Which components of a tensor a field holds.

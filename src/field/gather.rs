@@ -3,20 +3,7 @@
 
 use pulp::Simd;
 
-use super::{Contribution, FieldScale, Real};
-
-/// A contribution, prepared for interpolation.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct InterpolationSite<T> {
-    /// The tensor's index over all scales.
-    pub tensor: u32,
-    /// The lower of the two rows on each axis, an index over the tensor's rows.
-    pub rows: [u32; 3],
-    /// The fraction of the way to the next row, per axis, in [0, 1].
-    pub fractions: [T; 3],
-    /// The weight w of the tensor in its scale (spec 4.4).
-    pub weight: T,
-}
+use super::{Contribution, FieldScale, InterpolationSite, Real};
 
 impl<T: Real> FieldScale<T> {
     /// The interpolation site of `contribution` at `position`, which is relative to the field's origin.
