@@ -9,7 +9,7 @@ use super::pair::Pair;
 use super::plane::{Plane, direction};
 use super::shot::{PATCH, PlaneMap, RADIUS, Shot};
 
-/// Of so many patches one is swept, along columns and along rows.
+/// The distance between two patches that are swept, in patches along columns and along rows.
 const SWEPT_STRIDE: usize = 3;
 /// The number of compared photographs whose similarities count at a depth, in a sweep and after it: the highest ones.
 const SWEPT_BEST: usize = 3;
