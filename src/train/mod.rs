@@ -19,6 +19,7 @@ mod initial;
 mod networks;
 mod occupancy;
 mod pairs;
+mod pixel_set;
 mod plan;
 mod poses;
 mod prepare;

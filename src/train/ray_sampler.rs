@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::pixel_set::PixelSet;
 use super::{Target, TrainConfig, TrainError};
 use crate::dataset::View;
 use crate::field::{Field, Real, vectorized};
@@ -16,8 +17,8 @@ pub struct RaySampler<'a> {
     cameras: Vec<Camera>,
     /// \[view\] the index of its first pixel; at the end, the number of pixels.
     firsts: Vec<u64>,
-    /// Indices of the pixels whose rays are active, ascending.
-    active: Vec<u32>,
+    /// The pixels whose rays are active.
+    active: PixelSet,
     /// Model units in one unit of the dataset.
     unit: f32,
     /// The color behind transparent pixels.
@@ -45,7 +46,7 @@ impl<'a> RaySampler<'a> {
             (Random::new(config.seed, "backgrounds"), transparent)
         });
         let unit = frame.model_from_dataset.scale as f32;
-        Ok(Self { views, cameras, firsts, active: Vec::new(), unit, background: frame.background, random })
+        Ok(Self { views, cameras, firsts, active: PixelSet::default(), unit, background: frame.background, random })
     }
 
     /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
@@ -53,9 +54,9 @@ impl<'a> RaySampler<'a> {
         let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
             .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
             .collect();
-        let active_of_row = |&(v, row): &(usize, u32)| {
+        let add_row = |&(v, row): &(usize, u32), add: &(dyn Fn(u64) + Sync)| {
             let camera = &self.cameras[v];
-            let first = self.firsts[v] as u32 + row * camera.width;
+            let first = self.firsts[v] + u64::from(row * camera.width);
             let counts = |column: u32| self.views[v].counts((row * camera.width + column) as usize);
             let is_active = |column: &u32| {
                 let Some(ray) = camera.ray(*column, row).filter(|_| counts(*column)) else { return false };
@@ -64,9 +65,10 @@ impl<'a> RaySampler<'a> {
                     || field.sky.is_some() || field.first_sample(&ray).is_some(),
                 )
             };
-            (0..camera.width).filter(is_active).map(|column| first + column).collect::<Vec<u32>>()
+            (0..camera.width).filter(is_active).for_each(|column| add(first + u64::from(column)));
         };
-        self.active = rows.par_iter().map(active_of_row).flatten_iter().collect();
+        let pixels = self.firsts[self.views.len()];
+        self.active = PixelSet::new(pixels, |add| rows.par_iter().for_each(|row| add_row(row, add)));
     }
 
     /// Puts the frame's background behind all transparent pixels: a sky has one color in a direction.
@@ -93,15 +95,14 @@ impl<'a> RaySampler<'a> {
 
     /// `count` random active pixels of photograph number `view`, as columns, rows and targets; none if none is active.
     pub(super) fn sample(&self, view: usize, random: &Random, count: u64) -> Vec<(u32, u32, Target)> {
-        let place = |pixel: u64| self.active.partition_point(|&active| u64::from(active) < pixel);
-        let active = &self.active[place(self.firsts[view])..place(self.firsts[view + 1])];
+        let [first, end] = [view, view + 1].map(|view| self.active.count_before(self.firsts[view]));
         let target = |draw: u64| {
-            let pixel = active[random.below(draw, active.len() as u64) as usize];
-            let within = pixel - self.firsts[view] as u32;
+            let pixel = self.active.member(first + random.below(draw, end - first));
+            let within = (pixel - self.firsts[view]) as u32;
             let width = self.cameras[view].width;
             (within % width, within / width, self.target(view, within, self.background))
         };
-        if active.is_empty() { Vec::new() } else { (0..count).map(target).collect() }
+        if first == end { Vec::new() } else { (0..count).map(target).collect() }
     }
 
     fn target(&self, view: usize, within: u32, background: [f32; 3]) -> Target {
@@ -118,11 +119,7 @@ impl<'a> RaySampler<'a> {
 
     /// One bit per pixel, least significant first: 1 if its ray is active.
     pub fn active_ray_mask(&self) -> Vec<u8> {
-        let mut bits = vec![0; self.firsts[self.views.len()].div_ceil(8) as usize];
-        for &pixel in &self.active {
-            bits[pixel as usize / 8] |= 1 << (pixel % 8);
-        }
-        bits
+        self.active.to_bytes(self.firsts[self.views.len()])
     }
 
     /// Restores the active rays from a mask of [`RaySampler::active_ray_mask`]. Returns `false` if its length does not
@@ -132,7 +129,7 @@ impl<'a> RaySampler<'a> {
         if bits.len() as u64 != pixels.div_ceil(8) {
             return false;
         }
-        self.active = (0..pixels as u32).filter(|&p| bits[p as usize / 8] >> (p % 8) & 1 == 1).collect();
+        self.active = PixelSet::from_bytes(bits, pixels);
         true
     }
 
@@ -151,7 +148,7 @@ impl<'a> RaySampler<'a> {
     pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
         let active = self.active.len() as u64;
         let at = order.substream(draw / active).permuted(draw % active, active);
-        let pixel = u64::from(self.active[at as usize]);
+        let pixel = self.active.member(at);
         let v = self.firsts.partition_point(|&first| first <= pixel) - 1;
         let within = (pixel - self.firsts[v]) as u32;
         let camera = &self.cameras[v];
