@@ -4,7 +4,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::samples::count_contributions;
-use super::{Field, InterpolationSite, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
+use super::{Field, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
@@ -41,7 +41,6 @@ pub struct Activations<T> {
     own_colors: Vec<T>,
     direction: Vec<T>,
     angles: Vec<T>,
-    sites: Vec<InterpolationSite<T>>,
 }
 
 impl<T: Real> Activations<T> {
@@ -124,7 +123,7 @@ impl<T: Real> Field<T> {
         // A march may be decoded in parts, so the counts are added.
         work.add(&Work {
             shaded: activations.shaded.len() as u64,
-            shaded_contributions: count_contributions(&samples.contribution_ranges, slots, self.scales.len()),
+            shaded_contributions: count_contributions(&samples.neighborhoods, slots, self.scales.len()),
             decoded: activations.row_count() as u64,
             ..Work::default()
         });
@@ -177,7 +176,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Fills the features in the first layer's inputs and, in mode *residual*, the samples' own colors.
+    /// Fills the features in the first layer's inputs.
     #[inline(always)]
     fn multiply_appearance(&self, activations: &mut Activations<T>) {
         let decoder = &self.decoder;
@@ -195,16 +194,6 @@ impl<T: Real> Field<T> {
             false,
         );
         activations.inputs = all_inputs;
-        if decoder.mode == DecoderMode::Residual {
-            let Activations { shaded, components: sample_components, own_colors, .. } = activations;
-            own_colors.resize(shaded.len() * 3, T::zero());
-            multiply(
-                MatrixMut::new(own_colors, shaded.len(), 3, 3),
-                Matrix::new(sample_components, shaded.len(), components, components),
-                Matrix::new(&decoder.appearance, 3, components, components).transposed(),
-                false,
-            );
-        }
     }
 
     /// Fills direction, PE(features) and PE(direction) in the first layer's inputs.
@@ -269,7 +258,7 @@ impl<T: Real> Field<T> {
     }
 }
 
-/// Fills `components` and `reductions`.
+/// Fills `components`, `reductions` and, in mode *residual*, `own_colors`.
 struct GatherAppearance<'a, T> {
     field: &'a Field<T>,
     samples: &'a mut Samples<T>,
@@ -284,28 +273,28 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
         let Self { field, samples, activations } = self;
         let width = field.component_count();
         let scales = field.scales.len();
-        let Activations { shaded, components, reductions, sites, .. } = activations;
+        let Activations { shaded, components, reductions, own_colors, .. } = activations;
         let padding = 3 * T::lanes::<S>();
         components.resize(shaded.len() * width + padding, T::zero());
         reductions.clear();
+        own_colors.clear();
         let mut count = 0;
         for (row, &slot) in shaded.slots.iter().enumerate() {
             let slot = slot as usize;
             let row = &mut components[row * width..][..width + padding];
             let mut first = 0;
             for (s, scale) in field.scales.iter().enumerate() {
-                sites.clear();
-                // Not `extend`: it is not inlined and so compiled for the baseline instruction set.
-                for &contribution in samples.contributions_of(slot, s, scales) {
-                    sites.push(scale.locate(contribution, samples.positions[slot]));
-                }
-                scale.appearance_of(simd, sites, &mut row[first..], &mut count);
+                let contributions = samples.contributions_of(slot, s, scales);
+                scale.appearance_of(simd, contributions, &mut row[first..], &mut count);
                 first += scale.appearance.held().rank();
             }
             if field.rules.appearance_reduction == Reduction::Mean {
                 let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
                 row[..width].iter_mut().for_each(|v| *v *= reduction);
                 reductions.push(reduction);
+            }
+            if field.decoder.mode == DecoderMode::Residual {
+                own_colors.extend(field.decoder.own_color(simd, &row[..width]));
             }
         }
         components.truncate(shaded.len() * width);

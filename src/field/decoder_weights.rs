@@ -1,5 +1,7 @@
 //! The appearance matrices and the layers of the decoder (spec 4.6, 4.7), in the field's precision.
 
+use pulp::Simd;
+
 use super::Real;
 use crate::model::{DecoderMode, Scene};
 
@@ -53,6 +55,27 @@ impl<T: Real> FieldDecoder<T> {
             .collect();
         let frequencies = [scene.decoder.feature_frequencies, scene.decoder.direction_frequencies];
         Self { mode: scene.decoder.mode, features, appearance, frequencies, layers }
+    }
+
+    /// The first three features of a sample's `components`: its own color in mode *residual*, before the row's is added.
+    #[inline(always)]
+    pub(super) fn own_color<S: Simd>(&self, simd: S, components: &[T]) -> [T; 3] {
+        let (lanes, width) = (T::lanes::<S>(), components.len());
+        let whole = width / lanes * lanes;
+        let mut sums = [T::splat(simd, T::zero()); 3];
+        for first in (0..whole).step_by(lanes) {
+            let values = T::load(simd, &components[first..]);
+            for (p, sum) in sums.iter_mut().enumerate() {
+                *sum = T::times_plus(simd, values, T::load(simd, &self.appearance[p * width + first..]), *sum);
+            }
+        }
+        let mut color = [T::total(simd, sums[0]), T::total(simd, sums[1]), T::total(simd, sums[2])];
+        for c in whole..width {
+            for (p, color) in color.iter_mut().enumerate() {
+                *color += components[c] * self.appearance[p * width + c];
+            }
+        }
+        color
     }
 
     /// The first columns of the parts of the first layer's input after the features: direction, PE(features),

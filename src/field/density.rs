@@ -6,7 +6,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::neighbors::Neighbors;
-use super::{Contribution, Field, Real, Samples};
+use super::{Field, Real, Samples};
 use crate::model::{Coverage, Reduction};
 
 impl<T: Real> Field<T> {
@@ -50,18 +50,16 @@ impl<T: Real> Field<T> {
         samples.set_pending(slots.iter().map(|&slot| (T::zero(), positions[slot as usize])));
         samples.positions = positions;
         self.find_neighbors(samples);
-        let Samples { pending_ranges, contribution_ranges, contributions, .. } = samples;
-        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
+        let Samples { pending_neighborhoods, neighborhoods, .. } = samples;
         let scales = self.scales.len();
         for (index, &slot) in slots.iter().enumerate() {
             for s in 0..scales {
-                contribution_ranges[slot as usize * scales + s] =
-                    pending_ranges[s * slots.len() + index].map(|site| first_contribution + site);
+                neighborhoods[slot as usize * scales + s] = pending_neighborhoods[s * slots.len() + index];
             }
         }
     }
 
-    /// Finds the contributions to the pending samples: into `sites`, and appended to `contributions`.
+    /// Appends the contributions to the pending samples.
     #[inline(always)]
     pub(super) fn find_neighbors(&self, samples: &mut Samples<T>) {
         Arch::new().dispatch(FindNeighbors { field: self, samples });
@@ -81,15 +79,13 @@ impl<T: Real> Field<T> {
             Coverage::All => scales,
             Coverage::Any => 1,
         };
-        let Samples { pending_ranges, contributions, contribution_ranges, .. } = samples;
-        let first_contribution = (contributions.len() - samples.sites.len()) as u32;
+        let Samples { pending_neighborhoods, neighborhoods, .. } = samples;
         for index in pending {
-            let first = contribution_ranges.len();
-            let ranges = (0..scales).map(|s| pending_ranges[s * samples.pending.len() + index]);
-            contribution_ranges.extend(ranges.map(|range| range.map(|site| first_contribution + site)));
-            let covering = contribution_ranges[first..].iter().filter(|range| range[0] < range[1]).count();
+            let first = neighborhoods.len();
+            neighborhoods.extend((0..scales).map(|s| pending_neighborhoods[s * samples.pending.len() + index]));
+            let covering = neighborhoods[first..].iter().filter(|neighborhood| neighborhood.is_covered).count();
             if covering < needed {
-                contribution_ranges.truncate(first);
+                neighborhoods.truncate(first);
                 continue;
             }
             samples.distances.push(samples.pending[index]);
@@ -127,14 +123,12 @@ impl<T: Real> WithSimd for FindNeighbors<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Samples { pending_positions, pending_ranges, sites, contributions, .. } = self.samples;
-        sites.clear();
-        pending_ranges.clear();
-        let mut found = Neighbors::new(self.field.rules.aggregation, sites, pending_ranges);
+        let Samples { pending_positions, pending_neighborhoods, contributions, .. } = self.samples;
+        pending_neighborhoods.clear();
+        let mut found = Neighbors::new(self.field.rules.aggregation, contributions, pending_neighborhoods);
         for scale in &self.field.scales {
             scale.find_nearest(simd, pending_positions, &mut found);
         }
-        contributions.extend(sites.iter().map(|site| Contribution { tensor: site.tensor, weight: site.weight }));
     }
 }
 
@@ -152,16 +146,16 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
         let Self { field, samples } = self;
         let scales = field.scales.len();
         let first_slot = samples.features.len();
-        let first_contribution = (samples.contributions.len() - samples.sites.len()) as u32;
         let mut count = 0;
-        samples.features.resize(samples.positions.len(), T::zero());
-        for (s, scale) in field.scales.iter().enumerate() {
-            for (slot, feature) in samples.features.iter_mut().enumerate().skip(first_slot) {
-                let [first, end] = samples.contribution_ranges[slot * scales + s];
-                let sites = &samples.sites[(first - first_contribution) as usize..(end - first_contribution) as usize];
-                *feature += scale.density_of(simd, sites, &mut count);
+        let mut features = std::mem::take(&mut samples.features);
+        for slot in first_slot..samples.positions.len() {
+            let mut sums = T::splat(simd, T::zero());
+            for (s, scale) in field.scales.iter().enumerate() {
+                sums = scale.add_density(simd, samples.contributions_of(slot, s, scales), sums, &mut count);
             }
+            features.push(T::total(simd, sums));
         }
+        samples.features = features;
         if field.rules.density_reduction == Reduction::Mean {
             for slot in first_slot..samples.positions.len() {
                 let covering = samples.covering_scales(slot, scales);

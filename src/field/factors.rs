@@ -3,7 +3,7 @@
 //! Besides `matrix.rs` the only file of the crate with `unsafe` code: registers of factors are loaded without a bounds check
 //! each, which takes half of the time of a gather.
 
-#![expect(unsafe_code, reason = "one check per site replaces those of a dozen loads")]
+#![expect(unsafe_code, reason = "one check per contribution replaces those of a dozen loads")]
 
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::Simd;
@@ -92,11 +92,47 @@ impl HeldComponents {
         dense
     }
 
-    /// Splits `values`, laid out as the factors, by tensor.
+    /// Of the same tensors, \[tensor\] these `components`, ascending.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn of_components(&self, components: &[Vec<u16>]) -> Self {
+        let ends = components.iter().scan(0, |end, of_tensor| {
+            *end += of_tensor.len() as u32;
+            Some(*end)
+        });
+        let starts = std::iter::once(0).chain(ends).collect();
+        Self { rank: self.rank, rows: self.rows, starts, components: components.concat() }
+    }
+
+    /// `values`, laid out as the factors, laid out for the tensors that hold `to`, whose component c is `order`\[c\] of this;
+    /// with zeros for what this does not hold.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn rearranged<T: Real>(&self, values: &[T], to: &Self, order: &[u16]) -> Vec<T> {
+        let mut rearranged = Vec::with_capacity(to.value_count());
+        for tensor in 0..self.tensors() {
+            let held = self.of(tensor);
+            let places: Vec<Option<usize>> =
+                to.of(tensor).iter().map(|&c| held.binary_search(&order[c as usize]).ok()).collect();
+            let values = &values[self.values(tensor)];
+            for row in 0..self.rows {
+                let row = &values[row * held.len()..][..held.len()];
+                rearranged.extend(places.iter().map(|place| place.map_or(T::zero(), |place| row[place])));
+            }
+        }
+        rearranged
+    }
+
+    /// The range of the components of `tensor` among those of all.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn range(&self, tensor: usize) -> std::ops::Range<usize> {
+        self.starts[tensor] as usize..self.starts[tensor + 1] as usize
+    }
+
+    /// Splits `values` by tensor: those of the factors, or one for each component.
     #[cfg(feature = "toolkit")]
     pub(crate) fn split_mut<'v, T>(&self, mut values: &'v mut [T]) -> Vec<&'v mut [T]> {
+        let each = values.len() / self.components().max(1);
         let tensor = |n| {
-            let (of_tensor, rest) = std::mem::take(&mut values).split_at_mut(self.values(n).len());
+            let (of_tensor, rest) = std::mem::take(&mut values).split_at_mut(each * self.count(n));
             values = rest;
             of_tensor
         };
@@ -104,16 +140,16 @@ impl HeldComponents {
     }
 }
 
-/// A contribution, prepared for interpolation.
+/// A neighbor of a sample, its weight, and where the sample is in it (spec 4.2 to 4.4).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct InterpolationSite<T> {
+pub struct Contribution<T> {
     /// The tensor's index over all scales.
     pub tensor: u32,
     /// The lower of the two rows on each axis, an index over the tensor's rows.
     pub rows: [u32; 3],
     /// The fraction of the way to the next row, per axis, in [0, 1].
     pub fractions: [T; 3],
-    /// The weight w of the tensor in its scale (spec 4.4).
+    /// The weight w of the tensor in its scale.
     pub weight: T,
 }
 
@@ -189,27 +225,42 @@ impl<T: Real> FieldFactors<T> {
         (&self.held, &mut self.values[..count])
     }
 
-    /// The rows of `tensor` at `site`.
+    /// The rows of `tensor`, a scale's, that `contribution` is between.
     ///
     /// # Panics
     ///
     /// If the tensor has no such rows.
     #[inline(always)]
-    pub(super) fn rows_at<S: Simd>(&self, simd: S, tensor: usize, site: &InterpolationSite<T>) -> SiteRows<'_, T, S> {
+    pub(super) fn rows_of<S: Simd>(
+        &self,
+        simd: S,
+        tensor: usize,
+        contribution: &Contribution<T>,
+    ) -> RowPairs<'_, T, S> {
         let Self { held, values } = self;
-        let rank = held.count(tensor);
-        let last = site.rows[0].max(site.rows[1]).max(site.rows[2]);
-        // `values` has `rows` rows for each of the components before `starts[tensor + 1]`, and a register more.
+        let [start, end] = [held.starts[tensor], held.starts[tensor + 1]].map(|component| component as usize);
+        let Contribution { rows: [x, y, z], fractions, weight, .. } = *contribution;
+        let last = x.max(y).max(z);
         assert!((last as usize) + 1 < held.rows, "a row of a tensor");
-        let first = &values[held.starts[tensor] as usize * held.rows..];
-        let [x, y, z] = site.fractions;
-        SiteRows {
-            first,
-            lower: [site.rows[0] as usize * rank, site.rows[1] as usize * rank, site.rows[2] as usize * rank],
+        let rank = end - start;
+        // `values` has `rows` rows for each of the components before `end`, and a register more.
+        let first = values.as_ptr().wrapping_add(start * held.rows);
+        RowPairs {
+            lower: [x, y, z].map(|row| first.wrapping_add(row as usize * rank)),
             rank,
-            fractions: [T::splat(simd, x), T::splat(simd, y), T::splat(simd, z)],
-            weight: T::splat(simd, site.weight),
+            fractions: [T::splat(simd, fractions[0]), T::splat(simd, fractions[1]), T::splat(simd, fractions[2])],
+            weight: T::splat(simd, weight),
+            factors: std::marker::PhantomData,
         }
+    }
+
+    /// Holds the components `held`, of the same tensors; its component c was `order`\[c\].
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn rearrange(&mut self, held: HeldComponents, order: &[u16]) {
+        let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
+        values.extend_from_slice(&self.held.rearranged(self.values(), &held, order));
+        values.resize(values.len() + MAX_LANES, T::zero());
+        *self = Self { held, values };
     }
 
     /// Gives tensors `rows` rows: `resampled` returns a tensor's new factors from the old ones and their number of
@@ -228,36 +279,42 @@ impl<T: Real> FieldFactors<T> {
     }
 }
 
-/// The rows of a tensor at a site, two on each axis, for registers of `S`.
-pub(super) struct SiteRows<'a, T: Real, S: Simd> {
-    /// The factors from the tensor's first on: at least `rank` for each of its rows, and a register.
-    first: &'a [T],
-    /// \[axis\] the first factor of the lower row, which is not the tensor's last.
-    lower: [usize; 3],
+/// The rows of a tensor that a sample is between, two on each axis, for registers of `S`.
+pub(super) struct RowPairs<'a, T: Real, S: Simd> {
+    /// \[axis\] the lower row, which is not the tensor's last: at least twice `rank` factors, and a register.
+    lower: [*const T; 3],
     /// The number of components that the tensor holds.
     rank: usize,
     fractions: [T::Register<S>; 3],
     weight: T::Register<S>,
+    factors: std::marker::PhantomData<&'a [T]>,
 }
 
-impl<T: Real, S: Simd> SiteRows<'_, T, S> {
+impl<T: Real, S: Simd> RowPairs<'_, T, S> {
     /// The number of components that the tensor holds.
     #[inline(always)]
     pub(super) fn rank(&self) -> usize {
         self.rank
     }
 
-    /// weight·x·y·z of a register of components from `first`; 0 behind the last component.
-    ///
-    /// # Panics
-    ///
-    /// If the tensor does not hold component `first`.
+    /// `sums` plus weight·x·y·z of all components, in registers.
     #[inline(always)]
-    pub(super) fn products(&self, simd: S, first: usize) -> T::Register<S> {
-        assert!(first < self.rank, "a component of the tensor");
+    pub(super) fn add_all(&self, simd: S, mut sums: T::Register<S>) -> T::Register<S> {
+        for first in (0..self.rank).step_by(T::lanes::<S>()) {
+            sums = self.add(simd, first, sums);
+        }
+        sums
+    }
+
+    /// `sums` plus weight·x·y·z of a register of components from `first` on; no more, behind the last component.
+    #[inline(always)]
+    pub(super) fn add(&self, simd: S, first: usize, sums: T::Register<S>) -> T::Register<S> {
+        if first >= self.rank {
+            return sums;
+        }
         let mut products = self.weight;
         for a in 0..3 {
-            let lower = self.first.as_ptr().wrapping_add(self.lower[a] + first);
+            let lower = self.lower[a].wrapping_add(first);
             // SAFETY: The lower row is not the tensor's last and component `first` is held, so both registers begin within
             // the tensor's factors, which at least a register of other numbers follows.
             let (lower, upper) = unsafe {
@@ -268,13 +325,13 @@ impl<T: Real, S: Simd> SiteRows<'_, T, S> {
             products = T::times(simd, products, value);
         }
         let count = self.rank - first;
-        if count >= T::lanes::<S>() {
-            return products;
+        if count < T::lanes::<S>() {
+            // The register ends with numbers of the next rows.
+            let last = T::splat(simd, T::of_i32(count as i32 - 1));
+            let is_held = T::less_or_equal(simd, T::load(simd, &T::LANES), last);
+            products = T::select(simd, is_held, products, T::splat(simd, T::zero()));
         }
-        // The register ends with numbers of the next rows.
-        let last = T::splat(simd, T::of_i32(count as i32 - 1));
-        let is_held = T::less_or_equal(simd, T::load(simd, &T::LANES), last);
-        T::select(simd, is_held, products, T::splat(simd, T::zero()))
+        T::plus(simd, sums, products)
     }
 }
 
@@ -312,9 +369,9 @@ mod tests {
 
     #[test]
     #[should_panic = "a row of a tensor"]
-    fn a_site_at_rows_that_a_tensor_lacks_is_refused() {
+    fn rows_that_a_tensor_lacks_are_refused() {
         let factors = FieldFactors::<f32>::new(Holding::Nonzero, &DENSE, 3, 3);
-        let site = InterpolationSite { rows: [0, 1, 2], ..InterpolationSite::default() };
-        factors.rows_at(pulp::Scalar, 0, &site);
+        let contribution = Contribution { rows: [0, 1, 2], ..Contribution::default() };
+        factors.rows_of(pulp::Scalar, 0, &contribution);
     }
 }

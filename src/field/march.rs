@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::samples::{ActiveRay, Run, count_contributions};
+use super::samples::{ActiveRay, Neighborhood, Run, count_contributions};
 use super::{DensityCache, Field, RayMarcher, Real, Samples, Stage, add_compensated};
 use crate::geometry::Ray;
 
@@ -60,7 +60,7 @@ impl<T: Real> Field<T> {
         work.rays = rays.len() as u64;
         work.evaluated = samples.positions.len() as u64;
         work.samples = samples.order.len() as u64;
-        work.contributions = count_contributions(&samples.contribution_ranges, 0..samples.positions.len(), scales);
+        work.contributions = count_contributions(&samples.neighborhoods, 0..samples.positions.len(), scales);
         samples.clock.lap(Stage::Composite);
     }
 
@@ -115,7 +115,7 @@ impl<T: Real> Field<T> {
                 samples.positions.push(position);
             }
         }
-        samples.contribution_ranges.resize(samples.positions.len() * self.scales.len(), [0, 0]);
+        samples.neighborhoods.resize(samples.positions.len() * self.scales.len(), Neighborhood::default());
     }
 
     /// Opacities of the newest samples and the transmittance in front of each; removes rays that have ended.

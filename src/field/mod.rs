@@ -35,13 +35,13 @@ pub use decoder::Activations;
 pub use decoder_weights::{Dense, FieldDecoder};
 pub use density_cache::DensityCache;
 pub(crate) use factors::Holding;
-pub use factors::{FieldFactors, HeldComponents, InterpolationSite};
+pub use factors::{Contribution, FieldFactors, HeldComponents};
 pub use index::CellIndex;
 pub use matrix::{Matrix, MatrixMut, multiply};
 pub use ray_marcher::RayMarcher;
 pub use real::{Real, add_compensated};
 pub use samples::Samples;
-pub use scale::{Contribution, FieldScale, TensorRows};
+pub use scale::{FieldScale, TensorRows};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
 pub use sky::FieldSky;
@@ -53,13 +53,22 @@ pub use vector::Vector;
 use glam::DVec3;
 
 use crate::geometry::{Aabb, MAX_SPACING, Ray};
-use crate::model::{Coverage, Factors, Rules, Scene};
+use crate::model::{Coverage, Factors, Rules, Scale, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
 /// only if they are inlined into `work`.
 #[inline(always)]
 pub fn vectorized<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
+}
+
+/// The density and the appearance factors of `scale`.
+fn held_factors<T: Real>(scale: &Scale) -> [FieldFactors<T>; 2] {
+    let (factors, rows) = (&scale.factors, Factors::rows(scale.cloud.resolution));
+    [
+        FieldFactors::new(Holding::Nonzero, &factors.density, rows, factors.density_rank as usize),
+        FieldFactors::new(Holding::UpToLast, &factors.appearance, rows, factors.appearance_rank as usize),
+    ]
 }
 
 /// A scene, prepared for fast evaluation.
@@ -94,29 +103,20 @@ pub struct Field<T> {
 impl<T: Real> Field<T> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
     pub fn new(scene: &Scene) -> Self {
-        let factors = scene.scales.iter().map(|scale| {
-            let (factors, rows) = (&scale.factors, Factors::rows(scale.cloud.resolution));
-            [
-                FieldFactors::new(Holding::Nonzero, &factors.density, rows, factors.density_rank as usize),
-                FieldFactors::new(Holding::UpToLast, &factors.appearance, rows, factors.appearance_rank as usize),
-            ]
-        });
+        let factors = scene.scales.iter().map(held_factors);
         Self::with_factors(scene, factors.collect())
     }
 
-    /// As [`Field::new`], but drops each scale's factors as soon as they are converted, which keeps about one copy of
-    /// them in memory at any time.
-    pub fn consuming(mut scene: Scene) -> Self {
-        let factors = scene.scales.iter_mut().map(|scale| {
-            let (factors, rows) = (&mut scale.factors, Factors::rows(scale.cloud.resolution));
-            let [density, appearance] = [&mut factors.density, &mut factors.appearance].map(std::mem::take);
-            [
-                FieldFactors::new(Holding::Nonzero, &density, rows, factors.density_rank as usize),
-                FieldFactors::new(Holding::UpToLast, &appearance, rows, factors.appearance_rank as usize),
-            ]
-        });
-        let factors = factors.collect();
-        Self::with_factors(&scene, factors)
+    /// As [`Field::new`], but takes each scale's factors out of `scene` as soon as they are converted, which keeps about one
+    /// copy of them in memory at any time.
+    pub fn taking(scene: &mut Scene) -> Self {
+        let taken = |scale: &mut Scale| {
+            let factors = held_factors(scale);
+            (scale.factors.density, scale.factors.appearance) = (Vec::new(), Vec::new());
+            factors
+        };
+        let factors = scene.scales.iter_mut().map(taken).collect();
+        Self::with_factors(scene, factors)
     }
 
     /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].

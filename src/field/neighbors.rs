@@ -1,52 +1,73 @@
 //! Neighbors of samples and their weights (spec 4.1, 4.2, 4.4). Twin: `shaders/neighbors.wgsl`.
 //!
-//! Consecutive samples of a ray mostly lie in cells with the same candidates. Each candidate is tested against a group
-//! of such samples at once, one lane per sample.
+//! Samples of a ray, and of rays beside it, mostly lie in cells with the same candidates. Each candidate is tested
+//! against a group of such samples at once, one lane per sample.
 
 use pulp::Simd;
 
 use super::index::{BLOCK, CandidateBlock};
 use super::positions::Positions;
+use super::samples::Neighborhood;
 use super::vector::MAX_LANES;
-use super::{Contribution, FieldScale, InterpolationSite, Real};
+use super::{Contribution, FieldScale, Real};
 use crate::model::{Aggregation, MAX_TOP_K};
 
 /// The neighbors found for a batch of samples, and scratch.
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
-    /// The interpolation sites of all samples.
-    sites: &'a mut Vec<InterpolationSite<T>>,
-    /// \[scale × samples + sample\] the sample's range of `sites`.
-    ranges: &'a mut Vec<[u32; 2]>,
+    /// Those of all samples are appended to these.
+    contributions: &'a mut Vec<Contribution<T>>,
+    /// \[scale × samples + sample\] the sample's neighbors.
+    neighborhoods: &'a mut Vec<Neighborhood>,
     covering: Covering<T>,
     /// \[sample\] the candidate list of its cell.
     lists: Vec<u32>,
+}
+
+/// Groups that are filled at the same time.
+const OPEN_GROUPS: usize = 64;
+
+/// Samples in cells with the same candidates.
+#[derive(Clone, Copy)]
+struct Group {
+    /// Their candidate list.
+    list: u32,
+    /// Number of samples.
+    count: usize,
+    samples: [u32; MAX_LANES],
+}
+
+impl Group {
+    const EMPTY: Self = Self { list: 0, count: 0, samples: [0; MAX_LANES] };
 }
 
 /// The candidates that cover any sample of a group, one lane per sample.
 struct Covering<T> {
     count: usize,
     tensors: [u32; BLOCK],
+    /// \[lane\] the number of candidates that cover the sample.
+    counts: [T; MAX_LANES],
     /// Weights; 0 if the candidate is no neighbor of the lane's sample.
     weights: [[T; MAX_LANES]; BLOCK],
-    lowers: [[[T; MAX_LANES]; 3]; BLOCK],
+    rows: [[[u32; MAX_LANES]; 3]; BLOCK],
     fractions: [[[T; MAX_LANES]; 3]; BLOCK],
 }
 
 impl<'a, T: Real> Neighbors<'a, T> {
     pub(super) fn new(
         aggregation: Aggregation,
-        sites: &'a mut Vec<InterpolationSite<T>>,
-        ranges: &'a mut Vec<[u32; 2]>,
+        contributions: &'a mut Vec<Contribution<T>>,
+        neighborhoods: &'a mut Vec<Neighborhood>,
     ) -> Self {
         let covering = Covering {
             count: 0,
             tensors: [0; BLOCK],
+            counts: [T::zero(); MAX_LANES],
             weights: [[T::zero(); MAX_LANES]; BLOCK],
-            lowers: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
+            rows: [[[0; MAX_LANES]; 3]; BLOCK],
             fractions: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
         };
-        Self { aggregation, sites, ranges, covering, lists: Vec::new() }
+        Self { aggregation, contributions, neighborhoods, covering, lists: Vec::new() }
     }
 }
 
@@ -74,54 +95,71 @@ impl<T: Real> FieldScale<T> {
     pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbors<T>) {
         let mut lists = std::mem::take(&mut found.lists);
         self.index().lists_at(simd, positions, &mut lists);
-        let mut first = 0;
-        while first < lists.len() {
-            let list = lists[first];
-            let mut end = first + 1;
-            let max_end = lists.len().min(first + T::lanes::<S>());
-            while end < max_end && lists[end] == list {
-                end += 1;
+        let first = found.neighborhoods.len();
+        found.neighborhoods.resize(first + positions.len(), Neighborhood::default());
+        let mut groups = [Group::EMPTY; OPEN_GROUPS];
+        for (sample, &list) in lists.iter().enumerate() {
+            let group = &mut groups[list as usize % OPEN_GROUPS];
+            if group.list != list || group.count == T::lanes::<S>() {
+                self.find_of_group(simd, positions, group, first, found);
+                (group.list, group.count) = (list, 0);
             }
-            self.find_of_group(simd, positions, first..end, list, found);
-            first = end;
+            group.samples[group.count] = sample as u32;
+            group.count += 1;
+        }
+        for group in &groups {
+            self.find_of_group(simd, positions, group, first, found);
         }
         found.lists = lists;
     }
 
-    /// [`FieldScale::find_nearest`] for a `group` of at most a register's lanes, in cells with the same `list`.
+    /// [`FieldScale::find_nearest`] for the samples of `group`; sample 0 has neighborhood `first`.
     #[inline(always)]
     fn find_of_group<S: Simd>(
         &self,
         simd: S,
         positions: &Positions<T>,
-        group: std::ops::Range<usize>,
-        list: u32,
+        group: &Group,
+        first: usize,
         found: &mut Neighbors<T>,
     ) {
-        let is_covering_known = match self.index().blocks(list) {
-            [block] => self.cover(simd, block, positions, &group, found),
+        let samples = &group.samples[..group.count];
+        let blocks = self.index().blocks(group.list);
+        if samples.is_empty() || blocks.is_empty() {
+            return;
+        }
+        let mut lanes = [[T::zero(); MAX_LANES]; 3];
+        for (a, lanes) in lanes.iter_mut().enumerate() {
+            let axis = positions.axis(a);
+            lanes.iter_mut().zip(samples).for_each(|(lane, &sample)| *lane = axis[sample as usize]);
+        }
+        let is_covering_known = match blocks {
+            [block] => self.cover(simd, block, &lanes, samples.len(), found),
             _ => false,
         };
-        for (lane, sample) in group.enumerate() {
-            let begin = found.sites.len() as u32;
-            if is_covering_known {
-                self.push_lane_sites(&found.covering, lane, found.sites);
-            } else {
-                self.nearest_of_any(positions.get(sample), found.aggregation, found.sites);
-            }
-            found.ranges.push([begin, found.sites.len() as u32]);
+        let Neighbors { aggregation, contributions, neighborhoods, covering, .. } = found;
+        let neighborhoods = &mut neighborhoods[first..];
+        if is_covering_known {
+            self.push_covering(covering, samples, contributions, neighborhoods);
+            return;
+        }
+        for &sample in samples {
+            let begin = contributions.len() as u32;
+            self.nearest_of_any(positions.get(sample as usize), *aggregation, contributions);
+            let end = contributions.len() as u32;
+            neighborhoods[sample as usize] = Neighborhood { contributions: [begin, end], is_covered: begin < end };
         }
     }
 
-    /// Finds the candidates of `block` that cover any sample of `group`, with their weights; false if a sample is at a
-    /// center, which needs another formula.
+    /// Finds the candidates of `block` that cover any of the first `count` positions, \[axis\]\[lane\], with their weights;
+    /// false if a position is at a center, which needs another formula.
     #[inline(always)]
     fn cover<S: Simd>(
         &self,
         simd: S,
         block: &CandidateBlock<T>,
-        positions: &Positions<T>,
-        group: &std::ops::Range<usize>,
+        positions: &[[T; MAX_LANES]; 3],
+        count: usize,
         found: &mut Neighbors<T>,
     ) -> bool {
         let aggregation = found.aggregation;
@@ -130,12 +168,10 @@ impl<T: Real> FieldScale<T> {
         let zero = T::splat(simd, T::zero());
         let one = T::splat(simd, T::one());
         let infinity = T::splat(simd, T::infinity());
-        let x = T::load(simd, &positions.axis(0)[group.start..]);
-        let y = T::load(simd, &positions.axis(1)[group.start..]);
-        let z = T::load(simd, &positions.axis(2)[group.start..]);
-        let position = [x, y, z];
+        let [x, y, z] = positions;
+        let position = [T::load(simd, x), T::load(simd, y), T::load(simd, z)];
         let mut in_group = [T::infinity(); MAX_LANES];
-        in_group[..group.len()].fill(T::zero());
+        in_group[..count].fill(T::zero());
         // No candidate covers lanes without a sample.
         let in_group = T::less_or_equal(simd, T::load(simd, &in_group), zero);
 
@@ -165,11 +201,17 @@ impl<T: Real> FieldScale<T> {
             found.tensors[found.count] = block.tensors[c];
             for a in 0..3 {
                 let (lower, fraction) = self.rows().on_axis_of_many(simd, a, offsets[a]);
-                T::store(simd, &mut found.lowers[found.count][a], lower);
                 T::store(simd, &mut found.fractions[found.count][a], fraction);
+                let mut lowers = [T::zero(); MAX_LANES];
+                T::store(simd, &mut lowers, lower);
+                let first = self.rows().first(a);
+                // Meaningless where the candidate does not cover the lane's sample.
+                let rows = &mut found.rows[found.count][a];
+                rows.iter_mut().zip(lowers).for_each(|(row, lower)| *row = first.wrapping_add(lower.small_u32()));
             }
             found.count += 1;
         }
+        T::store(simd, &mut found.counts, counts);
         let squares = &mut squares[..found.count.min(BLOCK)];
         let fewest = T::least(simd, T::minus(simd, T::splat(simd, T::of(self.top_k() as f64)), counts));
         if fewest < T::zero() {
@@ -199,28 +241,50 @@ impl<T: Real> FieldScale<T> {
         }
     }
 
-    /// Appends the sites of one sample of a group.
+    /// Appends the contributions to the samples of a group, without those of tensors that have no components, and sets
+    /// their `neighborhoods`.
     #[inline(always)]
-    fn push_lane_sites(&self, covering: &Covering<T>, lane: usize, sites: &mut Vec<InterpolationSite<T>>) {
-        let rows = self.rows();
-        for c in 0..covering.count.min(BLOCK) {
-            let weight = covering.weights[c][lane];
-            if weight > T::zero() {
-                let row = |a: usize| rows.first(a) + covering.lowers[c][a][lane].small_u32();
-                let fractions = &covering.fractions[c];
-                sites.push(InterpolationSite {
+    fn push_covering(
+        &self,
+        covering: &Covering<T>,
+        samples: &[u32],
+        contributions: &mut Vec<Contribution<T>>,
+        neighborhoods: &mut [Neighborhood],
+    ) {
+        let mut held = [0; BLOCK];
+        let mut count = 0;
+        for (c, &tensor) in covering.tensors[..covering.count.min(BLOCK)].iter().enumerate() {
+            held[count] = c;
+            let [density, appearance] = [&self.density, &self.appearance].map(|f| f.held().count(tensor as usize));
+            count += usize::from(density + appearance > 0);
+        }
+        let begin = contributions.len();
+        // Room for all, so that the ones of no weight can be overwritten by the next, without a branch.
+        contributions.resize(begin + samples.len() * count + 1, Contribution::default());
+        let mut end = begin;
+        for (lane, &sample) in samples.iter().enumerate() {
+            let first = end;
+            for &c in &held[..count] {
+                let (rows, fractions, weight) = (&covering.rows[c], &covering.fractions[c], covering.weights[c][lane]);
+                contributions[end] = Contribution {
                     tensor: self.first_tensor + covering.tensors[c],
-                    rows: [row(0), row(1), row(2)],
+                    rows: [rows[0][lane], rows[1][lane], rows[2][lane]],
                     fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
                     weight,
-                });
+                };
+                end += usize::from(weight > T::zero());
             }
+            neighborhoods[sample as usize] = Neighborhood {
+                contributions: [first as u32, end as u32],
+                is_covered: covering.counts[lane] > T::zero(),
+            };
         }
+        contributions.truncate(end);
     }
 
     /// Appends the `top_k` nearest of any number of candidates, nearest first. By insertion, for single samples.
     #[inline(never)]
-    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, sites: &mut Vec<InterpolationSite<T>>) {
+    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, contributions: &mut Vec<Contribution<T>>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
@@ -241,7 +305,7 @@ impl<T: Real> FieldScale<T> {
         }
         weigh(aggregation, &mut values[..count]);
         for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
-            sites.push(self.locate(Contribution { tensor: self.first_tensor + tensor, weight }, position));
+            contributions.push(self.contribution(tensor, weight, position));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The samples of a march: the evaluated ones, the ones that count, and their weights (spec 4.8).
 
 use super::positions::Positions;
-use super::{Contribution, InterpolationSite, RayMarcher, Real, StageClock};
+use super::{Contribution, RayMarcher, Real, StageClock};
 
 /// The samples of a batch of rays. Reused from one march to the next.
 ///
@@ -18,9 +18,9 @@ pub struct Samples<T> {
     pub alphas: Vec<T>,
     /// \[slot\] the transmittance in front of the sample; 0 behind the ray's end.
     pub transmittances: Vec<T>,
-    /// \[slot × scales + scale\] the sample's range of `contributions` in that scale.
-    pub contribution_ranges: Vec<[u32; 2]>,
-    /// Contributions of all samples and scales, in no particular order.
+    /// \[slot × scales + scale\] the sample's neighbors in that scale.
+    pub(super) neighborhoods: Vec<Neighborhood>,
+    /// Contributions of all samples and scales, those of a sample and scale together.
     pub contributions: Vec<Contribution<T>>,
     /// \[ray\] the ray's first index in `order`; then the length of `order`.
     pub ray_starts: Vec<u32>,
@@ -36,10 +36,17 @@ pub struct Samples<T> {
     pub(super) pending: Vec<T>,
     /// \[pending\] positions of the samples under evaluation.
     pub(super) pending_positions: Positions<T>,
-    /// \[scale × pending + sample\] the sample's range of `sites`.
-    pub(super) pending_ranges: Vec<[u32; 2]>,
-    /// Interpolation sites of the samples under evaluation.
-    pub(super) sites: Vec<InterpolationSite<T>>,
+    /// \[scale × pending + sample\] the sample's neighbors.
+    pub(super) pending_neighborhoods: Vec<Neighborhood>,
+}
+
+/// The neighbors of a sample in a scale.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Neighborhood {
+    /// The first of its contributions, and their end.
+    pub(super) contributions: [u32; 2],
+    /// True if any tensor covers the sample, which may be one without components and so without a contribution.
+    pub(super) is_covered: bool,
 }
 
 /// A ray that has not ended.
@@ -72,7 +79,7 @@ impl<T: Real> Samples<T> {
             values.clear();
         }
         self.order.clear();
-        self.contribution_ranges.clear();
+        self.neighborhoods.clear();
         self.ray_starts.clear();
         self.ray_starts.resize(rays + 1, 0);
         self.remaining.resize(rays, T::one());
@@ -129,21 +136,26 @@ impl<T: Real> Samples<T> {
     /// The contributions to the sample at `slot` in `scale`, of `scales` scales.
     #[inline(always)]
     pub fn contributions_of(&self, slot: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
-        let [first, end] = self.contribution_ranges[slot * scales + scale];
+        let [first, end] = self.neighborhoods[slot * scales + scale].contributions;
         &self.contributions[first as usize..end as usize]
     }
 
     /// Number of scales that cover the sample at `slot`, of `scales` scales.
     pub fn covering_scales(&self, slot: usize, scales: usize) -> usize {
-        (0..scales).filter(|&s| !self.contributions_of(slot, s, scales).is_empty()).count()
+        self.neighborhoods[slot * scales..][..scales].iter().filter(|neighborhood| neighborhood.is_covered).count()
     }
 }
 
 /// \[scale\] the number of contributions to the samples at `slots`.
-pub(super) fn count_contributions(ranges: &[[u32; 2]], slots: impl Iterator<Item = usize>, scales: usize) -> Vec<u64> {
+pub(super) fn count_contributions(
+    neighborhoods: &[Neighborhood],
+    slots: impl Iterator<Item = usize>,
+    scales: usize,
+) -> Vec<u64> {
     let mut counts = vec![0; scales];
     for slot in slots {
-        for (count, [first, end]) in counts.iter_mut().zip(&ranges[slot * scales..]) {
+        for (count, neighborhood) in counts.iter_mut().zip(&neighborhoods[slot * scales..]) {
+            let [first, end] = neighborhood.contributions;
             *count += u64::from(end - first);
         }
     }

@@ -6,7 +6,7 @@ use pulp::Simd;
 
 use super::real::floor;
 use super::{CellIndex, FieldFactors, Real};
-use crate::model::{Factors, Scale};
+use crate::model::{Factors, Scale, TensorCloud};
 
 /// The tensors of a scale.
 #[derive(Clone, Debug)]
@@ -96,15 +96,6 @@ impl<T: Real> TensorRows<T> {
     }
 }
 
-/// A neighbor of a sample and its weight (spec 4.2, 4.4).
-#[derive(Clone, Copy, Debug)]
-pub struct Contribution<T> {
-    /// The tensor's index over all scales.
-    pub tensor: u32,
-    /// The weight w of the tensor in its scale.
-    pub weight: T,
-}
-
 #[cfg(feature = "toolkit")]
 #[inline(always)]
 pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
@@ -148,15 +139,15 @@ impl<T: Real> FieldScale<T> {
         &self.rows
     }
 
-    /// Gives the tensors another resolution, when training upsamples: `resampled` returns a tensor's new factors from the
-    /// old ones and their number of components.
+    /// Gives the tensors the resolution of `cloud`, which is theirs, when training upsamples: `resampled` returns a tensor's
+    /// new factors from the old ones and their number of components.
     ///
     /// # Panics
     ///
     /// If the new factors do not fit the resolution.
-    pub fn set_resolution(&mut self, resolution: [u32; 3], resampled: impl Fn(&[T], usize) -> Vec<T>) {
-        self.rows = TensorRows::new(DVec3::from_array(self.half_edge.map(T::f64)), resolution);
-        self.resolution = resolution;
+    pub fn set_resolution(&mut self, cloud: &TensorCloud, resampled: impl Fn(&[T], usize) -> Vec<T>) {
+        self.rows = TensorRows::new(cloud.half_edge, cloud.resolution);
+        self.resolution = cloud.resolution;
         self.density.resample(self.rows.count, &resampled);
         self.appearance.resample(self.rows.count, &resampled);
     }

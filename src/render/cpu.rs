@@ -77,7 +77,7 @@ impl<T: Real> CpuRenderer<T> {
     pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
         approximation.check(&scene)?;
         approximation.reduce(&mut scene);
-        let mut field = Field::consuming(scene);
+        let mut field = Field::taking(&mut scene);
         if let Some(cells) = approximation.density_cache {
             field.cache_density(cells);
         }

@@ -37,10 +37,7 @@ impl<T: Real> TensorPairs<T> {
         tensors: usize,
         sources: impl Iterator<Item = (u32, u32, T)> + Clone,
     ) {
-        let pairs_at = |place: u32| {
-            let ranges = &samples.contribution_ranges[place as usize * scales..][..scales];
-            ranges.iter().flat_map(|range| &samples.contributions[range[0] as usize..range[1] as usize])
-        };
+        let pairs_at = |place: u32| (0..scales).flat_map(move |s| samples.contributions_of(place as usize, s, scales));
         // `starts[n + 2]` counts the pairs of tensor n, then becomes the first index of those of n + 1; `starts[n + 1]`
         // moves from the first index of those of n to their end.
         self.starts.clear();

@@ -22,7 +22,7 @@ use crate::random::Random;
 pub struct Trainer<'a> {
     config: TrainConfig,
     sampler: RaySampler<'a>,
-    /// The scene, except that the current factors, matrices, decoder and sky are in `field`.
+    /// The scene without factors. The current ones, and matrices, decoder and sky, are in `field`.
     scene: Scene,
     field: Field<f32>,
     backward: Backward<f32>,
@@ -49,8 +49,8 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
-    pub fn new(config: TrainConfig, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
-        let field = Field::new(&scene);
+    pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+        let field = Field::taking(&mut scene);
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
@@ -62,8 +62,8 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
-    pub fn resume(checkpoint: Checkpoint, scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
-        let field = Field::new(&scene);
+    pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+        let field = Field::taking(&mut scene);
         let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
         Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
@@ -102,8 +102,8 @@ impl<'a> Trainer<'a> {
 
     /// Continues with another `scene` of the same photographs for `steps`, over which learning rates fall. The
     /// optimizer restarts.
-    pub(super) fn continue_from(&mut self, scene: Scene, steps: u64) {
-        self.field = Field::new(&scene);
+    pub(super) fn continue_from(&mut self, mut scene: Scene, steps: u64) {
+        self.field = Field::taking(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
@@ -292,7 +292,7 @@ impl<'a> Trainer<'a> {
                     let kept = prune_unoccupied(&mut scene);
                     self.checkpoint.keep_tensors(&kept, &self.field);
                 }
-                self.field = Field::new(&scene);
+                self.field = Field::taking(&mut scene);
                 self.scene = scene;
             }
         }
@@ -302,8 +302,8 @@ impl<'a> Trainer<'a> {
                 self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
             {
                 let (from, to) = (trained.resolution, config.resolutions[stage]);
-                trained.set_resolution(to, |factors, rank| upsample(factors, rank, from, to));
                 scale.cloud.resolution = to;
+                trained.set_resolution(&scale.cloud, |factors, rank| upsample(factors, rank, from, to));
             }
             self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
             self.field.rules.step = self.scene.rules.step;

@@ -120,9 +120,9 @@ impl Rows {
 
 /// The middle pixel of a picture of the whole scene.
 fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
-    let scene = container::decode(file)?;
+    let mut scene = container::decode(file)?;
     let ray = Viewpoints::first_of_orbit(&scene, [1, 1]).ray(0, 0);
-    Ok(CpuRenderer::from_field(Field::<f32>::consuming(scene)).trace(ray.as_slice())[0])
+    Ok(CpuRenderer::from_field(Field::<f32>::taking(&mut scene)).trace(ray.as_slice())[0])
 }
 
 /// Bytes of the factors that upsampling makes.

@@ -20,9 +20,9 @@ const SINE_COSINE: f64 = 30.0;
 const WORD: f64 = 4.0;
 /// Offset from the center (3), then u = (offset + half)·cells a unit and its fraction on each axis (3·3).
 const INTERPOLATION: f64 = 12.0;
-/// Words of a `field::Contribution`, of a `field::InterpolationSite` and of a `train::pairs::TensorPair`.
-const PAIR: f64 = 2.0;
-const LOCATED: f64 = 8.0;
+/// Words of a `field::Contribution`, of a `field::samples::Neighborhood` and of a `train::pairs::TensorPair`.
+const CONTRIBUTION: f64 = 8.0;
+const NEIGHBORHOOD: f64 = 3.0;
 const TENSOR_PAIR: f64 = 3.0;
 
 /// The cost of a stage.
@@ -123,21 +123,23 @@ impl FieldShape {
         }
     }
 
-    /// Components are summed over registers and lanes. Reads the neighbors but for their indices, and their
-    /// ranges; writes f.
+    /// Components are summed over registers and lanes. Reads contributions but for their tensors, and the neighborhoods;
+    /// writes f.
     fn density_gather(&self, work: &Work, counts: &Counts) -> Cost {
         gather(work.density_components as f64).plus(Cost::new(
             work.density_components as f64,
-            counts.contributions * (LOCATED - 1.0) + counts.evaluated * (2.0 * counts.scales + 1.0),
+            counts.contributions * (CONTRIBUTION - 1.0) + counts.evaluated * (NEIGHBORHOOD * counts.scales + 1.0),
         ))
     }
 
-    /// Reads contributions, centers and positions; writes a row of components.
+    /// Reads contributions but for their tensors, and the neighborhoods; writes a row of components. A sample's residual:
+    /// 2·3·ΣR, reads the row.
     fn appearance_gather(&self, work: &Work, counts: &Counts) -> Cost {
         gather(work.appearance_components as f64).plus(Cost::new(
-            counts.shaded_contributions * INTERPOLATION,
-            counts.shaded_contributions * (PAIR + 3.0)
-                + counts.shaded * (2.0 * counts.scales + 3.0 + counts.components),
+            counts.residuals * 3.0 * 2.0 * counts.components,
+            counts.shaded_contributions * (CONTRIBUTION - 1.0)
+                + counts.shaded * (NEIGHBORHOOD * counts.scales + counts.components)
+                + counts.residuals * (counts.components + 3.0),
         ))
     }
 
@@ -310,12 +312,12 @@ impl Counts {
 
     /// A neighbor: offset (3) and its square (6), root, reciprocal, their sum and the product with the weights' scale
     /// (4), and u, its fraction and the last cell's minimum on each axis (3·4). A sample and scale: the cell (3·2), the
-    /// weights' scale. Writes contributions and interpolation sites; for each scale reads the position, writes and
-    /// moves the range of the contributions; moves distance and position.
+    /// weights' scale. Writes contributions; for each scale reads the position, writes and moves the neighborhood; moves
+    /// distance and position.
     fn neighbors(&self) -> Cost {
         Cost::new(
             self.contributions * 25.0 + self.evaluated * self.scales * 7.0,
-            self.contributions * (LOCATED + PAIR) + self.evaluated * (self.scales * (3.0 + 3.0 * 2.0) + 2.0 * 4.0),
+            self.contributions * CONTRIBUTION + self.evaluated * (self.scales * (3.0 + 3.0 * NEIGHBORHOOD) + 2.0 * 4.0),
         )
     }
 
@@ -339,11 +341,11 @@ impl Counts {
         )
     }
 
-    /// A product of one row: 2·P·ΣR. A sample's residual: 2·3·ΣR.
+    /// A product of one row: 2·P·ΣR.
     fn appearance_matrices(&self) -> Cost {
         Cost::new(
-            (self.decoded * self.features + self.residuals * 3.0) * 2.0 * self.components,
-            self.decoded * (self.components + self.features) + self.residuals * (self.components + 3.0),
+            self.decoded * self.features * 2.0 * self.components,
+            self.decoded * (self.components + self.features),
         )
     }
 
@@ -382,12 +384,12 @@ impl Counts {
         products(self.decoded, self.features).plus(products(self.residuals, 3.0))
     }
 
-    /// A contribution's tensor is read to be counted, the contribution to be moved; its weight is multiplied. The
+    /// A contribution's tensor is read to be counted, with its weight to be moved; the weight is multiplied. The
     /// beginnings of the tensors' ranges are summed up, once for density and once for appearance, in each chunk of
     /// rays.
     fn contribution_order(&self) -> Cost {
         let sorted = self.composited_share * self.contributions + self.shaded_contributions;
-        Cost::new(sorted, sorted * (1.0 + PAIR + TENSOR_PAIR) + 2.0 * self.tensors_by_chunk * 2.0)
+        Cost::new(sorted, sorted * (1.0 + 2.0 + TENSOR_PAIR) + 2.0 * self.tensors_by_chunk * 2.0)
     }
 }
 

@@ -69,7 +69,7 @@ impl GpuRenderer {
             return Err(ApproximationError { option, expected, found }.into());
         }
         approximation.reduce(&mut scene);
-        let field = Field::<f32>::consuming(scene);
+        let field = Field::<f32>::taking(&mut scene);
         let packed = Packed::new(&field, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
@@ -336,7 +336,7 @@ mod tests {
             assert_eq!(whole, split);
         }
         let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.limits() };
-        let refused = Packed::new(&Field::consuming(scene.0), Precision::F32, small).err();
+        let refused = Packed::new(&Field::new(&scene.0), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of scene data", limit: 512, .. })),
             "{refused:?}"

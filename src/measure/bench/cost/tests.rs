@@ -80,13 +80,6 @@ fn gathering_interpolates_three_vectors_and_adds_their_product() {
     });
     assert_eq!(flop(Stage::DensityGather), density);
     let appearance = count(|| {
-        for _ in 0..work().shaded_contributions.iter().sum::<u64>() {
-            // A position in cells of the tensor, and its fraction, on each axis.
-            for _ in 0..3 {
-                let cells = (one - one + one) * one;
-                let _fraction = cells - one;
-            }
-        }
         (0..work().appearance_components).for_each(|_| gather(&mut { one }));
     });
     assert_eq!(flop(Stage::AppearanceGather), appearance);
@@ -237,7 +230,7 @@ fn colors_of_samples_own_cost_a_product_and_a_sigmoid_each() {
     let more = |stage| more_of(DecoderMode::Residual, DecoderMode::PerRay, stage);
     // Two terms instead of one; 3 features of 4 components of two samples.
     assert_eq!(more(Stage::Composite), [6.0, 4.0 * 4.0]);
-    assert_eq!(more(Stage::AppearanceMatrices), [2.0 * 3.0 * 2.0 * 4.0, 4.0 * 2.0 * (4.0 + 3.0)]);
+    assert_eq!(more(Stage::AppearanceGather), [2.0 * 3.0 * 2.0 * 4.0, 4.0 * 2.0 * (4.0 + 3.0)]);
     assert_eq!(more(Stage::Decoder), [36.0 + 2.0 * 3.0, 4.0 * 2.0 * 6.0]);
     assert_eq!(more(Stage::CompositeBackward), [12.0 + 2.0 * (3.0 + 8.0), 4.0 * (7.0 + 2.0 * (3.0 + 8.0))]);
     assert_eq!(more(Stage::AppearanceMatricesBackward), [2.0 * 4.0 * 3.0 * 4.0, 4.0 * 2.0 * (6.0 + 8.0)]);
