@@ -182,7 +182,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 
-    let output = plan(&["--auto", "--max-params", "200k", "--json"]);
+    let output = plan(&["--auto", "--max-params", "200k", "--full", "--json"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
@@ -191,6 +191,11 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     let of_scales: f64 = json["scales"].as_array().unwrap().iter().map(|s| s["parameters"].as_f64().unwrap()).sum();
     assert_eq!(of_scales + number("decoder_parameters"), number("parameters"));
     assert!(json["reasons"].as_array().unwrap().len() >= 3, "{json}");
+    let lean = plan(&["--auto", "--max-params", "200k", "--json"]);
+    let lean: serde_json::Value = serde_json::from_slice(&lean.stdout).unwrap();
+    assert_eq!(lean["parameters"], 200_000, "training begins with more: {lean}");
+    let at_first: u64 = lean["scales"].as_array().unwrap().iter().map(|s| s["parameters"].as_u64().unwrap()).sum();
+    assert!((200_001..=2_000_000).contains(&at_first), "{lean}");
 
     let output = plan(&["--auto", "--max-params", "200k", "--print-config", "--quiet"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));

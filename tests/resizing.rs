@@ -7,9 +7,10 @@ use strivec::dataset::{Pixels, View};
 use strivec::geometry::Ray;
 use strivec::measure::{Cell, CellMap};
 use strivec::model::{Factors, Scale, Scene};
+use strivec::psnr::psnr_of_mse;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{
-    RayBatch, ResizeStep, Resized, ShrinkGoal, Target, TrainConfig, TrainError, Tuning, grow, shrink, upsample,
+    RayBatch, ResizeStep, Resized, ShrinkGoal, Target, TrainConfig, TrainError, Trainer, Tuning, grow, shrink, upsample,
 };
 
 /// As presets have it: a density feature of 0 is empty.
@@ -75,6 +76,18 @@ fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, steps: u64) -> Resize
     shrink::<TrainError>(scene.clone(), views, goal, &tuning, &mut |_| Ok(())).unwrap()
 }
 
+/// PSNR of `scene` on `views`, in dB.
+fn psnr(scene: &Scene, views: &[View]) -> f64 {
+    let renderer = CpuRenderer::new(scene);
+    let error = |view: &View| {
+        let photograph = view.pixels.colors(scene.frame.background);
+        let pairs = renderer.render(&view.camera).pixels.into_iter().zip(photograph);
+        pairs.flat_map(|(p, q)| (0..3).map(move |c| f64::from(p.color[c] - q[c]).powi(2))).sum::<f64>()
+    };
+    let pixels: usize = views.iter().map(|view| view.pixels.len()).sum();
+    psnr_of_mse(views.iter().map(error).sum::<f64>() / (3 * pixels) as f64)
+}
+
 fn ranks(scale: &Scale) -> [u32; 2] {
     [scale.factors.density_rank, scale.factors.appearance_rank]
 }
@@ -101,6 +114,44 @@ fn what_does_nothing_goes_first() {
     // Removing half of the useful components costs PSNR at once, so the comparison is sensitive.
     let half = shrunk(&scene, &views, ShrinkGoal::Parameters(scene.nonzero_parameter_count() / 2), 2);
     assert!(half.rounds.last().unwrap().psnr_at_once < 65.0, "{:?}", half.rounds);
+}
+
+#[test]
+fn training_gives_up_what_does_nothing() {
+    let scene = colorful();
+    let views = views(&scene);
+    let wide = with_idle_components(&scene, 3);
+    let lean = |most: u64| {
+        let mut config = config();
+        (config.steps, config.factor_learning_rate, config.network_learning_rate) = (40, 1e-5, 1e-5);
+        config.lean.max_parameters = Some(most);
+        for (settings, scale) in config.scales.iter_mut().zip(&wide.scales) {
+            settings.resolutions = vec![scale.cloud.resolution];
+        }
+        let mut trainer = Trainer::new(config, wide.clone(), &views).unwrap();
+        (0..40).for_each(|_| drop(trainer.step().unwrap()));
+        let lean = trainer.scene();
+        lean.check().unwrap();
+        for scale in &lean.scales {
+            // A tensor has the first components of the scale's order.
+            let rows = Factors::rows(scale.cloud.resolution);
+            let rank = scale.factors.appearance_rank as usize;
+            let nonzero = Factors::nonzero_components(&scale.factors.appearance, rows, rank);
+            assert!(nonzero.chunks_exact(rank).all(|of_tensor| of_tensor.is_sorted_by(|a, b| a >= b)));
+        }
+        (lean.nonzero_parameter_count(), psnr(&lean, &views))
+    };
+    // The appearance matrices keep the columns of what was given up.
+    let columns: u64 = wide.scales.iter().map(|s| s.appearance_matrix.weights.len() as u64).sum();
+    let most = scene.nonzero_parameter_count() + columns;
+    let (parameters, psnr) = lean(most);
+    println!("{parameters} of {} parameters, {psnr} dB", wide.nonzero_parameter_count());
+    assert!(parameters <= most && psnr > 60.0);
+
+    // Half of the useful ones cost PSNR, so the comparison is sensitive.
+    let (parameters, psnr) = lean(most / 2);
+    println!("{parameters} parameters, {psnr} dB");
+    assert!(parameters <= most / 2 && psnr < 55.0);
 }
 
 #[test]

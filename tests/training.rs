@@ -12,7 +12,7 @@ use strivec::model::{Occupancy, Scene};
 use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{Checkpoint, Exposure, RaySampler, TrainConfig, Trainer};
+use strivec::train::{Checkpoint, Exposure, FinishConfig, LeanConfig, RaySampler, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
 fn views() -> Vec<View> {
@@ -29,8 +29,11 @@ fn views() -> Vec<View> {
         .collect()
 }
 
+/// About half of the parameters that the scene has at its last resolution.
+const HALF: u64 = 20_000;
+
 /// A schedule in which everything happens: two occupancies (the first shrinks the bounds), two upsamplings, fits of the
-/// exposures.
+/// exposures, half of the components given up in five rounds, and other rules in the end.
 fn config() -> TrainConfig {
     let mut config = scenes::config();
     config.steps = 24;
@@ -43,6 +46,9 @@ fn config() -> TrainConfig {
         let [first] = scale.resolutions[..] else { panic!("one resolution") };
         scale.resolutions = vec![first, first.map(|d| d + 1), first.map(|d| 2 * d)];
     }
+    config.lean.max_parameters = Some(HALF);
+    (config.lean.during, config.lean.rounds) = ([0.2, 0.9], 5);
+    config.finish = FinishConfig { from: 0.75, step_scale: 1.25, ..FinishConfig::default() };
     config
 }
 
@@ -90,7 +96,10 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
     let mut whole = trainer(&views);
     run_to(&mut whole, config().steps);
     assert!(whole.scene().occupancy.is_some(), "the occupancy is part of what must survive");
-    for stop in [1, 8, 11, 16, 20] {
+    let [all, held] = [whole.scene().parameter_count(), whole.scene().nonzero_parameter_count()];
+    println!("{held} of {all} parameters are held");
+    assert!(held <= HALF && HALF < all && held > HALF * 9 / 10);
+    for stop in [1, 5, 8, 11, 13, 16, 20] {
         let mut first = trainer(&views);
         run_to(&mut first, stop);
         let state = first.checkpoint().to_bytes(&file(&first.scene()));
@@ -105,7 +114,7 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
 
 /// A run whose scene counts on one side only from the start, so that pruning has something to remove.
 fn pruning_trainer(views: &[View], prune: bool) -> Trainer<'_> {
-    let config = TrainConfig { prune, ..config() };
+    let config = TrainConfig { prune, lean: LeanConfig::off(), ..config() };
     let mut scene = scenes::scene(&config);
     let mut occupancy = Occupancy::empty(scene.bounds, UVec3::splat(13));
     for z in 0..13 {

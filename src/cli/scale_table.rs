@@ -21,7 +21,7 @@ pub(super) struct ScaleRow {
     pub(super) density_rank: u32,
     pub(super) appearance_rank: u32,
     pub(super) top_k: u32,
-    /// Factors and appearance matrix.
+    /// Factors that are not zero, and appearance matrix.
     pub(super) parameters: u64,
     /// In memory, as 32-bit floating point.
     pub(super) bytes: u64,
@@ -40,8 +40,8 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
         density_rank: scale.factors.density_rank,
         appearance_rank: scale.factors.appearance_rank,
         top_k: scale.top_k,
-        parameters: scale.parameter_count(),
-        bytes: 4 * scale.parameter_count(),
+        parameters: scale.nonzero_parameter_count(),
+        bytes: 4 * scale.nonzero_parameter_count(),
     };
     scene.scales.iter().map(row).collect()
 }

@@ -13,7 +13,7 @@ use crate::dataset::{self, LoadOptions};
 use crate::geometry::{Aabb, Camera};
 use crate::model::Sky;
 use crate::prior::VoxelBoxes;
-use crate::train::{self, Budget, Exposure, TrainConfig};
+use crate::train::{self, Budget, Exposure, LeanConfig, TrainConfig};
 
 /// Width of the shell of unbounded scenes (paper: the authors' runs).
 const DEFAULT_SHELL: f64 = 0.4;
@@ -61,6 +61,9 @@ pub(super) struct Settings {
     /// Remove tensors whose boxes turn out to be empty during training: smaller files, the same pictures
     #[arg(long)]
     prune: bool,
+    /// Keep all components of all tensors [default: training gives up those that the pictures hardly depend on]
+    #[arg(long)]
+    full: bool,
 }
 
 /// Settings that also apply to training an existing scene.
@@ -134,6 +137,9 @@ impl Settings {
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
         let mut config = self.basics.configuration(self.preset.map(Preset::name))?;
         config.prune |= self.prune;
+        if self.full {
+            config.lean = LeanConfig::off();
+        }
         config.refine_focal_length |= self.refine_focal_length;
         config.refine_poses |= self.refine_poses || config.refine_focal_length;
         config.exposure = self.exposure.unwrap_or(config.exposure);
@@ -161,10 +167,11 @@ pub(super) struct Fitting {
     /// Derive tensors, resolutions and ranks from the scene's extent and the photographs' detail, and drop space that no photograph shows
     #[arg(long)]
     auto: bool,
-    /// Reduce resolution, then components, then fine scales until at most N parameters remain, as in 500k or 3.5M [default: no limit]
+    /// Give up components until at most N parameters remain, as in 500k or 3.5M; with --full, begin with no more:
+    /// reduce resolution, then components, then fine scales [default: no limit]
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
-    /// Reduce them until the file is estimated to be at most SIZE, as in 2MB or 700kB [default: no limit]
+    /// The same, until the file is estimated to be at most SIZE, as in 2MB or 700kB [default: no limit]
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     max_size: Option<u64>,
 }
@@ -187,7 +194,8 @@ impl Fitting {
             (config, occupied, reasons) = train::fit_to_photographs(&config, cameras, &occupied)?;
         }
         let budget = Budget { parameters: self.max_params, file_bytes: self.max_size };
-        let (config, given_up) = train::fit_to_budget(&config, &occupied, budget)?;
+        let fit = if config.lean.is_on() { train::lean_to_budget } else { train::fit_to_budget };
+        let (config, given_up) = fit(&config, &occupied, budget)?;
         reasons.extend(given_up);
         Ok((config, occupied, reasons))
     }

@@ -145,7 +145,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let result = Trained {
         file: output,
         bytes: bytes.len() as u64,
-        parameters: scene.parameter_count(),
+        parameters: scene.nonzero_parameter_count(),
+        given_up: scene.parameter_count() - scene.nonzero_parameter_count(),
         steps: trainer.steps_done(),
         seconds: trainer.checkpoint().seconds,
         scales: scale_table::rows(&scene),
@@ -154,10 +155,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&result, |r| {
         let table = scale_table::text(&r.scales);
-        let dead = r.dead_components.as_ref().map_or_else(String::new, |dead| dead_text(dead, r.parameters));
+        let dead = r.dead_components.as_ref().map_or_else(String::new, dead_text);
+        let (left, all) = (grouped(r.parameters), grouped(r.parameters + r.given_up));
         let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
         let steps = plural(r.steps as usize, "step");
-        format!("{table}{dead}{}: {size:.2} MB, {steps} in {minutes:.1} min", r.file.display())
+        format!(
+            "{table}{dead}{left} of {all} parameters are left\n{}: {size:.2} MB, {steps} in {minutes:.1} min",
+            r.file.display()
+        )
     })
 }
 
@@ -196,7 +201,10 @@ fn contents(dataset: &Dataset) -> String {
 struct Trained<'a> {
     file: &'a Path,
     bytes: u64,
+    /// Those in the file.
     parameters: u64,
+    /// Those of components that training gave up, dead ones included.
+    given_up: u64,
     steps: u64,
     /// Time of prior and training, without loading, evaluating and writing.
     seconds: f64,
@@ -206,18 +214,17 @@ struct Trained<'a> {
     curve: Vec<CurvePoint>,
 }
 
-/// A line on the cleared components of a scene of `parameters`.
-fn dead_text(dead: &DeadComponents, parameters: u64) -> String {
+/// A line on the cleared components of a scene.
+fn dead_text(dead: &DeadComponents) -> String {
     let DeadComponents { tensors_dropped, components_dropped, parameters_saved, psnr_before, psnr_after } = *dead;
     if components_dropped == 0 {
         return "cleared: no dead components\n".into();
     }
     format!(
-        "cleared: {}, {}, {} of {} parameters; {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before)\n",
+        "cleared: {}, {}, {} parameters; {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before)\n",
         plural(components_dropped as usize, "dead component"),
         plural(tensors_dropped as usize, "empty tensor"),
         grouped(parameters_saved),
-        grouped(parameters),
     )
 }
 

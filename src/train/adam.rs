@@ -21,6 +21,13 @@ impl<T: Real> Moments<T> {
         Self { first: vec![T::zero(); len], second: vec![T::zero(); len] }
     }
 
+    /// Keeps the moments of the components `to`, of those that `held` describes; component c was `order`\[c\].
+    pub(super) fn rearrange(&mut self, held: &HeldComponents, to: &HeldComponents, order: &[u16]) {
+        for moments in [&mut self.first, &mut self.second] {
+            *moments = held.rearranged(moments, to, order);
+        }
+    }
+
     /// Keeps the moments of the tensors of the numbers `kept`, of those that `held` describes.
     pub(super) fn keep_tensors(&mut self, kept: &[usize], held: &HeldComponents) {
         for moments in [&mut self.first, &mut self.second] {

@@ -13,7 +13,8 @@ use rayon::prelude::*;
 
 use super::prepare::frame;
 use super::{
-    BootstrapOptions, DecoderConfig, Exposure, PrepareError, ScaleConfig, TrainConfig, Trainer, initial_scene,
+    BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PrepareError, ScaleConfig, TrainConfig,
+    Trainer, initial_scene,
 };
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
@@ -125,6 +126,8 @@ impl CoarseCube {
             refine_focal_length: false,
             upsample_at: Vec::new(),
             occupancy_at: Vec::new(),
+            lean: LeanConfig::off(),
+            finish: FinishConfig::default(),
             decoder: DecoderConfig {
                 mode: DecoderMode::PerSample,
                 features: 8,

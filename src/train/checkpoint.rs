@@ -8,9 +8,13 @@ use std::collections::HashMap;
 use glam::{DMat3, DMat4, DVec4};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
+use super::lean::Worth;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, TrainConfig};
 use crate::field::{Field, Real};
 use crate::geometry::Camera;
+
+/// The names of the parts of a scale's factors.
+const PARTS: [&str; 2] = ["density", "appearance"];
 
 /// Optimizer state and counters. Resolutions and occupancy are in the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +30,7 @@ pub struct Checkpoint {
     pub(super) density: Vec<Moments<f32>>,
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
+    pub(super) worth: Worth,
     /// The exposures of the photographs.
     pub exposures: Exposures,
     /// \[view\] the refined pose in the model's space, as [`Camera::pose`], and focal lengths; empty before the first
@@ -51,6 +56,7 @@ impl Checkpoint {
             density: Vec::new(),
             appearance: Vec::new(),
             networks: Moments::default(),
+            worth: Worth::none(field),
             exposures: Exposures::new(config.exposure, sampler.view_count()),
             cameras: Vec::new(),
             active_rays: sampler.active_ray_mask(),
@@ -73,6 +79,7 @@ impl Checkpoint {
         for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
             self.density[s].keep_tensors(kept, scale.density.held());
             self.appearance[s].keep_tensors(kept, scale.appearance.held());
+            self.worth.keep_tensors(s, kept, [scale.density.held(), scale.appearance.held()]);
         }
     }
 
@@ -94,6 +101,12 @@ impl Checkpoint {
             )?;
             let place = format!("appearance moments of scale {s}");
             expect(&place, scale.appearance.values().len(), self.appearance[s].first.len())?;
+        }
+        for (s, scale) in field.scales.iter().enumerate() {
+            for (part, factors) in [&scale.density, &scale.appearance].into_iter().enumerate() {
+                let found = self.worth.rises[s][part].len();
+                expect(&format!("worth of scale {s}"), factors.held().components(), found)?;
+            }
         }
         expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
         expect("exposures", sampler.view_count(), self.exposures.view_count())?;
@@ -126,6 +139,11 @@ impl Checkpoint {
             tensors.push((format!("{name}.first"), Dtype::F32, bytemuck::cast_slice(&moments.first)));
             tensors.push((format!("{name}.second"), Dtype::F32, bytemuck::cast_slice(&moments.second)));
         }
+        for (s, rises) in self.worth.rises.iter().enumerate() {
+            for (part, rises) in PARTS.iter().zip(rises) {
+                tensors.push((format!("worth.{part}.{s}"), Dtype::F64, bytemuck::cast_slice(rises)));
+            }
+        }
         let exposures = self.exposures.to_numbers();
         tensors.push(("exposures".into(), Dtype::F64, bytemuck::cast_slice(&exposures)));
         let poses: Vec<f64> = self.cameras.iter().flat_map(|(pose, _)| *pose).collect();
@@ -140,6 +158,7 @@ impl Checkpoint {
         let metadata = HashMap::from([
             ("config".to_string(), self.config.to_toml()),
             ("step".to_string(), self.step.to_string()),
+            ("worth_steps".to_string(), self.worth.steps.to_string()),
             ("restarted_at".to_string(), self.restarted_at.to_string()),
             ("seconds".to_string(), self.seconds.to_string()),
             ("photographs".to_string(), self.photographs.to_string()),
@@ -213,7 +232,13 @@ impl Checkpoint {
         let of_scales = |name: &str| {
             (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
         };
+        let worth_of = |s: usize| -> Result<[Vec<f64>; 2], CheckpointError> {
+            let [density, appearance] = PARTS.map(|part| tensor(&format!("worth.{part}.{s}"), Dtype::F64));
+            Ok([bytemuck::pod_collect_to_vec(density?), bytemuck::pod_collect_to_vec(appearance?)])
+        };
+        let rises = (0..config.scales.len()).map(worth_of).collect::<Result<_, _>>()?;
         let checkpoint = Self {
+            worth: Worth { rises, steps: number("worth_steps", text("worth_steps")?)? },
             step: number("step", text("step")?)?,
             restarted_at: number("restarted_at", text("restarted_at")?)?,
             seconds: number("seconds", text("seconds")?)?,

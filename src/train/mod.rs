@@ -16,6 +16,7 @@ mod exposure;
 mod factors;
 mod importance;
 mod initial;
+mod lean;
 mod networks;
 mod occupancy;
 mod pairs;
@@ -37,7 +38,9 @@ pub use bootstrap::bootstrap_prior;
 pub use checkpoint::Checkpoint;
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchRoulette, Target};
-pub use config::{BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+pub use config::{
+    BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig,
+};
 pub use divergence::Divergence;
 pub use error::{CheckpointError, TrainError};
 pub use exposure::{Exposure, Exposures};
@@ -46,7 +49,8 @@ pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
 pub use plan::{
-    Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs, plan,
+    Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs,
+    lean_to_budget, plan,
 };
 pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior, with_far_cells};
 pub use prune::prune_unoccupied;

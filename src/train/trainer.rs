@@ -6,6 +6,7 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
+use super::lean::{self, Kept, Worth, add_squares};
 use super::poses;
 use super::{
     BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, estimate_occupancy,
@@ -209,7 +210,7 @@ impl<'a> Trainer<'a> {
         self.update_networks();
         clock.lap(Stage::Optimizer);
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
-        self.update_factors(&mut clock.work);
+        self.update_factors(mean_squared_error, &mut clock.work);
         self.monitor.check_parameters(&mut self.field, &self.config).map_err(diverged)?;
         clock.work.add(&self.backward.work());
         let report = StepReport { step: self.checkpoint.step, mean_squared_error, work: clock.work };
@@ -240,7 +241,10 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    fn update_factors(&mut self, work: &mut Work) {
+    fn update_factors(&mut self, mean_squared_error: f64, work: &mut Work) {
+        let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.steps);
+        let square_weight = lean::square_weight(mean_squared_error, self.config.batch_rays);
+        self.checkpoint.worth.steps += u64::from(is_measuring);
         let adam = self.adam(self.config.factor_learning_rate);
         let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
@@ -250,16 +254,30 @@ impl<'a> Trainer<'a> {
             let FieldScale { centers, density, appearance, .. } = scale;
             let geometry = ScaleGeometry { centers, ..geometry };
             let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density.held().rank());
+            let rises = &mut self.checkpoint.worth.rises[s];
+            let [density_rises, appearance_rises] = rises;
+            let density_rises = density.held().split_mut(density_rises);
+            let appearance_rises = appearance.held().split_mut(appearance_rises);
+            let rises: Vec<_> = density_rises.into_iter().zip(appearance_rises).collect();
             let density = tensor_updates(density, &mut self.checkpoint.density[s]);
             let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
-            density.into_par_iter().zip(appearance).enumerate().for_each(
-                |(n, ([density, d_first, d_second], [appearance, a_first, a_second]))| {
+            let rows = geometry.resolution[0] as usize + 1;
+            density.into_par_iter().zip(appearance).zip(rises).enumerate().for_each(
+                |(n, (([density, d_first, d_second], [appearance, a_first, a_second]), rises))| {
                     pool.with(|gradient| {
                         gradient.clock.skip();
                         gradient.accumulate(geometry, n, [density, appearance], chunks);
                         vectorized(
                             #[inline(always)]
                             || {
+                                if is_measuring {
+                                    let (of_density, of_appearance) = rises;
+                                    add_squares(of_density, density, &gradient.density, rows, square_weight);
+                                    if gradient.has_appearance {
+                                        let gradients = &gradient.appearance;
+                                        add_squares(of_appearance, appearance, gradients, rows, square_weight);
+                                    }
+                                }
                                 l1.add(density, &mut gradient.density);
                                 adam.update::<false>(density, d_first, d_second, &gradient.density);
                                 if gradient.has_appearance {
@@ -275,9 +293,42 @@ impl<'a> Trainer<'a> {
         pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
 
-    /// Occupancy, bounds and resolution (paper, Implementation).
+    /// Gives up the components of the least worth, in `round`.
+    fn give_up_components(&mut self, round: u32) {
+        let rows = self.config.scales.iter().map(|s| Factors::rows(s.resolutions[s.resolutions.len() - 1]));
+        let (rows, shared) = (rows.collect::<Vec<_>>(), self.backward.layout.len() as u64);
+        let Checkpoint { worth, density, appearance, networks, .. } = &mut self.checkpoint;
+        let kept = self.config.lean.kept(&self.field, worth, round, &rows, shared);
+        let width = self.field.component_count();
+        let mut first = 0;
+        for (s, Kept { held: [of_density, of_appearance], order: [density_order, order] }) in
+            kept.into_iter().enumerate()
+        {
+            let scale = &mut self.field.scales[s];
+            density[s].rearrange(scale.density.held(), &of_density, &density_order);
+            appearance[s].rearrange(scale.appearance.held(), &of_appearance, &order);
+            scale.density.rearrange(of_density, &density_order);
+            scale.appearance.rearrange(of_appearance, &order);
+            let columns = first..first + order.len();
+            first = columns.end;
+            let matrices = &mut self.field.decoder.appearance;
+            let end = matrices.len();
+            for matrices in [&mut matrices[..], &mut networks.first[..end], &mut networks.second[..end]] {
+                for row in matrices.chunks_exact_mut(width) {
+                    let old = row[columns.clone()].to_vec();
+                    row[columns.clone()].iter_mut().zip(&order).for_each(|(new, &c)| *new = old[c as usize]);
+                }
+            }
+        }
+        *worth = Worth::none(&self.field);
+    }
+
+    /// Components, occupancy, bounds and resolution (paper, Implementation).
     fn follow_schedule(&mut self) -> Result<(), TrainError> {
         let step = self.checkpoint.step;
+        if let Some(round) = self.config.lean.round_after(step, self.config.steps) {
+            self.give_up_components(round);
+        }
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
             let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
@@ -295,6 +346,13 @@ impl<'a> Trainer<'a> {
                 self.field = Field::taking(&mut scene);
                 self.scene = scene;
             }
+        }
+        let finish = &self.config.finish;
+        if finish.from < 1.0 && step == (finish.from * self.config.steps as f64).round() as u64 {
+            let rules = &mut self.scene.rules;
+            rules.step *= finish.step_scale;
+            (rules.min_transmittance, rules.min_weight) = (finish.min_transmittance, finish.min_weight);
+            self.field.rules = rules.clone();
         }
         let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
         if self.config.upsample_at.contains(&step) {

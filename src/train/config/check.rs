@@ -1,6 +1,6 @@
 //! Ranges of settings that their types do not express.
 
-use super::{BootstrapOptions, ConfigError, ScaleConfig, TrainConfig};
+use super::{BootstrapOptions, ConfigError, FinishConfig, LeanConfig, ScaleConfig, TrainConfig};
 use crate::geometry::Aabb;
 use crate::model::Sky;
 
@@ -35,9 +35,24 @@ impl TrainConfig {
             ("distance_weight", self.distance_weight),
             ("color_roulette", self.color_roulette),
             ("density_roulette", self.density_roulette),
+            ("lean.max_loss", self.lean.max_loss),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(error(place, "a number of at least 0", value));
+            }
+        }
+        let LeanConfig { during: [from, until], rounds, .. } = self.lean;
+        if !(from >= 0.0 && from < until && until <= 1.0) {
+            return Err(error("lean.during", "two ascending numbers in [0, 1]", format!("{from} and {until}")));
+        }
+        positive("lean.rounds", f64::from(rounds))?;
+        let FinishConfig { from, step_scale, min_transmittance, min_weight } = self.finish;
+        positive("finish.step_scale", step_scale)?;
+        for (place, value) in
+            [("finish.from", from), ("finish.min_transmittance", min_transmittance), ("finish.min_weight", min_weight)]
+        {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(error(place, "a number in [0, 1]", value));
             }
         }
         if let Some([near, far]) = self.near_far

@@ -72,6 +72,10 @@ pub struct TrainConfig {
     /// Russian roulette on density gradients in training: the threshold in means of a chunk of rays. 0 keeps all
     /// gradients.
     pub density_roulette: f64,
+    /// Components that training gives up.
+    pub lean: LeanConfig,
+    /// The rules of the march for the last steps.
+    pub finish: FinishConfig,
     /// Standard deviation of the factors at the start.
     pub factor_deviation: f64,
     /// Steps after which the factors are upsampled to their next resolution.
@@ -117,6 +121,37 @@ pub struct FieldConfig {
     pub distance_scale: f64,
     /// The march's step in cells of scale 0, at any of its resolutions.
     pub step_cells: f64,
+    /// See [`Rules::min_transmittance`].
+    pub min_transmittance: f64,
+    /// See [`Rules::min_weight`].
+    pub min_weight: f64,
+}
+
+/// The schedule on which training gives up the components that pictures depend on least.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LeanConfig {
+    /// Components are given up as long as one percent of the parameters costs at most this at once, in dB of PSNR on the
+    /// photographs; further training wins most of it back. The limit rises to this from 0. 0 turns it off.
+    pub max_loss: f64,
+    /// More components are given up until at most this many parameters are left; if absent, none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_parameters: Option<u64>,
+    /// The shares of the steps after which this begins and ends.
+    pub during: [f64; 2],
+    /// How often components are given up between them.
+    pub rounds: u32,
+}
+
+/// The rules of the march that the scene has in the end. Only the last steps are trained with them: while geometry is
+/// found, faint samples need gradients.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FinishConfig {
+    /// The share of the steps after which they hold; 1, the presets' value: never.
+    pub from: f64,
+    /// Factor of the length of the march's step.
+    pub step_scale: f64,
     /// See [`Rules::min_transmittance`].
     pub min_transmittance: f64,
     /// See [`Rules::min_weight`].
@@ -192,6 +227,30 @@ impl Default for FieldConfig {
             min_transmittance: 1e-3,
             min_weight: 1e-4,
         }
+    }
+}
+
+impl Default for FinishConfig {
+    fn default() -> Self {
+        Self { from: 1.0, step_scale: 1.0, min_transmittance: 1e-3, min_weight: 1e-4 }
+    }
+}
+
+impl LeanConfig {
+    /// All components are kept.
+    pub fn off() -> Self {
+        Self { max_loss: 0.0, max_parameters: None, ..Self::default() }
+    }
+
+    /// True if any component may be given up.
+    pub fn is_on(&self) -> bool {
+        self.max_loss > 0.0 || self.max_parameters.is_some()
+    }
+}
+
+impl Default for LeanConfig {
+    fn default() -> Self {
+        Self { max_loss: 5e-4, max_parameters: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
     }
 }
 

@@ -1,6 +1,8 @@
 //! The presets.
 
-use super::{BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+use super::{
+    BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig,
+};
 use crate::model::{DecoderMode, Reduction};
 use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
 use crate::train::Exposure;
@@ -109,6 +111,8 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         distance_weight: 0.01,
         color_roulette: 0.001,
         density_roulette: 1.0,
+        lean: LeanConfig::default(),
+        finish: FinishConfig::default(),
         factor_deviation: 0.2,
         upsample_at: vec![2000, 3000, 4000, 5500, 7000],
         occupancy_at: vec![2000, 4000, 8000, 16_000],

@@ -17,6 +17,9 @@ const MIN_DENSITY: f64 = 0.5;
 /// Reduced ranks are multiples of this if possible: kernels work in registers of at least this many numbers.
 const LANES: u32 = 4;
 
+/// A training that gives up components begins with at most this many times the parameters that are left in the end.
+const START: u64 = 10;
+
 /// Bounds on the size of a scene; `None` is no bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Budget {
@@ -61,18 +64,51 @@ pub fn fit_to_budget(
             return Ok((fitted, reductions));
         }
     }
-    let [parameters, bytes] = size.of(&reduced(config, 1, 3 * STEPS));
-    let expected = format!("at least {parameters} parameters and {bytes} bytes, the smallest size of this scene");
-    let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));
-    let found: Vec<_> =
-        [part(budget.parameters, "parameters"), part(budget.file_bytes, "bytes")].into_iter().flatten().collect();
-    Err(ConfigError::Value { place: "budget".into(), expected, found: listed(&found) }.into())
+    Err(budget.too_small(size.of(&reduced(config, 1, 3 * STEPS)), "the smallest size of this scene"))
+}
+
+/// `config` of a training that gives up components until the scene is within `budget`, and a line of reason for each
+/// change. If the settings have more than ten times the parameters, [`fit_to_budget`] reduces them to as many.
+///
+/// # Errors
+///
+/// As [`fit_to_budget`], and if `budget` has no room for the weights that tensors share.
+pub fn lean_to_budget(
+    config: &TrainConfig,
+    occupied: &VoxelBoxes,
+    budget: Budget,
+) -> Result<(TrainConfig, Vec<String>), PrepareError> {
+    if budget == Budget::default() {
+        return Ok((config.clone(), Vec::new()));
+    }
+    let shared = shared_parameters(config);
+    let matrices = |s: &ScaleConfig| u64::from(s.appearance_rank) * u64::from(config.decoder.features);
+    let least = shared + config.scales.iter().map(matrices).sum::<u64>();
+    let least_bytes = cost::bytes_besides_factors(tensor_counts(config, occupied)?.iter().sum(), shared);
+    if !budget.allows([least, least_bytes]) {
+        return Err(budget.too_small([least, least_bytes], "those that all tensors share"));
+    }
+    let in_bytes = budget.file_bytes.map(|bytes| shared + cost::factors_in(bytes - least_bytes));
+    let most = budget.parameters.into_iter().chain(in_bytes).min().unwrap_or(u64::MAX);
+    let start = Budget { parameters: Some(most.saturating_mul(START)), file_bytes: None };
+    let (mut config, reasons) = fit_to_budget(config, occupied, start)?;
+    config.lean.max_parameters = Some(config.lean.max_parameters.map_or(most, |already| already.min(most)));
+    Ok((config, reasons))
 }
 
 impl Budget {
     /// True if `[parameters, bytes]` are within the budget.
     fn allows(self, [parameters, bytes]: [u64; 2]) -> bool {
         self.parameters.is_none_or(|most| parameters <= most) && self.file_bytes.is_none_or(|most| bytes <= most)
+    }
+
+    /// The error of a budget that does not allow `[parameters, bytes]`, of which `what` says what they are.
+    fn too_small(self, [parameters, bytes]: [u64; 2], what: &str) -> PrepareError {
+        let expected = format!("at least {parameters} parameters and {bytes} bytes, {what}");
+        let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));
+        let found: Vec<_> =
+            [part(self.parameters, "parameters"), part(self.file_bytes, "bytes")].into_iter().flatten().collect();
+        ConfigError::Value { place: "budget".into(), expected, found: listed(&found) }.into()
     }
 }
 

@@ -16,7 +16,7 @@ use crate::geometry::Camera;
 use crate::model::Factors;
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 
-pub use budget::{Budget, fit_to_budget};
+pub use budget::{Budget, fit_to_budget, lean_to_budget};
 pub use cost::{MachineSpeed, PhotographMemory};
 pub use photographs::{PIXELS_APART, fit_to_photographs};
 pub use scale::ScalePlan;
@@ -32,9 +32,9 @@ pub struct Plan {
     pub scales: Vec<ScalePlan>,
     /// Weights and biases of the network.
     pub decoder_parameters: u64,
-    /// All trained parameters, at the last resolution.
+    /// All trained parameters, at the last resolution; the most that may be left, if training gives some up.
     pub parameters: u64,
-    /// Bytes of the file in 16-bit floating point with zstd.
+    /// Bytes of the file in 16-bit floating point with zstd, with as many parameters.
     pub file_bytes: u64,
     /// Bytes of the training process at its peak.
     pub memory_bytes: u64,
@@ -60,11 +60,12 @@ pub fn plan(
     let scales = scale_plans(config, &tensor_counts(config, occupied)?);
     let decoder_parameters = initial_decoder(config).parameter_count();
     let shared = shared_parameters(config);
-    let parameters = total(&scales, shared);
+    let all = total(&scales, shared);
+    let parameters = config.lean.max_parameters.map_or(all, |most| most.min(all));
     let pixels = cameras.iter().map(|c| u64::from(c.width) * u64::from(c.height)).sum();
     Ok(Plan {
-        file_bytes: cost::file_bytes(config, &scales, shared),
-        memory_bytes: cost::memory_bytes(parameters, pixels, photographs),
+        file_bytes: (cost::file_bytes(config, &scales, shared) as f64 * parameters as f64 / all as f64) as u64,
+        memory_bytes: cost::memory_bytes(all, pixels, photographs),
         minutes: cost::minutes(config, &scales, machine),
         reasons: observations(config, cameras, occupied)?,
         scales,

@@ -14,7 +14,8 @@ pub use grow::grow;
 pub use shrink::{ShrinkGoal, shrink};
 
 use super::{
-    RayBatch, RaySampler, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer, prune_dead_components, upsample,
+    FinishConfig, LeanConfig, RayBatch, RaySampler, ScaleConfig, StepReport, TrainConfig, TrainError, Trainer,
+    prune_dead_components, upsample,
 };
 use crate::dataset::View;
 use crate::field::Field;
@@ -228,6 +229,8 @@ fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
         steps,
         upsample_at: Vec::new(),
         occupancy_at: Vec::new(),
+        lean: LeanConfig::off(),
+        finish: FinishConfig::default(),
         factor_learning_rate: LEARNING_RATE_SHARE * config.factor_learning_rate,
         network_learning_rate: LEARNING_RATE_SHARE * config.network_learning_rate,
         sky_learning_rate: LEARNING_RATE_SHARE * config.sky_learning_rate,

@@ -83,7 +83,7 @@ fn gathering_interpolates_three_vectors_and_adds_their_product() {
         (0..work().appearance_components).for_each(|_| gather(&mut { one }));
     });
     assert_eq!(flop(Stage::AppearanceGather), appearance);
-    assert_eq!([bytes(Stage::DensityGather), bytes(Stage::AppearanceGather)], [624.0, 272.0]);
+    assert_eq!([bytes(Stage::DensityGather), bytes(Stage::AppearanceGather)], [648.0, 292.0]);
 }
 
 #[test]

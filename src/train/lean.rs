@@ -1,0 +1,251 @@
+//! Lean training: components that pictures hardly depend on are given up as training goes.
+//!
+//! The worth of a component is the rise of the pictures' mean squared error if it is removed, relative to the error and per
+//! parameter. It comes from the gradients that training computes anyway: along a component, the loss's derivative g of
+//! a batch is a sum over its rays of error times derivative of color, and errors have about random signs, so the mean of g²
+//! measures the mean squared derivative of the color.
+//!
+//! Density components are given up wherever they are. Appearance components have an order in which all tensors of the
+//! scale give them up, so that a tensor always holds the first ones ([`crate::field::FieldFactors`]).
+
+use super::config::LeanConfig;
+use crate::field::{Field, FieldScale, HeldComponents, Real};
+
+/// dB of PSNR that a relative rise of the mean squared error costs.
+const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
+
+/// While all components together are worth less than this, in dB, pictures do not show the scene yet, and none is given up
+/// for its worth.
+const LEAST_WORTH: f64 = 1.0;
+/// The most of the parameters that a round gives up for their worth.
+const MAX_SHARE: f64 = 0.1;
+
+/// The components of density and of appearance that the tensors of a scale hold.
+type Parts<V> = [V; 2];
+
+/// Sums over steps, for the worth of components.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Worth {
+    /// \[scale\] of density and appearance, \[component, over all tensors\] Σ over steps of the relative rise of the mean
+    /// squared error.
+    pub(super) rises: Vec<Parts<Vec<f64>>>,
+    /// Number of steps.
+    pub(super) steps: u64,
+}
+
+impl Worth {
+    /// Sums over no steps.
+    pub(super) fn none(field: &Field<f32>) -> Self {
+        let zeros = |held: &HeldComponents| vec![0.0; held.components()];
+        let rises = field.scales.iter().map(|s| [&s.density, &s.appearance].map(|factors| zeros(factors.held())));
+        Self { rises: rises.collect(), steps: 0 }
+    }
+
+    /// Keeps the sums of the tensors of the numbers `kept` of scale `s`, of those that `held` describes.
+    pub(super) fn keep_tensors(&mut self, s: usize, kept: &[usize], held: Parts<&HeldComponents>) {
+        for (rises, held) in self.rises[s].iter_mut().zip(held) {
+            *rises = kept.iter().flat_map(|&n| &rises[held.range(n)]).copied().collect();
+        }
+    }
+}
+
+/// Adds a step's squared derivatives along the components of a tensor to `rises`. `factors` and their `gradients` have
+/// `rows` rows on the first axis; squares count `weight` times.
+///
+/// A component is linear in each of its three vectors, so the derivative along the first is that of its magnitude.
+#[inline(always)]
+pub(super) fn add_squares<T: Real>(rises: &mut [f64], factors: &[T], gradients: &[T], rows: usize, weight: f64) {
+    const BLOCK: usize = 16;
+    let rank = rises.len();
+    for (block, rises) in rises.chunks_mut(BLOCK).enumerate() {
+        let mut sums = [T::zero(); BLOCK];
+        for row in 0..rows {
+            let at = row * rank + block * BLOCK;
+            let (factors, gradients) = (&factors[at..][..rises.len()], &gradients[at..][..rises.len()]);
+            for ((sum, &v), &g) in sums.iter_mut().zip(factors).zip(gradients) {
+                *sum += v * g;
+            }
+        }
+        rises.iter_mut().zip(sums).for_each(|(rise, sum)| *rise += weight * sum.f64() * sum.f64());
+    }
+}
+
+/// The factor of squared derivatives of the loss that makes them relative rises of the mean squared error: with N rays
+/// and random signs of the errors, E[g²] = 4·MSE/(3N)·(mean squared derivative of a channel).
+pub(super) fn square_weight(mean_squared_error: f64, rays: usize) -> f64 {
+    0.75 * rays as f64 / mean_squared_error.max(f64::MIN_POSITIVE).powi(2)
+}
+
+/// The components that a scale's tensors keep.
+pub(super) struct Kept {
+    /// Of density and of appearance.
+    pub(super) held: Parts<HeldComponents>,
+    /// Component c of these was `order`\[c\].
+    pub(super) order: Parts<Vec<u16>>,
+}
+
+/// A component that can be given up.
+struct Candidate {
+    /// Its worth, in dB of PSNR per parameter.
+    worth: f64,
+    /// Scale, part, tensor; and the component.
+    index: [usize; 3],
+    component: u16,
+    /// Parameters at the last resolution.
+    parameters: u64,
+}
+
+impl LeanConfig {
+    /// The round after `step` of `steps`, if there is one: from 0 to `rounds`.
+    pub(super) fn round_after(&self, step: u64, steps: u64) -> Option<u32> {
+        if !self.is_on() {
+            return None;
+        }
+        (0..=self.rounds).rev().find(|&round| self.step_of(round, steps) == step)
+    }
+
+    /// True if step number `step` of `steps` measures the worth of components: those of the rounds, and as many before as
+    /// a round has.
+    pub(super) fn is_measuring(&self, step: u64, steps: u64) -> bool {
+        let [first, second, last] = [0, 1, self.rounds].map(|round| self.step_of(round, steps));
+        self.is_on() && step + (second - first).max(1) > first && step <= last
+    }
+
+    /// The step after which `round` is.
+    fn step_of(&self, round: u32, steps: u64) -> u64 {
+        let [from, until] = self.during;
+        let share = from + (until - from) * f64::from(round) / f64::from(self.rounds);
+        ((share * steps as f64).round() as u64).max(1)
+    }
+
+    /// \[scale\] the components that the tensors of `field` keep in `round`, by their `worth`. \[scale\] `rows` are those of a
+    /// tensor at the end of training, and `shared` the parameters that are not factors.
+    pub(super) fn kept(&self, field: &Field<f32>, worth: &Worth, round: u32, rows: &[usize], shared: u64) -> Vec<Kept> {
+        let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
+        let mut candidates = candidates(field, worth, &orders, rows);
+        // Of equal ones of a tensor, the last goes first.
+        let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
+        candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
+        let mut left = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
+        let (mut max_loss, most) = self.goals(round, left);
+        if candidates.iter().map(|c| c.worth * c.parameters as f64).sum::<f64>() < LEAST_WORTH {
+            max_loss = 0.0;
+        }
+        let least = ((1.0 - MAX_SHARE) * left as f64) as u64;
+        let mut given_up = 0;
+        for candidate in &candidates {
+            let loss_of_one_percent = candidate.worth * left as f64 / 100.0;
+            let is_worth_its_place = loss_of_one_percent >= max_loss || left <= least;
+            if is_worth_its_place && left <= most {
+                break;
+            }
+            given_up += 1;
+            left -= candidate.parameters;
+        }
+        let none = |scale: &FieldScale<f32>| [vec![Vec::new(); scale.len()], vec![Vec::new(); scale.len()]];
+        let mut kept: Vec<Parts<Vec<Vec<u16>>>> = field.scales.iter().map(none).collect();
+        for Candidate { index: [s, part, tensor], component, .. } in &candidates[given_up..] {
+            kept[*s][*part][*tensor].push(*component);
+        }
+        kept.iter_mut().flatten().flatten().for_each(|components| components.sort_unstable());
+        (field.scales.iter().zip(kept).zip(orders))
+            .map(|((scale, [density, appearance]), order)| Kept {
+                held: [
+                    scale.density.held().of_components(&density),
+                    scale.appearance.held().of_components(&appearance),
+                ],
+                order,
+            })
+            .collect()
+    }
+
+    /// In `round`, with `total` parameters: the most dB that one percent of the parameters may cost, and the most
+    /// parameters.
+    fn goals(&self, round: u32, total: u64) -> (f64, u64) {
+        let max_loss = self.max_loss * f64::from(round) / f64::from(self.rounds);
+        // What is above the goal falls with the cube of the rest of the way.
+        let rest = |round: u32| f64::from(self.rounds - round).powi(3);
+        let share = if round == 0 { 1.0 } else { rest(round) / rest(round - 1) };
+        let most = |end: u64| end.saturating_add((total.saturating_sub(end) as f64 * share) as u64);
+        (max_loss, self.max_parameters.map_or(u64::MAX, most))
+    }
+}
+
+/// The new order of the density and of the appearance components of `scale`: component c was number `order`\[c\]. Only
+/// appearance components change it, and only while all tensors hold all of them: those of the largest sum of `rises` come
+/// first.
+fn orders(scale: &FieldScale<f32>, [_, rises]: &Parts<Vec<f64>>) -> Parts<Vec<u16>> {
+    let [density, appearance] = [&scale.density, &scale.appearance].map(|factors| factors.held());
+    let [density_order, mut order] = [density, appearance].map(|held| (0..held.rank() as u16).collect::<Vec<_>>());
+    if appearance.components() == appearance.tensors() * appearance.rank() {
+        let mut totals = vec![0.0; appearance.rank()];
+        for of_tensor in rises.chunks_exact(appearance.rank()) {
+            totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
+        }
+        order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
+    }
+    [density_order, order]
+}
+
+/// All components of the tensors of `field`, in the new `orders`.
+fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Parts<Vec<u16>>], rows: &[usize]) -> Vec<Candidate> {
+    let mut candidates = Vec::new();
+    for (s, scale) in field.scales.iter().enumerate() {
+        let per_parameter = DECIBELS / (worth.steps.max(1) * rows[s] as u64) as f64;
+        for (part, factors) in [&scale.density, &scale.appearance].into_iter().enumerate() {
+            let held = factors.held();
+            for tensor in 0..held.tensors() {
+                let rises = &worth.rises[s][part][held.range(tensor)];
+                let (components, mut rises) = in_order(&orders[s][part], held.of(tensor), rises);
+                if part == 1 {
+                    make_non_increasing(&mut rises);
+                }
+                candidates.extend(components.into_iter().zip(rises).map(|(component, rise)| Candidate {
+                    worth: rise * per_parameter,
+                    index: [s, part, tensor],
+                    component,
+                    parameters: rows[s] as u64,
+                }));
+            }
+        }
+    }
+    candidates
+}
+
+/// The new numbers of a tensor's `components`, of which component c was `order`\[c\], and their `worths`.
+fn in_order(order: &[u16], components: &[u16], worths: &[f64]) -> (Vec<u16>, Vec<f64>) {
+    (order.iter().enumerate())
+        .filter_map(|(c, old)| components.binary_search(old).ok().map(|place| (c as u16, worths[place])))
+        .unzip()
+}
+
+/// Replaces the numbers of each run that increases by their mean, so that `values` never increase and keep their sum
+/// (pool adjacent violators).
+fn make_non_increasing(values: &mut [f64]) {
+    // Sums and lengths of pools.
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    for &value in values.iter() {
+        let mut pool = (value, 1);
+        while let Some(&(sum, count)) = pools.last()
+            && sum * (pool.1 as f64) < pool.0 * count as f64
+        {
+            pool = (pool.0 + sum, pool.1 + count);
+            pools.pop();
+        }
+        pools.push(pool);
+    }
+    let means = pools.into_iter().flat_map(|(sum, count)| std::iter::repeat_n(sum / count as f64, count));
+    values.iter_mut().zip(means).for_each(|(value, mean)| *value = mean);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_that_increase_are_pooled() {
+        let mut values = [5.0, 1.0, 3.0, 2.0, 4.0, 0.5];
+        make_non_increasing(&mut values);
+        assert_eq!(values, [5.0, 2.5, 2.5, 2.5, 2.5, 0.5]);
+    }
+}
