@@ -266,7 +266,7 @@ impl<T: Real> FieldFactors<T> {
     /// Gives tensors `rows` rows: `resampled` returns a tensor's new factors from the old ones and their number of
     /// components.
     pub(super) fn resample(&mut self, rows: usize, resampled: impl Fn(&[T], usize) -> Vec<T>) {
-        let mut values = AVec::new(CACHELINE_ALIGN);
+        let mut values = AVec::with_capacity(CACHELINE_ALIGN, self.held.components() * rows + MAX_LANES);
         for tensor in 0..self.held.tensors() {
             let count = self.held.count(tensor);
             let new = resampled(&self.values[self.held.values(tensor)], count);

@@ -69,6 +69,8 @@ impl Checkpoint {
     /// Resets the optimizer, for the resolutions that `field` has now.
     pub(super) fn restart(&mut self, field: &Field<f32>) {
         self.restarted_at = self.step;
+        // The old moments first: they are as large as two scenes.
+        (self.density, self.appearance) = (Vec::new(), Vec::new());
         self.density = field.scales.iter().map(|s| Moments::zeros(s.density.values().len())).collect();
         self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.values().len())).collect();
         self.networks = Moments::zeros(NetworkLayout::new(field).len());
