@@ -194,8 +194,7 @@ impl Fitting {
             (config, occupied, reasons) = train::fit_to_photographs(&config, cameras, &occupied)?;
         }
         let budget = Budget { parameters: self.max_params, file_bytes: self.max_size };
-        let fit = if config.lean.is_on() { train::lean_to_budget } else { train::fit_to_budget };
-        let (config, given_up) = fit(&config, &occupied, budget)?;
+        let (config, given_up) = train::fit_to_budget(&config, &occupied, budget)?;
         reasons.extend(given_up);
         Ok((config, occupied, reasons))
     }

@@ -45,7 +45,7 @@ impl HeldComponents {
     /// The components that `tensor` holds, ascending.
     #[inline(always)]
     pub fn of(&self, tensor: usize) -> &[u16] {
-        &self.components[self.starts[tensor] as usize..self.starts[tensor + 1] as usize]
+        &self.components[self.range(tensor)]
     }
 
     /// The number of components that `tensor` holds.
@@ -57,7 +57,8 @@ impl HeldComponents {
     /// The range of the factors of `tensor` among those of all.
     #[inline(always)]
     pub fn values(&self, tensor: usize) -> std::ops::Range<usize> {
-        self.starts[tensor] as usize * self.rows..self.starts[tensor + 1] as usize * self.rows
+        let std::ops::Range { start, end } = self.range(tensor);
+        start * self.rows..end * self.rows
     }
 
     /// Number of tensors.
@@ -92,7 +93,7 @@ impl HeldComponents {
         dense
     }
 
-    /// Of the same tensors, \[tensor\] these `components`, ascending.
+    /// The held components of the same tensors, if these hold \[tensor\] `components`, which ascend.
     #[cfg(feature = "toolkit")]
     pub(crate) fn of_components(&self, components: &[Vec<u16>]) -> Self {
         let ends = components.iter().scan(0, |end, of_tensor| {
@@ -122,7 +123,7 @@ impl HeldComponents {
     }
 
     /// The range of the components of `tensor` among those of all.
-    #[cfg(feature = "toolkit")]
+    #[inline(always)]
     pub(crate) fn range(&self, tensor: usize) -> std::ops::Range<usize> {
         self.starts[tensor] as usize..self.starts[tensor + 1] as usize
     }
@@ -238,7 +239,7 @@ impl<T: Real> FieldFactors<T> {
         contribution: &Contribution<T>,
     ) -> RowPairs<'_, T, S> {
         let Self { held, values } = self;
-        let [start, end] = [held.starts[tensor], held.starts[tensor + 1]].map(|component| component as usize);
+        let std::ops::Range { start, end } = held.range(tensor);
         let Contribution { rows: [x, y, z], fractions, weight, .. } = *contribution;
         let last = x.max(y).max(z);
         assert!((last as usize) + 1 < held.rows, "a row of a tensor");

@@ -78,7 +78,7 @@ pub(super) fn square_weight(mean_squared_error: f64, rays: usize) -> f64 {
 
 /// The components that a scale's tensors keep.
 pub(super) struct Kept {
-    /// Of density and of appearance.
+    /// The held components of density and those of appearance.
     pub(super) held: Parts<HeldComponents>,
     /// Component c of these was `order`\[c\].
     pub(super) order: Parts<Vec<u16>>,
@@ -123,7 +123,7 @@ impl LeanConfig {
     pub(super) fn kept(&self, field: &Field<f32>, worth: &Worth, round: u32, rows: &[usize], shared: u64) -> Vec<Kept> {
         let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
         let mut candidates = candidates(field, worth, &orders, rows);
-        // Of equal ones of a tensor, the last goes first.
+        // Of components of a tensor that are worth the same, the last is given up first.
         let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
         candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
         let mut left = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
@@ -163,7 +163,7 @@ impl LeanConfig {
     /// parameters.
     fn goals(&self, round: u32, total: u64) -> (f64, u64) {
         let max_loss = self.max_loss * f64::from(round) / f64::from(self.rounds);
-        // What is above the goal falls with the cube of the rest of the way.
+        // The parameters beyond `max_parameters` fall with the cube of the share of the rounds that are left.
         let rest = |round: u32| f64::from(self.rounds - round).powi(3);
         let share = if round == 0 { 1.0 } else { rest(round) / rest(round - 1) };
         let most = |end: u64| end.saturating_add((total.saturating_sub(end) as f64 * share) as u64);

@@ -49,8 +49,7 @@ pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
 pub use plan::{
-    Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs,
-    lean_to_budget, plan,
+    Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs, plan,
 };
 pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior, with_far_cells};
 pub use prune::prune_unoccupied;

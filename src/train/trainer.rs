@@ -254,11 +254,9 @@ impl<'a> Trainer<'a> {
             let FieldScale { centers, density, appearance, .. } = scale;
             let geometry = ScaleGeometry { centers, ..geometry };
             let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density.held().rank());
-            let rises = &mut self.checkpoint.worth.rises[s];
-            let [density_rises, appearance_rises] = rises;
-            let density_rises = density.held().split_mut(density_rises);
-            let appearance_rises = appearance.held().split_mut(appearance_rises);
-            let rises: Vec<_> = density_rises.into_iter().zip(appearance_rises).collect();
+            let [of_density, of_appearance] = &mut self.checkpoint.worth.rises[s];
+            let of_appearance = appearance.held().split_mut(of_appearance);
+            let rises: Vec<_> = density.held().split_mut(of_density).into_iter().zip(of_appearance).collect();
             let density = tensor_updates(density, &mut self.checkpoint.density[s]);
             let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
             let rows = geometry.resolution[0] as usize + 1;

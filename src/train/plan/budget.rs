@@ -29,16 +29,19 @@ pub struct Budget {
     pub file_bytes: Option<u64>,
 }
 
-/// `config` with fewer parameters, so that tensors on `occupied` (in the dataset's space) stay within `budget`, and a
-/// line of reason for each reduction. It is unchanged if it fits.
+/// `config` with which tensors on `occupied` (in the dataset's space) stay within `budget`, and a line of reason for each
+/// reduction. It is unchanged if it fits.
 ///
-/// Reductions come in this order, each once the one before is used up, and only as far as needed: resolution, down to
-/// 0.65 of the cells along an edge; appearance components, down to a quarter; density components, down to half; the
-/// finest scale. Without that scale, all others start again from their full size.
+/// A training that gives up components goes on until the scene fits. If it would begin with more than ten times as many
+/// parameters, or if training keeps all components, the settings are reduced in this order, each once the one before is
+/// used up, and only as far as needed: resolution, down to 0.65 of the cells along an edge; appearance components, down to
+/// a quarter; density components, down to half; the finest scale. Without that scale, all others start again from their
+/// full size.
 ///
 /// # Errors
 ///
-/// If even the coarsest scale alone, with all reductions, is too large; the error names its size.
+/// If even the coarsest scale alone, with all reductions, is too large, or the weights that all tensors share; the error
+/// names the size.
 pub fn fit_to_budget(
     config: &TrainConfig,
     occupied: &VoxelBoxes,
@@ -48,6 +51,12 @@ pub fn fit_to_budget(
         return Ok((config.clone(), Vec::new()));
     }
     let size = Size { tensors: tensor_counts(config, occupied)?, shared: shared_parameters(config) };
+    let fit = if config.lean.is_on() { given_up_to } else { reduced_to };
+    fit(config, &size, budget)
+}
+
+/// `config` reduced to stay within `budget`.
+fn reduced_to(config: &TrainConfig, size: &Size, budget: Budget) -> Result<(TrainConfig, Vec<String>), PrepareError> {
     if budget.allows(size.of(config)) {
         return Ok((config.clone(), Vec::new()));
     }
@@ -67,31 +76,20 @@ pub fn fit_to_budget(
     Err(budget.too_small(size.of(&reduced(config, 1, 3 * STEPS)), "the smallest size of this scene"))
 }
 
-/// `config` of a training that gives up components until the scene is within `budget`, and a line of reason for each
-/// change. If the settings have more than ten times the parameters, [`fit_to_budget`] reduces them to as many.
-///
-/// # Errors
-///
-/// As [`fit_to_budget`], and if `budget` has no room for the weights that tensors share.
-pub fn lean_to_budget(
-    config: &TrainConfig,
-    occupied: &VoxelBoxes,
-    budget: Budget,
-) -> Result<(TrainConfig, Vec<String>), PrepareError> {
-    if budget == Budget::default() {
-        return Ok((config.clone(), Vec::new()));
-    }
-    let shared = shared_parameters(config);
+/// `config` of a training that gives up components until the scene is within `budget`, and that begins with at most
+/// [`START`] times as many parameters.
+fn given_up_to(config: &TrainConfig, size: &Size, budget: Budget) -> Result<(TrainConfig, Vec<String>), PrepareError> {
+    let shared = size.shared;
     let matrices = |s: &ScaleConfig| u64::from(s.appearance_rank) * u64::from(config.decoder.features);
     let least = shared + config.scales.iter().map(matrices).sum::<u64>();
-    let least_bytes = cost::bytes_besides_factors(tensor_counts(config, occupied)?.iter().sum(), shared);
+    let least_bytes = cost::bytes_besides_factors(size.tensors.iter().sum(), shared);
     if !budget.allows([least, least_bytes]) {
         return Err(budget.too_small([least, least_bytes], "those that all tensors share"));
     }
     let in_bytes = budget.file_bytes.map(|bytes| shared + cost::factors_in(bytes - least_bytes));
     let most = budget.parameters.into_iter().chain(in_bytes).min().unwrap_or(u64::MAX);
     let start = Budget { parameters: Some(most.saturating_mul(START)), file_bytes: None };
-    let (mut config, reasons) = fit_to_budget(config, occupied, start)?;
+    let (mut config, reasons) = reduced_to(config, size, start)?;
     config.lean.max_parameters = Some(config.lean.max_parameters.map_or(most, |already| already.min(most)));
     Ok((config, reasons))
 }

@@ -16,7 +16,7 @@ use crate::geometry::Camera;
 use crate::model::Factors;
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 
-pub use budget::{Budget, fit_to_budget, lean_to_budget};
+pub use budget::{Budget, fit_to_budget};
 pub use cost::{MachineSpeed, PhotographMemory};
 pub use photographs::{PIXELS_APART, fit_to_photographs};
 pub use scale::ScalePlan;

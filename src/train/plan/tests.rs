@@ -2,6 +2,7 @@ use glam::{DVec3, UVec3};
 
 use super::*;
 use crate::geometry::Lattice;
+use crate::train::LeanConfig;
 
 /// A hollow ball of voxels about `aside`, of radius 1 before `unit`.
 fn shell(unit: f64, aside: DVec3) -> VoxelBoxes {
@@ -28,7 +29,7 @@ fn cameras(unit: f64, aside: DVec3, size: u32) -> Vec<Camera> {
 }
 
 fn preset() -> TrainConfig {
-    TrainConfig::preset("24").unwrap()
+    TrainConfig { lean: LeanConfig::off(), ..TrainConfig::preset("24").unwrap() }
 }
 
 fn planned(config: &TrainConfig, occupied: &VoxelBoxes) -> Plan {
