@@ -62,8 +62,8 @@ export function levels() {
   const [data, trained, file] = ["photographs", "trained.strivec", "levels.strivec"].map((name) => join(out, name));
   const config = join(import.meta.dirname, "levels.toml");
   run(strivec, "synth", data, "--views", "12", "--test-views", "2", "--size", "48x48");
-  // 32-bit numbers make the file larger than those that are shown in one step.
-  const training = ["--config", config, "--prior", join(data, "mesh.ply"), "--keep-dead", "--encoding", "f32"];
+  // All parameters, as 32-bit numbers, make the file larger than those that are shown in one step.
+  const training = ["--config", config, "--prior", join(data, "mesh.ply"), "--full", "--keep-dead", "--encoding", "f32"];
   run(strivec, "train", data, "-o", trained, ...training);
   const options = ["--lossless", "--level", "0", "--effort", "0.1", "--data", data, "--with-cameras"];
   run(pack, "pack", trained, "-o", file, ...options);
