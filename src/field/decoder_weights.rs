@@ -57,6 +57,13 @@ impl<T: Real> FieldDecoder<T> {
         Self { mode: scene.decoder.mode, features, appearance, frequencies, layers }
     }
 
+    /// The rows of the appearance matrices of a sample's own color, \[3\]\[ΣR\]; `None` if samples have none.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn own_rows(&self) -> Option<&[T]> {
+        let width = self.appearance.len() / self.features.max(1);
+        (self.mode == DecoderMode::Residual).then(|| &self.appearance[..3 * width])
+    }
+
     /// The first three features of a sample's `components`: its own color in mode *residual*, before the row's is added.
     #[inline(always)]
     pub(super) fn own_color<S: Simd>(&self, simd: S, components: &[T]) -> [T; 3] {

@@ -115,7 +115,7 @@ impl<T: Real> Backward<T> {
     /// Counts and times of the last batch, over all chunks.
     pub fn work(&self) -> Work {
         let mut work = Work::default();
-        self.chunks.iter().for_each(|c| work.add(&c.samples.clock.work));
+        self.chunks.iter().for_each(|c| work.add(&c.work));
         work
     }
 
@@ -145,7 +145,7 @@ impl<T: Real> Backward<T> {
         let tensors = Pool::<TensorGradient<T>>::default();
         let (mut density, mut appearance) = (Vec::new(), Vec::new());
         for (scale, components) in field.scales.iter().zip(component_ranges(field)) {
-            let geometry = ScaleGeometry::new(scale, &scale.centers, components);
+            let geometry = ScaleGeometry::new(scale, &scale.centers, components, field.decoder.own_rows());
             let parts = [&scale.density, &scale.appearance];
             let mut of_scale = parts.map(|part| vec![T::zero(); part.values().len()]);
             let [of_density, of_appearance] = &mut of_scale;

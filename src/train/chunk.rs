@@ -12,7 +12,7 @@
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
 use crate::color_map::ColorMap;
-use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Samples, Stage, multiply};
+use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Samples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
@@ -44,16 +44,19 @@ pub struct BatchRoulette {
     pub density: Option<Roulette>,
 }
 
-/// The results of a chunk, for the gradients of tensors and of shared weights. Reused from step to step.
+/// The results of a chunk, for the gradients of tensors and of shared weights. Reused from step to step. All chunks of a
+/// batch are kept until it ends, so they hold no more than this.
 #[derive(Debug, Default)]
 pub(super) struct Chunk<T> {
-    pub(super) samples: Samples<T>,
-    /// \[row\]\[ΣR\] ∂L/∂(decoded components); in the end, if samples have residual colors,
-    /// \[shaded sample\]\[ΣR\] ∂L/∂(their components).
+    /// \[place\] the samples' positions.
+    pub(super) positions: Vec<[T; 3]>,
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components).
     pub(super) component_gradients: Vec<T>,
+    /// \[shaded sample\] ∂L/∂(its components).
+    pub(super) shaded_gradients: Vec<ShadedGradient<T>>,
     /// ∂L/∂shared weights, in the flat layout.
     pub(super) network_gradients: Vec<T>,
-    /// Pairs of all samples, with the gradients of their density features.
+    /// Pairs of all samples, weighted with the gradients of their density features.
     pub(super) density_pairs: TensorPairs<T>,
     /// Pairs of the shaded samples.
     pub(super) appearance_pairs: TensorPairs<T>,
@@ -63,11 +66,24 @@ pub(super) struct Chunk<T> {
     pub(super) squared_error: f64,
     /// Σ over rays of known distance of the visibility that is elsewhere.
     pub(super) misplaced: f64,
+    /// Counts and times.
+    pub(super) work: Work,
+}
+
+/// The gradients of a shaded sample's components: `share` times a row of the component gradients, and, if samples have
+/// residual colors, Σ over channels of `own` times a row of the appearance matrices.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShadedGradient<T> {
+    pub(super) row: u32,
+    pub(super) share: T,
+    /// ∂L/∂(the sample's color before the sigmoid).
+    pub(super) own: [T; 3],
 }
 
 /// Buffers of a thread for the work on a chunk. Reused.
 #[derive(Debug, Default)]
 pub(super) struct Scratch<T> {
+    samples: Samples<T>,
     activations: Activations<T>,
     /// \[ray\] the color behind the scene.
     behind: Vec<[T; 3]>,
@@ -75,17 +91,12 @@ pub(super) struct Scratch<T> {
     pixel_gradients: Vec<[T; 3]>,
     /// \[shaded sample\] ∂L/∂(the sample's weight), by way of colors.
     weight_gradients: Vec<T>,
-    /// \[shaded sample\] its row of `component_gradients`, and the factor that turns this row into the gradients of the
-    /// sample's components.
-    component_shares: Vec<(u32, T)>,
     /// \[place\] ∂L/∂(a scale's density feature).
     feature_gradients: Vec<T>,
     input_gradients: Vec<T>,
     output_gradients: Vec<T>,
     /// \[term\]\[3\] ∂L/∂(a color before the sigmoid), if samples have residual colors.
     term_gradients: Vec<T>,
-    /// \[shaded sample\]\[ΣR\] ∂L/∂(components), if samples have residual colors.
-    sample_gradients: Vec<T>,
 }
 
 /// The terms of the loss.
@@ -115,36 +126,39 @@ impl<T: Real> Chunk<T> {
         roulette: BatchRoulette,
         scratch: &mut Scratch<T>,
     ) {
-        field.march(rays, &mut self.samples);
-        field.select_shaded(&self.samples, roulette.color, &mut scratch.activations.shaded);
-        field.decode(rays, &mut self.samples, &mut scratch.activations);
+        field.march(rays, &mut scratch.samples);
+        field.select_shaded(&scratch.samples, roulette.color, &mut scratch.activations.shaded);
+        field.decode(rays, &mut scratch.samples, &mut scratch.activations);
         scratch.behind.clear();
         let behind = |(ray, target): (&Ray, &Target)| field.behind(ray, target.background.map(T::of_f32));
         scratch.behind.extend(rays.iter().zip(targets).map(behind));
         self.compare(field, targets, terms, scratch);
-        self.samples.clock.lap(Stage::CompositeBackward);
+        scratch.samples.clock.lap(Stage::CompositeBackward);
         self.decode_backward(field, layout, scratch);
         self.sky_backward(field, layout, rays, terms.sky_of_open_rays, scratch);
         self.weigh_backward(field, scratch);
         self.composite_backward(field, targets, terms.distance_scale, scratch);
         if let Some(roulette) = roulette.density {
-            self.density_roulette(roulette, &mut scratch.feature_gradients);
+            density_roulette(roulette, &scratch.samples, &mut scratch.feature_gradients);
         }
-        self.samples.clock.lap(Stage::CompositeBackward);
+        scratch.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
-        self.samples.clock.lap(Stage::ContributionOrder);
+        let Samples { positions, clock, .. } = &mut scratch.samples;
+        std::mem::swap(&mut self.positions, positions);
+        clock.lap(Stage::ContributionOrder);
+        self.work.clone_from(&clock.work);
     }
 
     /// Pixels, loss, and the gradients of pixels, of colors before the sigmoid and of the decoder's outputs.
     #[inline(always)]
     fn compare(&mut self, field: &Field<T>, targets: &[Target], terms: &LossTerms<'_, T>, scratch: &mut Scratch<T>) {
-        let Scratch { activations, behind, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
+        let Scratch { samples, activations, behind, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
         self.colors.clear();
         pixel_gradients.clear();
         term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
-            let remaining = self.samples.remaining[ray];
+            let remaining = samples.remaining[ray];
             let color = activations.pixel(ray, behind[ray].map(|c| remaining * c));
             self.colors.push(color.map(|c| c.f64() as f32));
             let map = terms.maps.get(target.view as usize);
@@ -174,51 +188,45 @@ impl<T: Real> Chunk<T> {
         }
     }
 
-    /// `component_shares`, and the gradients of the samples' weights.
+    /// `shaded_gradients`, and the gradients of the samples' weights.
     #[inline(always)]
     fn weigh_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
-        let Scratch { activations, pixel_gradients, weight_gradients, component_shares, sample_gradients, .. } =
-            scratch;
+        let Scratch { samples, activations, pixel_gradients, weight_gradients, term_gradients, .. } = scratch;
         let shaded = &activations.shaded;
         let (mode, width) = (field.decoder.mode, field.component_count());
-        component_shares.clear();
+        self.shaded_gradients.clear();
         weight_gradients.clear();
         for (ray, gradient) in pixel_gradients.iter().enumerate() {
             let ray_row = activations.rows_of_ray(ray).start;
             for c in shaded.ray_range(ray) {
                 let (term, row) = match mode {
-                    DecoderMode::PerSample | DecoderMode::Residual => (c, c),
+                    DecoderMode::PerSample => (c, c),
                     DecoderMode::PerRay => (ray_row, ray_row),
+                    DecoderMode::Residual => (c, ray_row),
                 };
                 let color = activations.colors[term];
                 let mut sum = gradient[0] * color[0] + gradient[1] * color[1] + gradient[2] * color[2];
                 let mut share = activations.reductions.get(c).copied().unwrap_or(T::one());
+                let own = match mode {
+                    DecoderMode::PerSample | DecoderMode::PerRay => [T::zero(); 3],
+                    DecoderMode::Residual => [0, 1, 2].map(|p| share * term_gradients[3 * c + p]),
+                };
                 if mode != DecoderMode::PerSample {
                     let weight = activations.composite_weights[ray_row];
-                    let composite_gradients = &self.component_gradients[ray_row * width..][..width];
                     sum += difference_along(
-                        composite_gradients,
+                        &self.component_gradients[ray_row * width..][..width],
                         &activations.components[c * width..][..width],
                         &activations.composites[ray_row * width..][..width],
                     ) / weight;
-                    let share_of_composite = shaded.weights[c] / weight;
-                    if mode == DecoderMode::PerRay {
-                        share *= share_of_composite;
-                    } else {
-                        let sums = &mut sample_gradients[c * width..][..width];
-                        sums.iter_mut().zip(composite_gradients).for_each(|(sum, &g)| *sum += g * share_of_composite);
-                    }
+                    share *= shaded.weights[c] / weight;
                 }
                 // With Russian roulette, the weight of a sample's color may exceed the sample's weight.
                 let place = shaded.slots[c] as usize;
-                weight_gradients.push(sum * shaded.weights[c] / self.samples.weight(place));
-                component_shares.push((row as u32, share));
+                weight_gradients.push(sum * shaded.weights[c] / samples.weight(place));
+                self.shaded_gradients.push(ShadedGradient { row: row as u32, share, own });
             }
         }
-        if mode == DecoderMode::Residual {
-            std::mem::swap(&mut self.component_gradients, sample_gradients);
-        }
-        self.samples.clock.lap(Stage::CompositeBackward);
+        scratch.samples.clock.lap(Stage::CompositeBackward);
     }
 
     /// From the gradients of weights to those of density features. Where a ray's distance is known, the loss has
@@ -232,9 +240,15 @@ impl<T: Real> Chunk<T> {
         scratch: &mut Scratch<T>,
     ) {
         let Scratch {
-            activations, behind: colors_behind, pixel_gradients, weight_gradients, feature_gradients, ..
+            samples,
+            activations,
+            behind: colors_behind,
+            pixel_gradients,
+            weight_gradients,
+            feature_gradients,
+            ..
         } = scratch;
-        let (samples, shaded) = (&self.samples, &activations.shaded);
+        let shaded = &activations.shaded;
         let scales = field.scales.len();
         let mut misplaced_sum = 0.0;
         // Slopes first: a loop without branches.
@@ -276,21 +290,6 @@ impl<T: Real> Chunk<T> {
         self.misplaced = misplaced_sum;
     }
 
-    /// Russian roulette on the small gradients of density features.
-    #[inline(always)]
-    fn density_roulette(&self, roulette: Roulette, gradients: &mut [T]) {
-        let samples = &self.samples;
-        let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
-        let mean = total.f64() / samples.len().max(1) as f64;
-        let roulette = Roulette { below: roulette.below * mean, ..roulette };
-        for ray in 0..samples.remaining.len() {
-            for (n, &place) in samples.order[samples.ray_range(ray)].iter().enumerate() {
-                let gradient = &mut gradients[place as usize];
-                *gradient = roulette.reweight(gradient.abs(), ray, n).copysign(*gradient);
-            }
-        }
-    }
-
     /// From the gradients of the rows' outputs to those of the layers, the appearance matrices and the components.
     #[inline(always)]
     fn decode_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
@@ -302,16 +301,16 @@ impl<T: Real> Chunk<T> {
             return;
         }
         self.layers_backward(field, layout, scratch);
-        self.samples.clock.lap(Stage::DecoderBackward);
+        scratch.samples.clock.lap(Stage::DecoderBackward);
         // `output_gradients` holds the gradients of the first layer's input, without the encoded direction.
         let width = field.decoder.input_parts()[2];
         encode_backward(field, &scratch.activations, &mut scratch.output_gradients, width);
-        self.samples.clock.lap(Stage::EncodingBackward);
+        scratch.samples.clock.lap(Stage::EncodingBackward);
         self.matrices_backward(field, layout, scratch);
         if field.decoder.mode == DecoderMode::Residual {
             self.residuals_backward(field, scratch);
         }
-        self.samples.clock.lap(Stage::AppearanceMatricesBackward);
+        scratch.samples.clock.lap(Stage::AppearanceMatricesBackward);
     }
 
     /// From the gradients of the rows' outputs to those of the layers. Leaves those of the first layer's input, without
@@ -381,26 +380,16 @@ impl<T: Real> Chunk<T> {
         );
     }
 
-    /// From the gradients of the samples' residual colors to those of the first three rows of the appearance matrices
-    /// and of the samples' components.
+    /// From the gradients of the samples' residual colors to those of the first three rows of the appearance matrices.
     #[inline(always)]
-    fn residuals_backward(&mut self, field: &Field<T>, scratch: &mut Scratch<T>) {
-        let Scratch { activations, term_gradients, sample_gradients, .. } = scratch;
-        let components = field.component_count();
-        let count = activations.shaded.len();
-        let residual_gradients = Matrix::new(term_gradients, count, 3, 3);
+    fn residuals_backward(&mut self, field: &Field<T>, scratch: &Scratch<T>) {
+        let Scratch { activations, term_gradients, .. } = scratch;
+        let (components, count) = (field.component_count(), activations.shaded.len());
         multiply(
             MatrixMut::new(&mut self.network_gradients[..3 * components], 3, components, components),
-            residual_gradients.transposed(),
+            Matrix::new(term_gradients, count, 3, 3).transposed(),
             Matrix::new(&activations.components, count, components, components),
             true,
-        );
-        sample_gradients.resize(count * components, T::zero());
-        multiply(
-            MatrixMut::new(sample_gradients, count, components, components),
-            residual_gradients,
-            Matrix::new(&field.decoder.appearance, 3, components, components),
-            false,
         );
     }
 
@@ -416,22 +405,36 @@ impl<T: Real> Chunk<T> {
     ) {
         let Some(sky) = &field.sky else { return };
         let gradients = &mut self.network_gradients[layout.sky_at()..];
-        for (n, ray) in rays.iter().enumerate().filter(|&(n, _)| !open_rays || self.samples.ray_range(n).is_empty()) {
-            let color_gradient = scratch.pixel_gradients[n].map(|g| self.samples.remaining[n] * g);
+        for (n, ray) in rays.iter().enumerate().filter(|&(n, _)| !open_rays || scratch.samples.ray_range(n).is_empty())
+        {
+            let color_gradient = scratch.pixel_gradients[n].map(|g| scratch.samples.remaining[n] * g);
             sky.add_gradients(ray.direction, scratch.behind[n], color_gradient, gradients);
         }
     }
 
     /// Fills the pairs by tensor.
     fn sort_pairs(&mut self, field: &Field<T>, scratch: &Scratch<T>) {
-        let (samples, scales, tensors) = (&self.samples, field.scales.len(), field.tensor_count());
+        let (samples, scales, tensors) = (&scratch.samples, field.scales.len(), field.tensor_count());
         let gradients = &scratch.feature_gradients;
         let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
         let counted = counted.filter(|&(.., gradient)| gradient != T::zero());
         self.density_pairs.sort(samples, scales, tensors, counted);
-        let shaded = scratch.activations.shaded.slots.iter().zip(&scratch.component_shares);
-        let shaded = shaded.map(|(&place, &(row, share))| (place, row, share));
+        let shaded = scratch.activations.shaded.slots.iter().zip(0..).map(|(&place, shaded)| (place, shaded, T::one()));
         self.appearance_pairs.sort(samples, scales, tensors, shaded);
+    }
+}
+
+/// Russian roulette on the small gradients of density features.
+#[inline(always)]
+fn density_roulette<T: Real>(roulette: Roulette, samples: &Samples<T>, gradients: &mut [T]) {
+    let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
+    let mean = total.f64() / samples.len().max(1) as f64;
+    let roulette = Roulette { below: roulette.below * mean, ..roulette };
+    for ray in 0..samples.remaining.len() {
+        for (n, &place) in samples.order[samples.ray_range(ray)].iter().enumerate() {
+            let gradient = &mut gradients[place as usize];
+            *gradient = roulette.reweight(gradient.abs(), ray, n).copysign(*gradient);
+        }
     }
 }
 

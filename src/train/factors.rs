@@ -4,7 +4,7 @@
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::chunk::Chunk;
+use super::chunk::{Chunk, ShadedGradient};
 use crate::field::{FieldScale, Interpolation, MAX_LANES, Real, Stage, StageClock, offset};
 
 /// Position of a scale's components in the row of a shaded sample.
@@ -80,7 +80,7 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         reset(of_density, scale.rows.count * stride);
         for chunk in chunks {
             for pair in chunk.density_pairs.of(tensor) {
-                let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
+                let at = scale.rows.at(offset(chunk.positions[pair.place as usize], center));
                 let gradient = T::splat(simd, pair.weight);
                 add(
                     simd,
@@ -96,6 +96,7 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         unpad_rows(of_density, rank, stride);
         sums.clock.lap(Stage::DensityBackward);
 
+        let ComponentRange { first: begin, width } = scale.components;
         let rank = appearance.len() / scale.rows.count;
         let stride = rank.next_multiple_of(T::lanes::<S>());
         let factors = pad_rows(appearance, rank, stride, padded);
@@ -104,10 +105,11 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         for chunk in chunks {
             for pair in chunk.appearance_pairs.of(tensor) {
                 sums.has_appearance = true;
-                let weight = T::splat(simd, pair.weight);
-                let of_components = pair.row as usize * scale.components.width + scale.components.first;
-                let gradients = &chunk.component_gradients[of_components..];
-                let at = scale.rows.at(offset(chunk.samples.positions[pair.place as usize], center));
+                let ShadedGradient { row, share, own } = chunk.shaded_gradients[pair.shaded as usize];
+                let share = T::splat(simd, pair.weight * share);
+                let gradients = &chunk.component_gradients[row as usize * width + begin..];
+                let own = [0, 1, 2].map(|p| T::splat(simd, pair.weight * own[p]));
+                let at = scale.rows.at(offset(chunk.positions[pair.place as usize], center));
                 add(
                     simd,
                     factors,
@@ -115,7 +117,16 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
                     stride,
                     &at,
                     #[inline(always)]
-                    |first| T::times(simd, weight, load_some(simd, &gradients[first..])),
+                    |first| {
+                        let mut gradient = T::times(simd, share, load_some(simd, &gradients[first..]));
+                        if let Some(rows) = scale.own_rows {
+                            for p in 0..3 {
+                                let row = load_some(simd, &rows[p * width + begin + first..]);
+                                gradient = T::times_plus(simd, own[p], row, gradient);
+                            }
+                        }
+                        gradient
+                    },
                 );
             }
         }
@@ -216,16 +227,24 @@ pub(super) struct ScaleGeometry<'a, T> {
     pub(super) rows: crate::field::TensorRows<T>,
     pub(super) resolution: [u32; 3],
     pub(super) components: ComponentRange,
+    /// The first three rows of the appearance matrices, if samples have residual colors.
+    pub(super) own_rows: Option<&'a [T]>,
 }
 
 impl<'a, T: Real> ScaleGeometry<'a, T> {
-    pub(super) fn new(scale: &FieldScale<T>, centers: &'a [[T; 3]], components: ComponentRange) -> Self {
+    pub(super) fn new(
+        scale: &FieldScale<T>,
+        centers: &'a [[T; 3]],
+        components: ComponentRange,
+        own_rows: Option<&'a [T]>,
+    ) -> Self {
         Self {
             first_tensor: scale.first_tensor as usize,
             centers,
             rows: *scale.rows(),
             resolution: scale.resolution,
             components,
+            own_rows,
         }
     }
 }

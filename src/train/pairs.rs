@@ -7,9 +7,9 @@ use crate::field::{Real, Samples};
 pub(super) struct TensorPair<T> {
     /// The sample's place.
     pub(super) place: u32,
-    /// The row of the component gradients, if there are any.
-    pub(super) row: u32,
-    /// The factor of these gradients; for density, the gradient itself.
+    /// The index of the shaded sample, if there is one.
+    pub(super) shaded: u32,
+    /// The weight of the tensor; for density, times the gradient of the sample's feature.
     pub(super) weight: T,
 }
 
@@ -28,8 +28,8 @@ impl<T: Real> TensorPairs<T> {
         &self.pairs[self.starts[tensor] as usize..self.starts[tensor + 1] as usize]
     }
 
-    /// A stable counting sort of the pairs of those of `samples` that `sources` name by place, each with its row and
-    /// the factor of the weights of its pairs.
+    /// A stable counting sort of the pairs of those of `samples` that `sources` name by place, each with the index of the
+    /// shaded sample and the factor of the weights of its pairs.
     pub(super) fn sort(
         &mut self,
         samples: &Samples<T>,
@@ -51,10 +51,10 @@ impl<T: Real> TensorPairs<T> {
             self.starts[n] += self.starts[n - 1];
         }
         self.pairs.resize(self.starts[tensors + 1] as usize, TensorPair::default());
-        for (place, row, factor) in sources {
+        for (place, shaded, factor) in sources {
             for pair in pairs_at(place) {
                 let at = &mut self.starts[pair.tensor as usize + 1];
-                self.pairs[*at as usize] = TensorPair { place, row, weight: pair.weight * factor };
+                self.pairs[*at as usize] = TensorPair { place, shaded, weight: pair.weight * factor };
                 *at += 1;
             }
         }

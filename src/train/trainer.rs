@@ -249,8 +249,9 @@ impl<'a> Trainer<'a> {
         let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
         pool.for_each(|gradient| gradient.clock.restart());
+        let own_rows = self.field.decoder.own_rows();
         for (s, scale) in self.field.scales.iter_mut().enumerate() {
-            let geometry = ScaleGeometry::new(scale, &[], ranges[s]);
+            let geometry = ScaleGeometry::new(scale, &[], ranges[s], own_rows);
             let FieldScale { centers, density, appearance, .. } = scale;
             let geometry = ScaleGeometry { centers, ..geometry };
             let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density.held().rank());
