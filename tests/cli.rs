@@ -239,11 +239,11 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let small = "preset = \"48\"\nbatch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
         resolutions = [[12, 12, 12]]\ndensity_rank = 8\nappearance_rank = 12\ntop_k = 2\n";
     fs::write(folder.path().join("small.toml"), small).unwrap();
-    let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150"];
+    let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150", "--full"];
     let known = ["--prior", "data/mesh.ply", "--near", "2.0154", "--far", "6.0463"];
     let trained = quiet(&[&train[..], &known].concat());
     assert_eq!(code(&trained), 0, "{}", text(&trained.stderr));
-    let shrink = ["shrink", "a.strivec", "data", "-o", "b.strivec", "--config", "small.toml", "--steps", "3"];
+    let shrink = ["shrink", "a.strivec", "data", "-o", "b.strivec", "--config", "small.toml", "--steps", "60"];
     let with = |more: &[&str]| quiet(&[&shrink[..], more].concat());
     for wrong in
         [&[][..], &["--max-params", "40k", "--max-loss", "1"], &["--max-loss", "-1"], &["--max-params", "none"]]
@@ -270,7 +270,7 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let scene = |name: &str| strivec::container::decode(&fs::read(folder.path().join(name)).unwrap()).unwrap();
     assert!(scene("same.strivec") == scene("b.strivec"), "the scene changed");
 
-    let grow = ["grow", "b.strivec", "data", "-o", "c.strivec", "--config", "small.toml", "--steps", "3"];
+    let grow = ["grow", "b.strivec", "data", "-o", "c.strivec", "--config", "small.toml", "--steps", "20"];
     let result = quiet(&[&grow[..], &["--max-params", "45k", "--json"]].concat());
     assert_eq!(code(&result), 0, "{}", text(&result.stderr));
     let grown: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();

@@ -11,7 +11,7 @@ use strivec::geometry::Camera;
 use strivec::model::{Occupancy, Scene};
 use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
-use strivec::render::{CpuRenderer, Renderer};
+use strivec::render::{CpuRenderer, Pixel, Renderer};
 use strivec::train::{Checkpoint, Exposure, FinishConfig, LeanConfig, RaySampler, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
@@ -48,7 +48,7 @@ fn config() -> TrainConfig {
     }
     config.lean.max_parameters = Some(HALF);
     (config.lean.during, config.lean.rounds) = ([0.2, 0.9], 5);
-    config.finish = FinishConfig { from: 0.75, step_scale: 1.25, ..FinishConfig::default() };
+    config.finish = FinishConfig { from: 0.75, step_scale: 1.25, min_alpha: 0.01, ..FinishConfig::off() };
     config
 }
 
@@ -201,6 +201,38 @@ fn a_new_occupancy_decides_which_rays_are_drawn() {
     let [[before, kept, meet], [_, redrawn, meet_too]] = counts;
     assert_eq!((before, meet, meet), (kept, meet_too, redrawn));
     assert_ne!(before, meet, "the comparison sees what is redrawn");
+}
+
+#[test]
+fn the_last_occupancy_is_within_the_one_before_and_leaves_the_pictures_as_they_are() {
+    let views = views();
+    let scene_of = |min_alpha: f64, max_loss: f64| {
+        let mut config = config();
+        config.lean = LeanConfig::off();
+        config.finish = FinishConfig { from: 0.75, min_alpha, max_loss, ..FinishConfig::off() };
+        let scene = scenes::scene(&config);
+        let mut trainer = Trainer::new(config, scene, &views).unwrap();
+        run_to(&mut trainer, 18);
+        trainer.scene()
+    };
+    let wide = scene_of(0.0, 0.5);
+    let of_wide = wide.occupancy.as_ref().unwrap();
+    let picture = |scene: &Scene| CpuRenderer::new(scene).render(&scenes::camera(48, 1.0)).pixels;
+    let before = picture(&wide);
+    let [(kept, psnr), (fewer, lower)] = [(0.016, 0.5), (0.03, 100.0)].map(|(min_alpha, max_loss)| {
+        let tight = scene_of(min_alpha, max_loss);
+        let occupancy = tight.occupancy.as_ref().unwrap();
+        assert!(occupancy.vertices == of_wide.vertices && occupancy.iter().all(|vertex| of_wide.get(vertex)));
+        let square = |(a, b): (&Pixel, &Pixel)| (0..3).map(|c| f64::from(a.color[c] - b.color[c]).powi(2)).sum::<f64>();
+        let after = picture(&tight);
+        let error: f64 = before.iter().zip(&after).map(square).sum();
+        (occupancy.count(), psnr_of_mse(error / (3 * after.len()) as f64))
+    });
+    println!("{kept} and {fewer} of {} vertices, {psnr} and {lower} dB", of_wide.count());
+    assert!(kept < of_wide.count() && psnr > 45.0);
+    // What is not faint changes pictures, and stays if that costs too much.
+    assert!(scene_of(0.03, 0.5) == wide);
+    assert!(fewer < kept && lower < 45.0);
 }
 
 #[test]

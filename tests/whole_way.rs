@@ -53,8 +53,11 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
     run(folder, &["synth", "data", "--views", "20", "--test-views", "4", "--size", "32x32", "--seed", "3"]);
     let train = ["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--log", "a.csv", "--eval-every", "60"];
-    let trained = json(folder, &train);
+    let trained = json(folder, &[&train[..], &["--watch", "w.png"]].concat());
     assert_eq!(trained["steps"], 120);
+    let png = fs::read(folder.join("w.png")).unwrap();
+    let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+    assert_eq!([number(16), number(20)], [32 + 4 + 32, 32], "the scene beside the photograph");
     let log = fs::read_to_string(folder.join("a.csv")).unwrap();
     assert_eq!(log.lines().count(), 121, "a head and a row for each step of a short run");
     let evaluated: Vec<_> = log.lines().skip(1).filter(|row| !row.ends_with(',')).collect();
@@ -62,6 +65,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!(!folder.join("a.strivec.state").exists(), "a finished run leaves no state");
 
     // The file does not depend on the number of threads, and is not overwritten without `--force`.
+    // Nor does it depend on whether the training is watched.
     let again = ["train", "data", "-o", "b.strivec", "--config", "tiny.toml", "--threads", "1", "--quiet"];
     run(folder, &again);
     assert!(fs::read(folder.join("a.strivec")).unwrap() == fs::read(folder.join("b.strivec")).unwrap());

@@ -1,7 +1,7 @@
 //! Results on standard output, messages on standard error.
 
 use std::io::{self, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use serde::Serialize;
 
@@ -15,12 +15,14 @@ pub(super) struct Console {
     json: bool,
     /// The reader of standard output has closed the pipe, as `head` does.
     closed: AtomicBool,
+    /// Rows of the picture that was drawn last; 0 if there is a message below it.
+    drawn_rows: AtomicU32,
 }
 
 impl Console {
     /// No messages if `quiet`; results as JSON if `json`.
     pub(super) fn new(name: &'static str, quiet: bool, json: bool) -> Self {
-        Self { name, quiet, json, closed: AtomicBool::new(false) }
+        Self { name, quiet, json, closed: AtomicBool::new(false), drawn_rows: AtomicU32::new(0) }
     }
 
     pub(super) fn is_quiet(&self) -> bool {
@@ -63,9 +65,21 @@ impl Console {
     /// Prints a message to standard error, unless quiet.
     pub(super) fn say(&self, message: &str) {
         if !self.quiet {
+            self.drawn_rows.store(0, Ordering::Relaxed);
             // A failure to write to standard error cannot be reported.
             let _ = writeln!(io::stderr().lock(), "{message}");
         }
+    }
+
+    /// Draws a picture of `rows` rows on standard error, which is a terminal, by the characters of `sequence`. It takes the
+    /// place of the picture before, if no message came between.
+    pub(super) fn draw(&self, sequence: &str, rows: u32) {
+        let up = match self.drawn_rows.swap(rows, Ordering::Relaxed) {
+            0 => String::new(),
+            before => format!("\x1b[{before}A\r"),
+        };
+        // A failure to write to standard error cannot be reported.
+        let _ = writeln!(io::stderr().lock(), "{up}{sequence}");
     }
 
     /// Prints the error of a command; messages of several lines, such as those about TOML, keep their lines.

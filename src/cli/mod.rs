@@ -33,6 +33,7 @@ mod scene_file;
 mod session;
 mod settings;
 mod shell;
+mod state_file;
 mod synth;
 mod table;
 mod trade;
@@ -42,6 +43,7 @@ mod video;
 mod view;
 mod view_selection;
 mod viewpoints;
+mod watch;
 
 use std::process::ExitCode;
 

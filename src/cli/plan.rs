@@ -77,7 +77,7 @@ struct Machine {
 /// Estimates size, memory and time.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut config = args.settings.configuration()?;
-    let options = args.settings.basics.photographs(&args.dataset, session)?;
+    let options = args.settings.basics.photographs(&args.dataset, config.max_photograph_side, session)?;
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
     let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
     let interrupted = interrupts()?;

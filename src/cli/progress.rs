@@ -58,7 +58,12 @@ impl<'a> Progress<'a> {
 
     /// Prints a message above the bar.
     pub(super) fn say(&self, message: &str) {
-        self.bar.suspend(|| self.console.say(message));
+        self.suspend(|| self.console.say(message));
+    }
+
+    /// Calls `work`, which writes to standard error, while there is no bar.
+    pub(super) fn suspend<R>(&self, work: impl FnOnce() -> R) -> R {
+        self.bar.suspend(work)
     }
 
     /// Ends the task, removes the bar, and prints a message.

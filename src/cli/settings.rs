@@ -106,12 +106,28 @@ fn every(text: &str) -> Result<usize, String> {
 }
 
 impl Basics {
-    /// Selection of the photographs to train on in `folder`, and their size: if none is given, the largest that fits into
-    /// the memory for them.
-    pub(super) fn photographs(&self, folder: &Path, session: &Session) -> Result<LoadOptions, Error> {
+    /// Selection of the photographs to train on in `folder`, and their size: if none is given, at most `max_side` pixels or,
+    /// without this either, the largest that fits into the memory for them.
+    pub(super) fn photographs(
+        &self,
+        folder: &Path,
+        max_side: Option<u32>,
+        session: &Session,
+    ) -> Result<LoadOptions, Error> {
         let options = LoadOptions { every: self.every, ..self.dataset.load_options(self.downscale.unwrap_or(1)) };
         if self.downscale.is_some() {
             return Ok(options);
+        }
+        if let Some(most) = max_side {
+            let cameras = dataset::load_cameras(folder, "train", None, &options)?;
+            let side = cameras.iter().map(|named| named.camera.width.max(named.camera.height)).max().unwrap_or(0);
+            let downscale = side.div_ceil(most.max(1)).max(1);
+            if downscale > 1 {
+                session
+                    .console
+                    .say(&format!("--downscale {downscale}: the settings ask for at most {most} pixels a side"));
+            }
+            return Ok(LoadOptions { downscale, ..options });
         }
         let (downscale, bytes) = dataset::fitting_downscale(folder, "train", &options)?;
         if downscale > 1 {
@@ -234,6 +250,8 @@ pub(super) enum Preset {
     PerRay,
     /// per-ray plus a color per sample and more view-dependent detail: the best pictures, nearly as fast
     Best,
+    /// A first look within about a minute, from photographs of at most 256 pixels a side; better with more --steps
+    Preview,
     /// Four scales, 100 000 steps, for rooms
     Scannet,
     /// Two scales in contracted space, 120 000 steps, for captures without an edge
@@ -252,6 +270,7 @@ impl Preset {
             Self::Fast => "fast",
             Self::PerRay => "per-ray",
             Self::Best => "best",
+            Self::Preview => "preview",
             Self::Scannet => "scannet",
             Self::P360 => "360",
         }

@@ -12,8 +12,10 @@ use super::prior::Inputs;
 use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
+use super::state_file::{StateFile, beside};
 use super::table::plural;
-use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, read_state, reconstruct};
+use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, reconstruct};
+use super::watch::Watch;
 use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -76,6 +78,10 @@ pub(super) struct Args {
     /// Encoding of the factors
     #[arg(long, value_enum, default_value_t)]
     pub(super) encoding: Precision,
+    /// Show a view beside its photograph while the scene is trained, the first test view if there are any: in this PNG file,
+    /// and in terminals that display pictures
+    #[arg(long, value_name = "PNG")]
+    pub(super) watch: Option<PathBuf>,
     /// Measure PSNR on up to 20 test views every N steps [default: never]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) eval_every: Option<u64>,
@@ -92,19 +98,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     let files = Files::new(args, output, session)?;
     let interrupted = interrupts()?;
-    let saved = if args.resume { Some(read_state(&files.state)?) } else { None };
-    let options = args.settings.basics.photographs(folder, session)?;
+    let saved = if args.resume { Some(files.state.read_training()?) } else { None };
+    let max_side = saved.as_ref().map_or(&config, |(checkpoint, _)| &checkpoint.config).max_photograph_side;
+    let options = args.settings.basics.photographs(folder, max_side, session)?;
     let mut dataset = dataset::load(folder, "train", &options)?;
     session.console.say(&contents(&dataset));
     let held_out = match args.eval_every {
-        Some(_) => {
-            let all = LoadOptions { every: 1, ..options.clone() };
-            let count = dataset::load_cameras(folder, "test", None, &all)?.len();
-            let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..all };
-            dataset::load(folder, "test", &options)?.views
-        }
+        Some(_) => held_out(folder, &options)?,
         None => Vec::new(),
     };
+    let watch =
+        args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &config, session)).transpose()?;
 
     let start = Instant::now();
     let mut trainer = match saved {
@@ -126,7 +130,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         }
     };
     trainer.add_seconds(start.elapsed().as_secs_f64());
-    let mut run = Run { args, session, files: &files, held_out: &held_out, curve: Vec::new() };
+    let mut run = Run { args, session, files: &files, held_out: &held_out, watch, curve: Vec::new() };
     run.train(&mut trainer, &interrupted)?;
 
     let mut scene = trainer.scene();
@@ -141,7 +145,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     if let Some(refined) = trainer.refined_cameras() {
         refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
     }
-    files.remove_state()?;
+    files.state.remove()?;
     let result = Trained {
         file: output,
         bytes: bytes.len() as u64,
@@ -164,6 +168,30 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             r.file.display()
         )
     })
+}
+
+/// Up to [`HELD_OUT`] test views in `folder`, evenly spread.
+fn held_out(folder: &Path, options: &LoadOptions) -> Result<Vec<View>, Error> {
+    let all = LoadOptions { every: 1, ..options.clone() };
+    let count = dataset::load_cameras(folder, "test", None, &all)?.len();
+    let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..all };
+    Ok(dataset::load(folder, "test", &options)?.views)
+}
+
+/// Shows the first test view in `folder`; without any, the first that is trained on.
+fn watch(
+    path: &Path,
+    folder: &Path,
+    options: &LoadOptions,
+    dataset: &Dataset,
+    config: &TrainConfig,
+    session: &Session,
+) -> Result<Watch, Error> {
+    let first = LoadOptions { every: 1, views: Some(0..1), ..options.clone() };
+    let test = dataset::load(folder, "test", &first).map_or_else(|_| Vec::new(), |test| test.views);
+    let view = test.first().or(dataset.views.first());
+    let view = view.ok_or_else(|| Error::Runtime("there is no photograph to watch".into()))?;
+    Watch::new(path.to_path_buf(), view, config.background, session)
 }
 
 /// The bytes of `scene`'s file: with viewpoints by the cameras of `dataset`, unless these are all around the scene.
@@ -244,6 +272,7 @@ struct Run<'a> {
     session: &'a Session,
     files: &'a Files,
     held_out: &'a [View],
+    watch: Option<Watch>,
     curve: Vec<CurvePoint>,
 }
 
@@ -270,7 +299,8 @@ impl Run<'_> {
             let due = |every: Option<u64>| every.is_some_and(|n| step.is_multiple_of(n));
             let evaluates = self.args.eval_every.is_some() && (due(self.args.eval_every) || step == steps);
             let has_row = evaluates || due(Some(row_every)) || step == steps;
-            if stop || due(self.args.checkpoint_every) || has_row {
+            let shows = self.watch.as_ref().is_some_and(|watch| step == steps || watch.is_due());
+            if stop || due(self.args.checkpoint_every) || has_row || shows {
                 trainer.add_seconds(since.elapsed().as_secs_f64());
                 since = Instant::now();
                 if has_row {
@@ -281,15 +311,17 @@ impl Run<'_> {
                     (error_sum, error_count) = (0.0, 0.0);
                     self.write_log()?;
                 }
+                if let Some(watch) = self.watch.as_mut().filter(|_| shows) {
+                    meter.suspend(|| watch.show(trainer, self.session))?;
+                }
                 if stop || due(self.args.checkpoint_every) {
-                    self.files.write_state(trainer)?;
+                    self.files.state.write_training(trainer)?;
                 }
                 meter.skip(since.elapsed());
                 since = Instant::now();
             }
             if stop {
-                let state = self.files.state.display();
-                return Err(Error::Runtime(format!("interrupted after step {step}; --resume continues from {state}")));
+                return Err(self.files.state.interrupted(&format!("step {step}")));
             }
         }
         meter.finish();
@@ -326,7 +358,7 @@ impl Run<'_> {
 /// The files of a run that change before its end.
 struct Files {
     /// The checkpoint.
-    state: PathBuf,
+    state: StateFile,
     /// The refined poses.
     poses: PathBuf,
 }
@@ -336,40 +368,12 @@ impl Files {
     fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
         check_scene_name(output)?;
         check_output(output, session.force)?;
-        let beside = |ending: &str| -> PathBuf {
-            let mut name = output.as_os_str().to_owned();
-            name.push(ending);
-            name.into()
-        };
-        let state = args.checkpoint.clone().unwrap_or_else(|| beside(".state"));
-        let poses = beside(".poses.json");
+        let poses = beside(output, ".poses.json");
         check_output(&poses, session.force)?;
-        if !args.resume {
-            if state.exists() && !session.force {
-                let message = "the checkpoint of an interrupted run exists; --resume continues it, --force starts anew";
-                return Err(Error::Usage(format!("{}: {message}", state.display())));
-            }
-            check_output(&state, session.force)?;
-            if let Some(log) = &args.log {
-                check_output(log, session.force)?;
-            }
+        let state = StateFile::new(args.checkpoint.as_deref(), output, args.resume, session)?;
+        if let Some(log) = args.log.as_ref().filter(|_| !args.resume) {
+            check_output(log, session.force)?;
         }
         Ok(Self { state, poses })
-    }
-
-    fn write_state(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
-        // 32-bit factors, so that the resumed run is byte-identical; weak compression, because it is fast.
-        let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
-        let scene = container::encode(&trainer.scene(), &options)
-            .map_err(|e| Error::Runtime(format!("{}: {e}", self.state.display())))?;
-        write_atomically(&self.state, &trainer.checkpoint().to_bytes(&scene), true)
-    }
-
-    /// Removes the checkpoint of a finished run.
-    fn remove_state(&self) -> Result<(), Error> {
-        match std::fs::remove_file(&self.state) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.state)(e)),
-            _ => Ok(()),
-        }
     }
 }

@@ -353,6 +353,11 @@ impl<'a> Meter<'a> {
         }
     }
 
+    /// Calls `work`, which writes to standard error.
+    pub(super) fn suspend<R>(&self, work: impl FnOnce() -> R) -> R {
+        self.progress.suspend(work)
+    }
+
     /// Excludes `time` from the rate.
     pub(super) fn skip(&mut self, time: Duration) {
         self.begun += time;
@@ -362,12 +367,4 @@ impl<'a> Meter<'a> {
     pub(super) fn finish(self) {
         self.progress.finish(&format!("train: {:.2} dB on the last rays", self.error.psnr()));
     }
-}
-
-/// The checkpoint file `path` of an unfinished run, and its scene.
-pub(super) fn read_state(path: &Path) -> Result<(train::Checkpoint, Scene), Error> {
-    let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    let (progress, scene) = train::Checkpoint::from_bytes(&bytes).map_err(Error::malformed(path))?;
-    let scene = container::decode(&scene).map_err(Error::malformed(path))?;
-    Ok((progress, scene))
 }

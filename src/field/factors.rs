@@ -122,6 +122,13 @@ impl HeldComponents {
         rearranged
     }
 
+    /// `values`, laid out as the factors, with another number of rows: `resampled` returns those of a tensor from the old ones
+    /// and their number of components.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn resampled<T: Real>(&self, values: &[T], resampled: impl Fn(&[T], usize) -> Vec<T>) -> Vec<T> {
+        (0..self.tensors()).flat_map(|n| resampled(&values[self.values(n)], self.count(n))).collect()
+    }
+
     /// The range of the components of `tensor` among those of all.
     #[inline(always)]
     pub(crate) fn range(&self, tensor: usize) -> std::ops::Range<usize> {

@@ -127,7 +127,7 @@ impl CoarseCube {
             upsample_at: Vec::new(),
             occupancy_at: Vec::new(),
             lean: LeanConfig::off(),
-            finish: FinishConfig::default(),
+            finish: FinishConfig::off(),
             decoder: DecoderConfig {
                 mode: DecoderMode::PerSample,
                 features: 8,

@@ -31,6 +31,8 @@ pub struct Checkpoint {
     pub(super) appearance: Vec<Moments<f32>>,
     pub(super) networks: Moments<f32>,
     pub(super) worth: Worth,
+    /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] asks for it.
+    pub(super) psnr_at_start: Option<f64>,
     /// The exposures of the photographs.
     pub exposures: Exposures,
     /// \[view\] the refined pose in the model's space, as [`Camera::pose`], and focal lengths; empty before the first
@@ -57,6 +59,7 @@ impl Checkpoint {
             appearance: Vec::new(),
             networks: Moments::default(),
             worth: Worth::none(field),
+            psnr_at_start: None,
             exposures: Exposures::new(config.exposure, sampler.view_count()),
             cameras: Vec::new(),
             active_rays: sampler.active_ray_mask(),
@@ -157,7 +160,7 @@ impl Checkpoint {
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
         let mut hasher = crc32fast::Hasher::new();
         tensors.iter().for_each(|t| hasher.update(t.2));
-        let metadata = HashMap::from([
+        let mut metadata = HashMap::from([
             ("config".to_string(), self.config.to_toml()),
             ("step".to_string(), self.step.to_string()),
             ("worth_steps".to_string(), self.worth.steps.to_string()),
@@ -166,6 +169,9 @@ impl Checkpoint {
             ("photographs".to_string(), self.photographs.to_string()),
             ("checksum".to_string(), hasher.finalize().to_string()),
         ]);
+        if let Some(psnr) = self.psnr_at_start {
+            metadata.insert("psnr_at_start".to_string(), psnr.to_string());
+        }
         let views = tensors.iter().map(|(name, dtype, bytes)| {
             let view = TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes);
             (name.as_str(), view.expect("the length is a multiple of the element's"))
@@ -241,6 +247,7 @@ impl Checkpoint {
         let rises = (0..config.scales.len()).map(worth_of).collect::<Result<_, _>>()?;
         let checkpoint = Self {
             worth: Worth { rises, steps: number("worth_steps", text("worth_steps")?)? },
+            psnr_at_start: text("psnr_at_start").ok().map(|text| number("psnr_at_start", text)).transpose()?,
             step: number("step", text("step")?)?,
             restarted_at: number("restarted_at", text("restarted_at")?)?,
             seconds: number("seconds", text("seconds")?)?,

@@ -7,6 +7,9 @@
 //!
 //! Density components are given up wherever they are. Appearance components have an order in which all tensors of the
 //! scale give them up, so that a tensor always holds the first ones ([`crate::field::FieldFactors`]).
+//!
+//! In some rounds a scale gives up cells instead, if that costs less than as many parameters in components. What it costs
+//! is measured on rays, because it moves all factors at once.
 
 use super::config::LeanConfig;
 use crate::field::{Field, FieldScale, HeldComponents, Real};
@@ -19,6 +22,11 @@ const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
 const LEAST_WORTH: f64 = 1.0;
 /// The most of the parameters that a round gives up for their worth.
 const MAX_SHARE: f64 = 0.1;
+/// A scale may give up cells in every round of this many, and then keeps this share of them along each axis, but no fewer
+/// than these.
+const CELLS_EVERY: u32 = 4;
+const CELLS_KEPT: f64 = 0.85;
+const MIN_CELLS: u32 = 2;
 
 /// The components of density and of appearance that the tensors of a scale hold.
 type Parts<V> = [V; 2];
@@ -84,6 +92,15 @@ pub(super) struct Kept {
     pub(super) order: Parts<Vec<u16>>,
 }
 
+/// The components of a field by their worth.
+pub(super) struct Ranking {
+    orders: Vec<Parts<Vec<u16>>>,
+    /// The least worth first.
+    candidates: Vec<Candidate>,
+    /// Number of parameters.
+    pub(super) total: u64,
+}
+
 /// A component that can be given up.
 struct Candidate {
     /// Its worth, in dB of PSNR per parameter.
@@ -118,24 +135,22 @@ impl LeanConfig {
         ((share * steps as f64).round() as u64).max(1)
     }
 
-    /// \[scale\] the components that the tensors of `field` keep in `round`, by their `worth`. \[scale\] `rows` are those of a
-    /// tensor at the end of training, and `shared` the parameters that are not factors.
-    pub(super) fn kept(&self, field: &Field<f32>, worth: &Worth, round: u32, rows: &[usize], shared: u64) -> Vec<Kept> {
-        let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
-        let mut candidates = candidates(field, worth, &orders, rows);
-        // Of components of a tensor that are worth the same, the last is given up first.
-        let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
-        candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
-        let mut left = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
-        let (mut max_loss, most) = self.goals(round, left);
-        if candidates.iter().map(|c| c.worth * c.parameters as f64).sum::<f64>() < LEAST_WORTH {
+    /// \[scale\] the components that the tensors of `field` keep in `round`, of those of `ranking`. What is given up for its
+    /// worth costs at most `allowance`, in dB.
+    pub(super) fn kept(&self, field: &Field<f32>, ranking: Ranking, round: u32, allowance: f64) -> Vec<Kept> {
+        let Ranking { orders, candidates, total } = ranking;
+        let (mut max_loss, most) = self.goals(round, total);
+        if self.max_drop.is_none() && candidates.iter().map(Candidate::loss).sum::<f64>() < LEAST_WORTH {
             max_loss = 0.0;
         }
-        let least = ((1.0 - MAX_SHARE) * left as f64) as u64;
+        let least = ((1.0 - MAX_SHARE) * total as f64) as u64;
+        let (mut left, mut spent) = (total, 0.0);
         let mut given_up = 0;
         for candidate in &candidates {
             let loss_of_one_percent = candidate.worth * left as f64 / 100.0;
-            let is_worth_its_place = loss_of_one_percent >= max_loss || left <= least;
+            spent += candidate.loss();
+            let loss = DECIBELS * (spent / DECIBELS).ln_1p();
+            let is_worth_its_place = loss_of_one_percent >= max_loss || left <= least || loss > allowance;
             if is_worth_its_place && left <= most {
                 break;
             }
@@ -157,6 +172,21 @@ impl LeanConfig {
                 order,
             })
             .collect()
+    }
+
+    /// True if a scale may give up cells in `round`.
+    pub(super) fn is_for_cells(&self, round: u32) -> bool {
+        round > 0 && round.is_multiple_of(CELLS_EVERY)
+    }
+
+    /// True if in `round` a change that saves `saved` parameters and raises the mean squared error by the factor `rise` at once
+    /// is better than giving up as many in components, the first of `ranking`.
+    pub(super) fn is_better(&self, ranking: &Ranking, round: u32, saved: u64, rise: f64) -> bool {
+        // As the worth of components: linear in the rise.
+        let loss = DECIBELS * (rise - 1.0);
+        let (max_loss, most) = self.goals(round, ranking.total);
+        let loss_of_one_percent = loss * ranking.total as f64 / (100 * saved) as f64;
+        (loss_of_one_percent < max_loss || ranking.total > most) && loss < ranking.loss_of(saved)
     }
 
     /// In `round`, with `total` parameters: the most dB that one percent of the parameters may cost, and the most
@@ -185,6 +215,43 @@ fn orders(scale: &FieldScale<f32>, [_, rises]: &Parts<Vec<f64>>) -> Parts<Vec<u1
         order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
     }
     [density_order, order]
+}
+
+/// The number of cells along each axis of a scale that gives up some of its `cells`.
+pub(super) fn fewer(cells: [u32; 3]) -> [u32; 3] {
+    cells.map(|d| ((CELLS_KEPT * f64::from(d)).round() as u32).clamp(MIN_CELLS.min(d), d))
+}
+
+impl Candidate {
+    /// What giving it up costs, in dB.
+    fn loss(&self) -> f64 {
+        self.worth * self.parameters as f64
+    }
+}
+
+impl Ranking {
+    /// The components of `field` by `worth`. \[scale\] `rows` are those of a tensor at the end of training, and `shared` the
+    /// parameters that are not factors.
+    pub(super) fn new(field: &Field<f32>, worth: &Worth, rows: &[usize], shared: u64) -> Self {
+        let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
+        let mut candidates = candidates(field, worth, &orders, rows);
+        // Of components of a tensor that are worth the same, the last is given up first.
+        let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
+        candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
+        let total = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
+        Self { orders, candidates, total }
+    }
+
+    /// What it costs, in dB, to give up the first components with this many parameters.
+    fn loss_of(&self, parameters: u64) -> f64 {
+        let mut left = parameters;
+        let taken = self.candidates.iter().take_while(|candidate| {
+            let is_needed = left > 0;
+            left = left.saturating_sub(candidate.parameters);
+            is_needed
+        });
+        taken.map(Candidate::loss).sum()
+    }
 }
 
 /// All components of the tensors of `field`, in the new `orders`.

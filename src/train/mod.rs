@@ -14,6 +14,7 @@ mod divergence;
 mod error;
 mod exposure;
 mod factors;
+mod giving_up;
 mod importance;
 mod initial;
 mod lean;
@@ -28,6 +29,7 @@ mod prune;
 mod ray_sampler;
 mod rays;
 mod resize;
+mod schedule;
 mod trainer;
 mod upsample;
 
@@ -48,6 +50,7 @@ pub use importance::{DeadComponents, FactorImportance, MAX_LOSS, prune_dead_comp
 pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
+use occupancy::tight_occupancy;
 pub use plan::{
     Budget, MachineSpeed, PIXELS_APART, PhotographMemory, Plan, ScalePlan, fit_to_budget, fit_to_photographs, plan,
 };
@@ -55,6 +58,6 @@ pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior, w
 pub use prune::prune_unoccupied;
 pub use ray_sampler::RaySampler;
 pub use rays::RayBatch;
-pub use resize::{ResizeRound, ResizeStep, Resized, ShrinkGoal, Tuning, grow, shrink};
+pub use resize::{GrowRound, GrowState, GrowStep, Growing, ShrinkGoal, Tuning, compacted, shrink};
 pub use trainer::{StepReport, Trainer};
 pub use upsample::upsample;

@@ -13,45 +13,69 @@ const MIN_ALPHA: f64 = 1e-4;
 /// step is at least 1e-4, and their neighbors. If the field has an occupancy already, vertices outside of it stay
 /// empty.
 pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
-    let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
-    let mut occupancy = Occupancy::empty(field.bounds, vertices);
-    let layers: Vec<Vec<bool>> = (0..vertices.z)
-        .into_par_iter()
-        .map(|z| {
-            vectorized(
-                #[inline(always)]
-                || dense_vertices(field, &occupancy, z),
-            )
-        })
-        .collect();
-    let (width, height) = (vertices.x as usize, vertices.y as usize);
+    let min_depth = -(-MIN_ALPHA).ln_1p() * field.rules.distance_scale;
+    let (mut occupancy, layers) = dense_vertices(field, cell, min_depth, &[DVec3::ZERO]);
+    let [width, height] = [occupancy.vertices.x, occupancy.vertices.y].map(|d| d as usize);
     let spread: Vec<Vec<bool>> = layers.par_iter().map(|layer| spread_in_layer(layer, width, height)).collect();
-    for z in 0..vertices.z {
+    for z in 0..occupancy.vertices.z {
         let around = &spread[z.saturating_sub(1) as usize..(z as usize + 2).min(spread.len())];
-        for i in 0..width * height {
-            if around.iter().any(|layer| layer[i]) {
-                occupancy.set(UVec3::new((i % width) as u32, (i / width) as u32, z));
-            }
-        }
+        set(&mut occupancy, z, |i| around.iter().any(|layer| layer[i]));
     }
     occupancy
 }
 
-/// \[y\]\[x\] true if the vertices of layer `z` are dense, without their neighbors.
-#[inline(always)]
-fn dense_vertices<T: Real>(field: &Field<T>, grid: &Occupancy, z: u32) -> Vec<bool> {
-    let mut samples = Samples::default();
-    let mut dense = Vec::with_capacity((grid.vertices.x * grid.vertices.y) as usize);
-    let min_depth = -(-MIN_ALPHA).ln_1p() * field.rules.distance_scale;
-    for y in 0..grid.vertices.y {
-        for x in 0..grid.vertices.x {
-            let position = field.relative(grid.position(UVec3::new(x, y, z)));
-            let known_empty = field.occupancy.as_ref().is_some_and(|o| !o.contains(position));
-            let feature = if known_empty { None } else { field.density_feature(position, &mut samples) };
-            dense.push(feature.is_some_and(|f| field.optical_depth(f).f64() >= min_depth));
-        }
+/// As [`estimate_occupancy`], as tight as the samples of the march allow: the vertices that have an opacity over one step,
+/// with the distance scale, of at least `min_alpha` at any of eight points around them, half a cell apart. Their neighbors
+/// are left out, since a cell is occupied if one of its corners is.
+pub(super) fn tight_occupancy<T: Real>(field: &Field<T>, cell: DVec3, min_alpha: f64) -> Occupancy {
+    let around: Vec<DVec3> = (0..8).map(|n| [0, 1, 2].map(|a| f64::from(n >> a & 1) * 0.5 - 0.25).into()).collect();
+    let (mut occupancy, layers) = dense_vertices(field, cell, -(-min_alpha).ln_1p(), &around);
+    for (z, layer) in (0..).zip(&layers) {
+        set(&mut occupancy, z, |i| layer[i]);
     }
-    dense
+    occupancy
+}
+
+/// Adds the vertices of layer `z` for which `is_set`(index in the layer).
+fn set(occupancy: &mut Occupancy, z: u32, is_set: impl Fn(usize) -> bool) {
+    let [width, height] = [occupancy.vertices.x, occupancy.vertices.y];
+    for i in (0..width * height).filter(|&i| is_set(i as usize)) {
+        occupancy.set(UVec3::new(i % width, i / width, z));
+    }
+}
+
+/// An empty occupancy of `field` on cells of about `cell`, and \[z\]\[y\]\[x\] true if the field has an optical depth over
+/// a step of at least `min_depth` at any of the points `around` a vertex, in cells.
+fn dense_vertices<T: Real>(
+    field: &Field<T>,
+    cell: DVec3,
+    min_depth: f64,
+    around: &[DVec3],
+) -> (Occupancy, Vec<Vec<bool>>) {
+    let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
+    let grid = Occupancy::empty(field.bounds, vertices);
+    let layer = |z: u32| {
+        let mut samples = Samples::default();
+        let mut is_dense = |vertex: UVec3| {
+            around.iter().any(|offset| {
+                let position = field.relative(grid.position(vertex) + *offset * grid.cell_size());
+                let known_empty = field.occupancy.as_ref().is_some_and(|o| !o.contains(position));
+                let feature = if known_empty { None } else { field.density_feature(position, &mut samples) };
+                feature.is_some_and(|f| field.optical_depth(f).f64() >= min_depth)
+            })
+        };
+        vectorized(
+            #[inline(always)]
+            || {
+                (0..vertices.y)
+                    .flat_map(|y| (0..vertices.x).map(move |x| UVec3::new(x, y, z)))
+                    .map(&mut is_dense)
+                    .collect()
+            },
+        )
+    };
+    let layers = (0..vertices.z).into_par_iter().map(layer).collect();
+    (grid, layers)
 }
 
 /// Dilation by one vertex along x and y.

@@ -6,30 +6,31 @@ use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
-use super::lean::{self, Kept, Worth, add_squares};
-use super::poses;
+use super::lean::{self, add_squares};
 use super::{
-    BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, estimate_occupancy,
-    march_step, network_parts, prune_dead_components, prune_unoccupied, upsample,
+    BatchRoulette, Checkpoint, CheckpointError, DeadComponents, Exposures, RayBatch, RaySampler, TrainConfig,
+    TrainError, network_parts, prune_dead_components,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldFactors, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
-use crate::geometry::{Aabb, Camera};
+use crate::geometry::{Camera, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
 /// A run in progress.
 #[derive(Debug)]
 pub struct Trainer<'a> {
-    config: TrainConfig,
-    sampler: RaySampler<'a>,
+    pub(super) config: TrainConfig,
+    pub(super) sampler: RaySampler<'a>,
     /// The scene without factors. The current ones, and matrices, decoder and sky, are in `field`.
-    scene: Scene,
-    field: Field<f32>,
-    backward: Backward<f32>,
+    pub(super) scene: Scene,
+    pub(super) field: Field<f32>,
+    pub(super) backward: Backward<f32>,
     tensor_gradients: Pool<TensorGradient<f32>>,
     order: Random,
-    checkpoint: Checkpoint,
+    /// Steps of the trainings before this run.
+    steps_before: u64,
+    pub(super) checkpoint: Checkpoint,
     monitor: DivergenceMonitor,
 }
 
@@ -55,7 +56,11 @@ impl<'a> Trainer<'a> {
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
-        Self::assemble(config, scene, field, sampler, checkpoint)
+        let mut trainer = Self::assemble(config, scene, field, sampler, checkpoint)?;
+        if trainer.config.lean.max_drop.is_some() {
+            trainer.checkpoint.psnr_at_start = Some(trainer.psnr());
+        }
+        Ok(trainer)
     }
 
     /// Resumes the run of `checkpoint` and its `scene`.
@@ -79,6 +84,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self, TrainError> {
         check_active_rays(&sampler)?;
         Ok(Self {
+            steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
             order: Random::new(config.seed, "rays"),
             backward: backward(&config, &field),
             tensor_gradients: Pool::default(),
@@ -109,6 +115,18 @@ impl<'a> Trainer<'a> {
         self.scene = scene;
         self.config.steps = steps;
         self.checkpoint.restart(&self.field);
+    }
+
+    /// Continues as after `steps` of trainings that fitted the exposures of `numbers`, before [`Trainer::continue_from`].
+    pub(super) fn set_past(&mut self, steps: u64, numbers: &[f64]) -> Result<(), CheckpointError> {
+        let exposures = Exposures::from_numbers(numbers).filter(|e| e.view_count() == self.sampler.view_count());
+        self.checkpoint.exposures = exposures.ok_or_else(|| CheckpointError::Malformed {
+            place: "exposures".into(),
+            expected: format!("those of {} photographs", self.sampler.view_count()),
+            found: "other ones".into(),
+        })?;
+        self.checkpoint.step = steps;
+        Ok(())
     }
 
     /// Steps done.
@@ -161,8 +179,19 @@ impl<'a> Trainer<'a> {
         if let (Some(sky), Some(trained)) = (&mut scene.rules.sky, &self.field.sky) {
             sky.coefficients.clone_from(&trained.coefficients);
         }
-        scene.provenance.steps = self.checkpoint.step;
+        scene.provenance.steps = self.steps_before + self.checkpoint.step;
         scene
+    }
+
+    /// \[height\]\[width\] the colors that the current scene has for `camera`, which is in the dataset's space.
+    pub fn picture(&self, camera: &Camera) -> Vec<[f32; 3]> {
+        let camera = camera.mapped(&self.scene.frame.model_from_dataset);
+        let pixels = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
+        let rays: Vec<_> = pixels.map(|(x, y)| camera.ray(x, y)).collect();
+        let known: Vec<Ray> = rays.iter().flatten().copied().collect();
+        let background = self.scene.frame.background;
+        let mut colors = super::rays::colors(&self.field, &known, |_| background).into_iter();
+        rays.iter().map(|ray| ray.and_then(|_| colors.next()).unwrap_or(background)).collect()
     }
 
     /// Removes the dead components of `scene`, which is [`Trainer::scene`] at the end of the run: see
@@ -291,100 +320,6 @@ impl<'a> Trainer<'a> {
         }
         pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
-
-    /// Gives up the components of the least worth, in `round`.
-    fn give_up_components(&mut self, round: u32) {
-        let rows = self.config.scales.iter().map(|s| Factors::rows(s.resolutions[s.resolutions.len() - 1]));
-        let (rows, shared) = (rows.collect::<Vec<_>>(), self.backward.layout.len() as u64);
-        let Checkpoint { worth, density, appearance, networks, .. } = &mut self.checkpoint;
-        let kept = self.config.lean.kept(&self.field, worth, round, &rows, shared);
-        let width = self.field.component_count();
-        let mut first = 0;
-        for (s, Kept { held: [of_density, of_appearance], order: [density_order, order] }) in
-            kept.into_iter().enumerate()
-        {
-            let scale = &mut self.field.scales[s];
-            density[s].rearrange(scale.density.held(), &of_density, &density_order);
-            appearance[s].rearrange(scale.appearance.held(), &of_appearance, &order);
-            scale.density.rearrange(of_density, &density_order);
-            scale.appearance.rearrange(of_appearance, &order);
-            let columns = first..first + order.len();
-            first = columns.end;
-            let matrices = &mut self.field.decoder.appearance;
-            let end = matrices.len();
-            for matrices in [&mut matrices[..], &mut networks.first[..end], &mut networks.second[..end]] {
-                for row in matrices.chunks_exact_mut(width) {
-                    let old = row[columns.clone()].to_vec();
-                    row[columns.clone()].iter_mut().zip(&order).for_each(|(new, &c)| *new = old[c as usize]);
-                }
-            }
-        }
-        *worth = Worth::none(&self.field);
-    }
-
-    /// Components, occupancy, bounds and resolution (paper, Implementation).
-    fn follow_schedule(&mut self) -> Result<(), TrainError> {
-        let step = self.checkpoint.step;
-        if let Some(round) = self.config.lean.round_after(step, self.config.steps) {
-            self.give_up_components(round);
-        }
-        if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
-            let occupancy = estimate_occupancy(&self.field, self.scene.scales[0].cloud.cell_size());
-            let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
-            // In very short runs no cell is dense yet: they continue without an occupancy.
-            if dense.is_solid() {
-                if which == 0 && self.scene.rules.contraction.is_none() {
-                    self.scene.bounds = dense;
-                }
-                self.scene.occupancy = Some(occupancy);
-                let mut scene = self.scene();
-                if self.config.prune {
-                    let kept = prune_unoccupied(&mut scene);
-                    self.checkpoint.keep_tensors(&kept, &self.field);
-                }
-                self.field = Field::taking(&mut scene);
-                self.scene = scene;
-            }
-        }
-        let finish = &self.config.finish;
-        if finish.from < 1.0 && step == (finish.from * self.config.steps as f64).round() as u64 {
-            let rules = &mut self.scene.rules;
-            rules.step *= finish.step_scale;
-            (rules.min_transmittance, rules.min_weight) = (finish.min_transmittance, finish.min_weight);
-            self.field.rules = rules.clone();
-        }
-        let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
-        if self.config.upsample_at.contains(&step) {
-            for ((scale, config), trained) in
-                self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
-            {
-                let (from, to) = (trained.resolution, config.resolutions[stage]);
-                scale.cloud.resolution = to;
-                trained.set_resolution(&scale.cloud, |factors, rank| upsample(factors, rank, from, to));
-            }
-            self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
-            self.field.rules.step = self.scene.rules.step;
-            self.checkpoint.restart(&self.field);
-        }
-        if self.config.refine_poses && poses::is_due(step, self.config.steps) {
-            let random = Random::new(self.config.seed, "poses").substream(step);
-            let maps = self.checkpoint.exposures.maps();
-            let distance = match self.scene.rules.contraction {
-                None => 0.5 * (self.scene.frame.near + self.scene.frame.far),
-                Some(_) => 1.0,
-            };
-            let growing = self.config.refine_focal_length;
-            let cameras = poses::refined(&self.field, &self.sampler, maps, distance, growing, &random);
-            self.checkpoint.cameras = cameras.iter().map(|camera| (camera.pose(), camera.focal)).collect();
-            self.sampler.set_cameras(cameras);
-        }
-        if self.config.refilter_rays && self.config.occupancy_at.contains(&step) {
-            self.sampler.filter_rays(&self.field);
-            check_active_rays(&self.sampler)?;
-            self.checkpoint.active_rays = self.sampler.active_ray_mask();
-        }
-        Ok(())
-    }
 }
 
 /// The loss that `config` says, on `field`.
@@ -400,7 +335,7 @@ fn sampler_of<'a>(scene: &Scene, views: &'a [View], config: &TrainConfig) -> Res
     Ok(if scene.rules.sky.is_some() { sampler.without_random_backgrounds() } else { sampler })
 }
 
-fn check_active_rays(sampler: &RaySampler<'_>) -> Result<(), TrainError> {
+pub(super) fn check_active_rays(sampler: &RaySampler<'_>) -> Result<(), TrainError> {
     match sampler.active_ray_count() {
         0 => Err(TrainError::NoRays { pixels: sampler.active_ray_mask().len() as u64 * 8 }),
         _ => Ok(()),

@@ -8,7 +8,7 @@ use strivec::model::{
     UpAxis,
 };
 use strivec::random::Random;
-use strivec::train::{DecoderConfig, FieldConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
+use strivec::train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
 pub(crate) fn config() -> TrainConfig {
@@ -29,8 +29,9 @@ pub(crate) fn config() -> TrainConfig {
         occupancy_at: vec![],
         field: FieldConfig { density_shift: -2.0, distance_scale: 6.0, ..FieldConfig::default() },
         decoder: DecoderConfig { features: 5, hidden: vec![16, 12], ..DecoderConfig::default() },
-        // All components stay.
+        // All components stay, and the march.
         lean: LeanConfig::off(),
+        finish: FinishConfig::off(),
         // Ranks below, at and above the kernels' width.
         scales: vec![
             scale([0.5, 0.4, 0.45], [6, 5, 7], 9, 5, 4),

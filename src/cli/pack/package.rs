@@ -12,8 +12,9 @@ use super::showing::{default_views, thumbnail};
 use crate::cli::dataset::DatasetOptions;
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
+use crate::cli::state_file::read_state;
 use crate::cli::table::plural;
-use crate::cli::{Error, Session, quantity, training};
+use crate::cli::{Error, Session, quantity};
 use crate::container::{self, EncodeOptions, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
@@ -249,7 +250,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 /// What a scene file or a training state holds, and its bytes.
 fn read_trained(path: &Path, limits: Limits) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
-        let (_, scene) = training::read_state(path)?;
+        let (_, scene) = read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
         let encoding = EncodeOptions::lossless(&scene);
         return Ok((SceneFile { scene, metadata: Metadata::default(), encoding }, bytes));

@@ -8,7 +8,7 @@ use super::cells::CellKind;
 use crate::cli::table::Table;
 use crate::digits::grouped;
 use crate::model::{Factors, Scale};
-use crate::train::ResizeRound;
+use crate::train::GrowRound;
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
@@ -19,13 +19,14 @@ pub(super) struct Report<'a> {
     pub(super) parameters: [u64; 2],
     /// dB on training rays, before and after.
     pub(super) psnr: [f64; 2],
-    pub(super) rounds: Vec<ResizeRound>,
+    /// Those of growing.
+    pub(super) rounds: Vec<GrowRound>,
     pub(super) scales: Vec<[ScaleUse; 2]>,
     /// Cells of space, grouped by the colors that the photographs show there.
     pub(super) cells: Vec<CellKind>,
     pub(super) seconds: f64,
-    /// The scene met the goal before any round.
-    pub(super) met_goal_before: bool,
+    /// Why the scene is the one before, if it is.
+    pub(super) unchanged: Option<&'static str>,
 }
 
 /// Tensors, ranks and parameters of a scale.
@@ -83,7 +84,7 @@ impl ScaleUse {
 
 impl Report<'_> {
     pub(super) fn text(&self) -> String {
-        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB before training", "dB after", ""]);
+        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB before training", "dB after"]);
         for (n, round) in self.rounds.iter().enumerate() {
             let resolutions: Vec<String> = round.resolutions.iter().map(|r| r[0].to_string()).collect();
             rounds.row([
@@ -92,7 +93,6 @@ impl Report<'_> {
                 resolutions.join(", "),
                 format!("{:.3}", round.psnr_at_once),
                 format!("{:.3}", round.psnr),
-                if round.is_taken { "" } else { "discarded" }.to_owned(),
             ]);
         }
         let mut scales = Table::new(["scale", "tensors", "of rank 0", "cells", "density", "appearance", "parameters"]);
@@ -115,16 +115,11 @@ impl Report<'_> {
             ]);
         }
         let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
-        let unchanged = if self.met_goal_before {
-            "the scene meets the goal already: it is written unchanged\n"
-        } else if self.rounds.iter().any(|round| round.is_taken) {
-            ""
-        } else {
-            "no round was kept: the scene is written unchanged\n"
-        };
+        let rounds = if self.rounds.is_empty() { String::new() } else { rounds.text() };
+        let unchanged =
+            self.unchanged.map_or_else(String::new, |reason| format!("{reason}: it is written unchanged\n"));
         format!(
-            "{}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
-            rounds.text(),
+            "{rounds}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             scales.text(),
             cells.text(),
             self.file.display(),

@@ -46,11 +46,15 @@ impl TrainConfig {
             return Err(error("lean.during", "two ascending numbers in [0, 1]", format!("{from} and {until}")));
         }
         positive("lean.rounds", f64::from(rounds))?;
-        let FinishConfig { from, step_scale, min_transmittance, min_weight } = self.finish;
+        let FinishConfig { from, step_scale, min_transmittance, min_weight, min_alpha, max_loss } = self.finish;
         positive("finish.step_scale", step_scale)?;
-        for (place, value) in
-            [("finish.from", from), ("finish.min_transmittance", min_transmittance), ("finish.min_weight", min_weight)]
-        {
+        positive("finish.max_loss", max_loss)?;
+        for (place, value) in [
+            ("finish.from", from),
+            ("finish.min_transmittance", min_transmittance),
+            ("finish.min_weight", min_weight),
+            ("finish.min_alpha", min_alpha),
+        ] {
             if !(0.0..=1.0).contains(&value) {
                 return Err(error(place, "a number in [0, 1]", value));
             }

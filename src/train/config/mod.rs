@@ -29,6 +29,10 @@ pub struct TrainConfig {
     pub steps: u64,
     /// Rays per step.
     pub batch_rays: usize,
+    /// The most pixels along a photograph's longer side: larger ones are downscaled when they are loaded, unless a factor is
+    /// given. If absent, there is no such limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_photograph_side: Option<u32>,
     /// sRGB color behind transparent pixels, in \[0, 1\].
     pub background: [f32; 3],
     /// Compare every ray of a photograph with transparent parts on a random background of its own, so that no part of
@@ -127,7 +131,7 @@ pub struct FieldConfig {
     pub min_weight: f64,
 }
 
-/// The schedule on which training gives up the components that pictures depend on least.
+/// The schedule on which training gives up the components, and the cells, that pictures depend on least.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LeanConfig {
@@ -137,18 +141,22 @@ pub struct LeanConfig {
     /// More components are given up until at most this many parameters are left; if absent, none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_parameters: Option<u64>,
+    /// Components are given up for their worth only while PSNR on rays of the photographs is less than this below that at the
+    /// start, in dB, for runs that begin with a trained scene; if absent, whatever it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_drop: Option<f64>,
     /// The shares of the steps after which this begins and ends.
     pub during: [f64; 2],
     /// How often components are given up between them.
     pub rounds: u32,
 }
 
-/// The rules of the march that the scene has in the end. Only the last steps are trained with them: while geometry is
-/// found, faint samples need gradients.
+/// What the march skips in the end. Only the last steps are trained so: while geometry is found, faint samples need
+/// gradients.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {
-    /// The share of the steps after which they hold; 1, the presets' value: never.
+    /// The share of the steps after which they hold; 1: never.
     pub from: f64,
     /// Factor of the length of the march's step.
     pub step_scale: f64,
@@ -156,6 +164,12 @@ pub struct FinishConfig {
     pub min_transmittance: f64,
     /// See [`Rules::min_weight`].
     pub min_weight: f64,
+    /// The occupancy is then estimated anew, without a margin: where no sample has at least this opacity, space is
+    /// empty. 0: it stays as it is.
+    pub min_alpha: f64,
+    /// All this is left out if it costs more than this at once, in dB of PSNR on rays of the photographs: a scene that is
+    /// still faint needs its faint samples.
+    pub max_loss: f64,
 }
 
 /// The shape of the decoder (spec 3.5).
@@ -230,9 +244,16 @@ impl Default for FieldConfig {
     }
 }
 
+impl FinishConfig {
+    /// The march stays as it is.
+    pub fn off() -> Self {
+        Self { from: 1.0, step_scale: 1.0, min_transmittance: 1e-3, min_weight: 1e-4, min_alpha: 0.0, max_loss: 0.5 }
+    }
+}
+
 impl Default for FinishConfig {
     fn default() -> Self {
-        Self { from: 1.0, step_scale: 1.0, min_transmittance: 1e-3, min_weight: 1e-4 }
+        Self { from: 0.65, step_scale: 1.0, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.03, max_loss: 0.5 }
     }
 }
 
@@ -250,7 +271,7 @@ impl LeanConfig {
 
 impl Default for LeanConfig {
     fn default() -> Self {
-        Self { max_loss: 5e-4, max_parameters: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
+        Self { max_loss: 5e-4, max_parameters: None, max_drop: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
     }
 }
 

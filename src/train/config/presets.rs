@@ -14,6 +14,9 @@ const SCAN_STEPS: u64 = 100_000;
 /// Steps of the preset for unbounded scenes, and the shell around their inner cube (the paper's runs on Mip-NeRF 360).
 const SURROUNDINGS_STEPS: u64 = 120_000;
 const SURROUNDINGS_SHELL: f64 = 0.4;
+/// Steps of the preset for a first look, and the most pixels along a photograph's side.
+const PREVIEW_STEPS: u64 = 1200;
+const PREVIEW_SIDE: u32 = 256;
 /// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
 const EARLIEST_OCCUPANCY: u64 = 300;
 /// Half the largest extent of a scan in model units: about the extent of a room in meters.
@@ -28,7 +31,7 @@ impl Default for TrainConfig {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 9] = ["12", "24", "48", "96", "fast", "per-ray", "best", "scannet", "360"];
+    pub const PRESETS: [&str; 10] = ["12", "24", "48", "96", "fast", "per-ray", "best", "preview", "scannet", "360"];
     /// The preset of settings that name none.
     pub const DEFAULT_PRESET: &str = "best";
 
@@ -41,6 +44,7 @@ impl TrainConfig {
         let mut preset = match name {
             "12" | "24" | "48" | "96" => paper(name.parse().expect("a number")),
             "best" => best(),
+            "preview" => preview(),
             "per-ray" => {
                 let mut preset = paper(48);
                 preset.decoder.mode = DecoderMode::PerRay;
@@ -94,6 +98,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         seed: 0,
         steps: PRESET_STEPS,
         batch_rays: 4096,
+        max_photograph_side: None,
         background: [1.0; 3],
         random_background: false,
         sky_degree: None,
@@ -135,6 +140,21 @@ fn best() -> TrainConfig {
     // Highlights come and go within a few degrees.
     preset.decoder.direction_frequencies = 6;
     preset.color_roulette = 0.002;
+    preset
+}
+
+/// The best quality for small photographs, whose pixels are as large as the tensors' cells, in the steps of about a minute.
+fn preview() -> TrainConfig {
+    let mut preset = best();
+    preset.steps = PREVIEW_STEPS;
+    preset.batch_rays = 1024;
+    preset.max_photograph_side = Some(PREVIEW_SIDE);
+    preset.upsample_at = vec![PREVIEW_STEPS / 15];
+    preset.occupancy_at = vec![EARLIEST_OCCUPANCY, PREVIEW_STEPS / 2];
+    preset.prior.min_visibility_weight = 0.01;
+    for (scale, cells) in preset.scales.iter_mut().zip([[29, 43], [15, 23], [7, 11]]) {
+        scale.resolutions = cells.map(|d| [d; 3]).to_vec();
+    }
     preset
 }
 

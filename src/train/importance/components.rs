@@ -37,45 +37,6 @@ impl ComponentImportance {
         Self { scales: ComponentMask::none(scene).scales.iter().map(zeros).collect() }
     }
 
-    /// The rise of the mean squared error of pictures if one component of `scene` is removed, to first order of the
-    /// colors. `field` is `scene`'s. Uses the substreams 0 and 1 of `random`.
-    pub(in crate::train) fn of_removal(
-        scene: &Scene,
-        field: &Field<f32>,
-        sampler: &RaySampler<'_>,
-        random: &Random,
-    ) -> Self {
-        let mut backward = Backward::new(field);
-        let mut result = Self::zeros(scene);
-        let count = sampler.active_ray_count().min(BATCH_RAYS);
-        for n in 0..BATCHES {
-            let batch = RayBatch::draw(sampler, field, &random.substream(0), n * count as u64, count);
-            let gradients = backward.picture_gradients(field, &batch.rays, &random.substream(1).substream(n));
-            for (s, (scale, [density, appearance])) in field.scales.iter().zip(&mut result.scales).enumerate() {
-                // A component is linear in each of its three vectors: the derivative along any of them is that of the
-                // component's magnitude.
-                let axis = Factors::axis_ranges(scale.resolution)[0].clone();
-                let parts = [
-                    (density, &scale.density, &gradients.density[s]),
-                    (appearance, &scale.appearance, &gradients.appearance[s]),
-                ];
-                for (importance, factors, gradients) in parts {
-                    let held = factors.held();
-                    importance.par_chunks_mut(held.rank()).enumerate().for_each(|(n, importance)| {
-                        let (count, range) = (held.count(n), held.values(n));
-                        let (values, gradients) = (&factors.values()[range.clone()], &gradients[range]);
-                        for (c, &component) in held.of(n).iter().enumerate() {
-                            let entries = axis.clone().map(|row| row * count + c);
-                            let change: f64 = entries.map(|at| f64::from(values[at]) * f64::from(gradients[at])).sum();
-                            importance[component as usize] += change * change / BATCHES as f64;
-                        }
-                    });
-                }
-            }
-        }
-        result
-    }
-
     /// Importance of the new components of `scene`: the squared length of the gradient of the error against the
     /// photographs with respect to their third vector. \[scale\] `old_ranks` are the numbers of density and appearance
     /// components that are not new; their importance is infinite. Uses substream 0 of `random`.

@@ -2,7 +2,7 @@
 //!
 //! | question | estimate | used by |
 //! |---|---|---|
-//! | error of the pictures if a component is removed | [`ComponentImportance::of_removal`] | `train::resize::shrink` |
+//! | error of the pictures if a component is removed | `train::lean` | training, `train::resize::shrink` |
 //! | error that training a new component may save | [`ComponentImportance::of_addition`] | `train::resize::grow` |
 //! | error of the pictures if one factor entry changes | [`FactorImportance`] | [`mod@crate::pack`] |
 //! | components that no ray depends on | [`prune_dead_components`] | the end of training |

@@ -1,0 +1,133 @@
+//! The rounds in which a run gives up components and cells; `lean.rs` tells which.
+
+use super::lean::{self, Kept, Ranking, Worth};
+use super::{Checkpoint, RayBatch, Trainer, march_step, upsample};
+use crate::field::Field;
+use crate::model::{Factors, Scene};
+use crate::random::Random;
+
+/// The share of what may still be lost that a round may cost at once.
+const ALLOWED_SHARE: f64 = 0.5;
+/// The most rays that measure a picture's error.
+const RAYS: usize = 1 << 15;
+
+impl Trainer<'_> {
+    /// PSNR of the current scene on rays of the photographs, in dB: the same rays on every call, while the same are active.
+    pub fn psnr(&self) -> f64 {
+        self.measuring_rays(&self.field).psnr(&self.field)
+    }
+
+    /// As [`Trainer::psnr`], of another `scene`.
+    pub fn psnr_of(&self, scene: &Scene) -> f64 {
+        let field = Field::new(scene);
+        self.measuring_rays(&field).psnr(&field)
+    }
+
+    fn measuring_rays(&self, field: &Field<f32>) -> RayBatch {
+        let count = self.ray_count().min(RAYS);
+        RayBatch::draw(&self.sampler, field, &Random::new(self.config.seed, "measured"), 0, count)
+    }
+
+    /// Gives up what is of the least worth, in `round`: cells of a scale, or components.
+    pub(super) fn give_up(&mut self, round: u32) {
+        let lean = self.config.lean.clone();
+        let has_last_resolution = self.config.upsample_at.iter().all(|&at| at < self.checkpoint.step);
+        let rows: Vec<usize> = (self.field.scales.iter().zip(&self.config.scales))
+            .map(|(scale, config)| match config.resolutions.last() {
+                Some(&last) if !has_last_resolution => Factors::rows(last),
+                _ => scale.rows().count,
+            })
+            .collect();
+        let shared = self.backward.layout.len() as u64;
+        let ranking = Ranking::new(&self.field, &self.checkpoint.worth, &rows, shared);
+        let allowance = match (lean.max_drop, self.checkpoint.psnr_at_start) {
+            (Some(most), Some(before)) => ALLOWED_SHARE * (most - (before - self.psnr())).max(0.0),
+            _ => f64::INFINITY,
+        };
+        let gives_up_cells = has_last_resolution && allowance > 0.0 && lean.is_for_cells(round);
+        if !(gives_up_cells && self.give_up_cells(&ranking, round)) {
+            self.give_up_components(lean.kept(&self.field, ranking, round, allowance));
+        }
+        self.checkpoint.worth = Worth::none(&self.field);
+    }
+
+    /// Lowers the resolution of the scale that loses least by it, if that is better than giving up components of `ranking`.
+    /// If it is the coarsest scale, the march's step grows with its cells.
+    fn give_up_cells(&mut self, ranking: &Ranking, round: u32) -> bool {
+        let rays = self.measuring_rays(&self.field);
+        let before = rays.psnr(&self.field);
+        let mut best: Option<(f64, usize)> = None;
+        for s in 0..self.field.scales.len() {
+            let scale = &self.field.scales[s];
+            let (from, to) = (scale.resolution, lean::fewer(scale.resolution));
+            let share = 1.0 - Factors::rows(to) as f64 / Factors::rows(from) as f64;
+            let values = scale.density.values().len() + scale.appearance.values().len();
+            let saved = (share * values as f64) as u64;
+            if saved == 0 {
+                continue;
+            }
+            let kept = (self.field.scales[s].clone(), self.field.rules.step);
+            self.set_cells(s, to);
+            let rise = 10f64.powf(0.1 * (before - rays.psnr(&self.field)));
+            (self.field.scales[s], self.field.rules.step) = kept;
+            self.scene.scales[s].cloud.resolution = from;
+            let per_parameter = (rise - 1.0) / saved as f64;
+            if self.config.lean.is_better(ranking, round, saved, rise)
+                && best.is_none_or(|(least, _)| per_parameter < least)
+            {
+                best = Some((per_parameter, s));
+            }
+        }
+        let Some((_, s)) = best else { return false };
+        let from = self.field.scales[s].resolution;
+        let to = lean::fewer(from);
+        let scale = &self.field.scales[s];
+        let Checkpoint { density, appearance, .. } = &mut self.checkpoint;
+        for (moments, factors) in [(&mut density[s], &scale.density), (&mut appearance[s], &scale.appearance)] {
+            for moments in [&mut moments.first, &mut moments.second] {
+                *moments = factors.held().resampled(moments, |values, rank| upsample(values, rank, from, to));
+            }
+        }
+        self.set_cells(s, to);
+        self.scene.rules.step = self.field.rules.step;
+        true
+    }
+
+    /// Gives the tensors of scale `s` the resolution `to`, with the march's step for it. The scene keeps its step.
+    fn set_cells(&mut self, s: usize, to: [u32; 3]) {
+        let cloud = &mut self.scene.scales[s].cloud;
+        let step = |cloud: &_| march_step(cloud, self.config.field.step_cells);
+        let (from, before) = (cloud.resolution, step(cloud));
+        cloud.resolution = to;
+        if s == 0 {
+            self.field.rules.step *= step(cloud) / before;
+        }
+        self.field.scales[s].set_resolution(cloud, |factors, rank| upsample(factors, rank, from, to));
+    }
+
+    /// Gives up all components but those of `kept`, by scale.
+    fn give_up_components(&mut self, kept: Vec<Kept>) {
+        let Checkpoint { density, appearance, networks, .. } = &mut self.checkpoint;
+        let width = self.field.component_count();
+        let mut first = 0;
+        for (s, Kept { held: [of_density, of_appearance], order: [density_order, order] }) in
+            kept.into_iter().enumerate()
+        {
+            let scale = &mut self.field.scales[s];
+            density[s].rearrange(scale.density.held(), &of_density, &density_order);
+            appearance[s].rearrange(scale.appearance.held(), &of_appearance, &order);
+            scale.density.rearrange(of_density, &density_order);
+            scale.appearance.rearrange(of_appearance, &order);
+            let columns = first..first + order.len();
+            first = columns.end;
+            let matrices = &mut self.field.decoder.appearance;
+            let end = matrices.len();
+            for matrices in [&mut matrices[..], &mut networks.first[..end], &mut networks.second[..end]] {
+                for row in matrices.chunks_exact_mut(width) {
+                    let old = row[columns.clone()].to_vec();
+                    row[columns.clone()].iter_mut().zip(&order).for_each(|(new, &c)| *new = old[c as usize]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The changes that the schedule has between steps.
+
+use glam::DVec3;
+
+use super::trainer::check_active_rays;
+use super::{
+    FinishConfig, TrainError, Trainer, estimate_occupancy, march_step, poses, prune_unoccupied, tight_occupancy,
+    upsample,
+};
+use crate::field::Field;
+use crate::geometry::Aabb;
+use crate::model::Occupancy;
+use crate::random::Random;
+
+impl Trainer<'_> {
+    /// Components, occupancy, bounds and resolution (paper, Implementation).
+    pub(super) fn follow_schedule(&mut self) -> Result<(), TrainError> {
+        let step = self.checkpoint.step;
+        if let Some(round) = self.config.lean.round_after(step, self.config.steps) {
+            self.give_up(round);
+        }
+        let cell = self.scene.scales[0].cloud.cell_size();
+        let mut is_new_occupancy = false;
+        if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
+            is_new_occupancy = true;
+            let occupancy = estimate_occupancy(&self.field, cell);
+            let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
+            // In very short runs no cell is dense yet: they continue without an occupancy.
+            if dense.is_solid() {
+                if which == 0 && self.scene.rules.contraction.is_none() {
+                    self.scene.bounds = dense;
+                }
+                self.set_occupancy(Some(occupancy));
+                self.drop_unoccupied();
+            }
+        }
+        let finish_at = (self.config.finish.from * self.config.steps as f64).round() as u64;
+        if self.config.finish.from < 1.0 && step == finish_at {
+            is_new_occupancy |= self.finish(cell);
+        }
+        let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
+        if self.config.upsample_at.contains(&step) {
+            for ((scale, config), trained) in
+                self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
+            {
+                let (from, to) = (trained.resolution, config.resolutions[stage]);
+                scale.cloud.resolution = to;
+                trained.set_resolution(&scale.cloud, |factors, rank| upsample(factors, rank, from, to));
+            }
+            self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
+            self.field.rules.step = self.scene.rules.step;
+            self.checkpoint.restart(&self.field);
+        }
+        if self.config.refine_poses && poses::is_due(step, self.config.steps) {
+            let random = Random::new(self.config.seed, "poses").substream(step);
+            let maps = self.checkpoint.exposures.maps();
+            let distance = match self.scene.rules.contraction {
+                None => 0.5 * (self.scene.frame.near + self.scene.frame.far),
+                Some(_) => 1.0,
+            };
+            let growing = self.config.refine_focal_length;
+            let cameras = poses::refined(&self.field, &self.sampler, maps, distance, growing, &random);
+            self.checkpoint.cameras = cameras.iter().map(|camera| (camera.pose(), camera.focal)).collect();
+            self.sampler.set_cameras(cameras);
+        }
+        if self.config.refilter_rays && is_new_occupancy {
+            self.sampler.filter_rays(&self.field);
+            check_active_rays(&self.sampler)?;
+            self.checkpoint.active_rays = self.sampler.active_ray_mask();
+        }
+        Ok(())
+    }
+
+    /// Continues with another occupancy.
+    fn set_occupancy(&mut self, occupancy: Option<Occupancy>) {
+        self.scene.occupancy = occupancy;
+        let mut scene = self.scene();
+        self.field = Field::taking(&mut scene);
+        self.scene = scene;
+    }
+
+    /// Removes the tensors that meet no occupied cell, if the settings ask for it.
+    fn drop_unoccupied(&mut self) {
+        if self.config.prune {
+            let mut scene = self.scene();
+            let kept = prune_unoccupied(&mut scene);
+            self.checkpoint.keep_tensors(&kept, &self.field);
+            self.field = Field::taking(&mut scene);
+            self.scene = scene;
+        }
+    }
+
+    /// Continues with the march of the end, in cells of about `cell`, unless that costs too much. Returns true if there is
+    /// another occupancy.
+    fn finish(&mut self, cell: DVec3) -> bool {
+        let FinishConfig { step_scale, min_transmittance, min_weight, min_alpha, max_loss, .. } = self.config.finish;
+        let (before, old) = (self.psnr(), (self.scene.rules.clone(), self.scene.occupancy.clone()));
+        let rules = &mut self.scene.rules;
+        rules.step *= step_scale;
+        (rules.min_transmittance, rules.min_weight) = (min_transmittance, min_weight);
+        self.field.rules = rules.clone();
+        let has_occupancy = min_alpha > 0.0;
+        if has_occupancy {
+            self.set_occupancy(Some(tight_occupancy(&self.field, cell, min_alpha)));
+        }
+        let is_affordable = before - self.psnr() <= max_loss;
+        if is_affordable {
+            self.drop_unoccupied();
+        } else {
+            let (rules, occupancy) = old;
+            (self.scene.rules, self.field.rules) = (rules.clone(), rules);
+            self.set_occupancy(occupancy);
+        }
+        has_occupancy && is_affordable
+    }
+}
