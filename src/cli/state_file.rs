@@ -76,8 +76,11 @@ pub(super) fn read_state(path: &Path) -> Result<(Checkpoint, Scene), Error> {
     read(path, Checkpoint::from_bytes)
 }
 
+/// A state and its scene's own file from bytes.
+type Parse<S> = fn(&[u8]) -> Result<(S, Vec<u8>), CheckpointError>;
+
 /// What `parse` reads in the file `path`, and the scene whose own file it holds.
-fn read<S>(path: &Path, parse: fn(&[u8]) -> Result<(S, Vec<u8>), CheckpointError>) -> Result<(S, Scene), Error> {
+fn read<S>(path: &Path, parse: Parse<S>) -> Result<(S, Scene), Error> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
     let (state, scene) = parse(&bytes).map_err(Error::malformed(path))?;
     Ok((state, container::decode(&scene).map_err(Error::malformed(path))?))
