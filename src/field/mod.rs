@@ -119,6 +119,14 @@ impl<T: Real> Field<T> {
         Self::with_factors(scene, factors)
     }
 
+    /// Takes bounds, occupancy and rules from `scene`, which has the same tensors, and keeps all parameters.
+    #[cfg(feature = "toolkit")]
+    pub(crate) fn set_space(&mut self, scene: &Scene) {
+        let factors = self.scales.drain(..).map(|scale| [scale.density, scale.appearance]).collect();
+        let (decoder, sky) = (self.decoder.clone(), self.sky.clone());
+        *self = Self { decoder, sky, ..Self::with_factors(scene, factors) };
+    }
+
     /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].
     fn with_factors(scene: &Scene, factors: Vec<[FieldFactors<T>; 2]>) -> Self {
         let origin = scene.bounds.center();

@@ -74,9 +74,7 @@ impl Trainer<'_> {
     /// Continues with another occupancy.
     fn set_occupancy(&mut self, occupancy: Option<Occupancy>) {
         self.scene.occupancy = occupancy;
-        let mut scene = self.scene();
-        self.field = Field::taking(&mut scene);
-        self.scene = scene;
+        self.field.set_space(&self.scene);
     }
 
     /// Removes the tensors that meet no occupied cell, if the settings ask for it.
