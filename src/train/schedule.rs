@@ -24,7 +24,7 @@ impl Trainer<'_> {
         if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
             is_new_occupancy = true;
             let occupancy = estimate_occupancy(&self.field, cell);
-            let dense = Aabb::from_points(occupancy.iter().map(|v| occupancy.position(v)));
+            let dense = extent(&occupancy);
             // In very short runs no cell is dense yet: they continue without an occupancy.
             if dense.is_solid() {
                 if which == 0 && self.scene.rules.contraction.is_none() {
@@ -97,11 +97,12 @@ impl Trainer<'_> {
         rules.step *= step_scale;
         (rules.min_transmittance, rules.min_weight) = (min_transmittance, min_weight);
         self.field.rules = rules.clone();
-        let has_occupancy = min_alpha > 0.0;
-        if has_occupancy {
-            self.set_occupancy(Some(tight_occupancy(&self.field, cell, min_alpha)));
+        let tight = (min_alpha > 0.0).then(|| tight_occupancy(&self.field, cell, min_alpha));
+        let (has_occupancy, is_solid) = (tight.is_some(), tight.iter().all(|tight| extent(tight).is_solid()));
+        if has_occupancy && is_solid {
+            self.set_occupancy(tight);
         }
-        let is_affordable = before - self.psnr() <= max_loss;
+        let is_affordable = is_solid && before - self.psnr() <= max_loss;
         if is_affordable {
             self.drop_unoccupied();
         } else {
@@ -111,4 +112,9 @@ impl Trainer<'_> {
         }
         has_occupancy && is_affordable
     }
+}
+
+/// The box of the occupied vertices.
+fn extent(occupancy: &Occupancy) -> Aabb {
+    Aabb::from_points(occupancy.iter().map(|vertex| occupancy.position(vertex)))
 }
