@@ -250,7 +250,7 @@ pub(super) enum Preset {
     PerRay,
     /// per-ray plus a color per sample and more view-dependent detail: the best pictures, nearly as fast
     Best,
-    /// A first look within about a minute, from photographs of at most 256 pixels a side; better with more --steps
+    /// A first look within about a minute, from photographs of at most 256 pixels a side; about three with --steps 8000
     Preview,
     /// Four scales, 100 000 steps, for rooms
     Scannet,

@@ -15,7 +15,7 @@ const SCAN_STEPS: u64 = 100_000;
 const SURROUNDINGS_STEPS: u64 = 120_000;
 const SURROUNDINGS_SHELL: f64 = 0.4;
 /// Steps of the preset for a first look, and the most pixels along a photograph's side.
-const PREVIEW_STEPS: u64 = 1200;
+const PREVIEW_STEPS: u64 = 1400;
 const PREVIEW_SIDE: u32 = 256;
 /// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
 const EARLIEST_OCCUPANCY: u64 = 300;
@@ -151,10 +151,13 @@ fn preview() -> TrainConfig {
     preset.batch_rays = 1024;
     preset.max_photograph_side = Some(PREVIEW_SIDE);
     preset.upsample_at = vec![PREVIEW_STEPS / 15];
-    preset.occupancy_at = vec![EARLIEST_OCCUPANCY, PREVIEW_STEPS / 2];
+    preset.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
     preset.prior.min_visibility_weight = 0.01;
+    // Most of the time goes into samples of fog.
+    (preset.finish.from, preset.finish.min_alpha, preset.finish.max_loss) = (0.3, 0.01, 1.0);
     for (scale, cells) in preset.scales.iter_mut().zip([[29, 43], [15, 23], [7, 11]]) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
+        (scale.density_rank, scale.appearance_rank) = (scale.density_rank / 2, scale.appearance_rank / 2);
     }
     preset
 }
