@@ -107,8 +107,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some(_) => held_out(folder, &options)?,
         None => Vec::new(),
     };
-    let watch =
-        args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &config, session)).transpose()?;
+    let watch = args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &config)).transpose()?;
 
     let start = Instant::now();
     let mut trainer = match saved {
@@ -185,13 +184,12 @@ fn watch(
     options: &LoadOptions,
     dataset: &Dataset,
     config: &TrainConfig,
-    session: &Session,
 ) -> Result<Watch, Error> {
     let first = LoadOptions { every: 1, views: Some(0..1), ..options.clone() };
     let test = dataset::load(folder, "test", &first).map_or_else(|_| Vec::new(), |test| test.views);
     let view = test.first().or(dataset.views.first());
     let view = view.ok_or_else(|| Error::Runtime("there is no photograph to watch".into()))?;
-    Watch::new(path.to_path_buf(), view, config.background, session)
+    Watch::new(path.to_path_buf(), view, config.background)
 }
 
 /// The bytes of `scene`'s file: with viewpoints by the cameras of `dataset`, unless these are all around the scene.
@@ -371,8 +369,8 @@ impl Files {
         let poses = beside(output, ".poses.json");
         check_output(&poses, session.force)?;
         let state = StateFile::new(args.checkpoint.as_deref(), output, args.resume, session)?;
-        if let Some(log) = args.log.as_ref().filter(|_| !args.resume) {
-            check_output(log, session.force)?;
+        for path in [&args.log, &args.watch].into_iter().flatten().filter(|_| !args.resume) {
+            check_output(path, session.force)?;
         }
         Ok(Self { state, poses })
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{Error, Session, check_output, write_atomically};
+use super::{Error, Session, write_atomically};
 use crate::dataset::View;
 use crate::geometry::Camera;
 use crate::measure::{Canvas, color_png, side_by_side};
@@ -32,18 +32,13 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Shows `view` as a PNG file at `path`, on `background`, and in the terminal.
-    ///
-    /// # Errors
-    ///
-    /// If a file is there already and must not be overwritten, or the path cannot be written.
-    pub(super) fn new(path: PathBuf, view: &View, background: [f32; 3], session: &Session) -> Result<Self, Error> {
-        check_output(&path, session.force)?;
+    /// Shows `view` as a PNG file at `path`, which may be overwritten, on `background`, and in the terminal.
+    pub(super) fn new(path: PathBuf, view: &View, background: [f32; 3]) -> Result<Self, Error> {
         let factor = view.camera.width.div_ceil(MAX_WIDTH).clamp(1, view.camera.height);
         let camera = view.camera.downscaled(factor);
         let photograph = downscaled(view, factor, background)?;
-        let is_shown = std::io::stderr().is_terminal() && !session.console.is_quiet();
-        let protocol = Protocol::of_environment(|name| std::env::var(name).ok()).filter(|_| is_shown);
+        let is_terminal = std::io::stderr().is_terminal();
+        let protocol = Protocol::of_environment(|name| std::env::var(name).ok()).filter(|_| is_terminal);
         Ok(Self { path, camera, photograph, protocol, due: Instant::now() })
     }
 
@@ -63,7 +58,7 @@ impl Watch {
         let sheet = side_by_side(&[picture, self.photograph.clone()]);
         let png = color_png(sheet.size, &sheet.colors)?;
         write_atomically(&self.path, &png, true)?;
-        if let Some(protocol) = self.protocol {
+        if let Some(protocol) = self.protocol.filter(|_| !session.console.is_quiet()) {
             session.console.draw(&protocol.sequence(&png), ROWS);
         }
         self.due = Instant::now() + (begun.elapsed() * PAUSES).max(LEAST_PAUSE);
