@@ -241,6 +241,8 @@ pub(super) fn run_grow(args: &GrowArgs, session: &Session) -> Result<(), Error> 
         };
         let after = |rounds: usize| plural(rounds, "round");
         loop {
+            // From the first on: every interruption leaves a state.
+            inputs.state.write(growing.scene(), |scene| growing.state().to_bytes(scene))?;
             let rounds = growing.rounds().len();
             let has_grown = growing.round(&mut stepped);
             if inputs.interrupted.load(Ordering::SeqCst) {
@@ -250,7 +252,6 @@ pub(super) fn run_grow(args: &GrowArgs, session: &Session) -> Result<(), Error> 
             if !has_grown? {
                 break;
             }
-            inputs.state.write(growing.scene(), |scene| growing.state().to_bytes(scene))?;
         }
         let rounds = growing.rounds().to_vec();
         let finished = growing.finish(&mut stepped);
