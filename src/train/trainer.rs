@@ -30,8 +30,6 @@ pub struct Trainer<'a> {
     order: Random,
     /// Steps of the trainings before this run.
     steps_before: u64,
-    /// Steps that this trainer did on scenes before the current one.
-    begun_at: u64,
     pub(super) checkpoint: Checkpoint,
     monitor: DivergenceMonitor,
 }
@@ -87,7 +85,6 @@ impl<'a> Trainer<'a> {
         check_active_rays(&sampler)?;
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
-            begun_at: 0,
             order: Random::new(config.seed, "rays"),
             backward: backward(&config, &field),
             tensor_gradients: Pool::default(),
@@ -117,7 +114,6 @@ impl<'a> Trainer<'a> {
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
-        self.begun_at = self.checkpoint.step;
         self.checkpoint.restart(&self.field);
     }
 
@@ -255,10 +251,8 @@ impl<'a> Trainer<'a> {
     fn adam(&self, start: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
-        let decay = self.config.learning_rate_decay.powf(along);
-        let left = (self.config.steps + self.begun_at + 1 - self.checkpoint.step) as f64;
-        let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
-        Adam::new(start * decay * cooled, since_restart)
+        let factor = self.config.learning_rate_decay.powf(along);
+        Adam::new(start * factor, since_restart)
     }
 
     fn update_networks(&mut self) {

@@ -112,7 +112,6 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         network_learning_rate: 0.001,
         sky_learning_rate: 0.02,
         learning_rate_decay: 0.1,
-        cooldown: 0.0,
         density_l1: 1e-5,
         distance_weight: 0.01,
         color_roulette: 0.001,
