@@ -122,11 +122,14 @@ impl HeldComponents {
         rearranged
     }
 
-    /// `values`, laid out as the factors, with another number of rows: `resampled` returns those of a tensor from the old ones
-    /// and their number of components.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn resampled<T: Real>(&self, values: &[T], resampled: impl Fn(&[T], usize) -> Vec<T>) -> Vec<T> {
-        (0..self.tensors()).flat_map(|n| resampled(&values[self.values(n)], self.count(n))).collect()
+    /// \[tensor\] its `values`, which are laid out as the factors, with another number of rows: `resampled` returns them from
+    /// the old ones and their number of components.
+    pub(crate) fn resampled<T: Real>(
+        &self,
+        values: &[T],
+        resampled: impl Fn(&[T], usize) -> Vec<T>,
+    ) -> impl Iterator<Item = Vec<T>> {
+        (0..self.tensors()).map(move |n| resampled(&values[self.values(n)], self.count(n)))
     }
 
     /// The range of the components of `tensor` among those of all.
@@ -275,10 +278,8 @@ impl<T: Real> FieldFactors<T> {
     /// components.
     pub(super) fn resample(&mut self, rows: usize, resampled: impl Fn(&[T], usize) -> Vec<T>) {
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, self.held.components() * rows + MAX_LANES);
-        for tensor in 0..self.held.tensors() {
-            let count = self.held.count(tensor);
-            let new = resampled(&self.values[self.held.values(tensor)], count);
-            assert_eq!(new.len(), count * rows, "factors of tensor {tensor}");
+        for (tensor, new) in self.held.resampled(&self.values, resampled).enumerate() {
+            assert_eq!(new.len(), self.held.count(tensor) * rows, "factors of tensor {tensor}");
             values.extend_from_slice(&new);
         }
         values.resize(values.len() + MAX_LANES, T::zero());

@@ -85,7 +85,8 @@ impl Trainer<'_> {
         let Checkpoint { density, appearance, .. } = &mut self.checkpoint;
         for (moments, factors) in [(&mut density[s], &scale.density), (&mut appearance[s], &scale.appearance)] {
             for moments in [&mut moments.first, &mut moments.second] {
-                *moments = factors.held().resampled(moments, |values, rank| upsample(values, rank, from, to));
+                let resampled = factors.held().resampled(moments, |values, rank| upsample(values, rank, from, to));
+                *moments = resampled.flatten().collect();
             }
         }
         self.set_cells(s, to);
