@@ -44,7 +44,7 @@ pub struct Checkpoint {
     photographs: u32,
 }
 
-fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
+pub(super) fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
     CheckpointError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
 }
 

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
 use super::backward::{Backward, Pool, component_ranges};
+use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::lean::{self, add_squares};
@@ -120,11 +121,8 @@ impl<'a> Trainer<'a> {
     /// Continues as after `steps` of trainings that fitted the exposures of `numbers`, before [`Trainer::continue_from`].
     pub(super) fn set_past(&mut self, steps: u64, numbers: &[f64]) -> Result<(), CheckpointError> {
         let exposures = Exposures::from_numbers(numbers).filter(|e| e.view_count() == self.sampler.view_count());
-        self.checkpoint.exposures = exposures.ok_or_else(|| CheckpointError::Malformed {
-            place: "exposures".into(),
-            expected: format!("those of {} photographs", self.sampler.view_count()),
-            found: "other ones".into(),
-        })?;
+        let expected = || format!("those of {} photographs", self.sampler.view_count());
+        self.checkpoint.exposures = exposures.ok_or_else(|| malformed("exposures", expected(), "other ones"))?;
         self.checkpoint.step = steps;
         Ok(())
     }

@@ -24,6 +24,7 @@ use crate::dataset::View;
 use crate::field::Field;
 use crate::model::{Factors, Scale, Scene};
 use crate::random::Random;
+use crate::train::checkpoint::malformed;
 use crate::train::importance::ComponentImportance;
 use crate::train::{
     CheckpointError, RayBatch, RaySampler, StepReport, TrainConfig, TrainError, Trainer, march_step, upsample,
@@ -138,7 +139,7 @@ impl<'v> Growing<'v> {
         let of = |parameters, psnr: f64| format!("{parameters} parameters, {psnr} dB on the photographs");
         let [expected, found] = [of(state.parameters, state.psnr), of(self.parameters, self.psnr)];
         if expected != found {
-            return Err(malformed("the scene that grows", &expected, &found));
+            return Err(malformed("the scene that grows", expected, found));
         }
         self.trainer.set_past(state.trained, &state.exposures)?;
         (self.rounds, self.scene) = (state.rounds, scene);
@@ -270,10 +271,6 @@ impl<'v> Growing<'v> {
     }
 }
 
-fn malformed(place: &str, expected: &str, found: &str) -> CheckpointError {
-    CheckpointError::Malformed { place: place.into(), expected: expected.into(), found: found.into() }
-}
-
 impl GrowState {
     /// The bytes of the state, with the current scene's own file in it: a safetensors file.
     pub fn to_bytes(&self, scene_file: &[u8]) -> Vec<u8> {
@@ -292,7 +289,7 @@ impl GrowState {
     /// If a part is missing or damaged; the error names it.
     pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), CheckpointError> {
         let not_safetensors =
-            |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", &format!("a damaged one ({e})"));
+            |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", format!("a damaged one ({e})"));
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
         let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
         let text = |key: &str| {
@@ -300,11 +297,11 @@ impl GrowState {
             found.ok_or_else(|| malformed(&format!("metadata {key}"), "present", "missing"))
         };
         let state: Self = serde_json::from_str(text("growth")?)
-            .map_err(|e| malformed("metadata growth", "the state of growing", &e.to_string()))?;
+            .map_err(|e| malformed("metadata growth", "the state of growing", e))?;
         let scene = file.tensor("scene").map_err(|_| malformed("tensor scene", "present", "missing"))?.data();
         let (expected, found) = (text("checksum")?, crc32fast::hash(scene).to_string());
         if *expected != found {
-            return Err(malformed("tensor scene", &format!("checksum {expected}"), &found));
+            return Err(malformed("tensor scene", format!("checksum {expected}"), found));
         }
         state.config.check()?;
         Ok((state, scene.to_vec()))
