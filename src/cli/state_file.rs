@@ -79,7 +79,7 @@ pub(super) fn read_state(path: &Path) -> Result<(Checkpoint, Scene), Error> {
 /// A state and its scene's own file from bytes.
 type Parse<S> = fn(&[u8]) -> Result<(S, Vec<u8>), CheckpointError>;
 
-/// What `parse` reads in the file `path`, and the scene whose own file it holds.
+/// The state in the file `path`, read by `parse`, and its scene.
 fn read<S>(path: &Path, parse: Parse<S>) -> Result<(S, Scene), Error> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
     let (state, scene) = parse(&bytes).map_err(Error::malformed(path))?;

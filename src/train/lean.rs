@@ -223,7 +223,7 @@ pub(super) fn fewer(cells: [u32; 3]) -> [u32; 3] {
 }
 
 impl Candidate {
-    /// What giving it up costs, in dB.
+    /// The loss of PSNR if it is given up, in dB.
     fn loss(&self) -> f64 {
         self.worth * self.parameters as f64
     }
@@ -235,14 +235,14 @@ impl Ranking {
     pub(super) fn new(field: &Field<f32>, worth: &Worth, rows: &[usize], shared: u64) -> Self {
         let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
         let mut candidates = candidates(field, worth, &orders, rows);
-        // Of components of a tensor that are worth the same, the last is given up first.
+        // Components of a tensor with the same worth are given up from the last on.
         let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
         candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
         let total = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
         Self { orders, candidates, total }
     }
 
-    /// What it costs, in dB, to give up the first components with this many parameters.
+    /// The loss of PSNR, in dB, if the first components with this many parameters are given up.
     fn loss_of(&self, parameters: u64) -> f64 {
         let mut left = parameters;
         let taken = self.candidates.iter().take_while(|candidate| {

@@ -267,7 +267,7 @@ pub(super) fn run_grow(args: &GrowArgs, session: &Session) -> Result<(), Error> 
     })
 }
 
-/// What both commands begin with.
+/// The files that a command reads, and the flag of Ctrl-C.
 struct Inputs {
     document: SceneFile,
     dataset: Dataset,

@@ -151,8 +151,8 @@ pub struct LeanConfig {
     pub rounds: u32,
 }
 
-/// What the march skips in the end. Only the last steps are trained so: while geometry is found, faint samples need
-/// gradients.
+/// The rules of the march for the last steps: they skip samples that hardly show. Earlier steps need the gradients of
+/// faint samples, because they find the geometry.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {

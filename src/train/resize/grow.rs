@@ -88,7 +88,7 @@ pub struct Growing<'v> {
     scene: Scene,
 }
 
-/// What resumes growing, besides the original and the current scene.
+/// The state of growing with which, and with the original and the current scene, it resumes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GrowState {
     /// Settings of the run that made the scene.

@@ -20,7 +20,7 @@ impl ShrinkGoal {
         matches!(*self, Self::Parameters(most) if scene.nonzero_parameter_count() <= most)
     }
 
-    /// What training gives up.
+    /// The components that training gives up.
     fn lean(&self) -> LeanConfig {
         match *self {
             Self::Parameters(most) => LeanConfig { max_parameters: Some(most), ..LeanConfig::off() },
