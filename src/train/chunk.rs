@@ -12,7 +12,7 @@
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
 use crate::color_map::ColorMap;
-use crate::field::{Activations, Field, Matrix, MatrixMut, Real, Roulette, Samples, Stage, Work, multiply};
+use crate::field::{Activations, Field, MAX_LANES, Matrix, MatrixMut, Real, Roulette, Samples, Stage, Work, multiply};
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
@@ -50,7 +50,7 @@ pub struct BatchRoulette {
 pub(super) struct Chunk<T> {
     /// \[place\] the samples' positions.
     pub(super) positions: Vec<[T; 3]>,
-    /// \[row\]\[ΣR\] ∂L/∂(decoded components).
+    /// \[row\]\[ΣR\] ∂L/∂(decoded components), and a register more, so that all can be read by registers.
     pub(super) component_gradients: Vec<T>,
     /// \[shaded sample\] ∂L/∂(its components).
     pub(super) shaded_gradients: Vec<ShadedGradient<T>>,
@@ -296,7 +296,7 @@ impl<T: Real> Chunk<T> {
         let rows = scratch.activations.row_count();
         self.network_gradients.clear();
         self.network_gradients.resize(layout.len(), T::zero());
-        self.component_gradients.resize(rows * field.component_count(), T::zero());
+        self.component_gradients.resize(rows * field.component_count() + MAX_LANES, T::zero());
         if rows == 0 {
             return;
         }

@@ -5,7 +5,7 @@ use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::chunk::{Chunk, ShadedGradient};
-use crate::field::{FieldScale, Interpolation, MAX_LANES, Real, Stage, StageClock, offset};
+use crate::field::{FieldScale, Interpolation, Real, Stage, StageClock, offset};
 
 /// Position of a scale's components in the row of a shaded sample.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +27,8 @@ pub(super) struct TensorGradient<T> {
     pub(super) clock: StageClock,
     /// Factors, each row a multiple of a register.
     padded: AVec<T>,
+    /// The scale's part of [`ScaleGeometry::own_rows`], padded alike.
+    own_rows: AVec<T>,
 }
 
 impl<T> Default for TensorGradient<T> {
@@ -38,6 +40,7 @@ impl<T> Default for TensorGradient<T> {
             has_appearance: false,
             clock: StageClock::default(),
             padded: none(),
+            own_rows: none(),
         }
     }
 }
@@ -70,7 +73,7 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sums, scale, n, factors: [density, appearance], chunks } = self;
-        let TensorGradient { density: of_density, appearance: of_appearance, padded, .. } = sums;
+        let TensorGradient { density: of_density, appearance: of_appearance, padded, own_rows, .. } = sums;
         let center = scale.centers[n];
         let tensor = scale.first_tensor + n;
 
@@ -101,6 +104,13 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         let stride = rank.next_multiple_of(T::lanes::<S>());
         let factors = pad_rows(appearance, rank, stride, padded);
         reset(of_appearance, scale.rows.count * stride);
+        let has_own = scale.own_rows.is_some();
+        if let Some(rows) = scale.own_rows {
+            reset(own_rows, 3 * stride);
+            for (padded, row) in own_rows.chunks_exact_mut(stride.max(1)).zip(rows.chunks_exact(width)) {
+                padded[..rank].copy_from_slice(&row[begin..begin + rank]);
+            }
+        }
         sums.has_appearance = false;
         for chunk in chunks {
             for pair in chunk.appearance_pairs.of(tensor) {
@@ -108,7 +118,9 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
                 let ShadedGradient { row, share, own } = chunk.shaded_gradients[pair.shaded as usize];
                 let share = T::splat(simd, pair.weight * share);
                 let gradients = &chunk.component_gradients[row as usize * width + begin..];
-                let own = [0, 1, 2].map(|p| T::splat(simd, pair.weight * own[p]));
+                let [x, y, z] = own;
+                let own =
+                    [T::splat(simd, pair.weight * x), T::splat(simd, pair.weight * y), T::splat(simd, pair.weight * z)];
                 let at = scale.rows.at(offset(chunk.positions[pair.place as usize], center));
                 add(
                     simd,
@@ -118,10 +130,11 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
                     &at,
                     #[inline(always)]
                     |first| {
-                        let mut gradient = T::times(simd, share, load_some(simd, &gradients[first..]));
-                        if let Some(rows) = scale.own_rows {
+                        // What is behind a row's end does not matter: the tensor's factors are zeros there.
+                        let mut gradient = T::times(simd, share, T::load(simd, &gradients[first..]));
+                        if has_own {
                             for p in 0..3 {
-                                let row = load_some(simd, &rows[p * width + begin + first..]);
+                                let row = T::load(simd, &own_rows[p * stride + first..]);
                                 gradient = T::times_plus(simd, own[p], row, gradient);
                             }
                         }
@@ -133,18 +146,6 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         unpad_rows(of_appearance, rank, stride);
         sums.clock.lap(Stage::AppearanceBackward);
     }
-}
-
-/// A register of the first of `values`; with zeros, if these are fewer. What is behind a tensor's last component does not
-/// matter: its factors are zeros there.
-#[inline(always)]
-fn load_some<T: Real, S: Simd>(simd: S, values: &[T]) -> T::Register<S> {
-    if values.len() >= T::lanes::<S>() {
-        return T::load(simd, values);
-    }
-    let mut padded = [T::zero(); MAX_LANES];
-    padded[..values.len()].copy_from_slice(values);
-    T::load(simd, &padded)
 }
 
 /// `len` zeros.
