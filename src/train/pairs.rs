@@ -50,7 +50,11 @@ impl<T: Real> TensorPairs<T> {
         for n in 2..self.starts.len() {
             self.starts[n] += self.starts[n - 1];
         }
-        self.pairs.resize(self.starts[tensors + 1] as usize, TensorPair::default());
+        // All chunks keep their pairs, which are most of a step's memory: no reserve.
+        let count = self.starts[tensors + 1] as usize;
+        self.pairs.clear();
+        self.pairs.reserve_exact(count);
+        self.pairs.resize(count, TensorPair::default());
         for (place, shaded, factor) in sources {
             for pair in pairs_at(place) {
                 let at = &mut self.starts[pair.tensor as usize + 1];
