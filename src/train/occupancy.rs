@@ -54,25 +54,31 @@ fn dense_vertices<T: Real>(
 ) -> (Occupancy, Vec<Vec<bool>>) {
     let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
     let grid = Occupancy::empty(field.bounds, vertices);
+    let width = vertices.x as usize;
     let layer = |z: u32| {
-        let mut samples = Samples::default();
-        let mut is_dense = |vertex: UVec3| {
-            around.iter().any(|offset| {
-                let position = field.relative(grid.position(vertex) + *offset * grid.cell_size());
-                let known_empty = field.occupancy.as_ref().is_some_and(|o| !o.contains(position));
-                let feature = if known_empty { None } else { field.density_feature(position, &mut samples) };
-                feature.is_some_and(|f| field.optical_depth(f).f64() >= min_depth)
-            })
+        let mut dense = vec![false; width * vertices.y as usize];
+        let (mut samples, mut open) = (Samples::default(), Vec::new());
+        let mut mark = |row: &mut [bool], y: u32, offset: DVec3| {
+            open.clear();
+            for x in (0..vertices.x).filter(|&x| !row[x as usize]) {
+                let position = field.relative(grid.position(UVec3::new(x, y, z)) + offset * grid.cell_size());
+                if field.occupancy.as_ref().is_none_or(|o| o.contains(position)) {
+                    open.push((x, position));
+                }
+            }
+            field.density_features(open.iter().map(|open| open.1), &mut samples, |index, feature| {
+                row[open[index].0 as usize] = field.optical_depth(feature).f64() >= min_depth;
+            });
         };
         vectorized(
             #[inline(always)]
             || {
-                (0..vertices.y)
-                    .flat_map(|y| (0..vertices.x).map(move |x| UVec3::new(x, y, z)))
-                    .map(&mut is_dense)
-                    .collect()
+                for (y, row) in (0..).zip(dense.chunks_exact_mut(width)) {
+                    around.iter().for_each(|&offset| mark(row, y, offset));
+                }
             },
-        )
+        );
+        dense
     };
     let layers = (0..vertices.z).into_par_iter().map(layer).collect();
     (grid, layers)
