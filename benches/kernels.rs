@@ -92,7 +92,8 @@ fn decode(bencher: Bencher<'_, '_>) {
 #[divan::bench(sample_count = 20)]
 fn backward_loss(bencher: Bencher<'_, '_>) {
     let rays = rays(BATCH);
-    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0 }; rays.len()];
+    let targets =
+        vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0, weight: 1.0 }; rays.len()];
     let mut backward = Backward::new(&FIELD);
     bencher
         .counter(ItemsCount::new(rays.len()))
@@ -133,7 +134,8 @@ fn density_of_rank(bencher: Bencher<'_, '_>, rank: u32) {
 fn gradients_of_rank(bencher: Bencher<'_, '_>, rank: u32) {
     let field = field_of_rank(rank);
     let rays = rays(BATCH);
-    let targets = vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0 }; rays.len()];
+    let targets =
+        vec![Target { color: [0.5; 3], background: [1.0; 3], view: 0, distance: 0.0, weight: 1.0 }; rays.len()];
     let mut backward = Backward::new(&field);
     bencher
         .counter(ItemsCount::new(rays.len()))

@@ -43,17 +43,17 @@ impl ColorFit {
     /// Numbers of [`ColorFit::to_numbers`].
     pub const NUMBERS: usize = 29;
 
-    /// Adds a pair.
-    pub fn add(&mut self, from: [f32; 3], to: [f32; 3]) {
+    /// Adds a pair, which counts `weight` times.
+    pub fn add(&mut self, from: [f32; 3], to: [f32; 3], weight: f64) {
         let x = DVec3::from(from.map(f64::from)).extend(1.0);
         let y = to.map(f64::from);
         for i in 0..4 {
-            self.inputs[i] += x[i] * x;
+            self.inputs[i] += weight * x[i] * x;
         }
         for (sum, y) in self.products.iter_mut().zip(y) {
-            *sum += y * x;
+            *sum += weight * y * x;
         }
-        self.squares += y.iter().map(|v| v * v).sum::<f64>();
+        self.squares += weight * y.iter().map(|v| v * v).sum::<f64>();
     }
 
     /// Counts all pairs so far `factor` times.
@@ -122,7 +122,7 @@ mod tests {
     fn fit_of(map: &ColorMap) -> ColorFit {
         let mut fit = ColorFit::default();
         for color in colors() {
-            fit.add(color, map.apply(color.map(f64::from)).map(|v| v as f32));
+            fit.add(color, map.apply(color.map(f64::from)).map(|v| v as f32), 1.0);
         }
         fit
     }

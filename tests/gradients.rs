@@ -69,7 +69,13 @@ fn targets(count: usize) -> Vec<Target> {
     let random = Random::new(2, "gradient test targets");
     let color = |i: u64| [0, 1, 2].map(|c| random.uniform(3 * i + c) as f32);
     (0..count as u64)
-        .map(|i| Target { color: color(2 * i), background: color(2 * i + 1), view: (i % 3) as u32, distance: 0.0 })
+        .map(|i| Target {
+            color: color(2 * i),
+            background: color(2 * i + 1),
+            view: (i % 3) as u32,
+            distance: 0.0,
+            weight: 0.5 + random.uniform(1_000_000 + i) as f32,
+        })
         .collect()
 }
 
@@ -359,7 +365,8 @@ fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
     assert_eq!(loss(0.5, 1.0)[1], plain);
     let [there, elsewhere] = [1.0, 9.0].map(|share| loss(0.5, share)[0] - plain);
     assert!(there > 0.0 && there < elsewhere, "{there}, {elsewhere}");
-    assert!((elsewhere - 0.5).abs() < 1e-12, "all visibility is in the wrong place: {elsewhere}");
+    let weights = targets(rays.len()).iter().map(|target| f64::from(target.weight)).sum::<f64>() / rays.len() as f64;
+    assert!((elsewhere - 0.5 * weights).abs() < 1e-12, "all visibility is in the wrong place: {elsewhere}");
 }
 
 #[test]

@@ -405,7 +405,8 @@ fn cells_hold_all_parameters_and_only_where_something_is_seen() {
     let rays: Vec<Ray> = (0..3)
         .flat_map(|i| (0..576).map(move |p| scenes::camera(24, f64::from(i)).ray(p % 24, p / 24).unwrap()))
         .collect();
-    let targets = vec![Target { color: [0.25, 0.5, 0.75], background, view: 0, distance: 0.0 }; rays.len()];
+    let targets =
+        vec![Target { color: [0.25, 0.5, 0.75], background, view: 0, distance: 0.0, weight: 1.0 }; rays.len()];
     let batch = RayBatch { rays, targets };
     let sum = |map: &CellMap, value: fn(&Cell) -> f64| map.cells.iter().map(value).sum::<f64>();
     let held = |scene: &Scene| {

@@ -73,7 +73,7 @@ impl ViewReport {
 /// The mean squared error over pixels and channels after the affine map of `rendered`'s colors that makes it the least.
 fn mse_after_color_fit(rendered: &[[f32; 3]], truth: &[[f32; 3]]) -> f64 {
     let mut fit = ColorFit::default();
-    rendered.iter().zip(truth).for_each(|(&from, &to)| fit.add(from, to));
+    rendered.iter().zip(truth).for_each(|(&from, &to)| fit.add(from, to, 1.0));
     fit.squared_error(&fit.map(RIDGE)) / (3 * rendered.len()) as f64
 }
 

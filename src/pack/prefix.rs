@@ -38,7 +38,7 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let targets: Vec<Target> = whole
             .trace(&rays)
             .iter()
-            .map(|pixel| Target { color: pixel.color, background, view: 0, distance: 0.0 })
+            .map(|pixel| Target { color: pixel.color, background, view: 0, distance: 0.0, weight: 1.0 })
             .collect();
         let all = BatchRoulette::default();
         let shift = field.rules.density_shift;

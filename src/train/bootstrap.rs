@@ -119,6 +119,7 @@ impl CoarseCube {
             preset: "bootstrap".into(),
             steps,
             batch_rays: options.batch_rays,
+            ray_candidates: 1,
             random_background: false,
             sky_degree: Some(0),
             exposure: Exposure::Off,

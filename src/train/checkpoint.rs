@@ -9,6 +9,7 @@ use glam::{DMat3, DMat4, DVec4};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::lean::Worth;
+use super::ray_errors::RayErrors;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, TrainConfig};
 use crate::field::{Field, Real};
 use crate::geometry::Camera;
@@ -35,6 +36,8 @@ pub struct Checkpoint {
     pub(super) psnr_at_start: Option<f64>,
     /// The exposures of the photographs.
     pub exposures: Exposures,
+    /// The errors by which rays are drawn.
+    pub(super) ray_errors: RayErrors,
     /// \[view\] the refined pose in the model's space, as [`Camera::pose`], and focal lengths; empty before the first
     /// refinement.
     pub(super) cameras: Vec<([f64; 16], [f64; 2])>,
@@ -61,6 +64,7 @@ impl Checkpoint {
             worth: Worth::none(field),
             psnr_at_start: None,
             exposures: Exposures::new(config.exposure, sampler.view_count()),
+            ray_errors: RayErrors::unknown(sampler.block_count()),
             cameras: Vec::new(),
             active_rays: sampler.active_ray_mask(),
             photographs: sampler.checksum(),
@@ -115,6 +119,7 @@ impl Checkpoint {
         }
         expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
         expect("exposures", sampler.view_count(), self.exposures.view_count())?;
+        expect("ray errors", sampler.block_count(), self.ray_errors.0.len())?;
         if sampler.checksum() != self.photographs || !sampler.restore_active_rays(&self.active_rays) {
             return Err(malformed("photographs", "those of the dataset", "other ones"));
         }
@@ -155,6 +160,7 @@ impl Checkpoint {
         let focals: Vec<f64> = self.cameras.iter().flat_map(|(_, focal)| *focal).collect();
         tensors.push(("poses".into(), Dtype::F64, bytemuck::cast_slice(&poses)));
         tensors.push(("focal_lengths".into(), Dtype::F64, bytemuck::cast_slice(&focals)));
+        tensors.push(("ray_errors".into(), Dtype::F32, bytemuck::cast_slice(&self.ray_errors.0)));
         tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
@@ -258,6 +264,7 @@ impl Checkpoint {
             exposures: Exposures::from_numbers(&exposures)
                 .ok_or_else(|| malformed("tensor exposures", "the sums and maps of photographs", "other numbers"))?,
             cameras: poses.iter().copied().zip(focals.iter().copied()).collect(),
+            ray_errors: RayErrors(bytemuck::pod_collect_to_vec(tensor("ray_errors", Dtype::F32)?)),
             active_rays: tensor("kept", Dtype::U8)?.to_vec(),
             config,
         };

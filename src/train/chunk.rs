@@ -33,6 +33,8 @@ pub struct Target {
     pub view: u32,
     /// The distance of what the pixel shows, in model units; 0 if unknown.
     pub distance: f32,
+    /// How often the ray counts in the loss.
+    pub weight: f32,
 }
 
 /// Russian roulette of a batch.
@@ -62,9 +64,9 @@ pub(super) struct Chunk<T> {
     pub(super) appearance_pairs: TensorPairs<T>,
     /// \[ray\] the scene's color.
     pub(super) colors: Vec<[f32; 3]>,
-    /// Σ over rays and channels of the squared error.
+    /// Σ over rays and channels of the squared error, times the ray's weight.
     pub(super) squared_error: f64,
-    /// Σ over rays of known distance of the visibility that is elsewhere.
+    /// Σ over rays of known distance of the visibility that is elsewhere, times the ray's weight.
     pub(super) misplaced: f64,
     /// Counts and times.
     pub(super) work: Work,
@@ -164,8 +166,9 @@ impl<T: Real> Chunk<T> {
             let map = terms.maps.get(target.view as usize);
             let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));
             let error = [0, 1, 2].map(|i| seen[i] - T::of_f32(target.color[i]));
-            self.squared_error += error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
-            let gradient = error.map(|e| (e + e) * terms.color_scale);
+            let weight = T::of_f32(target.weight);
+            self.squared_error += weight.f64() * error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
+            let gradient = error.map(|e| (e + e) * terms.color_scale * weight);
             let gradient = map.map_or(gradient, |map| map.pull_back(gradient.map(T::f64)).map(T::of));
             pixel_gradients.push(gradient);
             for term in activations.terms_of_ray(ray) {
@@ -261,6 +264,7 @@ impl<T: Real> Chunk<T> {
             }
             let [nearest, farthest] =
                 [-1.0, 1.0].map(|side| T::of_f32(targets[ray].distance * (1.0 + side * DISTANCE_TOLERANCE)));
+            let weight = T::of_f32(targets[ray].weight);
             let is_known = distance_scale > T::zero() && targets[ray].distance > 0.0;
             let mut misplaced = if is_known { T::one() } else { T::zero() };
             let mut ray_range = shaded.ray_range(ray);
@@ -268,7 +272,7 @@ impl<T: Real> Chunk<T> {
                 let mut weight_gradient = T::zero();
                 let distance = samples.distances[place as usize];
                 if is_known && distance >= nearest && distance <= farthest {
-                    weight_gradient = -distance_scale;
+                    weight_gradient = -distance_scale * weight;
                     misplaced -= samples.weight(place as usize);
                 }
                 if ray_range.end > ray_range.start && shaded.slots[ray_range.end - 1] == place {
@@ -285,7 +289,7 @@ impl<T: Real> Chunk<T> {
                 }
                 feature_gradients[place] = gradient;
             }
-            misplaced_sum += misplaced.f64();
+            misplaced_sum += weight.f64() * misplaced.f64();
         }
         self.misplaced = misplaced_sum;
     }

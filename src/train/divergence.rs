@@ -180,8 +180,13 @@ mod tests {
 
     /// The divergence that 64 steps of the error `after` cause, after 64 steps of 0.1 on photographs of two grays.
     fn found(after: f64) -> Option<Divergence> {
-        let target =
-            |n: usize| Target { color: [(n % 2) as f32 * 0.6; 3], background: [1.0; 3], view: 0, distance: 0.0 };
+        let target = |n: usize| Target {
+            color: [(n % 2) as f32 * 0.6; 3],
+            background: [1.0; 3],
+            view: 0,
+            distance: 0.0,
+            weight: 1.0,
+        };
         let targets: Vec<Target> = (0..16).map(target).collect();
         let mut monitor = DivergenceMonitor::default();
         let config = TrainConfig::default();

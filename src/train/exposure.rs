@@ -83,7 +83,7 @@ impl Exposures {
         }
         self.sums.iter_mut().for_each(|sums| sums.scale(FADING));
         for (color, target) in colors.zip(targets) {
-            self.sums[target.view as usize].add(color, target.color);
+            self.sums[target.view as usize].add(color, target.color, f64::from(target.weight));
         }
         let at = |share: f64| (share * steps as f64) as u64;
         if self.setting == Exposure::Auto {
@@ -160,7 +160,7 @@ mod tests {
                 let gain = 1.0 + spread * (f64::from(view) - 1.5);
                 let noise = 0.02 * (random.uniform(u64::from(1000 + ray)) - 0.5);
                 let seen = color.map(|v| (gain * f64::from(v) + noise) as f32);
-                (color, Target { color: seen, background: [0.0; 3], view, distance: 0.0 })
+                (color, Target { color: seen, background: [0.0; 3], view, distance: 0.0, weight: 1.0 })
             })
             .unzip()
     }

@@ -26,6 +26,7 @@ mod plan;
 mod poses;
 mod prepare;
 mod prune;
+mod ray_errors;
 mod ray_sampler;
 mod rays;
 mod resize;

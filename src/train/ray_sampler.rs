@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::pixel_set::PixelSet;
+use super::ray_errors::Blocks;
 use super::{Target, TrainConfig, TrainError};
 use crate::dataset::View;
 use crate::field::{Field, Real, vectorized};
@@ -17,6 +18,7 @@ pub struct RaySampler<'a> {
     cameras: Vec<Camera>,
     /// \[view\] the index of its first pixel; at the end, the number of pixels.
     firsts: Vec<u64>,
+    blocks: Blocks,
     /// The pixels whose rays are active.
     active: PixelSet,
     /// Model units in one unit of the dataset.
@@ -41,12 +43,14 @@ impl<'a> RaySampler<'a> {
         }
         check_pixel_count(firsts[views.len()])?;
         let cameras = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
+        let blocks = Blocks::new(views.iter().map(|v| [v.camera.width, v.camera.height]));
         let random = config.random_background.then(|| {
             let transparent = views.par_iter().map(|v| !v.pixels.is_opaque()).collect();
             (Random::new(config.seed, "backgrounds"), transparent)
         });
         let unit = frame.model_from_dataset.scale as f32;
-        Ok(Self { views, cameras, firsts, active: PixelSet::default(), unit, background: frame.background, random })
+        let (active, background) = (PixelSet::default(), frame.background);
+        Ok(Self { views, cameras, firsts, blocks, active, unit, background, random })
     }
 
     /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
@@ -109,7 +113,7 @@ impl<'a> RaySampler<'a> {
         let View { pixels, distances, .. } = &self.views[view];
         let color = pixels.color(within as usize, background);
         let distance = self.unit * distances.get(within as usize).copied().unwrap_or(0.0);
-        Target { color, background, view: view as u32, distance }
+        Target { color, background, view: view as u32, distance, weight: 1.0 }
     }
 
     /// Number of active rays.
@@ -143,21 +147,40 @@ impl<'a> RaySampler<'a> {
         hasher.finalize()
     }
 
-    /// The active ray of index `draw` in an endless sequence, and its target. While the same rays are active, each
-    /// comes once before any comes again.
-    pub fn draw(&self, order: &Random, draw: u64) -> (Ray, Target) {
+    /// The active pixel of index `draw` in an endless sequence, counted over all photographs. While the same rays are
+    /// active, each comes once before any comes again.
+    pub(super) fn pixel(&self, order: &Random, draw: u64) -> u64 {
         let active = self.active.len() as u64;
-        let at = order.substream(draw / active).permuted(draw % active, active);
-        let pixel = self.active.member(at);
-        let v = self.firsts.partition_point(|&first| first <= pixel) - 1;
-        let within = (pixel - self.firsts[v]) as u32;
-        let camera = &self.cameras[v];
-        let ray = camera.ray(within % camera.width, within / camera.width).expect("active pixels have a ray");
+        self.active.member(order.substream(draw / active).permuted(draw % active, active))
+    }
+
+    /// The photograph, column and row of `pixel`.
+    fn place(&self, pixel: u64) -> (usize, u32, u32) {
+        let view = self.firsts.partition_point(|&first| first <= pixel) - 1;
+        let (within, width) = ((pixel - self.firsts[view]) as u32, self.cameras[view].width);
+        (view, within % width, within / width)
+    }
+
+    /// The block of pixels that `pixel` is in.
+    pub(super) fn block(&self, pixel: u64) -> u32 {
+        let (view, column, row) = self.place(pixel);
+        self.blocks.of(view, column, row)
+    }
+
+    /// Number of blocks of pixels.
+    pub(super) fn block_count(&self) -> usize {
+        self.blocks.count()
+    }
+
+    /// The ray of the active `pixel`, and its target, which is the draw of index `draw`.
+    pub(super) fn ray(&self, pixel: u64, draw: u64) -> (Ray, Target) {
+        let (view, column, row) = self.place(pixel);
+        let ray = self.cameras[view].ray(column, row).expect("active pixels have a ray");
         let background = match &self.random {
-            Some((random, transparent)) if transparent[v] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
+            Some((random, transparent)) if transparent[view] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
             _ => self.background,
         };
-        (ray, self.target(v, within, background))
+        (ray, self.target(view, (pixel - self.firsts[view]) as u32, background))
     }
 }
 

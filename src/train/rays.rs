@@ -4,6 +4,7 @@ use glam::UVec3;
 use rayon::prelude::*;
 
 use super::chunk::RAYS_PER_CHUNK;
+use super::ray_errors::DrawnPixel;
 use super::{RaySampler, Target};
 use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::{Ray, morton};
@@ -14,28 +15,40 @@ use crate::random::Random;
 const ORDER_BITS: u32 = 10;
 
 /// Rays with their photographed colors.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RayBatch {
     /// \[ray\] in the model's space.
     pub rays: Vec<Ray>,
     /// \[ray\].
     pub targets: Vec<Target>,
+    /// \[ray\] the block of pixels that it is in, of [`RaySampler::block`].
+    pub(super) blocks: Vec<u32>,
 }
 
 impl RayBatch {
-    /// `count` rays of `sampler`, from index `first` of `order`'s sequence on. They are sorted in space, so that rays
-    /// of a chunk share tensors and most of their reads are served by the cache.
+    /// `count` rays of `sampler`, from index `first` of `order`'s sequence on.
     pub fn draw(sampler: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
-        let mut drawn: Vec<_> = (first..first + count as u64)
-            .into_par_iter()
-            .map(|d| {
-                let (ray, target) = sampler.draw(order, d);
-                (place_in_space(field, &ray), ray, target)
-            })
-            .collect();
+        let drawn = |draw| DrawnPixel { draw, pixel: sampler.pixel(order, draw), weight: 1.0 };
+        Self::of_pixels(sampler, field, &(first..first + count as u64).map(drawn).collect::<Vec<_>>())
+    }
+
+    /// The rays of these pixels, sorted in space, so that rays of a chunk share tensors and most of their reads are served
+    /// by the cache.
+    pub(super) fn of_pixels(sampler: &RaySampler<'_>, field: &Field<f32>, pixels: &[DrawnPixel]) -> Self {
+        let ray_of = |drawn: &DrawnPixel| {
+            let (ray, target) = sampler.ray(drawn.pixel, drawn.draw);
+            let target = Target { weight: drawn.weight, ..target };
+            (place_in_space(field, &ray), ray, target, sampler.block(drawn.pixel))
+        };
+        let mut drawn: Vec<_> = pixels.par_iter().map(ray_of).collect();
         drawn.sort_by_key(|d| d.0);
-        let (rays, targets) = drawn.into_iter().map(|(_, ray, target)| (ray, target)).unzip();
-        Self { rays, targets }
+        let mut batch = Self::default();
+        for (_, ray, target, block) in drawn {
+            batch.rays.push(ray);
+            batch.targets.push(target);
+            batch.blocks.push(block);
+        }
+        batch
     }
 
     /// \[ray\] the color of `field`; the same on any number of threads.

@@ -209,9 +209,10 @@ impl<'a> Trainer<'a> {
     /// If the run has diverged, or no ray passes through the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
-        let first = self.checkpoint.step * self.config.batch_rays as u64;
-        let RayBatch { rays, targets } =
-            RayBatch::draw(&self.sampler, &self.field, &self.order, first, self.config.batch_rays);
+        let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
+        let errors = &self.checkpoint.ray_errors;
+        let drawn = errors.draw(&self.sampler, &self.order, self.checkpoint.step, batch_rays, ray_candidates);
+        let RayBatch { rays, targets, blocks } = RayBatch::of_pixels(&self.sampler, &self.field, &drawn);
         // The names of the streams determine the bits of every trained scene.
         let roulette = |below: f64, name: &str| {
             let random = Random::new(self.config.seed, name).substream(self.checkpoint.step);
@@ -231,13 +232,19 @@ impl<'a> Trainer<'a> {
         self.checkpoint.step += 1;
         let step = self.checkpoint.step;
         self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.steps);
+        let mut weighted = 0.0;
+        for ((&block, target), squared) in blocks.iter().zip(&targets).zip(self.backward.squared_errors(&targets)) {
+            self.checkpoint.ray_errors.add(block, squared);
+            weighted += f64::from(target.weight).powi(2) * f64::from(squared) / rays.len() as f64;
+        }
         let diverged = |found| TrainError::Diverged { step, found };
         self.monitor.record(mean_squared_error, &targets, &self.config).map_err(diverged)?;
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimizer);
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
-        self.update_factors(mean_squared_error, &mut clock.work);
+        let square_weight = lean::square_weight(mean_squared_error, weighted, rays.len());
+        self.update_factors(square_weight, &mut clock.work);
         self.monitor.check_parameters(&mut self.field, &self.config).map_err(diverged)?;
         clock.work.add(&self.backward.work());
         let report = StepReport { step: self.checkpoint.step, mean_squared_error, work: clock.work };
@@ -268,9 +275,9 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    fn update_factors(&mut self, mean_squared_error: f64, work: &mut Work) {
+    /// `square_weight` is [`lean::square_weight`].
+    fn update_factors(&mut self, square_weight: f64, work: &mut Work) {
         let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.steps);
-        let square_weight = lean::square_weight(mean_squared_error, self.config.batch_rays);
         self.checkpoint.worth.steps += u64::from(is_measuring);
         let adam = self.adam(self.config.factor_learning_rate);
         let ranges = component_ranges(&self.field);

@@ -26,6 +26,7 @@ fn assert_finite_gradients(name: &str, scene: &Scene) {
             background: scene.frame.background,
             view: 0,
             distance: 0.0,
+            weight: 1.0,
         })
         .collect();
     let field = Field::<f32>::new(scene);

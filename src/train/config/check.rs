@@ -4,6 +4,9 @@ use super::{BootstrapOptions, ConfigError, FinishConfig, LeanConfig, ScaleConfig
 use crate::geometry::Aabb;
 use crate::model::Sky;
 
+/// The most candidates for a ray of a step.
+const MAX_CANDIDATES: u32 = 16;
+
 impl TrainConfig {
     /// Checks that all values are in range.
     ///
@@ -58,6 +61,9 @@ impl TrainConfig {
             if !(0.0..=1.0).contains(&value) {
                 return Err(error(place, "a number in [0, 1]", value));
             }
+        }
+        if !(1..=MAX_CANDIDATES).contains(&self.ray_candidates) {
+            return Err(error("ray_candidates", &format!("1 to {MAX_CANDIDATES}"), self.ray_candidates));
         }
         if let Some([near, far]) = self.near_far
             && !(near >= 0.0 && near < far && far.is_finite())

@@ -29,6 +29,9 @@ pub struct TrainConfig {
     pub steps: u64,
     /// Rays per step.
     pub batch_rays: usize,
+    /// Candidates for each ray of a step, of which those with larger errors are drawn more often and count less each. 1
+    /// draws all rays alike.
+    pub ray_candidates: u32,
     /// The most pixels along a photograph's longer side: larger ones are downscaled when they are loaded, unless a factor is
     /// given. If absent, there is no such limit.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -253,7 +256,7 @@ impl FinishConfig {
 
 impl Default for FinishConfig {
     fn default() -> Self {
-        Self { from: 0.65, step_scale: 1.0, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.03, max_loss: 0.5 }
+        Self { from: 0.4, step_scale: 1.0, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.02, max_loss: 0.5 }
     }
 }
 
