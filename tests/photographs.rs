@@ -34,7 +34,7 @@ fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Tar
     let order = Random::new(config.seed, "rays");
     (0..count)
         .map(|draw| {
-            let (ray, target) = sampler.draw(&order, draw);
+            let (ray, target) = sampler.ray(sampler.pixel(&order, draw), draw);
             let view = views.iter().position(|v| v.camera.position == ray.origin).unwrap();
             (view, target)
         })

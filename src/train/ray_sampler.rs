@@ -149,7 +149,7 @@ impl<'a> RaySampler<'a> {
 
     /// The active pixel of index `draw` in an endless sequence, counted over all photographs. While the same rays are
     /// active, each comes once before any comes again.
-    pub(super) fn pixel(&self, order: &Random, draw: u64) -> u64 {
+    pub fn pixel(&self, order: &Random, draw: u64) -> u64 {
         let active = self.active.len() as u64;
         self.active.member(order.substream(draw / active).permuted(draw % active, active))
     }
@@ -173,7 +173,7 @@ impl<'a> RaySampler<'a> {
     }
 
     /// The ray of the active `pixel`, and its target, which is the draw of index `draw`.
-    pub(super) fn ray(&self, pixel: u64, draw: u64) -> (Ray, Target) {
+    pub fn ray(&self, pixel: u64, draw: u64) -> (Ray, Target) {
         let (view, column, row) = self.place(pixel);
         let ray = self.cameras[view].ray(column, row).expect("active pixels have a ray");
         let background = match &self.random {

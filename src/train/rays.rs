@@ -15,26 +15,24 @@ use crate::random::Random;
 const ORDER_BITS: u32 = 10;
 
 /// Rays with their photographed colors.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct RayBatch {
     /// \[ray\] in the model's space.
     pub rays: Vec<Ray>,
     /// \[ray\].
     pub targets: Vec<Target>,
-    /// \[ray\] the block of pixels that it is in, of [`RaySampler::block`].
-    pub(super) blocks: Vec<u32>,
 }
 
 impl RayBatch {
     /// `count` rays of `sampler`, from index `first` of `order`'s sequence on.
     pub fn draw(sampler: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
         let drawn = |draw| DrawnPixel { draw, pixel: sampler.pixel(order, draw), weight: 1.0 };
-        Self::of_pixels(sampler, field, &(first..first + count as u64).map(drawn).collect::<Vec<_>>())
+        Self::of_pixels(sampler, field, &(first..first + count as u64).map(drawn).collect::<Vec<_>>()).0
     }
 
-    /// The rays of these pixels, sorted in space, so that rays of a chunk share tensors and most of their reads are served
-    /// by the cache.
-    pub(super) fn of_pixels(sampler: &RaySampler<'_>, field: &Field<f32>, pixels: &[DrawnPixel]) -> Self {
+    /// The rays of these pixels, and \[ray\] the block of pixels of each, of [`RaySampler::block`]. They are sorted in space,
+    /// so that rays of a chunk share tensors and most of their reads are served by the cache.
+    pub(super) fn of_pixels(sampler: &RaySampler<'_>, field: &Field<f32>, pixels: &[DrawnPixel]) -> (Self, Vec<u32>) {
         let ray_of = |drawn: &DrawnPixel| {
             let (ray, target) = sampler.ray(drawn.pixel, drawn.draw);
             let target = Target { weight: drawn.weight, ..target };
@@ -42,13 +40,9 @@ impl RayBatch {
         };
         let mut drawn: Vec<_> = pixels.par_iter().map(ray_of).collect();
         drawn.sort_by_key(|d| d.0);
-        let mut batch = Self::default();
-        for (_, ray, target, block) in drawn {
-            batch.rays.push(ray);
-            batch.targets.push(target);
-            batch.blocks.push(block);
-        }
-        batch
+        let blocks = drawn.iter().map(|d| d.3).collect();
+        let (rays, targets) = drawn.into_iter().map(|(_, ray, target, _)| (ray, target)).unzip();
+        (Self { rays, targets }, blocks)
     }
 
     /// \[ray\] the color of `field`; the same on any number of threads.

@@ -212,7 +212,7 @@ impl<'a> Trainer<'a> {
         let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
         let errors = &self.checkpoint.ray_errors;
         let drawn = errors.draw(&self.sampler, &self.order, self.checkpoint.step, batch_rays, ray_candidates);
-        let RayBatch { rays, targets, blocks } = RayBatch::of_pixels(&self.sampler, &self.field, &drawn);
+        let (RayBatch { rays, targets }, blocks) = RayBatch::of_pixels(&self.sampler, &self.field, &drawn);
         // The names of the streams determine the bits of every trained scene.
         let roulette = |below: f64, name: &str| {
             let random = Random::new(self.config.seed, name).substream(self.checkpoint.step);
