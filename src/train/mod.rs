@@ -21,6 +21,7 @@ mod lean;
 mod networks;
 mod occupancy;
 mod pairs;
+mod pixel_blocks;
 mod pixel_set;
 mod plan;
 mod poses;

@@ -7,44 +7,10 @@ use rayon::prelude::*;
 use super::RaySampler;
 use crate::random::Random;
 
-/// Pixels along the sides of a block, whose pixels are taken to have the same error.
-const BLOCK_SIDE: u32 = 8;
 /// The share of the probability that does not depend on the error.
 const FLOOR: f64 = 0.2;
 /// The weight of a new ray in the mean error of its block.
 const RATE: f32 = 0.2;
-
-/// The blocks of photographs.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Blocks {
-    /// \[view\] the index of its first block, and the number of blocks in a row of them.
-    views: Vec<[u32; 2]>,
-    count: usize,
-}
-
-impl Blocks {
-    /// Those of photographs of these widths and heights.
-    pub(super) fn new(sizes: impl Iterator<Item = [u32; 2]>) -> Self {
-        let mut blocks = Self::default();
-        for size in sizes {
-            let [across, down] = size.map(|pixels| pixels.div_ceil(BLOCK_SIDE));
-            blocks.views.push([blocks.count as u32, across]);
-            blocks.count += (across * down) as usize;
-        }
-        blocks
-    }
-
-    /// Number of blocks.
-    pub(super) fn count(&self) -> usize {
-        self.count
-    }
-
-    /// The block of a pixel of photograph number `view`.
-    pub(super) fn of(&self, view: usize, column: u32, row: u32) -> u32 {
-        let [first, across] = self.views[view];
-        first + row / BLOCK_SIDE * across + column / BLOCK_SIDE
-    }
-}
 
 /// \[block\] the mean squared error of its last rays, which count less and less; negative before the first.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,10 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_those_of_a_photograph_and_errors_fade() {
-        let blocks = Blocks::new([[17, 9], [8, 8], [1, 1]].into_iter());
-        assert_eq!(blocks.count(), 6 + 1 + 1);
-        assert_eq!([blocks.of(0, 0, 0), blocks.of(0, 16, 8), blocks.of(1, 7, 7), blocks.of(2, 0, 0)], [0, 5, 6, 7]);
+    fn older_errors_count_less() {
         let mut errors = RayErrors::unknown(2);
         errors.add(1, 0.5);
         errors.add(1, 1.0);

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::pixel_blocks::Blocks;
 use super::pixel_set::PixelSet;
-use super::ray_errors::Blocks;
 use super::{Target, TrainConfig, TrainError};
 use crate::dataset::View;
 use crate::field::{Field, Real, vectorized};
