@@ -8,6 +8,7 @@ use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::lean::{self, add_squares};
+use super::ray_errors::RayErrors;
 use super::{
     BatchRoulette, Checkpoint, CheckpointError, DeadComponents, Exposures, RayBatch, RaySampler, TrainConfig,
     TrainError, network_parts, prune_dead_components,
@@ -109,12 +110,13 @@ impl<'a> Trainer<'a> {
     }
 
     /// Continues with another `scene` of the same photographs for `steps`, over which learning rates fall. The
-    /// optimizer restarts.
+    /// optimizer restarts, and the errors of rays are forgotten.
     pub(super) fn continue_from(&mut self, mut scene: Scene, steps: u64) {
         self.field = Field::taking(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
+        self.checkpoint.ray_errors = RayErrors::unknown(self.sampler.block_count());
         self.checkpoint.restart(&self.field);
     }
 
