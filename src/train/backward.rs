@@ -112,13 +112,9 @@ impl<T: Real> Backward<T> {
         self.chunks.iter().flat_map(|chunk| chunk.colors.iter().copied())
     }
 
-    /// \[ray\] the mean over channels of the squared error in the last batch, whose rays had these targets.
-    pub(super) fn squared_errors(&self, targets: &[Target]) -> impl Iterator<Item = f32> {
-        self.colors().zip(targets).map(|(color, target)| {
-            let map = self.color_maps.get(target.view as usize);
-            let seen = map.map_or(color, |map| map.apply(color.map(f64::from)).map(|v| v as f32));
-            (0..3).map(|c| (seen[c] - target.color[c]).powi(2)).sum::<f32>() / 3.0
-        })
+    /// \[ray\] the mean over channels of the squared error in the last batch.
+    pub(super) fn squared_errors(&self) -> impl Iterator<Item = f32> {
+        self.chunks.iter().flat_map(|chunk| chunk.squared_errors.iter().copied())
     }
 
     /// Counts and times of the last batch, over all chunks.

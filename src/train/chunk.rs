@@ -64,6 +64,8 @@ pub(super) struct Chunk<T> {
     pub(super) appearance_pairs: TensorPairs<T>,
     /// \[ray\] the scene's color.
     pub(super) colors: Vec<[f32; 3]>,
+    /// \[ray\] the mean over channels of the squared error.
+    pub(super) squared_errors: Vec<f32>,
     /// Σ over rays and channels of the squared error, times the ray's weight.
     pub(super) squared_error: f64,
     /// Σ over rays of known distance of the visibility that is elsewhere, times the ray's weight.
@@ -157,6 +159,7 @@ impl<T: Real> Chunk<T> {
         let Scratch { samples, activations, behind, pixel_gradients, term_gradients, output_gradients, .. } = scratch;
         self.squared_error = 0.0;
         self.colors.clear();
+        self.squared_errors.clear();
         pixel_gradients.clear();
         term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
@@ -167,7 +170,9 @@ impl<T: Real> Chunk<T> {
             let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));
             let error = [0, 1, 2].map(|i| seen[i] - T::of_f32(target.color[i]));
             let weight = T::of_f32(target.weight);
-            self.squared_error += weight.f64() * error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
+            let squared = error.iter().map(|e| e.f64() * e.f64()).sum::<f64>();
+            self.squared_errors.push((squared / 3.0) as f32);
+            self.squared_error += weight.f64() * squared;
             let gradient = error.map(|e| (e + e) * terms.color_scale * weight);
             let gradient = map.map_or(gradient, |map| map.pull_back(gradient.map(T::f64)).map(T::of));
             pixel_gradients.push(gradient);

@@ -130,7 +130,7 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
                     &at,
                     #[inline(always)]
                     |first| {
-                        // What is behind a row's end does not matter: the tensor's factors are zeros there.
+                        // Gradients beyond the tensor's last component are removed with the ends of the padded rows.
                         let mut gradient = T::times(simd, share, T::load(simd, &gradients[first..]));
                         if has_own {
                             for p in 0..3 {

@@ -27,7 +27,7 @@ impl RayBatch {
     /// `count` rays of `sampler`, from index `first` of `order`'s sequence on.
     pub fn draw(sampler: &RaySampler<'_>, field: &Field<f32>, order: &Random, first: u64, count: usize) -> Self {
         let drawn = |draw| DrawnPixel { draw, pixel: sampler.pixel(order, draw), weight: 1.0 };
-        Self::of_pixels(sampler, field, &(first..first + count as u64).map(drawn).collect::<Vec<_>>()).0
+        Self::of_pixels(sampler, field, &(first..first + count as u64).into_par_iter().map(drawn).collect::<Vec<_>>()).0
     }
 
     /// The rays of these pixels, and \[ray\] the block of pixels of each, of [`RaySampler::block`]. They are sorted in space,

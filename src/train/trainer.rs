@@ -235,7 +235,7 @@ impl<'a> Trainer<'a> {
         let step = self.checkpoint.step;
         self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.steps);
         let mut weighted = 0.0;
-        for ((&block, target), squared) in blocks.iter().zip(&targets).zip(self.backward.squared_errors(&targets)) {
+        for ((&block, target), squared) in blocks.iter().zip(&targets).zip(self.backward.squared_errors()) {
             self.checkpoint.ray_errors.add(block, squared);
             weighted += f64::from(target.weight).powi(2) * f64::from(squared) / rays.len() as f64;
         }
