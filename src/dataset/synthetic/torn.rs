@@ -76,7 +76,7 @@ impl Mesh {
         }
         let mut kept = kept.into_iter();
         self.triangles.retain(|_| kept.next() == Some(true));
-        (gone / below, self.prune_dead_components())
+        (gone / below, self.remove_unused_vertices())
     }
 
     /// Keeps the triangles for whose center and outward normal, of any length, `keeps` holds, and their vertices.
@@ -86,11 +86,11 @@ impl Mesh {
             let [a, b, c] = triangle.map(|index| vertices[index as usize]);
             keeps((a + b + c) / 3.0, (b - a).cross(c - a))
         });
-        self.prune_dead_components();
+        self.remove_unused_vertices();
     }
 
     /// Removes vertices of no triangle. Returns the previous index of each remaining vertex.
-    fn prune_dead_components(&mut self) -> Vec<u32> {
+    fn remove_unused_vertices(&mut self) -> Vec<u32> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.as_flattened().iter().for_each(|&index| used[index as usize] = true);
         let was: Vec<u32> = (0..used.len() as u32).filter(|&index| used[index as usize]).collect();
