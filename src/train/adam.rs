@@ -3,7 +3,7 @@
 use crate::field::{HeldComponents, Real};
 
 /// β₁, β₂ and ε.
-const BETAS: [f64; 2] = [0.9, 0.99];
+const BETAS: [f64; 2] = [0.8, 0.97];
 const EPSILON: f64 = 1e-8;
 
 /// First and second moments of a vector of parameters.
