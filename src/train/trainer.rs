@@ -32,6 +32,8 @@ pub struct Trainer<'a> {
     order: Random,
     /// Steps of the trainings before this run.
     steps_before: u64,
+    /// The number of the last step.
+    last_step: u64,
     pub(super) checkpoint: Checkpoint,
     monitor: DivergenceMonitor,
 }
@@ -87,6 +89,7 @@ impl<'a> Trainer<'a> {
         check_active_rays(&sampler)?;
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
+            last_step: config.steps,
             order: Random::new(config.seed, "rays"),
             backward: backward(&config, &field),
             tensor_gradients: Pool::default(),
@@ -116,6 +119,7 @@ impl<'a> Trainer<'a> {
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
+        self.last_step = self.checkpoint.step + steps;
         self.checkpoint.ray_errors = RayErrors::unknown(self.sampler.block_count());
         self.checkpoint.restart(&self.field);
     }
@@ -258,8 +262,10 @@ impl<'a> Trainer<'a> {
     fn adam(&self, start: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
-        let factor = self.config.learning_rate_decay.powf(along);
-        Adam::new(start * factor, since_restart)
+        let decay = self.config.learning_rate_decay.powf(along);
+        let left = (self.last_step + 1).saturating_sub(self.checkpoint.step) as f64;
+        let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
+        Adam::new(start * decay * cooled, since_restart)
     }
 
     fn update_networks(&mut self) {

@@ -49,6 +49,9 @@ impl TrainConfig {
             return Err(error("lean.during", "two ascending numbers in [0, 1]", format!("{from} and {until}")));
         }
         positive("lean.rounds", f64::from(rounds))?;
+        if !(0.0..=1.0).contains(&self.cooldown) {
+            return Err(error("cooldown", "a number in [0, 1]", self.cooldown));
+        }
         let FinishConfig { from, step_scale, min_transmittance, min_weight, min_alpha, max_loss } = self.finish;
         positive("finish.step_scale", step_scale)?;
         positive("finish.max_loss", max_loss)?;

@@ -66,6 +66,8 @@ pub struct TrainConfig {
     pub sky_learning_rate: f64,
     /// Factor by which learning rates fall over a whole run without restarts.
     pub learning_rate_decay: f64,
+    /// The share of the steps at the end over which learning rates fall linearly to 0, besides their decay.
+    pub cooldown: f64,
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
     /// off.
     pub density_l1: f64,
@@ -274,7 +276,7 @@ impl LeanConfig {
 
 impl Default for LeanConfig {
     fn default() -> Self {
-        Self { max_loss: 5e-4, max_parameters: None, max_drop: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
+        Self { max_loss: 0.06, max_parameters: None, max_drop: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
     }
 }
 

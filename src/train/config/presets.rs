@@ -10,8 +10,10 @@ use crate::train::Exposure;
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
-const BEST_STEPS: u64 = 45_000;
+const BEST_STEPS: u64 = 48_000;
 const BEST_BATCH: usize = 2048;
+/// The share of the steps of the best quality in which learning rates fall to 0.
+const BEST_COOLDOWN: f64 = 0.2;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
 const SCAN_STEPS: u64 = 100_000;
 /// Steps of the preset for unbounded scenes, and the shell around their inner cube (the paper's runs on Mip-NeRF 360).
@@ -72,6 +74,7 @@ impl TrainConfig {
             "360" => {
                 let mut preset = best().with_steps(SURROUNDINGS_STEPS);
                 preset.batch_rays = 4096;
+                preset.cooldown = 0.0;
                 preset.shell = Some(SURROUNDINGS_SHELL);
                 preset.factor_learning_rate = 0.03;
                 preset.density_l1 = 1e-4;
@@ -117,6 +120,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         network_learning_rate: 0.001,
         sky_learning_rate: 0.02,
         learning_rate_decay: 0.1,
+        cooldown: 0.0,
         density_l1: 1e-5,
         distance_weight: 0.01,
         color_roulette: 0.001,
@@ -146,6 +150,7 @@ fn best() -> TrainConfig {
     preset.decoder.direction_frequencies = 6;
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
+    preset.cooldown = BEST_COOLDOWN;
     preset.with_steps(BEST_STEPS)
 }
 
@@ -160,6 +165,7 @@ fn preview() -> TrainConfig {
     preset.prior.min_visibility_weight = 0.01;
     // Most of the time goes into samples of fog.
     (preset.finish.from, preset.finish.min_alpha, preset.finish.max_loss) = (0.3, 0.01, 1.0);
+    preset.lean.max_loss = 5e-4;
     for (scale, cells) in preset.scales.iter_mut().zip([[29, 43], [15, 23], [7, 11]]) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
         (scale.density_rank, scale.appearance_rank) = (scale.density_rank / 2, scale.appearance_rank / 2);
