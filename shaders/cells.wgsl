@@ -1,4 +1,5 @@
-// Cells in which samples can count (spec 4.8): one bit per cell and one per block of cells. Twin: src/field/cells.rs.
+// Cells in which samples can count (spec 4.8), one bit per cell, in bricks of 4³ cells that know their distance to the
+// nearest such cells. Twin: src/field/cells.rs.
 
 // A span of a ray's path over which occupancy does not change.
 struct Span {
@@ -8,16 +9,14 @@ struct Span {
     distance: f32,
 }
 
-// The bit of `cell` in the grid of `sizes` cells that begins at word `words`.
-fn bit(words: u32, cell: vec3<i32>, sizes: vec3<i32>) -> bool {
-    let index = u32((cell.z * sizes.y + cell.y) * sizes.x + cell.x);
-    return ((word(words + (index >> 5u)) >> (index & 31u)) & 1u) == 1u;
-}
+// The bits of the 2³ cells at the lower corner of a brick.
+const OCTANT = 0x330033u;
 
 // The cube of cells around a position that have the same occupancy.
 struct Cube {
     occupied: bool,
-    // The position in cells, the cube's lower corner and its width in cells; a width of 0 outside the grid.
+    // The position in cells, the cube's lower corner, which may lie outside the grid, and its width in cells; a width of
+    // 0 if the position is outside the grid.
     at: vec3<f32>,
     lower: vec3<i32>,
     width: i32,
@@ -29,11 +28,19 @@ fn cube_around(position: vec3<f32>) -> Cube {
     if any(cell < vec3(0)) || any(cell >= scene.grid_cells) {
         return Cube(false, at, cell, 0);
     }
-    if bit(scene.grid_blocks, cell >> vec3(BLOCK_SHIFT), scene.grid_block_counts) {
-        return Cube(bit(scene.grid_words, cell, scene.grid_cells), at, cell, 1);
+    let place = cell >> vec3(2u);
+    let brick = u32((place.z * scene.grid_bricks.y + place.y) * scene.grid_bricks.x + place.x);
+    let distance = i32((word(scene.grid_distances + (brick >> 2u)) >> (8u * (brick & 3u))) & 255u);
+    if distance > 0 {
+        return Cube(false, at, (place + (1 - distance)) << vec3(2u), 4 * (2 * distance - 1));
     }
-    let width = 1 << BLOCK_SHIFT;
-    return Cube(false, at, cell & vec3(-width), width);
+    // A word has two layers of the brick.
+    let within = vec3<u32>(cell & vec3(3));
+    let layers = word(scene.grid_masks + 2u * brick + (within.z >> 1u));
+    let occupied = ((layers >> (16u * (within.z & 1u) + 4u * within.y + within.x)) & 1u) == 1u;
+    let octant = (layers >> (4u * (within.y & 2u) + (within.x & 2u))) & OCTANT;
+    let is_alike = octant == select(0u, OCTANT, occupied);
+    return Cube(occupied, at, select(cell, cell & vec3(-2), is_alike), select(1, 2, is_alike));
 }
 
 // The span from `position` on, along a ray whose direction has the reciprocals `inverse`.

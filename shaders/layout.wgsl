@@ -54,9 +54,9 @@ struct Scene {
     min_transmittance: f32,
     // The first quad of the appearance matrices, [component][feature]; features are padded to quads.
     appearance: u32,
-    // The grid of cells in which samples can count: the first words of its bits and of its blocks' bits.
-    grid_words: u32,
-    grid_blocks: u32,
+    // The grid of cells in which samples can count: the first words of its bricks' bits and of their distances.
+    grid_masks: u32,
+    grid_distances: u32,
     grid_min: vec3<f32>,
     // The width of the shell around the inner cube of a contracted scene.
     shell: f32,
@@ -64,7 +64,7 @@ struct Scene {
     padding1: u32,
     grid_cells: vec3<i32>,
     padding2: u32,
-    grid_block_counts: vec3<i32>,
+    grid_bricks: vec3<i32>,
     padding3: u32,
     layers: array<Layer, LAYERS>,
     scales: array<Scale, SCALES>,

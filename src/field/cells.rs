@@ -1,5 +1,5 @@
-//! Cells in which samples can count (spec 4.8), one bit per cell and one per block of cells: for lookup and for
-//! empty-space skipping. Twin: `shaders/cells.wgsl`.
+//! Cells in which samples can count (spec 4.8), one bit per cell, in bricks that know their distance to the nearest such
+//! cells: for lookup and for empty-space skipping. Twin: `shaders/cells.wgsl`.
 
 use glam::{DVec3, UVec3};
 
@@ -15,14 +15,29 @@ pub struct OccupancyCells<T> {
     pub(crate) cells_per_unit: [T; 3],
     cell_size: [T; 3],
     pub(crate) cells: [i32; 3],
-    pub(crate) words: Vec<u64>,
-    /// One bit per block of 8³ cells: small enough for the first-level cache, and enough for most lookups.
-    pub(crate) blocks: [i32; 3],
-    pub(crate) block_words: Vec<u64>,
+    /// Number of bricks of 4³ cells, per axis.
+    pub(crate) bricks: [i32; 3],
+    /// \[brick\] one bit per cell, x fastest.
+    pub(crate) masks: Vec<u64>,
+    /// \[brick\] the Chebyshev distance in bricks to the nearest brick with a set cell, at most 255.
+    pub(crate) distances: Vec<u8>,
 }
 
-/// Cells along a block's edge, as a shift.
-pub(crate) const BLOCK_SHIFT: i32 = 3;
+/// Cells along a brick's edge, as a shift.
+const BRICK_SHIFT: i32 = 2;
+
+/// The bits of the 2³ cells at a brick's lower corner.
+const OCTANT: u64 = 0x33_0033;
+
+/// A cube of cells that are alike.
+#[derive(Clone, Copy, Debug)]
+struct Cube {
+    occupied: bool,
+    /// The cell of the smallest coordinates. It may lie outside the grid, which is empty there.
+    lower: [i32; 3],
+    /// Cells along its edge.
+    width: i32,
+}
 
 /// A span of a ray's path over which occupancy does not change.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +68,7 @@ impl<T: Real> OccupancyCells<T> {
                 }
             }
         }
+        grid.measure_distances();
         grid
     }
 
@@ -78,34 +94,56 @@ impl<T: Real> OccupancyCells<T> {
                 }
             }
         }
+        grid.measure_distances();
         grid
     }
 
     fn empty(min: [T; 3], cells_per_unit: [T; 3], cells: [i32; 3]) -> Self {
-        let blocks = cells.map(|c| ((c - 1) >> BLOCK_SHIFT) + 1);
-        let words_for = |[x, y, z]: [i32; 3]| vec![0; (x as usize * y as usize * z as usize).div_ceil(64)];
+        let bricks = cells.map(|c| ((c - 1) >> BRICK_SHIFT) + 1);
+        let count = bricks.iter().map(|&b| b as usize).product();
         Self {
             min,
             cells_per_unit,
             cell_size: cells_per_unit.map(|c| T::one() / c),
             cells,
-            words: words_for(cells),
-            blocks,
-            block_words: words_for(blocks),
+            bricks,
+            masks: vec![0; count],
+            distances: vec![u8::MAX; count],
         }
     }
 
     fn set(&mut self, cell: [i32; 3]) {
-        let bit = bit_index(cell, self.cells);
-        self.words[bit / 64] |= 1 << (bit % 64);
-        let bit = bit_index(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
-        self.block_words[bit / 64] |= 1 << (bit % 64);
+        let brick = self.brick_of(cell);
+        self.masks[brick] |= 1 << bit_in_brick(cell);
+        self.distances[brick] = 0;
+    }
+
+    /// Fills `distances`, in which the bricks with a set cell have 0 and all others 255: in one pass over all bricks from
+    /// their neighbors with smaller indices, and in one backwards from the others.
+    fn measure_distances(&mut self) {
+        let [columns, rows, layers] = self.bricks;
+        let spread = |distances: &mut [u8], [x, y, z]: [i32; 3], sign: i32| {
+            let at = |x: i32, y: i32, z: i32| ((z * rows + y) * columns + x) as usize;
+            let mut least = distances[at(x, y, z)];
+            for n in 0..13 {
+                let [i, j, k] = [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1].map(|d| d * sign);
+                let (x, y, z) = (x + i, y + j, z + k);
+                if (0..columns).contains(&x) && (0..rows).contains(&y) && (0..layers).contains(&z) {
+                    least = least.min(distances[at(x, y, z)].saturating_add(1));
+                }
+            }
+            distances[at(x, y, z)] = least;
+        };
+        let count = columns * rows * layers;
+        let brick = |index: i32| [index % columns, index / columns % rows, index / columns / rows];
+        (0..count).for_each(|index| spread(&mut self.distances, brick(index), 1));
+        (0..count).rev().for_each(|index| spread(&mut self.distances, brick(index), -1));
     }
 
     /// True if samples at `position` count.
     #[inline(always)]
     pub fn contains(&self, position: [T; 3]) -> bool {
-        self.lookup(self.in_cells(position)).is_some_and(|found| found.0)
+        self.lookup(self.in_cells(position)).is_some_and(|cube| cube.occupied)
     }
 
     /// True if any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
@@ -114,10 +152,7 @@ impl<T: Real> OccupancyCells<T> {
         let (min, max) = (self.in_cells(min), self.in_cells(max));
         let [xs, ys, zs] = [0, 1, 2]
             .map(|a| (min[a] - slack).floor_i32().max(0)..=(max[a] + slack).floor_i32().min(self.cells[a] - 1));
-        let is_set = |cell| {
-            let bit = bit_index(cell, self.cells);
-            self.words[bit / 64] >> (bit % 64) & 1 == 1
-        };
+        let is_set = |cell| self.masks[self.brick_of(cell)] >> bit_in_brick(cell) & 1 == 1;
         zs.into_iter().any(|z| ys.clone().any(|y| xs.clone().any(|x| is_set([x, y, z]))))
     }
 
@@ -125,13 +160,12 @@ impl<T: Real> OccupancyCells<T> {
     #[inline(always)]
     pub(super) fn span(&self, position: [T; 3], inverse: [T; 3]) -> Span<T> {
         let at = self.in_cells(position);
-        let Some((occupied, width)) = self.lookup(at) else {
+        let Some(Cube { occupied, lower, width }) = self.lookup(at) else {
             return Span { occupied: false, distance: T::zero() };
         };
         let mut distance = T::infinity();
         for a in 0..3 {
-            let lower = at[a].floor_i32() & !(width - 1);
-            let face = if inverse[a] > T::zero() { lower + width } else { lower };
+            let face = if inverse[a] > T::zero() { lower[a] + width } else { lower[a] };
             distance = distance.min((T::of_i32(face) - at[a]) * self.cell_size[a] * inverse[a]);
         }
         Span { occupied, distance }
@@ -141,13 +175,12 @@ impl<T: Real> OccupancyCells<T> {
     #[inline(always)]
     pub(super) fn span_around(&self, position: [T; 3]) -> Span<T> {
         let at = self.in_cells(position);
-        let Some((occupied, width)) = self.lookup(at) else {
+        let Some(Cube { occupied, lower, width }) = self.lookup(at) else {
             return Span { occupied: false, distance: T::zero() };
         };
         let mut distance = T::infinity();
         for a in 0..3 {
-            let lower = at[a].floor_i32() & !(width - 1);
-            let [below, above] = [at[a] - T::of_i32(lower), T::of_i32(lower + width) - at[a]];
+            let [below, above] = [at[a] - T::of_i32(lower[a]), T::of_i32(lower[a] + width) - at[a]];
             distance = distance.min(below.min(above) * self.cell_size[a]);
         }
         Span { occupied, distance }
@@ -158,26 +191,96 @@ impl<T: Real> OccupancyCells<T> {
         [0, 1, 2].map(|a| (position[a] - self.min[a]) * self.cells_per_unit[a])
     }
 
-    /// The value of the cell at `at`, and the width in cells of the cube around it that has the same value; `None`
-    /// outside the grid.
+    /// The cube of cells around `at`, in cells, that are known to be alike; `None` outside the grid.
     #[inline(always)]
-    fn lookup(&self, at: [T; 3]) -> Option<(bool, i32)> {
+    fn lookup(&self, at: [T; 3]) -> Option<Cube> {
         let cell = at.map(T::floor_i32);
         for a in 0..3 {
             if cell[a] < 0 || cell[a] >= self.cells[a] {
                 return None;
             }
         }
-        let block = bit_index(cell.map(|c| c >> BLOCK_SHIFT), self.blocks);
-        if self.block_words[block / 64] >> (block % 64) & 1 == 0 {
-            return Some((false, 1 << BLOCK_SHIFT));
+        let brick = self.brick_of(cell);
+        let distance = i32::from(self.distances[brick]);
+        if distance > 0 {
+            let lower = cell.map(|c| ((c >> BRICK_SHIFT) + 1 - distance) << BRICK_SHIFT);
+            return Some(Cube { occupied: false, lower, width: (2 * distance - 1) << BRICK_SHIFT });
         }
-        let bit = bit_index(cell, self.cells);
-        Some((self.words[bit / 64] >> (bit % 64) & 1 == 1, 1))
+        let mask = self.masks[brick];
+        let occupied = mask >> bit_in_brick(cell) & 1 == 1;
+        let corner = cell.map(|c| c & !1);
+        let octant = mask >> bit_in_brick(corner) & OCTANT;
+        let is_alike = octant == if occupied { OCTANT } else { 0 };
+        Some(Cube { occupied, lower: if is_alike { corner } else { cell }, width: 1 + i32::from(is_alike) })
+    }
+
+    #[inline(always)]
+    fn brick_of(&self, cell: [i32; 3]) -> usize {
+        let [x, y, z] = cell.map(|c| (c >> BRICK_SHIFT) as usize);
+        (z * self.bricks[1] as usize + y) * self.bricks[0] as usize + x
     }
 }
 
+/// The bit of `cell` in its brick's mask.
 #[inline(always)]
-fn bit_index([x, y, z]: [i32; 3], sizes: [i32; 3]) -> usize {
-    (z as usize * sizes[1] as usize + y as usize) * sizes[0] as usize + x as usize
+fn bit_in_brick(cell: [i32; 3]) -> i32 {
+    let [x, y, z] = cell.map(|c| c & ((1 << BRICK_SHIFT) - 1));
+    (z << (2 * BRICK_SHIFT)) + (y << BRICK_SHIFT) + x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Aabb;
+    use crate::random::Random;
+
+    fn grid() -> Occupancy {
+        let random = Random::new(5, "cells");
+        let vertices = UVec3::new(43, 30, 51);
+        let mut grid = Occupancy::empty(Aabb { min: DVec3::ZERO, max: vertices.as_dvec3() - 1.0 }, vertices);
+        for block in 0..12 {
+            let below = |axis: u64, end: u32| random.below(4 * block + axis, u64::from(end)) as u32;
+            let corner = UVec3::new(below(0, vertices.x), below(1, vertices.y), below(2, vertices.z));
+            let end = vertices.min(corner + 1 + below(3, 6));
+            for z in corner.z..end.z {
+                for y in corner.y..end.y {
+                    (corner.x..end.x).for_each(|x| grid.set(UVec3::new(x, y, z)));
+                }
+            }
+        }
+        grid
+    }
+
+    #[test]
+    fn cubes_hold_their_cell_and_are_alike_throughout() {
+        let occupancy = grid();
+        let cells = OccupancyCells::<f64>::new(&occupancy, DVec3::ZERO);
+        let mut widths = std::collections::BTreeSet::new();
+        for index in 0..(42 * 29 * 50) {
+            let cell = cell_at(index, UVec3::new(42, 29, 50)).as_ivec3();
+            let cube = cells.lookup((cell.as_dvec3() + 0.5).to_array()).expect("a cell of the grid");
+            widths.insert((cube.occupied, cube.width));
+            let lower = glam::IVec3::from(cube.lower);
+            assert!(cell.cmpge(lower).all() && cell.cmplt(lower + cube.width).all(), "{cell} in {cube:?}");
+            for n in 0..cube.width.pow(3) {
+                let other = lower + cell_at(n as u64, UVec3::splat(cube.width as u32)).as_ivec3();
+                assert_eq!(occupancy.cell_is_occupied(other), cube.occupied, "{other} in {cube:?} of {cell}");
+            }
+        }
+        assert!(widths.is_superset(&[(false, 1), (false, 2), (false, 4), (false, 12), (true, 1), (true, 2)].into()));
+        assert!(cells.lookup([-0.5, 3.0, 3.0]).is_none() && cells.lookup([3.0, 3.0, 50.5]).is_none());
+    }
+
+    #[test]
+    fn distances_are_those_of_an_exhaustive_search() {
+        let cells = OccupancyCells::<f32>::new(&grid(), DVec3::ZERO);
+        let bricks: Vec<_> = (0..cells.masks.len() as u64)
+            .map(|brick| cell_at(brick, cells.bricks.map(|b| b as u32).into()).as_ivec3())
+            .collect();
+        for (brick, &distance) in bricks.iter().zip(&cells.distances) {
+            let set = bricks.iter().zip(&cells.masks).filter(|other| *other.1 != 0);
+            let nearest = set.map(|other| (other.0 - brick).abs().max_element()).min();
+            assert_eq!(nearest, Some(i32::from(distance)), "{brick}");
+        }
+    }
 }

@@ -27,8 +27,6 @@ mod sky;
 mod stages;
 mod vector;
 
-#[cfg(feature = "gpu")]
-pub(crate) use cells::BLOCK_SHIFT;
 pub use cells::OccupancyCells;
 pub use compact::{Roulette, ShadedSamples};
 pub use decoder::Activations;

@@ -48,15 +48,15 @@ pub(super) struct SceneHead {
     pub(super) min_weight: f32,
     pub(super) min_transmittance: f32,
     pub(super) appearance: u32,
-    pub(super) grid_words: u32,
-    pub(super) grid_blocks: u32,
+    pub(super) grid_masks: u32,
+    pub(super) grid_distances: u32,
     pub(super) grid_min: [f32; 3],
     pub(super) shell: f32,
     pub(super) grid_cells_per_unit: [f32; 3],
     pub(super) padding1: u32,
     pub(super) grid_cells: [i32; 3],
     pub(super) padding2: u32,
-    pub(super) grid_block_counts: [i32; 3],
+    pub(super) grid_bricks: [i32; 3],
     pub(super) padding3: u32,
 }
 
@@ -151,8 +151,8 @@ mod tests {
         let (more, size) = assert_same_layout!(
             source, "Scene", SceneHead,
             bounds_min, near, bounds_max, far, background, position_error, step, density_shift, depth_scale, min_weight,
-            min_transmittance, appearance, grid_words, grid_blocks, grid_min, shell, grid_cells_per_unit,
-            grid_cells, grid_block_counts
+            min_transmittance, appearance, grid_masks, grid_distances, grid_min, shell, grid_cells_per_unit,
+            grid_cells, grid_bricks
         );
         let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
         let expected = head + layer * shape.layers + scale * shape.scales + 16 * shape.sky_terms();

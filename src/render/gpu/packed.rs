@@ -3,7 +3,7 @@
 use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape};
-use crate::field::{BLOCK_SHIFT, Dense, Field, FieldFactors, FieldScale, FieldSky};
+use crate::field::{Dense, Field, FieldFactors, FieldScale, FieldSky};
 
 /// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +41,8 @@ impl Packed {
             })
             .collect();
         let cells = field.cells();
-        let [grid_words, grid_blocks] =
-            cells.map_or([0; 2], |cells| [&cells.words, &cells.block_words].map(|bits| words.push(&halves(bits))));
+        let [grid_masks, grid_distances] = cells
+            .map_or([0; 2], |cells| [halves(&cells.masks), fours(&cells.distances)].map(|packed| words.push(&packed)));
         let appearance = words.appearance(field, component_quads);
         let layers: Vec<Layer> = field.decoder.layers.iter().map(|layer| words.layer(layer)).collect();
         let shape = Shape {
@@ -51,7 +51,7 @@ impl Packed {
             ..shape_of(field, precision, limits, &scales, &layers)
         };
         check_limits(&shape, &words, limits)?;
-        let head = SceneHead { appearance, grid_words, grid_blocks, ..head_of(field) };
+        let head = SceneHead { appearance, grid_masks, grid_distances, ..head_of(field) };
         let sky = sky_of(field);
         let parts: [&[u8]; 4] = [
             bytemuck::bytes_of(&head),
@@ -90,7 +90,7 @@ fn shape_of(
         features: decoder.features as u32,
         feature_frequencies: decoder.frequencies[0],
         direction_frequencies: decoder.frequencies[1],
-        block_shift: field.cells().map(|_| BLOCK_SHIFT as u32),
+        has_grid: field.cells().is_some(),
         contracted: field.rules.contraction.is_some(),
         sky_degree: field.sky.as_ref().map_or(0, |sky| sky.degree),
         coverage: field.rules.coverage,
@@ -120,15 +120,15 @@ fn head_of(field: &Field<f32>) -> SceneHead {
         min_weight: rules.min_weight as f32,
         min_transmittance: rules.min_transmittance as f32,
         appearance: 0,
-        grid_words: 0,
-        grid_blocks: 0,
+        grid_masks: 0,
+        grid_distances: 0,
         grid_min: cells.map_or([0.0; 3], |c| c.min),
         shell: rules.contraction.map_or(0.0, |contraction| contraction.shell as f32),
         grid_cells_per_unit: cells.map_or([1.0; 3], |c| c.cells_per_unit),
         padding1: 0,
         grid_cells: cells.map_or([0; 3], |c| c.cells),
         padding2: 0,
-        grid_block_counts: cells.map_or([0; 3], |c| c.blocks),
+        grid_bricks: cells.map_or([0; 3], |c| c.bricks),
         padding3: 0,
     }
 }
@@ -170,6 +170,12 @@ fn longest_list(scale: &FieldScale<f32>) -> usize {
 /// Each word's lower half, then its upper half.
 fn halves(words: &[u64]) -> Vec<u32> {
     words.iter().flat_map(|w| [*w as u32, (*w >> 32) as u32]).collect()
+}
+
+/// Words of four bytes each, the first lowest.
+fn fours(bytes: &[u8]) -> Vec<u32> {
+    let word = |part: &[u8]| part.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte));
+    bytes.chunks(4).map(word).collect()
 }
 
 /// The scene buffer under construction.

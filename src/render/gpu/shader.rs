@@ -65,8 +65,8 @@ pub(super) struct Shape {
     pub(super) features: u32,
     pub(super) feature_frequencies: u32,
     pub(super) direction_frequencies: u32,
-    /// Log₂ of the cells along a block's edge; `None` if there is no grid.
-    pub(super) block_shift: Option<u32>,
+    /// True if the scene has a grid of cells in which samples can count.
+    pub(super) has_grid: bool,
     pub(super) contracted: bool,
     /// The degree of the sky; 0 if there is none.
     pub(super) sky_degree: u32,
@@ -128,7 +128,6 @@ impl Shape {
             ("FEATURE_QUADS", self.features.div_ceil(4)),
             ("FEATURE_FREQUENCIES", self.feature_frequencies),
             ("DIRECTION_FREQUENCIES", self.direction_frequencies),
-            ("BLOCK_SHIFT", self.block_shift.unwrap_or(0)),
             ("SKY_TERMS", self.sky_terms()),
             ("TILE", TILE),
             ("RAY_LANES", RAY_LANES),
@@ -144,7 +143,7 @@ impl Shape {
             let _ = writeln!(text, "const {name}: u32 = {value}u;");
         }
         for (name, value) in [
-            ("HAS_GRID", self.block_shift.is_some()),
+            ("HAS_GRID", self.has_grid),
             ("CONTRACTED", self.contracted),
             ("HAS_SKY", self.sky_degree > 0),
             ("COVERAGE_IS_ALL", self.coverage == Coverage::All),
@@ -291,7 +290,7 @@ impl Default for Shape {
             features: 27,
             feature_frequencies: 2,
             direction_frequencies: 2,
-            block_shift: Some(3),
+            has_grid: true,
             contracted: false,
             sky_degree: 0,
             coverage: Coverage::All,
@@ -330,7 +329,7 @@ mod tests {
                 inputs: 300,
                 output_quads: 7,
                 component_quads: 1,
-                block_shift: None,
+                has_grid: false,
                 ..paper.clone()
             },
             Shape {
