@@ -11,7 +11,7 @@ use super::{DensityCache, Field, RayMarcher, Real, Samples, Stage, add_compensat
 use crate::geometry::Ray;
 
 /// Samples that a ray advances by at a time; samples behind its end are discarded.
-const STRIDE: u32 = 8;
+const STRIDE: u32 = 4;
 
 impl<T: Real> Field<T> {
     /// The position of the first sample of `ray` that may count: the first occupied one or, without an occupancy, the
