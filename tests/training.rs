@@ -48,7 +48,7 @@ fn config() -> TrainConfig {
     }
     config.lean.max_parameters = Some(HALF);
     (config.lean.during, config.lean.rounds) = ([0.2, 0.9], 5);
-    config.finish = FinishConfig { from: 0.75, step_scale: 1.25, min_alpha: 0.01, ..FinishConfig::off() };
+    config.finish = FinishConfig { from: 0.5, min_alpha: 0.01, ..FinishConfig::off() };
     config
 }
 
@@ -209,7 +209,7 @@ fn the_last_occupancy_is_within_the_one_before_and_leaves_the_pictures_as_they_a
     let scene_of = |min_alpha: f64, max_loss: f64| {
         let mut config = config();
         config.lean = LeanConfig::off();
-        config.finish = FinishConfig { from: 0.75, min_alpha, max_loss, ..FinishConfig::off() };
+        config.finish = FinishConfig { from: 0.5, min_alpha, max_loss, ..FinishConfig::off() };
         let scene = scenes::scene(&config);
         let mut trainer = Trainer::new(config, scene, &views).unwrap();
         run_to(&mut trainer, 18);

@@ -24,16 +24,48 @@ pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     occupancy
 }
 
-/// As [`estimate_occupancy`], as tight as the samples of the march allow: the vertices that have an opacity over one step,
-/// with the distance scale, of at least `min_alpha` at any of eight points around them, half a cell apart. Their neighbors
-/// are left out, since a cell is occupied if one of its corners is.
+/// As [`estimate_occupancy`], as tight as its vertices allow: on the cells that have an opacity over one step, with the
+/// distance scale, of at least `min_alpha` at any of eight points in them, half a cell apart. A vertex occupies the eight
+/// cells around it, so few others are occupied beside them.
 pub(super) fn tight_occupancy<T: Real>(field: &Field<T>, cell: DVec3, min_alpha: f64) -> Occupancy {
-    let around: Vec<DVec3> = (0..8).map(|n| [0, 1, 2].map(|a| f64::from(n >> a & 1) * 0.5 - 0.25).into()).collect();
-    let (mut occupancy, layers) = dense_vertices(field, cell, -(-min_alpha).ln_1p(), &around);
-    for (z, layer) in (0..).zip(&layers) {
-        set(&mut occupancy, z, |i| layer[i]);
-    }
+    let within: Vec<DVec3> = (0..8).map(|n| [0, 1, 2].map(|a| f64::from(n >> a & 1) * 0.5 + 0.25).into()).collect();
+    let (mut occupancy, cells) = dense_vertices(field, cell, -(-min_alpha).ln_1p(), &within);
+    occupy_cells(&mut occupancy, cells);
     occupancy
+}
+
+/// Sets vertices of `occupancy` such that all `cells` are occupied, \[z\]\[y\]\[x\] by their smallest vertex, and few
+/// others: first the vertices with the most such cells around them, each if one of these is not occupied yet.
+fn occupy_cells(occupancy: &mut Occupancy, mut cells: Vec<Vec<bool>>) {
+    let [width, height, _] = occupancy.vertices.to_array().map(|v| v as usize);
+    let last = occupancy.vertices - 2;
+    // Layers and indices of cells; those behind the last vertex are outside the bounds.
+    let cells_around = |vertex: UVec3| {
+        (0..8).filter_map(move |n| {
+            let cell = vertex.checked_sub(UVec3::new(n & 1, n >> 1 & 1, n >> 2))?;
+            cell.cmple(last).all().then(|| (cell.z as usize, cell.y as usize * width + cell.x as usize))
+        })
+    };
+    let vertex_at = |index: usize, z: usize| UVec3::new((index % width) as u32, (index / width) as u32, z as u32);
+    let count_around = |vertex| cells_around(vertex).filter(|&(z, i)| cells[z][i]).count() as u8;
+    let counts: Vec<Vec<u8>> = (0..cells.len())
+        .into_par_iter()
+        .map(|z| (0..width * height).map(|i| count_around(vertex_at(i, z))).collect())
+        .collect();
+    for count in (1..=8).rev() {
+        for (z, counts) in counts.iter().enumerate() {
+            for (i, _) in counts.iter().enumerate().filter(|c| *c.1 == count) {
+                let vertex = vertex_at(i, z);
+                let mut is_needed = false;
+                for (z, i) in cells_around(vertex) {
+                    is_needed |= std::mem::take(&mut cells[z][i]);
+                }
+                if is_needed {
+                    occupancy.set(vertex);
+                }
+            }
+        }
+    }
 }
 
 /// Adds the vertices of layer `z` for which `is_set`(index in the layer).
@@ -98,4 +130,44 @@ fn spread_in_layer(layer: &[bool], width: usize, height: usize) -> Vec<bool> {
             along_x[i] || (y > 0 && along_x[i - width]) || (y + 1 < height && along_x[i + width])
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Aabb;
+    use crate::random::Random;
+
+    /// The occupancy of `cells`, and the number of other cells that it has.
+    fn cover(vertices: UVec3, is_dense: impl Fn(UVec3) -> bool) -> (Occupancy, usize) {
+        let mut occupancy = Occupancy::empty(Aabb { min: DVec3::ZERO, max: DVec3::ONE }, vertices);
+        let cell_at = |z: u32, index: u32| UVec3::new(index % vertices.x, index / vertices.x, z);
+        let layer = |z| (0..vertices.x * vertices.y).map(|i| is_dense(cell_at(z, i))).collect();
+        let cells: Vec<Vec<bool>> = (0..vertices.z).map(layer).collect();
+        occupy_cells(&mut occupancy, cells);
+        let mut others = 0;
+        for z in 0..vertices.z - 1 {
+            for cell in (0..vertices.x * vertices.y).map(|i| cell_at(z, i)).filter(|c| c.cmplt(vertices - 1).all()) {
+                let is_occupied = occupancy.cell_is_occupied(cell.as_ivec3());
+                assert!(is_occupied || !is_dense(cell), "{cell}");
+                others += usize::from(is_occupied && !is_dense(cell));
+            }
+        }
+        (occupancy, others)
+    }
+
+    #[test]
+    fn dense_cells_are_occupied_and_few_others() {
+        let vertices = UVec3::new(20, 17, 23);
+        let (wall, others) = cover(vertices, |cell| [7, 8].contains(&cell.x));
+        assert_eq!(others, 0, "two cells thick");
+        assert!(wall.iter().all(|vertex| vertex.x == 8));
+        let (_, others) = cover(vertices, |cell| cell.x == 7);
+        assert_eq!(others, 16 * 22, "one cell thick");
+        let (_, others) = cover(vertices, |cell| cell == UVec3::ZERO);
+        assert_eq!(others, 0, "a vertex of the bounds has one cell");
+        let random = Random::new(3, "dense");
+        let dense: Vec<bool> = (0..20 * 17 * 23).map(|n| random.below(n, 9) == 0).collect();
+        cover(vertices, |cell| dense[((cell.z * 17 + cell.y) * 20 + cell.x) as usize]);
+    }
 }

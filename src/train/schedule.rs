@@ -20,9 +20,10 @@ impl Trainer<'_> {
             self.give_up(round);
         }
         let cell = self.scene.scales[0].cloud.cell_size();
-        let mut is_new_occupancy = false;
-        if let Some(which) = self.config.occupancy_at.iter().position(|&at| at == step) {
-            is_new_occupancy = true;
+        let update = self.config.occupancy_at.iter().position(|&at| at == step);
+        let is_late = step as f64 >= self.config.finish.from * self.config.steps as f64;
+        let is_finished = update.is_some() && is_late && self.finish(cell);
+        if let Some(which) = update.filter(|_| !is_finished) {
             let occupancy = estimate_occupancy(&self.field, cell);
             let dense = extent(&occupancy);
             // In very short runs no cell is dense yet: they continue without an occupancy.
@@ -33,10 +34,6 @@ impl Trainer<'_> {
                 self.set_occupancy(Some(occupancy));
                 self.drop_unoccupied();
             }
-        }
-        let finish_at = (self.config.finish.from * self.config.steps as f64).round() as u64;
-        if self.config.finish.from < 1.0 && step == finish_at {
-            is_new_occupancy |= self.finish(cell);
         }
         let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
         if self.config.upsample_at.contains(&step) {
@@ -63,7 +60,7 @@ impl Trainer<'_> {
             self.checkpoint.cameras = cameras.iter().map(|camera| (camera.pose(), camera.focal)).collect();
             self.sampler.set_cameras(cameras);
         }
-        if self.config.refilter_rays && is_new_occupancy {
+        if self.config.refilter_rays && update.is_some() {
             self.sampler.filter_rays(&self.field);
             check_active_rays(&self.sampler)?;
             self.checkpoint.active_rays = self.sampler.active_ray_mask();
@@ -91,10 +88,9 @@ impl Trainer<'_> {
     /// Continues with the march of the end, in cells of about `cell`, unless that costs too much. Returns true if there is
     /// another occupancy.
     fn finish(&mut self, cell: DVec3) -> bool {
-        let FinishConfig { step_scale, min_transmittance, min_weight, min_alpha, max_loss, .. } = self.config.finish;
+        let FinishConfig { min_transmittance, min_weight, min_alpha, max_loss, .. } = self.config.finish;
         let (before, old) = (self.psnr(), (self.scene.rules.clone(), self.scene.occupancy.clone()));
         let rules = &mut self.scene.rules;
-        rules.step *= step_scale;
         (rules.min_transmittance, rules.min_weight) = (min_transmittance, min_weight);
         self.field.rules = rules.clone();
         let tight = (min_alpha > 0.0).then(|| tight_occupancy(&self.field, cell, min_alpha));

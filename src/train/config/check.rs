@@ -52,8 +52,7 @@ impl TrainConfig {
         if !(0.0..=1.0).contains(&self.cooldown) {
             return Err(error("cooldown", "a number in [0, 1]", self.cooldown));
         }
-        let FinishConfig { from, step_scale, min_transmittance, min_weight, min_alpha, max_loss } = self.finish;
-        positive("finish.step_scale", step_scale)?;
+        let FinishConfig { from, min_transmittance, min_weight, min_alpha, max_loss } = self.finish;
         positive("finish.max_loss", max_loss)?;
         for (place, value) in [
             ("finish.from", from),

@@ -161,18 +161,16 @@ pub struct LeanConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {
-    /// The share of the steps after which they hold; 1: never.
+    /// They hold from the first estimate of the occupancy after this share of the steps on; 1: never.
     pub from: f64,
-    /// Factor of the length of the march's step.
-    pub step_scale: f64,
     /// See [`Rules::min_transmittance`].
     pub min_transmittance: f64,
     /// See [`Rules::min_weight`].
     pub min_weight: f64,
-    /// The occupancy is then estimated anew, without a margin: where no sample has at least this opacity, space is
-    /// empty. 0: it stays as it is.
+    /// The occupancy is estimated without a margin then, and from then on: where no sample has at least this
+    /// opacity, space is empty. 0: it is estimated as before.
     pub min_alpha: f64,
-    /// All this is left out if it costs more than this at once, in dB of PSNR on rays of the photographs: a scene that is
+    /// All this is left out for now if it costs more than this at once, in dB of PSNR on rays of the photographs: a scene that is
     /// still faint needs its faint samples.
     pub max_loss: f64,
 }
@@ -252,13 +250,13 @@ impl Default for FieldConfig {
 impl FinishConfig {
     /// The march stays as it is.
     pub fn off() -> Self {
-        Self { from: 1.0, step_scale: 1.0, min_transmittance: 1e-3, min_weight: 1e-4, min_alpha: 0.0, max_loss: 0.5 }
+        Self { from: 1.0, min_transmittance: 1e-3, min_weight: 1e-4, min_alpha: 0.0, max_loss: 0.5 }
     }
 }
 
 impl Default for FinishConfig {
     fn default() -> Self {
-        Self { from: 0.4, step_scale: 1.0, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.02, max_loss: 0.5 }
+        Self { from: 0.13, min_transmittance: 2.5e-3, min_weight: 1e-3, min_alpha: 5e-3, max_loss: 0.5 }
     }
 }
 

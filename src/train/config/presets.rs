@@ -10,10 +10,12 @@ use crate::train::Exposure;
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
-const BEST_STEPS: u64 = 48_000;
+const BEST_STEPS: u64 = 57_600;
 const BEST_BATCH: usize = 2048;
 /// The share of the steps of the best quality in which learning rates fall to 0.
 const BEST_COOLDOWN: f64 = 0.2;
+/// A step of the march in cells of [`fine_scales`], as long as the paper's half of a wider cell.
+const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
 const SCAN_STEPS: u64 = 100_000;
 /// Steps of the preset for unbounded scenes, and the shell around their inner cube (the paper's runs on Mip-NeRF 360).
@@ -79,6 +81,7 @@ impl TrainConfig {
                 preset.factor_learning_rate = 0.03;
                 preset.density_l1 = 1e-4;
                 preset.scales = surroundings_scales();
+                preset.field.step_cells = FieldConfig::default().step_cells;
                 preset
             }
             _ => return Err(ConfigError::UnknownPreset { name: name.into(), known: Self::PRESETS.join(", ") }),
@@ -129,7 +132,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         finish: FinishConfig::default(),
         factor_deviation: 0.2,
         upsample_at: vec![2000, 3000, 4000, 5500, 7000],
-        occupancy_at: vec![2000, 4000, 8000, 16_000],
+        occupancy_at: vec![2000, 4000, 8000, 16_000, 24_000],
         shell: None,
         inner_box: None,
         half_extent: CANONICAL_HALF_EXTENT,
@@ -151,6 +154,8 @@ fn best() -> TrainConfig {
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
     preset.cooldown = BEST_COOLDOWN;
+    preset.scales = fine_scales(48);
+    preset.field.step_cells = FINE_STEP_CELLS;
     preset.with_steps(BEST_STEPS)
 }
 
@@ -163,8 +168,10 @@ fn preview() -> TrainConfig {
     preset.upsample_at = vec![PREVIEW_STEPS / 15];
     preset.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
     preset.prior.min_visibility_weight = 0.01;
+    preset.field.step_cells = FieldConfig::default().step_cells;
     // Most of the time goes into samples of fog.
-    (preset.finish.from, preset.finish.min_alpha, preset.finish.max_loss) = (0.3, 0.01, 1.0);
+    preset.finish =
+        FinishConfig { from: 0.25, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.01, max_loss: 1.0 };
     preset.lean.max_loss = 5e-4;
     for (scale, cells) in preset.scales.iter_mut().zip([[29, 43], [15, 23], [7, 11]]) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
@@ -190,6 +197,16 @@ fn scan_scales() -> Vec<ScaleConfig> {
         scale([1.7, 3.2], [53, 79, 119, 155, 189, 221], [24, 48], 4),
         scale([0.6, 1.6], [27, 39, 59, 77, 95, 111], [16, 48], 2),
         scale([0.3, 0.8], [13, 19, 29, 39, 47, 55], [12, 48], 2),
+    ]
+}
+
+/// The paper's scales with finer cells: about as wide as a pixel of photographs of 800×800. The third scale keeps its
+/// cells, as training gives up a third of them anyway.
+fn fine_scales(appearance_rank: u32) -> Vec<ScaleConfig> {
+    vec![
+        scale([0.4, 0.6], [29, 43, 65, 93, 125, 161], [32, appearance_rank], 4),
+        scale([0.2, 0.3], [15, 23, 35, 47, 63, 81], [24, appearance_rank], 4),
+        scale([0.1, 0.15], [7, 11, 17, 21, 27, 31], [16, appearance_rank], 4),
     ]
 }
 

@@ -64,9 +64,9 @@ fn cells_of_the_scan_preset_are_as_fine_as_those_of_48() {
 fn scaling_the_steps_scales_the_schedule() {
     let config = TrainConfig::preset("24").unwrap().with_steps(3000);
     assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
-    assert_eq!(config.occupancy_at, [300, 400, 800, 1600]);
+    assert_eq!(config.occupancy_at, [300, 400, 800, 1600, 2400]);
     let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
-    assert_eq!(short.occupancy_at, [300, 533]);
+    assert_eq!(short.occupancy_at, [300, 533, 800]);
 }
 
 #[test]
