@@ -26,6 +26,8 @@ const PREVIEW_STEPS: u64 = 1400;
 const PREVIEW_SIDE: u32 = 256;
 /// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
 const EARLIEST_OCCUPANCY: u64 = 300;
+/// Short runs keep faint samples at least until this step, since surfaces are still thick.
+const EARLIEST_FINISH: u64 = 1000;
 /// Half the largest extent of a scan in model units: about the extent of a room in meters.
 const SCAN_HALF_EXTENT: f64 = 4.8;
 
@@ -91,13 +93,15 @@ impl TrainConfig {
     }
 
     /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
-    /// hardly any density has grown by then.
+    /// hardly any density has grown by then, and no march of the end begins before step 1000.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
         let mut occupancy_at: Vec<u64> =
             self.occupancy_at.iter().map(|at| scaled(at).max(EARLIEST_OCCUPANCY.min(*at))).collect();
         occupancy_at.dedup();
-        Self { upsample_at: self.upsample_at.iter().map(scaled).collect(), occupancy_at, steps, ..self }
+        let from = self.finish.from.max(EARLIEST_FINISH as f64 / steps as f64).min(1.0);
+        let finish = FinishConfig { from, ..self.finish.clone() };
+        Self { upsample_at: self.upsample_at.iter().map(scaled).collect(), occupancy_at, finish, steps, ..self }
     }
 }
 

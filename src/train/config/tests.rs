@@ -65,8 +65,9 @@ fn scaling_the_steps_scales_the_schedule() {
     let config = TrainConfig::preset("24").unwrap().with_steps(3000);
     assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
     assert_eq!(config.occupancy_at, [300, 400, 800, 1600, 2400]);
+    assert_eq!(config.finish.from, 1000.0 / 3000.0);
     let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
-    assert_eq!(short.occupancy_at, [300, 533, 800]);
+    assert_eq!((short.occupancy_at, short.finish.from), (vec![300, 533, 800], 1.0));
 }
 
 #[test]
