@@ -134,8 +134,9 @@ impl<T: Real> OccupancyCells<T> {
             }
             distances[at(x, y, z)] = least;
         };
-        let count = columns * rows * layers;
-        let brick = |index: i32| [index % columns, index / columns % rows, index / columns / rows];
+        let count = self.distances.len() as u64;
+        let bricks = self.bricks.map(|b| b as u32).into();
+        let brick = |index| cell_at(index, bricks).as_ivec3().to_array();
         (0..count).for_each(|index| spread(&mut self.distances, brick(index), 1));
         (0..count).rev().for_each(|index| spread(&mut self.distances, brick(index), -1));
     }

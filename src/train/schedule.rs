@@ -21,7 +21,8 @@ impl Trainer<'_> {
         }
         let cell = self.scene.scales[0].cloud.cell_size();
         let update = self.config.occupancy_at.iter().position(|&at| at == step);
-        let is_late = step as f64 >= self.config.finish.from * self.config.steps as f64;
+        let from = self.config.finish.from;
+        let is_late = from < 1.0 && step as f64 >= from * self.config.steps as f64;
         let is_finished = update.is_some() && is_late && self.finish(cell);
         if let Some(which) = update.filter(|_| !is_finished) {
             let occupancy = estimate_occupancy(&self.field, cell);

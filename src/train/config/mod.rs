@@ -170,8 +170,8 @@ pub struct FinishConfig {
     /// The occupancy is estimated without a margin then, and from then on: where no sample has at least this
     /// opacity, space is empty. 0: it is estimated as before.
     pub min_alpha: f64,
-    /// All this is left out for now if it costs more than this at once, in dB of PSNR on rays of the photographs: a scene that is
-    /// still faint needs its faint samples.
+    /// All this is left out until the next estimate if it costs more than this at once, in dB of PSNR on rays of the
+    /// photographs: a scene that is still faint needs its faint samples.
     pub max_loss: f64,
 }
 

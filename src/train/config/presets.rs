@@ -14,7 +14,7 @@ const BEST_STEPS: u64 = 57_600;
 const BEST_BATCH: usize = 2048;
 /// The share of the steps of the best quality in which learning rates fall to 0.
 const BEST_COOLDOWN: f64 = 0.2;
-/// A step of the march in cells of [`fine_scales`], as long as the paper's half of a wider cell.
+/// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
 const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
 const SCAN_STEPS: u64 = 100_000;
@@ -158,7 +158,12 @@ fn best() -> TrainConfig {
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
     preset.cooldown = BEST_COOLDOWN;
-    preset.scales = fine_scales(48);
+    // The first two scales have cells about as wide as a pixel of photographs of 800×800. Training gives up a third of
+    // the third scale's anyway.
+    let finer = [[29, 43, 65, 93, 125, 161], [15, 23, 35, 47, 63, 81]];
+    for (scale, cells) in preset.scales.iter_mut().zip(finer) {
+        scale.resolutions = cells.map(|d| [d; 3]).to_vec();
+    }
     preset.field.step_cells = FINE_STEP_CELLS;
     preset.with_steps(BEST_STEPS)
 }
@@ -201,16 +206,6 @@ fn scan_scales() -> Vec<ScaleConfig> {
         scale([1.7, 3.2], [53, 79, 119, 155, 189, 221], [24, 48], 4),
         scale([0.6, 1.6], [27, 39, 59, 77, 95, 111], [16, 48], 2),
         scale([0.3, 0.8], [13, 19, 29, 39, 47, 55], [12, 48], 2),
-    ]
-}
-
-/// The paper's scales with finer cells: about as wide as a pixel of photographs of 800×800. The third scale keeps its
-/// cells, as training gives up a third of them anyway.
-fn fine_scales(appearance_rank: u32) -> Vec<ScaleConfig> {
-    vec![
-        scale([0.4, 0.6], [29, 43, 65, 93, 125, 161], [32, appearance_rank], 4),
-        scale([0.2, 0.3], [15, 23, 35, 47, 63, 81], [24, appearance_rank], 4),
-        scale([0.1, 0.15], [7, 11, 17, 21, 27, 31], [16, appearance_rank], 4),
     ]
 }
 
