@@ -3,12 +3,15 @@
 use rayon::prelude::*;
 
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
-use crate::field::{Activations, Field, Real, Samples, Stage, Work, add_compensated, vectorized};
+use crate::field::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene, softplus};
 
 /// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors.
 const TILE: usize = 16;
+
+/// The most tiles that a thread takes at once: others wait for the last one's.
+const TILES_PER_TASK: usize = 4;
 
 /// Shaded samples that are decoded together: enough for efficient products, few enough that their rows stay in the
 /// cache.
@@ -47,7 +50,7 @@ pub struct TraceInfo {
     pub normal: Option<glam::Vec3>,
 }
 
-/// Per-thread scratch, reused from one tile to the next.
+/// Scratch of a tile, reused from one to the next.
 #[derive(Default)]
 struct Scratch<T> {
     samples: Samples<T>,
@@ -106,13 +109,17 @@ impl<T: Real> CpuRenderer<T> {
 
     /// As [`Renderer::trace`], with time and counts by stage.
     pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
+        let pool = Pool::<Scratch<T>>::default();
         let chunks: Vec<_> = (rays.par_chunks(TILE * TILE))
-            .map_init(Scratch::default, |scratch, chunk| {
+            .with_max_len(TILES_PER_TASK)
+            .map(|chunk| {
                 let mut pixels = Vec::with_capacity(chunk.len());
-                let work = vectorized(
-                    #[inline(always)]
-                    || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
-                );
+                let work = pool.with(|scratch| {
+                    vectorized(
+                        #[inline(always)]
+                        || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
+                    )
+                });
                 (pixels, work)
             })
             .collect();
@@ -249,11 +256,14 @@ impl<T: Real> Renderer for CpuRenderer<T> {
     fn render(&self, camera: &Camera) -> Picture {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
-        tiles(&mut pixels, width as usize).into_par_iter().for_each_init(Scratch::default, |scratch, tile| {
-            vectorized(
-                #[inline(always)]
-                || self.render_tile(camera, tile, scratch),
-            );
+        let pool = Pool::<Scratch<T>>::default();
+        tiles(&mut pixels, width as usize).into_par_iter().with_max_len(TILES_PER_TASK).for_each(|tile| {
+            pool.with(|scratch| {
+                vectorized(
+                    #[inline(always)]
+                    || self.render_tile(camera, tile, scratch),
+                );
+            });
         });
         Picture { width, height, pixels }
     }

@@ -1,35 +1,14 @@
 //! A batch of rays, forward and backward, over all threads.
 
-use std::sync::Mutex;
-
 use rayon::prelude::*;
 
 use super::NetworkLayout;
 use super::chunk::{BatchRoulette, Chunk, LossTerms, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
 use crate::color_map::ColorMap;
-use crate::field::{Field, Real, Roulette, Work, vectorized};
+use crate::field::{Field, Pool, Real, Roulette, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
-
-/// Reused values: as many as threads have needed at once.
-#[derive(Debug, Default)]
-pub(super) struct Pool<S>(Mutex<Vec<S>>);
-
-impl<S: Default> Pool<S> {
-    pub(super) fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
-        let taken = self.0.lock().expect("no task panics while it holds the lock").pop();
-        let mut value = taken.unwrap_or_default();
-        let result = work(&mut value);
-        self.0.lock().expect("no task panics while it holds the lock").push(value);
-        result
-    }
-
-    /// Calls `visit` with each value, while none is in use.
-    pub(super) fn for_each(&self, visit: impl FnMut(&mut S)) {
-        self.0.lock().expect("no task panics while it holds the lock").iter_mut().for_each(visit);
-    }
-}
 
 /// Loss and gradients of batches of rays. Keeps its buffers from batch to batch.
 #[derive(Debug)]
@@ -86,6 +65,8 @@ impl<T: Real> Backward<T> {
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
+            // No thread has several chunks left that others wait for.
+            .with_max_len(1)
             .for_each(|(n, (chunk, (rays, targets)))| {
                 let of_chunk = |t| Roulette { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
                 let roulette =

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
-use super::backward::{Backward, Pool, component_ranges};
+use super::backward::{Backward, component_ranges};
 use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
@@ -14,10 +14,13 @@ use super::{
     TrainError, network_parts, prune_dead_components,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldFactors, FieldScale, Roulette, Stage, StageClock, Work, vectorized};
+use crate::field::{Field, FieldFactors, FieldScale, Pool, Roulette, Stage, StageClock, Work, vectorized};
 use crate::geometry::{Camera, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
+
+/// The most tensors that a thread takes at once: others wait for the last one's.
+const TENSORS_PER_TASK: usize = 4;
 
 /// A run in progress.
 #[derive(Debug)]
@@ -214,6 +217,11 @@ impl<'a> Trainer<'a> {
     ///
     /// If the run has diverged, or no ray passes through the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
+        // On a thread of the pool, which then need not be woken for each parallel part.
+        rayon::scope(|_| self.step_on_pool())
+    }
+
+    fn step_on_pool(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
         let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
         let errors = &self.checkpoint.ray_errors;
@@ -303,7 +311,7 @@ impl<'a> Trainer<'a> {
             let density = tensor_updates(density, &mut self.checkpoint.density[s]);
             let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
             let rows = geometry.resolution[0] as usize + 1;
-            density.into_par_iter().zip(appearance).zip(rises).enumerate().for_each(
+            density.into_par_iter().zip(appearance).zip(rises).enumerate().with_max_len(TENSORS_PER_TASK).for_each(
                 |(n, (([density, d_first, d_second], [appearance, a_first, a_second]), rises))| {
                     pool.with(|gradient| {
                         gradient.clock.skip();
