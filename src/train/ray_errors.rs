@@ -50,8 +50,11 @@ impl RayErrors {
     ) -> Vec<DrawnPixel> {
         let first = step * count as u64 * u64::from(candidates);
         let draws = first..first + count as u64 * u64::from(candidates);
-        let pixels: Vec<u64> = draws.into_par_iter().map(|draw| sampler.pixel(order, draw)).collect();
-        let errors = pixels.iter().map(|&pixel| f64::from(self.0[sampler.block(pixel) as usize]).sqrt());
+        let candidate = |draw| {
+            let pixel = sampler.pixel(order, draw);
+            (pixel, f64::from(self.0[sampler.block(pixel) as usize]).sqrt())
+        };
+        let (pixels, errors): (Vec<u64>, Vec<f64>) = draws.into_par_iter().map(candidate).unzip();
         let probabilities = inclusion_probabilities(errors, count);
         let chosen = systematic_sample(&probabilities, order.substream(u64::MAX).uniform(step));
         let drawn = |n: usize| DrawnPixel {
@@ -80,8 +83,8 @@ fn systematic_sample(probabilities: &[f64], offset: f64) -> Vec<usize> {
 
 /// Probabilities whose sum is `count`, at most as many as there are `errors`: a floor and a part proportional to the error,
 /// which is not a number if it is unknown, but at most 1.
-fn inclusion_probabilities(errors: impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
-    let mut sizes: Vec<f64> = errors.collect();
+fn inclusion_probabilities(errors: Vec<f64>, count: usize) -> Vec<f64> {
+    let mut sizes = errors;
     let known = sizes.iter().copied().filter(|error| error.is_finite());
     let (number, sum) = known.fold((0, 0.0), |(number, sum), error| (number + 1, sum + error));
     let mean = if sum > 0.0 { sum / f64::from(number) } else { 1.0 };
@@ -92,8 +95,11 @@ fn inclusion_probabilities(errors: impl Iterator<Item = f64>, count: usize) -> V
     // Those that are certain at some factor are so at the next one, which is larger.
     let mut factor = 0.0;
     loop {
-        let (certain, others): (Vec<f64>, Vec<f64>) = sizes.iter().partition(|&&size| size * factor >= 1.0);
-        let next = (count - certain.len()) as f64 / others.iter().sum::<f64>();
+        let (mut certain, mut others) = (0, 0.0);
+        for size in &sizes {
+            if size * factor >= 1.0 { certain += 1 } else { others += size }
+        }
+        let next = (count - certain) as f64 / others;
         if next.is_nan() || next <= factor {
             return sizes.into_iter().map(|size| (size * factor).min(1.0)).collect();
         }
@@ -114,21 +120,21 @@ mod tests {
     #[test]
     fn probabilities_grow_with_errors_and_have_the_sum() {
         for count in [1, 50, 100, 150, 200] {
-            let probabilities = inclusion_probabilities(errors().into_iter(), count);
+            let probabilities = inclusion_probabilities(errors(), count);
             let sum: f64 = probabilities.iter().sum();
             assert!((sum - count as f64).abs() < 1e-9, "{sum} of {count}");
             assert!(probabilities.iter().all(|&p| p > 0.0 && p <= 1.0), "{count}: {probabilities:?}");
             assert!(probabilities[2] <= probabilities[4] && probabilities[4] <= probabilities[19]);
             assert_eq!(probabilities[19] - probabilities[0] > 1e-6, count < 200, "{count}");
         }
-        let alike = inclusion_probabilities([0.0; 8].into_iter(), 4);
+        let alike = inclusion_probabilities(vec![0.0; 8], 4);
         assert_eq!(alike, [0.5; 8], "no errors");
-        assert_eq!(inclusion_probabilities([f64::NAN; 8].into_iter(), 2), [0.25; 8], "none known");
+        assert_eq!(inclusion_probabilities(vec![f64::NAN; 8], 2), [0.25; 8], "none known");
     }
 
     #[test]
     fn each_is_drawn_with_its_probability_and_their_number_is_the_sum() {
-        let probabilities = inclusion_probabilities(errors().into_iter(), 60);
+        let probabilities = inclusion_probabilities(errors(), 60);
         let offsets = 2000;
         let mut drawn = vec![0.0; probabilities.len()];
         for n in 0..offsets {

@@ -38,11 +38,13 @@ impl RayBatch {
             let target = Target { weight: drawn.weight, ..target };
             (place_in_space(field, &ray), ray, target, sampler.block(drawn.pixel))
         };
-        let mut drawn: Vec<_> = pixels.par_iter().map(ray_of).collect();
-        drawn.sort_by_key(|d| d.0);
-        let blocks = drawn.iter().map(|d| d.3).collect();
-        let (rays, targets) = drawn.into_iter().map(|(_, ray, target, _)| (ray, target)).unzip();
-        (Self { rays, targets }, blocks)
+        let drawn: Vec<_> = pixels.par_iter().map(ray_of).collect();
+        let mut order: Vec<(u64, usize)> = drawn.iter().map(|d| d.0).zip(0..).collect();
+        order.sort_unstable();
+        let in_order = || order.iter().map(|&(_, n)| &drawn[n]);
+        let rays = in_order().map(|d| d.1).collect();
+        let targets = in_order().map(|d| d.2).collect();
+        (Self { rays, targets }, in_order().map(|d| d.3).collect())
     }
 
     /// \[ray\] the color of `field`; the same on any number of threads.
