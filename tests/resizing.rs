@@ -11,8 +11,8 @@ use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{
-    Checkpoint, GrowRound, GrowState, GrowStep, Growing, RayBatch, ShrinkGoal, Target, TrainConfig, TrainError,
-    Trainer, Tuning, compacted, shrink, upsample,
+    Checkpoint, FinishConfig, GrowRound, GrowState, GrowStep, Growing, RayBatch, ShrinkGoal, Target, TrainConfig,
+    TrainError, Trainer, Tuning, compacted, shrink, upsample,
 };
 
 /// As presets have it: a density feature of 0 is empty.
@@ -331,6 +331,20 @@ fn cells_that_are_too_coarse_become_finer() {
     assert!((0..scene.scales.len()).any(is_finer));
     assert!(grown.psnr[1] > grown.psnr[0] + 1.0);
     assert!((grown.rounds[0].psnr_at_once - grown.psnr[0]).abs() < 0.5, "finer cells change little at once");
+}
+
+#[test]
+fn a_shrunk_scene_has_the_march_of_the_end_unless_that_is_off() {
+    let scene = colorful();
+    let views = noisy(&views(&scene));
+    let goal = ShrinkGoal::Parameters(scene.nonzero_parameter_count() * 3 / 4);
+    let least_weight = |finish: FinishConfig| {
+        let tuning = Tuning { steps: 30, config: TrainConfig { finish, ..config() } };
+        shrunk(&scene, &views, goal, &tuning).scene.rules.min_weight
+    };
+    let finish = FinishConfig { min_weight: 7e-4, max_loss: 100.0, ..FinishConfig::default() };
+    assert_eq!(least_weight(finish), 7e-4);
+    assert_eq!(least_weight(FinishConfig::off()), scene.rules.min_weight);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::{Tuning, tuned};
 use crate::dataset::View;
 use crate::model::Scene;
-use crate::train::{LeanConfig, TrainError, Trainer};
+use crate::train::{FinishConfig, LeanConfig, TrainConfig, TrainError, Trainer};
 
 /// The size that a scene is shrunk to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +29,10 @@ impl ShrinkGoal {
     }
 }
 
-/// A trainer that shrinks `scene`, which was trained on `views`, to `goal`, at its first step of `tuning.steps`. Its checkpoints
-/// resume it; [`super::compacted`] is the result of its last step. It always gives the same result, on any number of
-/// threads.
+/// A trainer that shrinks `scene`, which was trained on `views`, to `goal`, at its first step of `tuning.steps`. Unless the
+/// settings switch the march of the end off, it has that from the start, and once more when all parameters are given up, so
+/// that frames take less time as well. Its checkpoints resume it; [`super::compacted`] is the result of its last step. It
+/// always gives the same result, on any number of threads.
 ///
 /// # Errors
 ///
@@ -42,6 +43,12 @@ pub fn shrink<'v>(
     goal: ShrinkGoal,
     tuning: &Tuning,
 ) -> Result<Trainer<'v>, TrainError> {
-    let config = tuned(&tuning.config, &scene, tuning.steps);
-    Trainer::new(crate::train::TrainConfig { lean: goal.lean(), ..config }, scene, views)
+    let steps = tuning.steps;
+    let mut config = TrainConfig { lean: goal.lean(), ..tuned(&tuning.config, &scene, steps) };
+    if tuning.config.finish.from < 1.0 {
+        let given_up = (config.lean.during[1] * steps as f64).ceil() as u64;
+        config.occupancy_at = vec![1, given_up.max(2)];
+        config.finish = FinishConfig { from: 0.0, ..tuning.config.finish.clone() };
+    }
+    Trainer::new(config, scene, views)
 }
