@@ -10,10 +10,13 @@ use crate::train::Exposure;
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
-const BEST_STEPS: u64 = 57_600;
+const BEST_STEPS: u64 = 48_000;
 const BEST_BATCH: usize = 2048;
-/// The share of the steps of the best quality in which learning rates fall to 0.
-const BEST_COOLDOWN: f64 = 0.2;
+/// The factor by which learning rates fall over a run (paper, Implementation).
+const DECAY: f64 = 0.1;
+/// The same for the best quality, and the share of its steps at the end in which learning rates fall to 0.
+const BEST_DECAY: f64 = 0.25;
+const BEST_COOLDOWN: f64 = 0.15;
 /// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
 const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
@@ -24,6 +27,8 @@ const SURROUNDINGS_SHELL: f64 = 0.4;
 /// Steps of the preset for a first look, and the most pixels along a photograph's side.
 const PREVIEW_STEPS: u64 = 1400;
 const PREVIEW_SIDE: u32 = 256;
+/// The share of the steps of a first look in which learning rates fall to 0.
+const PREVIEW_COOLDOWN: f64 = 0.2;
 /// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
 const EARLIEST_OCCUPANCY: u64 = 300;
 /// Short runs keep faint samples at least until this step, since surfaces are still thick.
@@ -78,7 +83,7 @@ impl TrainConfig {
             "360" => {
                 let mut preset = best().with_steps(SURROUNDINGS_STEPS);
                 preset.batch_rays = 4096;
-                preset.cooldown = 0.0;
+                (preset.learning_rate_decay, preset.cooldown) = (DECAY, 0.0);
                 preset.shell = Some(SURROUNDINGS_SHELL);
                 preset.factor_learning_rate = 0.03;
                 preset.density_l1 = 1e-4;
@@ -126,7 +131,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         factor_learning_rate: 0.02,
         network_learning_rate: 0.001,
         sky_learning_rate: 0.02,
-        learning_rate_decay: 0.1,
+        learning_rate_decay: DECAY,
         cooldown: 0.0,
         density_l1: 1e-5,
         distance_weight: 0.01,
@@ -157,7 +162,7 @@ fn best() -> TrainConfig {
     preset.decoder.direction_frequencies = 6;
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
-    preset.cooldown = BEST_COOLDOWN;
+    (preset.learning_rate_decay, preset.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
     // The first two scales have cells about as wide as a pixel of photographs of 800×800. Training gives up a third of
     // the third scale's anyway.
     let finer = [[29, 43, 65, 93, 125, 161], [15, 23, 35, 47, 63, 81]];
@@ -173,6 +178,7 @@ fn preview() -> TrainConfig {
     let mut preset = best();
     preset.steps = PREVIEW_STEPS;
     preset.batch_rays = 1024;
+    (preset.learning_rate_decay, preset.cooldown) = (DECAY, PREVIEW_COOLDOWN);
     preset.max_photograph_side = Some(PREVIEW_SIDE);
     preset.upsample_at = vec![PREVIEW_STEPS / 15];
     preset.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
