@@ -107,54 +107,24 @@ impl<T: Real> CpuRenderer<T> {
         self.field.parameter_bytes() + self.density_cache_bytes().unwrap_or(0)
     }
 
-    /// As [`Renderer::trace`], with time and counts by stage.
-    pub fn trace_with_work(&self, rays: &[Ray]) -> (Vec<Pixel>, Work) {
-        let pool = Pool::<Scratch<T>>::default();
-        let chunks: Vec<_> = (rays.par_chunks(TILE * TILE))
-            .with_max_len(TILES_PER_TASK)
-            .map(|chunk| {
-                let mut pixels = Vec::with_capacity(chunk.len());
-                let work = pool.with(|scratch| {
-                    vectorized(
-                        #[inline(always)]
-                        || self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel)),
-                    )
-                });
-                (pixels, work)
-            })
-            .collect();
-        let (mut pixels, mut work) = (Vec::with_capacity(rays.len()), Work::default());
-        for (chunk_pixels, chunk_work) in chunks {
-            pixels.extend(chunk_pixels);
-            work.add(&chunk_work);
-        }
-        (pixels, work)
-    }
-
     /// As [`Renderer::trace`], with sample counts and, if `has_normals`, normals.
     pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
-        let chunks: Vec<Vec<TraceInfo>> = (rays.par_chunks(TILE * TILE))
-            .map_init(<(Scratch<T>, Samples<T>)>::default, |(scratch, points), chunk| {
+        map_chunks(
+            rays,
+            #[inline(always)]
+            |chunk, (scratch, points): &mut (Scratch<T>, Samples<T>)| {
                 let mut infos = Vec::with_capacity(chunk.len());
-                vectorized(
-                    #[inline(always)]
-                    || {
-                        self.trace_chunk(chunk, scratch, |pixel| {
-                            infos.push(TraceInfo { pixel, ..TraceInfo::default() });
-                        });
-                        for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
-                            info.samples = scratch.samples.ray_range(index).len() as u32;
-                            let is_solid = scratch.samples.remaining[index] <= T::of(0.5);
-                            if has_normals && is_solid && info.pixel.depth > 0.0 {
-                                info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
-                            }
-                        }
-                    },
-                );
+                self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
+                for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
+                    info.samples = scratch.samples.ray_range(index).len() as u32;
+                    let is_solid = scratch.samples.remaining[index] <= T::of(0.5);
+                    if has_normals && is_solid && info.pixel.depth > 0.0 {
+                        info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
+                    }
+                }
                 infos
-            })
-            .collect();
-        chunks.concat()
+            },
+        )
     }
 
     /// The unit direction against the density's gradient at `point`, by central differences over four march steps;
@@ -223,9 +193,30 @@ impl<T: Real> CpuRenderer<T> {
         Pixel { color: color.map(T::f32), opacity: opacity.f32(), depth: depth.f32() }
     }
 
-    /// Renders the pixels of `tile` as seen by `camera`.
+    /// As [`Renderer::render`], with time and counts by stage.
+    pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
+        let (width, height) = (camera.width, camera.height);
+        let mut pixels = vec![Pixel::default(); width as usize * height as usize];
+        let pool = Pool::<Scratch<T>>::default();
+        let works: Vec<Work> = (tiles(&mut pixels, width as usize).into_par_iter())
+            .with_max_len(TILES_PER_TASK)
+            .map(|tile| {
+                pool.with(|scratch| {
+                    vectorized(
+                        #[inline(always)]
+                        || self.render_tile(camera, tile, scratch),
+                    )
+                })
+            })
+            .collect();
+        let mut work = Work::default();
+        works.iter().for_each(|of_tile| work.add(of_tile));
+        (Picture { width, height, pixels }, work)
+    }
+
+    /// Renders the pixels of `tile` as seen by `camera`. Returns time and counts by stage.
     #[inline(always)]
-    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) {
+    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) -> Work {
         let [left, top] = tile.corner;
         let (mut rays, mut pixels) = (Vec::with_capacity(TILE * TILE), Vec::with_capacity(TILE * TILE));
         for (y, row) in (top..).zip(tile.rows) {
@@ -240,13 +231,21 @@ impl<T: Real> CpuRenderer<T> {
             }
         }
         let mut pixels = pixels.into_iter();
-        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("one pixel per ray") = pixel);
+        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("one pixel per ray") = pixel)
     }
 }
 
 impl<T: Real> Renderer for CpuRenderer<T> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        self.trace_with_work(rays).0
+        map_chunks(
+            rays,
+            #[inline(always)]
+            |chunk, scratch| {
+                let mut pixels = Vec::with_capacity(chunk.len());
+                self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel));
+                pixels
+            },
+        )
     }
 
     fn background(&self) -> [f32; 3] {
@@ -254,19 +253,29 @@ impl<T: Real> Renderer for CpuRenderer<T> {
     }
 
     fn render(&self, camera: &Camera) -> Picture {
-        let (width, height) = (camera.width, camera.height);
-        let mut pixels = vec![Pixel::default(); width as usize * height as usize];
-        let pool = Pool::<Scratch<T>>::default();
-        tiles(&mut pixels, width as usize).into_par_iter().with_max_len(TILES_PER_TASK).for_each(|tile| {
+        self.render_with_work(camera).0
+    }
+}
+
+/// The results of `trace` for chunks of `rays`, with scratch that is reused, on all threads.
+#[inline(always)]
+fn map_chunks<S: Default + Send, R: Clone + Send>(
+    rays: &[Ray],
+    trace: impl Fn(&[Ray], &mut S) -> Vec<R> + Sync,
+) -> Vec<R> {
+    let pool = Pool::<S>::default();
+    let chunks: Vec<Vec<R>> = (rays.par_chunks(TILE * TILE))
+        .with_max_len(TILES_PER_TASK)
+        .map(|chunk| {
             pool.with(|scratch| {
                 vectorized(
                     #[inline(always)]
-                    || self.render_tile(camera, tile, scratch),
-                );
-            });
-        });
-        Picture { width, height, pixels }
-    }
+                    || trace(chunk, scratch),
+                )
+            })
+        })
+        .collect();
+    chunks.concat()
 }
 
 /// Splits a picture of `width` columns into tiles that are written in place.

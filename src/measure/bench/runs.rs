@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{FieldShape, MemoryMark, Peak, Runs, Spread, StageTable};
 use crate::field::{Field, Work};
-use crate::geometry::{Camera, Ray};
+use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::render::CpuRenderer;
 use crate::train::{TrainConfig, TrainError, Trainer};
@@ -59,8 +59,7 @@ pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: M
     let field = Field::<f32>::new(scene);
     let shape = FieldShape::new(&field);
     let renderer = CpuRenderer::from_field(field);
-    let rays: Vec<Ray> = camera.rays(0..camera.height).flatten().collect();
-    let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.trace_with_work(&rays).1));
+    let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.render_with_work(camera).1));
     let Ok((seconds, works)) = timed;
     measured(seconds, works.into_iter(), &shape, peak, memory.peak())
 }
