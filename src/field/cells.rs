@@ -44,8 +44,19 @@ struct Cube {
 pub(super) struct Span<T> {
     /// True if samples in it count.
     pub(super) occupied: bool,
-    /// Its approximate length along the path, in model units.
+    /// Its approximate length along the path, in model units or, along a line, in steps.
     pub(super) distance: T,
+}
+
+/// A straight path, in cells. Its samples are a step apart.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line<T> {
+    /// Where its first sample is.
+    first: [T; 3],
+    /// The way from a sample to the next.
+    per_step: [T; 3],
+    /// Steps from one cell to the next, per axis.
+    steps_per_cell: [T; 3],
 }
 
 impl<T: Real> OccupancyCells<T> {
@@ -160,16 +171,40 @@ impl<T: Real> OccupancyCells<T> {
     /// The span from `position` on, along a ray whose direction has the reciprocals `inverse` per axis.
     #[inline(always)]
     pub(super) fn span(&self, position: [T; 3], inverse: [T; 3]) -> Span<T> {
-        let at = self.in_cells(position);
+        self.span_to_faces(self.in_cells(position), [0, 1, 2].map(|a| self.cell_size[a] * inverse[a]))
+    }
+
+    /// The span from `at`, in cells, on, along a path that crosses a cell on an axis in a length of `per_cell`, which has
+    /// the direction's sign.
+    #[inline(always)]
+    fn span_to_faces(&self, at: [T; 3], per_cell: [T; 3]) -> Span<T> {
         let Some(Cube { occupied, lower, width }) = self.lookup(at) else {
             return Span { occupied: false, distance: T::zero() };
         };
         let mut distance = T::infinity();
         for a in 0..3 {
-            let face = if inverse[a] > T::zero() { lower[a] + width } else { lower[a] };
-            distance = distance.min((T::of_i32(face) - at[a]) * self.cell_size[a] * inverse[a]);
+            let face = if per_cell[a] > T::zero() { lower[a] + width } else { lower[a] };
+            distance = distance.min((T::of_i32(face) - at[a]) * per_cell[a]);
         }
         Span { occupied, distance }
+    }
+
+    /// The path from `position` along `direction`, with its reciprocals `inverse`, in steps of the length `step`.
+    #[inline(always)]
+    pub(super) fn line(&self, position: [T; 3], direction: DVec3, inverse: [T; 3], step: f64) -> Line<T> {
+        Line {
+            first: self.in_cells(position),
+            per_step: [0, 1, 2].map(|a| T::of(direction[a] * step) * self.cells_per_unit[a]),
+            steps_per_cell: [0, 1, 2].map(|a| self.cell_size[a] * T::of(1.0 / step) * inverse[a]),
+        }
+    }
+
+    /// The span from the sample `index` of `line` on. Its length is in steps.
+    #[inline(always)]
+    pub(super) fn span_of_line(&self, line: &Line<T>, index: u32) -> Span<T> {
+        let steps = T::of_i32(index as i32);
+        let at = [0, 1, 2].map(|a| line.first[a] + steps * line.per_step[a]);
+        self.span_to_faces(at, line.steps_per_cell)
     }
 
     /// The span from `position` on, along a path in any direction that changes each coordinate by at most its length.

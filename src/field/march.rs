@@ -31,14 +31,14 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     pub fn march(&self, rays: &[Ray], samples: &mut Samples<T>) {
         samples.clear(rays.len());
-        samples.active.extend(rays.iter().zip(0..).map(|(ray, index)| ActiveRay {
-            ray: index,
+        samples.active.extend((0..rays.len() as u32).map(|ray| ActiveRay {
+            ray,
             pending: 0,
             exhausted: false,
             transmittance: T::one(),
             lost: T::zero(),
-            marcher: RayMarcher::new(self, ray),
         }));
+        samples.marchers.extend(rays.iter().map(|ray| RayMarcher::new(self, ray)));
         while !samples.active.is_empty() {
             self.advance_rays(samples);
             samples.clock.lap(Stage::March);
@@ -67,13 +67,15 @@ impl<T: Real> Field<T> {
     /// Puts the next samples of each ray into `pending`.
     #[inline(always)]
     fn advance_rays(&self, samples: &mut Samples<T>) {
-        let mut active = std::mem::take(&mut samples.active);
+        let (mut active, mut marchers) = (std::mem::take(&mut samples.active), std::mem::take(&mut samples.marchers));
+        self.skip_empty(&active, &mut marchers, &mut samples.seeking);
         samples.clear_pending();
         for ray in &mut active {
+            let marcher = &mut marchers[ray.ray as usize];
             ray.pending = 0;
             // A marcher must not advance past its last sample.
             while !ray.exhausted && ray.pending < STRIDE {
-                match ray.marcher.advance(self) {
+                match marcher.advance(self) {
                     Some((t, position)) => {
                         samples.push_pending(T::of(t), position);
                         ray.pending += 1;
@@ -83,7 +85,24 @@ impl<T: Real> Field<T> {
             }
         }
         samples.pending_positions.pad();
-        samples.active = active;
+        (samples.active, samples.marchers) = (active, marchers);
+    }
+
+    /// Advances the marchers of the `active` rays over empty space, all rays by a stride at a time: a processor computes
+    /// the strides of several rays at once, but not those of one ray. `seeking` is scratch.
+    #[inline(always)]
+    fn skip_empty(&self, active: &[ActiveRay<T>], marchers: &mut [RayMarcher<T>], seeking: &mut Vec<u32>) {
+        seeking.clear();
+        seeking.extend(active.iter().map(|ray| ray.ray));
+        while !seeking.is_empty() {
+            let mut left = 0;
+            for index in 0..seeking.len() {
+                let ray = seeking[index];
+                seeking[left] = ray;
+                left += usize::from(marchers[ray as usize].skip(self));
+            }
+            seeking.truncate(left);
+        }
     }
 
     /// Assigns slots to the pending samples that are in the model, with contributions or cached density features.

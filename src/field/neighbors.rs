@@ -7,7 +7,7 @@ use pulp::Simd;
 
 use super::index::{BLOCK, CandidateBlock};
 use super::positions::Positions;
-use super::samples::Neighborhood;
+use super::samples::{Contributions, Neighborhood};
 use super::vector::MAX_LANES;
 use super::{Contribution, FieldScale, Real};
 use crate::model::{Aggregation, MAX_TOP_K};
@@ -16,7 +16,7 @@ use crate::model::{Aggregation, MAX_TOP_K};
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
     /// Those of all samples are appended to these.
-    contributions: &'a mut Vec<Contribution<T>>,
+    contributions: &'a mut Contributions<T>,
     /// \[scale × samples + sample\] the sample's neighbors.
     neighborhoods: &'a mut Vec<Neighborhood>,
     covering: Covering<T>,
@@ -56,7 +56,7 @@ struct Covering<T> {
 impl<'a, T: Real> Neighbors<'a, T> {
     pub(super) fn new(
         aggregation: Aggregation,
-        contributions: &'a mut Vec<Contribution<T>>,
+        contributions: &'a mut Contributions<T>,
         neighborhoods: &'a mut Vec<Neighborhood>,
     ) -> Self {
         let covering = Covering {
@@ -248,7 +248,7 @@ impl<T: Real> FieldScale<T> {
         &self,
         covering: &Covering<T>,
         samples: &[u32],
-        contributions: &mut Vec<Contribution<T>>,
+        contributions: &mut Contributions<T>,
         neighborhoods: &mut [Neighborhood],
     ) {
         let mut held = [0; BLOCK];
@@ -260,13 +260,13 @@ impl<T: Real> FieldScale<T> {
         }
         let begin = contributions.len();
         // Room for all, so that the ones of no weight can be overwritten by the next, without a branch.
-        contributions.resize(begin + samples.len() * count + 1, Contribution::default());
-        let mut end = begin;
+        let room = contributions.room(samples.len() * count + 1);
+        let mut end = 0;
         for (lane, &sample) in samples.iter().enumerate() {
             let first = end;
             for &c in &held[..count] {
                 let (rows, fractions, weight) = (&covering.rows[c], &covering.fractions[c], covering.weights[c][lane]);
-                contributions[end] = Contribution {
+                room[end] = Contribution {
                     tensor: self.first_tensor + covering.tensors[c],
                     rows: [rows[0][lane], rows[1][lane], rows[2][lane]],
                     fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
@@ -275,16 +275,16 @@ impl<T: Real> FieldScale<T> {
                 end += usize::from(weight > T::zero());
             }
             neighborhoods[sample as usize] = Neighborhood {
-                contributions: [first as u32, end as u32],
+                contributions: [(begin + first) as u32, (begin + end) as u32],
                 is_covered: covering.counts[lane] > T::zero(),
             };
         }
-        contributions.truncate(end);
+        contributions.keep(end);
     }
 
     /// Appends the `top_k` nearest of any number of candidates, nearest first. By insertion, for single samples.
     #[inline(never)]
-    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, contributions: &mut Vec<Contribution<T>>) {
+    fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, contributions: &mut Contributions<T>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
         let mut tensors = [0; MAX_TOP_K as usize];
         let mut count = 0;
@@ -304,9 +304,10 @@ impl<T: Real> FieldScale<T> {
             tensors[index] = tensor;
         }
         weigh(aggregation, &mut values[..count]);
-        for (tensor, weight) in tensors.into_iter().zip(values).take(count) {
-            contributions.push(self.contribution(tensor, weight, position));
+        for (next, (tensor, weight)) in contributions.room(count).iter_mut().zip(tensors.into_iter().zip(values)) {
+            *next = self.contribution(tensor, weight, position);
         }
+        contributions.keep(count);
     }
 }
 

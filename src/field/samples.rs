@@ -20,8 +20,8 @@ pub struct Samples<T> {
     pub transmittances: Vec<T>,
     /// \[slot × scales + scale\] the sample's neighbors in that scale.
     pub(super) neighborhoods: Vec<Neighborhood>,
-    /// Contributions of all samples and scales, those of a sample and scale together.
-    pub contributions: Vec<Contribution<T>>,
+    /// Those of a sample and a scale are together.
+    pub(super) contributions: Contributions<T>,
     /// \[ray\] the ray's first index in `order`; then the length of `order`.
     pub ray_starts: Vec<u32>,
     /// The slots of the samples that count, by ray and distance.
@@ -31,6 +31,10 @@ pub struct Samples<T> {
     /// Time and counts of the march and of the stages after it.
     pub clock: StageClock,
     pub(super) active: Vec<ActiveRay<T>>,
+    /// \[ray\] its marcher.
+    pub(super) marchers: Vec<RayMarcher<T>>,
+    /// Rays whose next sample may be in empty space.
+    pub(super) seeking: Vec<u32>,
     pub(super) runs: Vec<Run>,
     /// \[pending\] distances of the samples under evaluation.
     pub(super) pending: Vec<T>,
@@ -38,6 +42,41 @@ pub struct Samples<T> {
     pub(super) pending_positions: Positions<T>,
     /// \[scale × pending + sample\] the sample's neighbors.
     pub(super) pending_neighborhoods: Vec<Neighborhood>,
+}
+
+/// The contributions to all samples in all scales. Its memory is not cleared from one march to the next.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Contributions<T> {
+    /// The first `len` are contributions.
+    list: Vec<Contribution<T>>,
+    len: usize,
+}
+
+impl<T: Real> Contributions<T> {
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// The next `count` contributions, to overwrite.
+    #[inline(always)]
+    pub(super) fn room(&mut self, count: usize) -> &mut [Contribution<T>] {
+        let end = self.len + count;
+        if self.list.len() < end {
+            self.list.resize(2 * end, Contribution::default());
+        }
+        &mut self.list[self.len..end]
+    }
+
+    /// Appends the next `count` contributions as they are.
+    #[inline(always)]
+    pub(super) fn keep(&mut self, count: usize) {
+        self.len += count;
+    }
 }
 
 /// The neighbors of a sample in a scale.
@@ -60,7 +99,6 @@ pub(super) struct ActiveRay<T> {
     pub(super) transmittance: T,
     /// The Kahan compensation of the transmittance, without which faint samples would be lost.
     pub(super) lost: T,
-    pub(super) marcher: RayMarcher<T>,
 }
 
 /// Consecutive slots of one ray, front to back.
@@ -86,6 +124,7 @@ impl<T: Real> Samples<T> {
         self.positions.clear();
         self.contributions.clear();
         self.active.clear();
+        self.marchers.clear();
         self.runs.clear();
         self.clock.restart();
     }
@@ -137,7 +176,7 @@ impl<T: Real> Samples<T> {
     #[inline(always)]
     pub fn contributions_of(&self, slot: usize, scale: usize, scales: usize) -> &[Contribution<T>] {
         let [first, end] = self.neighborhoods[slot * scales + scale].contributions;
-        &self.contributions[first as usize..end as usize]
+        &self.contributions.list[first as usize..end as usize]
     }
 
     /// Number of scales that cover the sample at `slot`, of `scales` scales.
