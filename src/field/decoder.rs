@@ -16,8 +16,11 @@ use crate::model::{DecoderMode, Reduction};
 pub struct Activations<T> {
     /// The shaded samples.
     pub shaded: ShadedSamples<T>,
-    /// \[shaded\]\[ΣR\] aggregated appearance components, after the reduction over scales.
+    /// \[shaded\]\[ΣR\] aggregated appearance components, after the reduction over scales. Where rays are decoded, those
+    /// of the last sample alone unless `keeps_components` is set.
     pub components: Vec<T>,
+    /// True if gradients need the components of all samples.
+    pub keeps_components: bool,
     /// \[shaded\] 1 over the number of covering scales; empty if the appearance reduction is *sum*.
     pub reductions: Vec<T>,
     /// \[row\]\[ΣR\] the rays' composited components; empty if samples are decoded.
@@ -108,10 +111,10 @@ impl<T: Real> Field<T> {
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
         self.find_shaded_contributions(&activations.shaded.slots, samples);
         samples.clock.lap(Stage::Neighbors);
+        self.compose_rows(activations);
+        samples.clock.lap(Stage::Composite);
         Arch::new().dispatch(GatherAppearance { field: self, samples, activations });
         samples.clock.lap(Stage::AppearanceGather);
-        self.compose_rows(rays.len(), activations);
-        samples.clock.lap(Stage::Composite);
         self.multiply_appearance(activations);
         samples.clock.lap(Stage::AppearanceMatrices);
         self.encode_inputs(rays, activations);
@@ -129,16 +132,23 @@ impl<T: Real> Field<T> {
         });
     }
 
-    /// Fills rows, terms and the terms' weights.
+    /// Fills rows, terms and their weights.
     #[inline(always)]
-    fn compose_rows(&self, rays: usize, activations: &mut Activations<T>) {
+    fn compose_rows(&self, activations: &mut Activations<T>) {
         let mode = self.decoder.mode;
-        if mode != DecoderMode::PerSample {
-            self.composite_components(rays, activations);
-        }
         let Activations { shaded, composite_weights, ray_rows, weights, ray_terms, .. } = activations;
+        composite_weights.clear();
         if mode == DecoderMode::PerSample {
             ray_rows.clone_from(&shaded.ray_starts);
+        } else {
+            ray_rows.clear();
+            ray_rows.push(0);
+            for samples in shaded.ray_starts.windows(2).map(|ends| ends[0] as usize..ends[1] as usize) {
+                if !samples.is_empty() {
+                    composite_weights.push(shaded.weights[samples].iter().copied().sum());
+                }
+                ray_rows.push(composite_weights.len() as u32);
+            }
         }
         if mode == DecoderMode::PerRay {
             weights.clone_from(composite_weights);
@@ -146,33 +156,6 @@ impl<T: Real> Field<T> {
         } else {
             weights.clone_from(&shaded.weights);
             ray_terms.clone_from(&shaded.ray_starts);
-        }
-    }
-
-    /// Composites the components of each ray with shaded samples into a row: Σ w·f / Σ w.
-    #[inline(always)]
-    fn composite_components(&self, rays: usize, activations: &mut Activations<T>) {
-        let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
-        let width = self.component_count();
-        composites.clear();
-        composite_weights.clear();
-        ray_rows.clear();
-        ray_rows.push(0);
-        for ray in (0..rays).map(|ray| shaded.ray_range(ray)) {
-            if !ray.is_empty() {
-                let weight: T = shaded.weights[ray.clone()].iter().copied().sum();
-                let first = composites.len();
-                composites.resize(first + width, T::zero());
-                let composite = &mut composites[first..];
-                for sample in ray {
-                    let share = shaded.weights[sample] / weight;
-                    for (sum, &v) in composite.iter_mut().zip(&components[sample * width..][..width]) {
-                        *sum += share * v;
-                    }
-                }
-                composite_weights.push(weight);
-            }
-            ray_rows.push(composite_weights.len() as u32);
         }
     }
 
@@ -205,7 +188,7 @@ impl<T: Real> Field<T> {
         let Activations { inputs: all_inputs, ray_rows, direction: encoded_direction, angles, .. } = activations;
         let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
         encoded_direction.resize(inputs - encoded_direction_at, T::zero());
-        for (ray, rows) in rays.iter().zip(ray_rows.windows(2)) {
+        for (ray, rows) in rays.iter().zip(ray_rows.windows(2)).filter(|(_, rows)| rows[0] < rows[1]) {
             let direction = ray.direction.to_array().map(T::of);
             encode(&direction, decoder.frequencies[1] as usize, encoded_direction, angles);
             for row in all_inputs[0][rows[0] as usize * inputs..rows[1] as usize * inputs].chunks_exact_mut(inputs) {
@@ -258,7 +241,8 @@ impl<T: Real> Field<T> {
     }
 }
 
-/// Fills `components`, `reductions` and, in mode *residual*, `own_colors`.
+/// Fills `components`, `reductions`, where rays are decoded `composites` (Σ w·f / Σ w), and in mode *residual*
+/// `own_colors`.
 struct GatherAppearance<'a, T> {
     field: &'a Field<T>,
     samples: &'a mut Samples<T>,
@@ -271,33 +255,44 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { field, samples, activations } = self;
-        let width = field.component_count();
-        let scales = field.scales.len();
-        let Activations { shaded, components, reductions, own_colors, .. } = activations;
+        let (width, scales, mode) = (field.component_count(), field.scales.len(), field.decoder.mode);
+        let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
+        let is_kept = activations.keeps_components || mode == DecoderMode::PerSample;
         let padding = 3 * T::lanes::<S>();
-        components.resize(shaded.len() * width + padding, T::zero());
-        reductions.clear();
-        own_colors.clear();
+        components.resize(width * if is_kept { shaded.len() } else { 1 } + padding, T::zero());
+        composites.clear();
+        composites.resize(width * composite_weights.len(), T::zero());
+        activations.reductions.clear();
+        activations.own_colors.clear();
         let mut count = 0;
-        for (row, &slot) in shaded.slots.iter().enumerate() {
-            let slot = slot as usize;
-            let row = &mut components[row * width..][..width + padding];
-            let mut first = 0;
-            for (s, scale) in field.scales.iter().enumerate() {
-                let contributions = samples.contributions_of(slot, s, scales);
-                scale.appearance_of(simd, contributions, &mut row[first..], &mut count);
-                first += scale.appearance.held().rank();
-            }
-            if field.rules.appearance_reduction == Reduction::Mean {
-                let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
-                row[..width].iter_mut().for_each(|v| *v *= reduction);
-                reductions.push(reduction);
-            }
-            if field.decoder.mode == DecoderMode::Residual {
-                own_colors.extend(field.decoder.own_color(simd, &row[..width]));
+        for (ray, rows) in ray_rows.windows(2).enumerate() {
+            for sample in shaded.ray_range(ray) {
+                let slot = shaded.slots[sample] as usize;
+                let row = &mut components[width * if is_kept { sample } else { 0 }..][..width + padding];
+                let mut first = 0;
+                for (s, scale) in field.scales.iter().enumerate() {
+                    let contributions = samples.contributions_of(slot, s, scales);
+                    scale.appearance_of(simd, contributions, &mut row[first..], &mut count);
+                    first += scale.appearance.held().rank();
+                }
+                let row = &mut row[..width];
+                if field.rules.appearance_reduction == Reduction::Mean {
+                    let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
+                    row.iter_mut().for_each(|v| *v *= reduction);
+                    activations.reductions.push(reduction);
+                }
+                if mode == DecoderMode::Residual {
+                    activations.own_colors.extend(field.decoder.own_color(simd, row));
+                }
+                if mode != DecoderMode::PerSample {
+                    let decoded = rows[0] as usize;
+                    let share = shaded.weights[sample] / composite_weights[decoded];
+                    let composite = &mut composites[decoded * width..][..width];
+                    composite.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * *v);
+                }
             }
         }
-        components.truncate(shaded.len() * width);
+        components.truncate(components.len() - padding);
         samples.clock.work.appearance_components += count as u64;
     }
 }

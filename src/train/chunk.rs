@@ -132,6 +132,7 @@ impl<T: Real> Chunk<T> {
     ) {
         field.march(rays, &mut scratch.samples);
         field.select_shaded(&scratch.samples, roulette.color, &mut scratch.activations.shaded);
+        scratch.activations.keeps_components = true;
         field.decode(rays, &mut scratch.samples, &mut scratch.activations);
         scratch.behind.clear();
         let behind = |(ray, target): (&Ray, &Target)| field.behind(ray, target.background.map(T::of_f32));

@@ -133,13 +133,16 @@ impl FieldShape {
     }
 
     /// Reads contributions but for their tensors, and the neighborhoods; writes a row of components. A sample's residual:
-    /// 2·3·ΣR, reads the row.
+    /// 2·3·ΣR, reads the row. If rays are decoded: a sample's share of the weight and of each component (2); reads the
+    /// row, writes the ray's.
     fn appearance_gather(&self, work: &Work, counts: &Counts) -> Cost {
         gather(work.appearance_components as f64).plus(Cost::new(
-            counts.residuals * 3.0 * 2.0 * counts.components,
+            counts.residuals * 3.0 * 2.0 * counts.components + counts.composited * 2.0 + counts.composited_samples,
             counts.shaded_contributions * (CONTRIBUTION - 1.0)
                 + counts.shaded * (NEIGHBORHOOD * counts.scales + counts.components)
-                + counts.residuals * (counts.components + 3.0),
+                + counts.residuals * (counts.components + 3.0)
+                + counts.composited
+                + counts.composites,
         ))
     }
 
@@ -324,20 +327,14 @@ impl Counts {
     /// α = −expm1(−softplus(f + shift)·depth): the shift, a maximum, two transcendental functions, their sum, the
     /// product, and expm1; reads f, writes α and T. A sample before the ray's end: 1 − α into T, and T·α (3), reads
     /// both, writes its slot in the order. A shaded one writes slot and weight. A term adds to its pixel, 3·2, and
-    /// reads its weight and color. If rays are decoded: a sample's share of the weight (2) and of each component (2).
+    /// reads its weight and color. If rays are decoded: the sum of samples' weights.
     fn composite(&self) -> Cost {
         Cost::new(
             self.evaluated * (3.0 * TRANSCENDENTAL + 4.0)
                 + self.samples * 3.0
                 + self.terms * 6.0
-                + self.composited * 2.0
-                + self.composited_samples * 2.0,
-            self.evaluated * 3.0
-                + self.samples * 3.0
-                + self.shaded * 2.0
-                + self.terms * 4.0
-                + self.composited
-                + self.composites,
+                + self.composited_samples,
+            self.evaluated * 3.0 + self.samples * 3.0 + self.shaded * 2.0 + self.terms * 4.0,
         )
     }
 

@@ -220,7 +220,8 @@ fn compositing_counts_samples() {
 fn a_decoder_once_a_ray_composites_components() {
     let more = |stage| more_of(DecoderMode::PerRay, DecoderMode::PerSample, stage);
     // Two samples of 4 components, one row of 4.
-    assert_eq!(more(Stage::Composite), [2.0 * (4.0 * 2.0 + 2.0), 4.0 * (8.0 + 4.0)]);
+    assert_eq!(more(Stage::Composite), [2.0, 0.0]);
+    assert_eq!(more(Stage::AppearanceGather), [2.0 * (4.0 * 2.0 + 1.0), 4.0 * (8.0 + 4.0)]);
     assert_eq!(more(Stage::CompositeBackward), [2.0 * (4.0 * 3.0 + 4.0), 4.0 * (8.0 + 2.0 * 4.0)]);
     assert_eq!(more(Stage::Decoder), [0.0, 0.0]);
 }
