@@ -65,8 +65,6 @@ impl<T: Real> Backward<T> {
         (self.chunks.par_iter_mut())
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
-            // No thread has several chunks left that others wait for.
-            .with_max_len(1)
             .for_each(|(n, (chunk, (rays, targets)))| {
                 let of_chunk = |t| Roulette { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
                 let roulette =

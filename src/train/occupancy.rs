@@ -112,7 +112,7 @@ fn dense_vertices<T: Real>(
         );
         dense
     };
-    let layers = (0..vertices.z).into_par_iter().with_max_len(1).map(layer).collect();
+    let layers = (0..vertices.z).into_par_iter().map(layer).collect();
     (grid, layers)
 }
 

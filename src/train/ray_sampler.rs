@@ -11,9 +11,6 @@ use crate::geometry::{Camera, Ray};
 use crate::model::Frame;
 use crate::random::Random;
 
-/// The most rows of pixels that a thread filters at once: others wait for the last one's.
-const ROWS_PER_TASK: usize = 64;
-
 /// Draws rays of photographs, in the model's space. A ray is active if it is trained on.
 #[derive(Debug)]
 pub struct RaySampler<'a> {
@@ -75,8 +72,7 @@ impl<'a> RaySampler<'a> {
             (0..camera.width).filter(is_active).for_each(|column| add(first + u64::from(column)));
         };
         let pixels = self.firsts[self.views.len()];
-        self.active =
-            PixelSet::new(pixels, |add| rows.par_iter().with_max_len(ROWS_PER_TASK).for_each(|row| add_row(row, add)));
+        self.active = PixelSet::new(pixels, |add| rows.par_iter().for_each(|row| add_row(row, add)));
     }
 
     /// Puts the frame's background behind all transparent pixels: a sky has one color in a direction.

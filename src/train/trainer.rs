@@ -19,9 +19,6 @@ use crate::geometry::{Camera, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
 
-/// The most tensors that a thread takes at once: others wait for the last one's.
-const TENSORS_PER_TASK: usize = 4;
-
 /// A run in progress.
 #[derive(Debug)]
 pub struct Trainer<'a> {
@@ -217,11 +214,6 @@ impl<'a> Trainer<'a> {
     ///
     /// If the run has diverged, or no ray passes through the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
-        // On a thread of the pool, which then need not be woken for each parallel part.
-        rayon::scope(|_| self.step_on_pool())
-    }
-
-    fn step_on_pool(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
         let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
         let errors = &self.checkpoint.ray_errors;
@@ -311,7 +303,7 @@ impl<'a> Trainer<'a> {
             let density = tensor_updates(density, &mut self.checkpoint.density[s]);
             let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
             let rows = geometry.resolution[0] as usize + 1;
-            density.into_par_iter().zip(appearance).zip(rises).enumerate().with_max_len(TENSORS_PER_TASK).for_each(
+            density.into_par_iter().zip(appearance).zip(rises).enumerate().for_each(
                 |(n, (([density, d_first, d_second], [appearance, a_first, a_second]), rises))| {
                     pool.with(|gradient| {
                         gradient.clock.skip();
