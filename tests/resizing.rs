@@ -3,10 +3,11 @@
 
 mod scenes;
 
+use glam::UVec3;
 use strivec::dataset::{Pixels, View};
 use strivec::geometry::Ray;
 use strivec::measure::{Cell, CellMap};
-use strivec::model::{Factors, Scale, Scene};
+use strivec::model::{Factors, Occupancy, Scale, Scene};
 use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
@@ -345,6 +346,23 @@ fn a_shrunk_scene_has_the_march_of_the_end_unless_that_is_off() {
     let finish = FinishConfig { min_weight: 7e-4, max_loss: 100.0, ..FinishConfig::default() };
     assert_eq!(least_weight(finish), 7e-4);
     assert_eq!(least_weight(FinishConfig::off()), scene.rules.min_weight);
+}
+
+#[test]
+fn a_scene_keeps_its_occupancy_if_that_of_the_end_costs_too_much() {
+    let mut scene = colorful();
+    let mut occupancy = Occupancy::empty(scene.bounds, UVec3::splat(3));
+    (0..27).for_each(|n| occupancy.set(UVec3::new(n % 3, n / 3 % 3, n / 9)));
+    scene.occupancy = Some(occupancy);
+    let views = noisy(&views(&scene));
+    let goal = ShrinkGoal::Parameters(scene.nonzero_parameter_count() * 3 / 4);
+    let occupancy_with = |max_loss: f64| {
+        let finish = FinishConfig { min_transmittance: 0.5, max_loss, ..FinishConfig::default() };
+        let tuning = Tuning { steps: 30, config: TrainConfig { finish, ..config() } };
+        shrunk(&scene, &views, goal, &tuning).scene.occupancy
+    };
+    assert_eq!(occupancy_with(1e-6), scene.occupancy);
+    assert_ne!(occupancy_with(100.0), scene.occupancy);
 }
 
 #[test]

@@ -24,7 +24,9 @@ impl Trainer<'_> {
         let from = self.config.finish.from;
         let is_late = from < 1.0 && step as f64 >= from * self.config.steps as f64;
         let is_finished = update.is_some() && is_late && self.finish(cell);
-        if let Some(which) = update.filter(|_| !is_finished) {
+        // A run that has the march of the end from its start began with a trained scene, whose occupancy may be tight.
+        let is_kept = from == 0.0 && self.scene.occupancy.is_some();
+        if let Some(which) = update.filter(|_| !is_finished && !is_kept) {
             let occupancy = estimate_occupancy(&self.field, cell);
             let dense = extent(&occupancy);
             // In very short runs no cell is dense yet: they continue without an occupancy.

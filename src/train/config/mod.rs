@@ -161,7 +161,8 @@ pub struct LeanConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {
-    /// They hold from the first estimate of the occupancy after this share of the steps on; 1: never.
+    /// They hold from the first estimate of the occupancy after this share of the steps on; 1: never. 0 is for runs that
+    /// begin with a trained scene: where all this is left out, its occupancy stays.
     pub from: f64,
     /// See [`Rules::min_transmittance`].
     pub min_transmittance: f64,
