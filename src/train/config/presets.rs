@@ -10,13 +10,15 @@ use crate::train::Exposure;
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
-const BEST_STEPS: u64 = 48_000;
+const BEST_STEPS: u64 = 51_000;
 const BEST_BATCH: usize = 2048;
 /// The factor by which learning rates fall over a run (paper, Implementation).
 const DECAY: f64 = 0.1;
 /// The same for the best quality, and the share of its steps at the end in which learning rates fall to 0.
 const BEST_DECAY: f64 = 0.25;
 const BEST_COOLDOWN: f64 = 0.15;
+/// The most that one percent of the parameters may cost, in dB: half of the parameters cost 0.1 dB.
+const BEST_MAX_LOSS: f64 = 0.12;
 /// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
 const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
@@ -163,6 +165,7 @@ fn best() -> TrainConfig {
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
     (preset.learning_rate_decay, preset.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
+    preset.lean.max_loss = BEST_MAX_LOSS;
     // The first two scales have cells about as wide as a pixel of photographs of 800×800. Training gives up a third of
     // the third scale's anyway.
     let finer = [[29, 43, 65, 93, 125, 161], [15, 23, 35, 47, 63, 81]];
