@@ -20,8 +20,9 @@ use strivec::container::{
     ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, GRID_BITS, Limits, Metadata, Part, Prefix,
     decode_scene_file, encode_scene_file, step_code,
 };
+use strivec::geometry::Aabb;
 use strivec::measure::{check_probes, make_probes, probe_density_error};
-use strivec::model::{Aggregation, Coverage, DecoderMode, Placement, Reduction, Scene, UpAxis};
+use strivec::model::{Aggregation, Coverage, DecoderMode, Occupancy, Placement, Reduction, Scene, UpAxis};
 use strivec::render::{CpuRenderer, ReferenceRenderer};
 use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 use surgery::{File, Part as Section, name, seal, seal_header};
@@ -154,7 +155,7 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         ("up-minus-y", |s| s.frame.up = UpAxis::MinusY),
         ("occupancy", |s| {
             let bounds = s.bounds.grown(glam::DVec3::splat(0.031));
-            let mut occupancy = strivec::model::Occupancy::empty(bounds, glam::UVec3::new(7, 8, 9));
+            let mut occupancy = Occupancy::empty(bounds, glam::UVec3::new(7, 8, 9));
             for z in 2..9 {
                 for y in 0..8 {
                     for x in 0..5 {
@@ -171,6 +172,11 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         add(name, file(&scene, Metadata::default(), &plain));
     }
 
+    let mut hollow = ball();
+    hollow.occupancy = Some(shell(hollow.bounds.grown(glam::DVec3::splat(0.031))));
+    let compressed = EncodeOptions { zstd_level: Some(19), ..plain.clone() };
+    add("occupancy-adaptive", file(&hollow, Metadata::default(), &compressed));
+
     let mut newer = File::of(&file(&ball(), Metadata::default(), &plain));
     newer.minor = 9;
     newer.sections.insert(2, Section::ancillary("X-FUTURE", b"something that a reader skips"));
@@ -181,12 +187,25 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     let metadata = Metadata { prefixes: vec![Some(prefix), None], ..made };
     let mut newer = File::of(&file(&ball(), metadata, &plain));
     newer.minor = 9;
-    newer.part("PROVENANCE").codec = 2;
+    newer.part("PROVENANCE").codec = 3;
     newer.part("THUMBNAIL").patch(0, &[7]);
     newer.part("PREFIX").patch(24, &[9]);
-    newer.part("NOTES").codec = 2;
+    newer.part("NOTES").codec = 3;
     add("newer-codes", newer.bytes());
     files
+}
+
+/// The vertices of a grid of odd numbers near a sphere, and those near its center.
+fn shell(bounds: Aabb) -> Occupancy {
+    let mut occupancy = Occupancy::empty(bounds, glam::UVec3::new(37, 26, 43));
+    for vertex in 0..37 * 26 * 43 {
+        let vertex = glam::UVec3::new(vertex % 37, vertex / 37 % 26, vertex / (37 * 26));
+        let radius = ((occupancy.position(vertex) - bounds.center()) / bounds.size()).length();
+        if (radius - 0.4).abs() < 0.05 || radius < 0.2 {
+            occupancy.set(vertex);
+        }
+    }
+    occupancy
 }
 
 /// Name, bytes and the start of the error's text of each hostile vector: one at least for every variant of the error.
@@ -233,7 +252,8 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             })
         }),
         ("unsupported-encoding", patched("DENSITY", 8, &[9])),
-        ("unsupported-codec", changed(&|f| f.part("DENSITY").codec = 2)),
+        ("unsupported-codec", changed(&|f| f.part("DENSITY").codec = 3)),
+        ("malformed-codec-density", changed(&|f| f.part("DENSITY").codec = 2)),
         ("missing-decoder", changed(&|f| drop(f.sections.remove(f.index("DECODER"))))),
         ("limit-rank", patched("SCALE", 48, &most)),
         ("limit-sections", {
@@ -333,9 +353,21 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         ("scene-nan", patched("RULES", 72, &f64::NAN.to_le_bytes())),
         ("scene-infinite-factor", patched("DENSITY", 64, &f32::INFINITY.to_le_bytes())),
     ];
+    let adaptive = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut scene = made::smallest();
+        scene.occupancy = Some(shell(scene.bounds));
+        let options = EncodeOptions { zstd_level: Some(19), ..plain.clone() };
+        let mut file = File::of(&encode_scene_file(&scene, &Metadata::default(), &options).unwrap());
+        assert_eq!(file.part("OCCUPANCY").codec, 2);
+        change(&mut file.part("OCCUPANCY").payload);
+        file.bytes()
+    };
+    files.push(("malformed-adaptive-short", adaptive(&|payload| payload.truncate(payload.len() - 1))));
+    files.push(("malformed-adaptive-long", adaptive(&|payload| payload.push(0))));
+    files.push(("malformed-adaptive-last", adaptive(&|payload| *payload.last_mut().unwrap() ^= 1)));
     let bomb = {
         let mut scene = made::smallest();
-        scene.occupancy = Some(strivec::model::Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
+        scene.occupancy = Some(Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
         encode_scene_file(&scene, &Metadata::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() })
             .unwrap()
     };
@@ -423,10 +455,10 @@ fn ancillary_sections_with_codes_of_a_later_version_are_skipped() {
     assert_eq!(
         skipped,
         [
-            "PROVENANCE: codec 2 is not supported",
+            "PROVENANCE: codec 3 is not supported",
             "PREFIX of scale 0 encoding: code 9 is not supported",
             "THUMBNAIL format: code 7 is not supported",
-            "NOTES: codec 2 is not supported",
+            "NOTES: codec 3 is not supported",
         ]
     );
 }

@@ -1,5 +1,6 @@
 //! Codecs of the bodies of sections (spec 2.2).
 
+pub(super) mod adaptive;
 #[cfg(not(target_arch = "wasm32"))]
 mod libzstd;
 #[cfg(any(test, target_arch = "wasm32"))]
@@ -19,6 +20,8 @@ pub enum Codec {
     Stored,
     /// One zstd frame that declares its content's size and uses no dictionary.
     Zstd,
+    /// Bits with probabilities that adapt.
+    Adaptive,
     /// A code that this version does not define.
     Other(u16),
 }
@@ -28,6 +31,7 @@ impl Codec {
         match code {
             0 => Self::Stored,
             1 => Self::Zstd,
+            2 => Self::Adaptive,
             other => Self::Other(other),
         }
     }
@@ -36,6 +40,7 @@ impl Codec {
         match self {
             Self::Stored => 0,
             Self::Zstd => 1,
+            Self::Adaptive => 2,
             Self::Other(code) => code,
         }
     }
@@ -46,6 +51,7 @@ impl fmt::Display for Codec {
         match self {
             Self::Stored => f.write_str("stored"),
             Self::Zstd => f.write_str("zstd"),
+            Self::Adaptive => f.write_str("adaptive"),
             Self::Other(code) => write!(f, "codec {code}"),
         }
     }

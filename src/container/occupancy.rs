@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use glam::{DVec3, UVec3};
 
+use super::codec::adaptive;
 use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
@@ -40,14 +41,23 @@ pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Er
     let record_bytes = record::write(&"OCCUPANCY", &record)?;
     let mut bits: Vec<u8> = occupancy.words.iter().flat_map(|w| w.to_le_bytes()).collect();
     bits.truncate(byte_count(record.vertices) as usize);
-    writer.compressed(Place::whole(SectionKind::Occupancy), record_bytes, &bits)
+    writer.adaptive(Place::whole(SectionKind::Occupancy), record_bytes, &bits, || {
+        adaptive::compress_occupancy(record.vertices, &bits)
+    });
+    Ok(())
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupancy, Error> {
     let (record, body): (OccupancyRecord, _) = payload.record_and_body()?;
     let length = byte_count(record.vertices);
     budget.spend(payload.section, length + 8)?;
-    let bits = body.decode(length, budget)?;
+    let bits = match body.adaptive(length)? {
+        None => body.decode(length, budget)?,
+        Some(bytes) => {
+            budget.spend(payload.section, length + adaptive::memory_of_occupancy(record.vertices))?;
+            adaptive::decompress_occupancy(payload.section, record.vertices, bytes)?.into()
+        }
+    };
     let words = bits.chunks(8).map(|bytes| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);

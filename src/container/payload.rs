@@ -89,7 +89,16 @@ impl<'a> Payload<'a> {
 }
 
 impl<'a> Body<'a> {
-    /// The decoded body, which must have `length` bytes, as its record implies.
+    /// The body in the codec *adaptive*, whose `length` its record implies; `None` if it is in another codec.
+    pub(super) fn adaptive(&self, length: u64) -> Result<Option<&'a [u8]>, Error> {
+        if self.section.codec != Codec::Adaptive {
+            return Ok(None);
+        }
+        Error::unless_equal(format!("{} body length", self.section), length, self.length)?;
+        Ok(Some(self.stored))
+    }
+
+    /// The decoded body, which must have `length` bytes, as its record implies. Its codec is not *adaptive*.
     pub(super) fn decode(&self, length: u64, budget: &mut Budget) -> Result<Cow<'a, [u8]>, Error> {
         let place = format!("{} body length", self.section);
         Error::unless_equal(&place, length, self.length)?;
@@ -101,7 +110,7 @@ impl<'a> Body<'a> {
                 limits::check(&place, 0..=usize::MAX as u64, length)?;
                 codec::decompress(self.section, self.stored, length as usize).map(Cow::Owned)
             }
-            Codec::Other(_) => Err(Error::unsupported(self.section, self.section.codec)),
+            Codec::Adaptive | Codec::Other(_) => Err(Error::unsupported(self.section, self.section.codec)),
         }
     }
 }

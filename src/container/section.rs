@@ -241,7 +241,11 @@ impl Section {
         match self.codec {
             Codec::Stored => Ok(()),
             Codec::Zstd if self.kind.is_compressible() => Ok(()),
-            Codec::Zstd => Err(Error::malformed(format!("{self} codec"), Codec::Stored, self.codec)),
+            Codec::Adaptive if self.kind == SectionKind::Occupancy => Ok(()),
+            Codec::Zstd | Codec::Adaptive => {
+                let expected = if self.kind.is_compressible() { "stored or zstd" } else { "stored" };
+                Err(Error::malformed(format!("{self} codec"), expected, self.codec))
+            }
             Codec::Other(_) => Err(Error::unsupported(self, self.codec)),
         }
     }

@@ -37,7 +37,7 @@ pub(super) struct Finished {
 
 /// A file in the making.
 pub(super) struct Writer {
-    /// Nothing is compressed if there is none.
+    /// zstd's; nothing is compressed, by other codecs neither, if there is none.
     zstd_level: Option<i32>,
     sections: Vec<Section>,
     payloads: Vec<Vec<u8>>,
@@ -65,6 +65,15 @@ impl Writer {
         Ok(())
     }
 
+    /// As [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
+    pub(super) fn adaptive(&mut self, place: Place, record: Vec<u8>, body: &[u8], coded: impl FnOnce() -> Vec<u8>) {
+        let coded = self.zstd_level.map(|_| coded()).filter(|coded| coded.len() < body.len());
+        self.add(match coded {
+            Some(coded) => Finished::coded(place, Codec::Adaptive, record, &coded, body.len()),
+            None => Finished::stored(place, record, body),
+        });
+    }
+
     /// The section that [`Writer::compressed`] would add.
     pub(super) fn finished(&self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
         let compressed = match self.zstd_level {
@@ -72,9 +81,7 @@ impl Writer {
             Some(level) => Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len()),
         };
         let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
-        let payload = with_body(record, &compressed);
-        let decoded = payload.len() - compressed.len() + body.len();
-        Ok(Finished::new(place, Codec::Zstd, decoded as u64, payload))
+        Ok(Finished::coded(place, Codec::Zstd, record, &compressed, body.len()))
     }
 
     /// Adds a section that was in another file.
@@ -99,6 +106,13 @@ impl Finished {
     fn stored(place: Place, record: Vec<u8>, body: &[u8]) -> Self {
         let payload = with_body(record, body);
         Self::new(place, Codec::Stored, payload.len() as u64, payload)
+    }
+
+    /// A section whose body is `coded` in `codec`, and has `length` bytes once it is decoded.
+    fn coded(place: Place, codec: Codec, record: Vec<u8>, coded: &[u8], length: usize) -> Self {
+        let payload = with_body(record, coded);
+        let decoded = payload.len() - coded.len() + length;
+        Self::new(place, codec, decoded as u64, payload)
     }
 
     fn new(place: Place, codec: Codec, decoded_length: u64, payload: Vec<u8>) -> Self {

@@ -207,7 +207,10 @@ fn codecs() {
     for kind in ["FRAME", "RULES", "PROVENANCE"] {
         malformed(refused(|f| f.part(kind).compress(0)), "codec");
     }
-    unsupported(refused(|f| f.part("DENSITY").codec = 2), "DENSITY");
+    for kind in ["FRAME", "RULES", "DENSITY"] {
+        malformed(refused(|f| f.part(kind).codec = 2), "codec");
+    }
+    unsupported(refused(|f| f.part("DENSITY").codec = 3), "DENSITY");
 }
 
 #[test]

@@ -31,7 +31,7 @@ ENTRY = struct.Struct("<12sHHIHHIIQQQQ")  # 64 bytes
 ALIGNMENT = 64  # bytes
 NO_SCALE = 0xFFFF
 NO_CHUNK = 0xFFFFFFFF
-STORED, ZSTD = 0, 1
+STORED, ZSTD, ADAPTIVE = 0, 1, 2
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 NAME_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
@@ -186,7 +186,7 @@ class Payload:
     """A section's bytes. Read `record` first, then `body`, or call `end` if the section has no body."""
 
     def __init__(self, container, section):
-        if section.codec not in (STORED, ZSTD):
+        if section.codec not in (STORED, ZSTD, ADAPTIVE):
             raise Unsupported(section.name, f"codec {section.codec}")
         self.name = section.name
         self.section = section
@@ -208,10 +208,11 @@ class Payload:
         return self.section.decoded_length - start
 
     @contextmanager
-    def body(self, minimum, maximum=None):
+    def body(self, minimum, maximum=None, adaptive=None):
         """The decoded body for the duration of a `with` block, of `minimum` bytes or of `minimum` to `maximum` bytes.
 
-        A stored body is a view into the file. A zstd body is decoded into memory of the budget.
+        A stored body is a view into the file. Another one is decoded into memory of the budget, in the codec adaptive by
+        `adaptive`, from its bytes.
         """
         maximum = minimum if maximum is None else maximum
         length = self.body_length
@@ -221,6 +222,10 @@ class Payload:
         stored = self.data[self._body_start() :]
         if self.section.codec == STORED:
             yield stored
+            return
+        if self.section.codec == ADAPTIVE:
+            with self.budget.borrow(length, self.name):
+                yield memoryview(adaptive(stored))
             return
         _check_zstd_frame(stored, length, self.name)
         with self.budget.borrow(length, self.name):
@@ -270,6 +275,8 @@ def _read_entry(index, fields):
         raise Malformed(f"{section.name} flags", int(kind.critical), flags)
     if kind is not None and codec == ZSTD and not kind.compressible:
         raise Malformed(f"{section.name} codec", STORED, codec)
+    if kind is not None and codec == ADAPTIVE and section.kind != "OCCUPANCY":
+        raise Malformed(f"{section.name} codec", "0 or 1", codec)
     if reserved or reserved4 or reserved8:
         raise Malformed(f"{section.name} reserved", "zeros", "another byte")
     if codec == STORED and decoded_length != length:

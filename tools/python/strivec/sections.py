@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from . import arrays, limits
+from . import adaptive, arrays, limits
 from .errors import Malformed, InvalidScene
 from .record import Record
 from .scene import (
@@ -193,7 +193,7 @@ def read_occupancy(payload):
     total = limits.check(math.prod(vertices), limits.OCCUPANCY_VERTICES, "OCCUPANCY vertices")
     size = -(-total // 8)
     payload.budget.take(size, payload.name)
-    with payload.body(size) as body:
+    with payload.body(size, adaptive=lambda data: adaptive.occupancy(data, vertices, payload.name)) as body:
         bits = np.frombuffer(body, np.uint8).copy()
     if total % 8 and bits[-1] >> (total % 8):
         raise Malformed("OCCUPANCY unused bits", "zeros", f"{bits[-1]:#04x} in the last byte")

@@ -136,10 +136,10 @@ class ValidVectors(unittest.TestCase):
         self.assertEqual(
             scene.skipped,
             [
-                "PROVENANCE: codec 2 is not supported",
+                "PROVENANCE: codec 3 is not supported",
                 "THUMBNAIL format: code 7 is not supported",
                 "PREFIX of scale 0 encoding: code 9 is not supported",
-                "NOTES: codec 2 is not supported",
+                "NOTES: codec 3 is not supported",
             ],
         )
 
