@@ -14,12 +14,12 @@ var<workgroup> covering: array<f32, ROWS * SCALES>;
 // [row] its ray, and its sample.
 var<workgroup> tile_rays: array<u32, ROWS>;
 var<workgroup> tile_rows: array<u32, ROWS>;
-// [row quad] Σ w of the samples so far.
-var<workgroup> tile_weights: array<vec4<f32>, ROW_QUADS>;
+// [row] the number of samples of the rays before it; then of all.
+var<workgroup> starts: array<u32, ROWS + 1u>;
+// [row] the weight of its sample.
+var<workgroup> sample_weights: array<f32, ROWS>;
 // [channel][row quad] the samples' own colors before the sigmoid.
 var<workgroup> own_colors: array<vec4<f32>, OWN_COLOR_QUADS>;
-// The largest number of shaded samples of a ray of the tile.
-var<workgroup> longest: u32;
 
 const NONE: u32 = 0xffffffffu;
 
@@ -31,8 +31,8 @@ fn find_sites(lane: u32) {
         var nearest: Nearest;
         var position = vec3(0.0);
         if tile_rows[r] != NONE {
-            let ray = tile_rays[r];
-            position = position_of(path_of(rays[ray]), bitcast<f32>(rows[tile_rows[r]].y));
+            let row = rows[tile_rows[r]];
+            position = position_of(path_of(rays[row.x]), bitcast<f32>(row.y));
             nearest = find_nearest(s, position);
         }
         covering[item] = select(0.0, 1.0, nearest.count > 0u);
@@ -156,48 +156,44 @@ fn gather_samples(lane: u32) {
 }
 
 // Writes the rays' composited components, Σ w·f / Σ w, to the tile and, in mode *residual*, the samples' own colors to
-// their rows.
+// their rows. The tile holds the samples of all rays, ray after ray, ROWS at a time.
 fn compose_rays(lane: u32) {
     if lane == 0u {
-        longest = 0u;
+        var samples = 0u;
         for (var r = 0u; r < ROWS; r += 1u) {
+            starts[r] = samples;
             if tile_rays[r] != NONE {
-                longest = max(longest, rays[tile_rays[r]].shaded);
+                samples += rays[tile_rays[r]].shaded;
             }
         }
+        starts[ROWS] = samples;
     }
-    if lane < ROW_QUADS {
-        tile_weights[lane] = vec4(0.0);
-    }
+    // Of each item, the rays' sums of four components, as columns.
     var sums: array<mat4x4<f32>, COMPONENT_ITEMS_PER_LANE>;
-    let samples = workgroupUniformLoad(&longest);
-    for (var sample = 0u; sample < samples; sample += 1u) {
+    let samples = workgroupUniformLoad(&starts[ROWS]);
+    for (var first = 0u; first < samples; first += ROWS) {
         if lane < ROWS {
             tile_rows[lane] = NONE;
-            if tile_rays[lane] != NONE && sample < rays[tile_rays[lane]].shaded {
-                tile_rows[lane] = rays[tile_rays[lane]].first_row + sample;
+            if first + lane < samples {
+                let row = row_of(first + lane);
+                tile_rows[lane] = row;
+                sample_weights[lane] = bitcast<f32>(rows[row].w);
             }
         }
         workgroupBarrier();
         find_sites(lane);
         workgroupBarrier();
+        gather_samples(lane);
+        workgroupBarrier();
         for (var i = 0u; i < COMPONENT_ITEMS_PER_LANE; i += 1u) {
             let item = i * LANES + lane;
             if item < COMPONENT_ITEMS {
-                let columns = columns_of(item);
-                let weights = weights_of(item % ROW_QUADS);
-                for (var c = 0u; c < 4u; c += 1u) {
-                    sums[i][c] += weights * columns[c];
-                }
-                if SAMPLES_HAVE_COLORS {
-                    put_columns(item, columns);
+                let ray = item % ROW_QUADS * 4u;
+                for (var r = 0u; r < 4u; r += 1u) {
+                    sums[i][r] = composite(ray + r, item / ROW_QUADS, first, sums[i][r]);
                 }
             }
         }
-        if lane < ROW_QUADS {
-            tile_weights[lane] += weights_of(lane);
-        }
-        workgroupBarrier();
         if SAMPLES_HAVE_COLORS {
             if lane < ROW_QUADS {
                 // The first three features are in the first quad.
@@ -213,28 +209,56 @@ fn compose_rays(lane: u32) {
                 let color = vec3(own_colors[q][r], own_colors[ROW_QUADS + q][r], own_colors[2u * ROW_QUADS + q][r]);
                 rows[tile_rows[lane]] = vec4(bitcast<vec3<u32>>(color), rows[tile_rows[lane]].w);
             }
-            workgroupBarrier();
         }
+        workgroupBarrier();
     }
     for (var i = 0u; i < COMPONENT_ITEMS_PER_LANE; i += 1u) {
         let item = i * LANES + lane;
         if item < COMPONENT_ITEMS {
-            let all = max(tile_weights[item % ROW_QUADS], vec4(1e-30));
-            for (var c = 0u; c < 4u; c += 1u) {
-                sums[i][c] /= all;
+            let weights = weights_of(item % ROW_QUADS);
+            for (var r = 0u; r < 4u; r += 1u) {
+                sums[i][r] /= weights[r];
             }
-            put_columns(item, sums[i]);
+            put_columns(item, transpose(sums[i]));
         }
     }
 }
 
-// The weights of the samples of row quad `q`.
+// The row of the tile's sample number `sample`.
+fn row_of(sample: u32) -> u32 {
+    var r = 0u;
+    while starts[r + 1u] <= sample {
+        r += 1u;
+    }
+    return rays[tile_rays[r]].first_row + sample - starts[r];
+}
+
+// `sum` plus Σ w·f of four components over those samples of the tile's ray `r` that the tile holds, one after the other: sums
+// do not depend on where the tile's first sample, number `first`, is.
+fn composite(r: u32, component: u32, first: u32, sum: vec4<f32>) -> vec4<f32> {
+    var total = sum;
+    let end = min(starts[r + 1u], first + ROWS);
+    for (var sample = max(starts[r], first); sample < end; sample += 1u) {
+        let row = sample - first;
+        let at = 4u * component * ROW_QUADS + row / 4u;
+        let column = row % 4u;
+        total += sample_weights[row] * vec4<f32>(vec4(
+            tile[at][column],
+            tile[at + ROW_QUADS][column],
+            tile[at + 2u * ROW_QUADS][column],
+            tile[at + 3u * ROW_QUADS][column],
+        ));
+    }
+    return total;
+}
+
+// Σ w over the shaded samples of each ray of row quad `q`; 1 without a ray.
 fn weights_of(q: u32) -> vec4<f32> {
-    var weights = vec4(0.0);
+    var weights = vec4(1.0);
     for (var r = 0u; r < 4u; r += 1u) {
-        let row = tile_rows[4u * q + r];
-        if row != NONE {
-            weights[r] = bitcast<f32>(rows[row].w);
+        let ray = tile_rays[4u * q + r];
+        if ray != NONE {
+            weights[r] = rays[ray].shaded_weights;
         }
     }
     return weights;

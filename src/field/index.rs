@@ -58,14 +58,17 @@ impl<T: Real> CellIndex<T> {
         while (bounds.size() / width).ceil().max(DVec3::ONE).element_product() > limit {
             width *= 1.25;
         }
-        let cells = (bounds.size() / width).ceil().max(DVec3::ONE).as_uvec3();
         // Rounding in T must not move a point to a cell whose list lacks its tensor. In cells, the rounding error grows
         // with the number of cells.
-        let slack = (1e-3 + 4.0 * T::epsilon().f64() * f64::from(cells.max_element())) * width;
-        let (starts, tensors) = tensors_by_cell(cloud, origin + bounds.min, width, cells, slack);
+        let most = (bounds.size() / width).ceil().max(DVec3::ONE).max_element() + 1.0;
+        let slack = (1e-3 + 4.0 * T::epsilon().f64() * most) * width;
+        // Faces at cell faces reach into the cells on both sides; now only the upper faces do.
+        let corner = bounds.min - 2.0 * slack;
+        let cells = ((bounds.max + slack - corner) / width).ceil().max(DVec3::ONE).as_uvec3();
+        let (starts, tensors) = tensors_by_cell(cloud, origin + corner, width, cells, slack);
 
         let mut index = Self {
-            min: bounds.min.to_array().map(T::of),
+            min: corner.to_array().map(T::of),
             cells_per_unit: (1.0 / width).to_array().map(T::of),
             cells: cells.as_ivec3().to_array(),
             lists: Vec::with_capacity(starts.len() - 1),

@@ -93,7 +93,7 @@ impl Shape {
     /// Bytes of the decoder's workgroup memory with `rows` rows.
     fn bytes_for(&self, rows: u32) -> u32 {
         let own_color = if self.decoder_mode == DecoderMode::Residual { 12 } else { 0 };
-        let row_bytes = SITE_BYTES * self.scales * self.top_k + 4 * self.scales + 8 + 4 + own_color;
+        let row_bytes = SITE_BYTES * self.scales * self.top_k + 4 * self.scales + 16 + own_color;
         let number_bytes = if self.has_f16_tile() { 2 } else { 4 };
         let per_row = number_bytes * self.tile_columns() + row_bytes;
         rows * per_row + 48
