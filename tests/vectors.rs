@@ -358,7 +358,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         scene.occupancy = Some(shell(scene.bounds));
         let options = EncodeOptions { zstd_level: Some(19), ..plain.clone() };
         let mut file = File::of(&encode_scene_file(&scene, &Metadata::default(), &options).unwrap());
-        assert_eq!(file.part("OCCUPANCY").codec, 2);
+        assert_eq!(file.part("OCCUPANCY").codec, 2, "adaptive");
         change(&mut file.part("OCCUPANCY").payload);
         file.bytes()
     };

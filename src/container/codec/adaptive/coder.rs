@@ -56,7 +56,7 @@ impl Counter {
     /// Learns that the context had `bit`.
     #[inline(always)]
     pub(super) fn learn(&mut self, bit: bool) {
-        let part = |distance: u32| (u64::from(distance) * u64::from(RATES[self.seen as usize]) >> 16) as u32;
+        let part = |distance: u32| ((u64::from(distance) * u64::from(RATES[self.seen as usize])) >> 16) as u32;
         if bit {
             self.probability += part((1 << PRECISION) - self.probability);
         } else {
@@ -99,7 +99,7 @@ impl Interval {
     /// The last number of the part of a 1, the lower one.
     #[inline(always)]
     fn end_of_one(self, probability: u32) -> u32 {
-        self.low + (u64::from(self.high - self.low) * u64::from(probability) >> 16) as u32
+        self.low + ((u64::from(self.high - self.low) * u64::from(probability)) >> 16) as u32
     }
 
     /// Narrows it to the part of `bit`.
@@ -208,12 +208,13 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Bits of which one in eight is 1, in `contexts` contexts by turns.
+    /// Bits of which one in eight is 1.
     fn bits(count: u64) -> Vec<bool> {
         let random = Random::new(7, "bits of a coder");
         (0..count).map(|n| random.uniform(n) < 0.125).collect()
     }
 
+    /// In `contexts` contexts by turns.
     fn encoded(bits: &[bool], contexts: usize) -> Vec<u8> {
         let (mut encoder, mut counters) = (Encoder::new(), vec![Counter::default(); contexts]);
         for (n, &bit) in bits.iter().enumerate() {
