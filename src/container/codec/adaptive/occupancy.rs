@@ -13,7 +13,31 @@ const ALL: u32 = 18;
 /// Contexts of all neighbors count from this many bits on; before, those of the near ones do.
 const ENOUGH: u32 = 2;
 
-/// What the vertices of a block are.
+/// The rows around one that a context needs: offsets on y and z. The first is the row itself.
+const ROWS: [[isize; 2]; 7] = [[0, 0], [-1, 0], [0, -1], [-2, 0], [0, -2], [-1, -1], [1, -1]];
+/// The vertices of a context, from its lowest bit on: their row of [`ROWS`], and their offset on x. The near ones come first.
+const NEIGHBORS: [(usize, i32); ALL as usize] = [
+    (0, -2),
+    (0, -1),
+    (1, -1),
+    (1, 0),
+    (1, 1),
+    (2, -1),
+    (2, 0),
+    (2, 1),
+    (3, 0),
+    (4, 0),
+    (5, 0),
+    (6, 0),
+    (1, -2),
+    (1, 2),
+    (5, -1),
+    (5, 1),
+    (6, -1),
+    (6, 1),
+];
+
+/// The state of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Block {
     /// None is set.
@@ -77,17 +101,15 @@ fn code(coder: &mut impl Coder, grid: &mut Grid) {
             }
             let first = ((z / BLOCK) * counts[1] + y / BLOCK) * counts[0];
             for (x, block) in blocks[first..first + counts[0]].iter().enumerate() {
-                let known = grid.rows[grid.at(x, y, z)];
-                let row = match block {
+                let at = grid.at(x, y, z);
+                grid.rows[at] = match block {
                     Block::Empty => 0,
                     Block::Full => grid.mask(x),
                     Block::Mixed => {
                         let count = BLOCK.min(grid.vertices[0] - BLOCK * x);
-                        code_row(coder, grid.windows(x, y, z), known, count, &mut near, &mut all)
+                        code_row(coder, grid.windows(x, y, z), grid.rows[at], count, &mut near, &mut all)
                     }
                 };
-                let at = grid.at(x, y, z);
-                grid.rows[at] = row;
             }
         }
     }
@@ -122,53 +144,32 @@ fn code_blocks(coder: &mut impl Coder, grid: &Grid, counts: [usize; 3]) -> Vec<B
     blocks
 }
 
-/// The vertices of seven rows around eight of a row: bit 8 + i is that of vertex i of the eight.
-struct Windows {
-    /// The row itself, and those at y − 1 and y − 2.
-    same: u32,
-    before: u32,
-    before_two: u32,
-    /// Those at z − 1, at y − 1, y and y + 1; and that at z − 2.
-    below: [u32; 3],
-    below_two: u32,
-}
-
-/// Codes the first `count` bits of `known`, vertices beside each other. Returns the bits.
+/// Codes the first `count` vertices of `known`, which are beside each other in a row; bit 8 + i of `windows` is at the x of
+/// vertex i. Returns their bits.
 #[inline(always)]
 fn code_row(
     coder: &mut impl Coder,
-    windows: Windows,
+    mut windows: [u32; ROWS.len()],
     known: u8,
     count: usize,
     near: &mut [Counter],
     all: &mut [Counter],
 ) -> u8 {
-    let Windows { mut same, before, before_two, below: [below_before, below, below_after], below_two } = windows;
     let mut row = 0;
-    // What an encoder knows of the row itself is behind the vertex.
-    same &= 0xff;
+    // An encoder's grid also has the bits from the first vertex on, which a decoder has not read yet.
+    windows[0] &= 0xff;
     for i in 0..count {
-        let of_near = same >> (6 + i) & 3
-            | (before >> (7 + i) & 7) << 2
-            | (below >> (7 + i) & 7) << 5
-            | (before_two >> (8 + i) & 1) << 8
-            | (below_two >> (8 + i) & 1) << 9
-            | (below_before >> (8 + i) & 1) << 10
-            | (below_after >> (8 + i) & 1) << 11;
-        let of_all = of_near
-            | (before >> (6 + i) & 1) << 12
-            | (before >> (10 + i) & 1) << 13
-            | (below_before >> (7 + i) & 1) << 14
-            | (below_before >> (9 + i) & 1) << 15
-            | (below_after >> (7 + i) & 1) << 16
-            | (below_after >> (9 + i) & 1) << 17;
-        let (near, all) = (&mut near[of_near as usize], &mut all[of_all as usize]);
+        let mut context = 0;
+        for (bit, &(row, x)) in NEIGHBORS.iter().enumerate() {
+            context |= (windows[row] >> (8 + i as i32 + x) & 1) << bit;
+        }
+        let (near, all) = (&mut near[context as usize % (1 << NEAR)], &mut all[context as usize]);
         let counter = if all.seen() < ENOUGH { &*near } else { &*all };
         let bit = coder.code(known >> i & 1 != 0, counter.probability());
         near.learn(bit);
         all.learn(bit);
         row |= u8::from(bit) << i;
-        same |= u32::from(bit) << (8 + i);
+        windows[0] |= u32::from(bit) << (8 + i);
     }
     row
 }
@@ -194,7 +195,7 @@ impl Grid {
         }
     }
 
-    /// What block (`x`, `y`, `z`) is. Meaningless in a decoder, whose grid is empty.
+    /// The state of block (`x`, `y`, `z`): empty in a decoder, which has not read its vertices yet.
     fn block(&self, x: usize, y: usize, z: usize) -> Block {
         let (mut any, mut every) = (false, true);
         for z in BLOCK * z..(BLOCK * z + BLOCK).min(self.vertices[2]) {
@@ -211,29 +212,19 @@ impl Grid {
         }
     }
 
-    /// The windows around byte `x` of the row of `y` and `z`.
+    /// \[row of [`ROWS`]\] byte `x` of the row, between the one before and the one behind it, around the row of `y` and `z`.
     #[inline(always)]
-    fn windows(&self, x: usize, y: usize, z: usize) -> Windows {
-        // `dy` and `dz` rows before; none is there before the first.
-        let window = |dy: usize, dz: usize| match (y.checked_sub(dy), z.checked_sub(dz)) {
-            (Some(y), Some(z)) => self.window(x, y, z),
-            _ => 0,
-        };
-        let after = if y + 1 < self.vertices[1] && z > 0 { self.window(x, y + 1, z - 1) } else { 0 };
-        Windows {
-            same: window(0, 0),
-            before: window(1, 0),
-            before_two: window(2, 0),
-            below: [window(1, 1), window(0, 1), after],
-            below_two: window(0, 2),
+    fn windows(&self, x: usize, y: usize, z: usize) -> [u32; ROWS.len()] {
+        let mut windows = [0; ROWS.len()];
+        for (window, [dy, dz]) in windows.iter_mut().zip(ROWS) {
+            if let (Some(y), Some(z)) = (y.checked_add_signed(dy), z.checked_add_signed(dz))
+                && y < self.vertices[1]
+            {
+                let at = self.at(x, y, z);
+                *window = u32::from_le_bytes([self.rows[at - 1], self.rows[at], self.rows[at + 1], 0]);
+            }
         }
-    }
-
-    /// Byte `x` of the row of `y` and `z`, between the one before and the one behind it.
-    #[inline(always)]
-    fn window(&self, x: usize, y: usize, z: usize) -> u32 {
-        let at = self.at(x, y, z);
-        u32::from_le_bytes([self.rows[at - 1], self.rows[at], self.rows[at + 1], 0])
+        windows
     }
 
     /// Sets the vertices of `bits`, as [`compress`] takes them.
