@@ -168,7 +168,7 @@ fn compose_rays(lane: u32) {
         }
         starts[ROWS] = samples;
     }
-    // Of each item, the rays' sums of four components, as columns.
+    // The sums of four components of each item, a column for each of its four rays.
     var sums: array<mat4x4<f32>, COMPONENT_ITEMS_PER_LANE>;
     let samples = workgroupUniformLoad(&starts[ROWS]);
     for (var first = 0u; first < samples; first += ROWS) {

@@ -62,7 +62,7 @@ impl<T: Real> CellIndex<T> {
         // with the number of cells.
         let most = (bounds.size() / width).ceil().max(DVec3::ONE).max_element() + 1.0;
         let slack = (1e-3 + 4.0 * T::epsilon().f64() * most) * width;
-        // Faces at cell faces reach into the cells on both sides; now only the upper faces do.
+        // Faces that fall on cell faces would reach into the cells on both sides; beside them, the lower faces do not.
         let corner = bounds.min - 2.0 * slack;
         let cells = ((bounds.max + slack - corner) / width).ceil().max(DVec3::ONE).as_uvec3();
         let (starts, tensors) = tensors_by_cell(cloud, origin + corner, width, cells, slack);
