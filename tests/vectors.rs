@@ -68,8 +68,7 @@ fn file(scene: &Scene, mut metadata: Metadata, options: &EncodeOptions) -> Vec<u
 
 fn in_arrays(encoding: Encoding, filter: Filter) -> EncodeOptions {
     let array = ArrayOptions { encoding, filter };
-    let steps = (encoding == Encoding::Cosine).then(|| vec![step_code(0.01); 1 << 14]);
-    let factors = vec![FactorOptions { array, steps }];
+    let factors = vec![FactorOptions { array, steps: None }];
     EncodeOptions {
         density: factors.clone(),
         appearance: factors,
@@ -91,9 +90,6 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
         ("f32-planes", Encoding::F32, Filter::Planes),
         ("f16", Encoding::F16, Filter::None),
         ("f16-planes", Encoding::F16, Filter::Planes),
-        ("cosine", Encoding::Cosine, Filter::None),
-        ("cosine-planes", Encoding::Cosine, Filter::Planes),
-        ("grid-8-differences", Encoding::Grid(8), Filter::Differences),
     ] {
         add(name, file(&ball(), Metadata::default(), &in_arrays(encoding, filter)));
     }
@@ -128,6 +124,24 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     for (name, options) in [("ragged-f32", plain.clone()), ("ragged-grid", in_arrays(Encoding::Grid(6), Filter::None))]
     {
         add(name, file(&ragged, Metadata::default(), &options));
+    }
+    // Steps as a packed file has them, and the finest, whose integers are the largest.
+    let coarse = vec![step_code(0.1); 1 << 14];
+    for (name, scene, bits, steps) in [
+        ("integers-adaptive", &ball(), 16, Some(coarse.clone())),
+        ("integers-adaptive-finest", &ball(), 16, None),
+        ("integers-adaptive-3", &ball(), 3, None),
+        ("integers-adaptive-ragged", &ragged, 16, Some(coarse)),
+    ] {
+        let factors = vec![FactorOptions { array: ArrayOptions::best(Encoding::Grid(bits)), steps }];
+        let options = EncodeOptions {
+            density: factors.clone(),
+            appearance: factors,
+            networks: ArrayOptions::best(Encoding::Grid(8)),
+            zstd_level: Some(19),
+            ..plain.clone()
+        };
+        add(name, file(scene, Metadata::default(), &options));
     }
 
     type Change = fn(&mut Scene);
@@ -311,7 +325,8 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
                 fine.set(centers.clone());
             })
         }),
-        ("malformed-filter", patched("DENSITY", 10, &[2])),
+        ("malformed-filter", patched("DENSITY", 8, &[2, 8, 1])),
+        ("unsupported-filter", patched("DENSITY", 10, &[2])),
         ("malformed-reserved", patched("SCALE", 46, &[1])),
         ("malformed-flags", changed(&|f| f.part("RULES").flags = 3)),
         (
@@ -337,9 +352,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         }),
         ("malformed-codec-thumbnail", changed(&|f| f.part("THUMBNAIL").compress(64))),
         ("malformed-codec-probes", changed(&|f| f.part("PROBES").compress(64))),
-        ("malformed-cosine-decoder", patched("DECODER", 33, &[3, 16])),
-        ("malformed-cosine-matrix", patched("MATRIX", 8, &[3, 16])),
-        ("malformed-cosine-prefix", patched("PREFIX", 24, &[3, 16])),
+        ("malformed-adaptive-floats", changed(&|f| f.part("MATRIX").codec = 2)),
         (
             "malformed-quality",
             changed(&|f| {
@@ -365,6 +378,20 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     files.push(("malformed-adaptive-short", adaptive(&|payload| payload.truncate(payload.len() - 1))));
     files.push(("malformed-adaptive-long", adaptive(&|payload| payload.push(0))));
     files.push(("malformed-adaptive-last", adaptive(&|payload| *payload.last_mut().unwrap() ^= 1)));
+    let integers = |change: &dyn Fn(&mut Vec<u8>)| {
+        let steps = Some(vec![step_code(0.1); 1 << 14]);
+        let factors = vec![FactorOptions { array: ArrayOptions::best(Encoding::Grid(16)), steps }];
+        let options =
+            EncodeOptions { density: factors.clone(), appearance: factors, zstd_level: Some(19), ..plain.clone() };
+        let mut file = File::of(&encode_scene_file(&ball(), &Metadata::default(), &options).unwrap());
+        let last = file.sections.iter_mut().rfind(|part| part.kind == name("DENSITY")).unwrap();
+        assert_eq!(last.codec, 2, "adaptive");
+        change(&mut last.payload);
+        file.bytes()
+    };
+    files.push(("malformed-integers-short", integers(&|payload| payload.truncate(payload.len() - 9))));
+    files.push(("malformed-integers-long", integers(&|payload| payload.push(0))));
+    files.push(("malformed-integers-ones", integers(&|payload| payload[64 + 20..].fill(0xff))));
     let bomb = {
         let mut scene = made::smallest();
         scene.occupancy = Some(Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
@@ -372,8 +399,17 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             .unwrap()
     };
     files.push(("budget", bomb));
-    let error = |bytes: &[u8]| decode_scene_file(bytes, HOSTILE_LIMITS).expect_err("it is hostile").to_string();
-    files.into_iter().map(|(name, bytes)| (name.to_owned(), (bytes.clone(), error(&bytes)))).collect()
+    let error = |name: &str, bytes: &[u8]| match decode_scene_file(bytes, HOSTILE_LIMITS) {
+        Ok(_) => panic!("{name} is valid"),
+        Err(error) => error.to_string(),
+    };
+    files
+        .into_iter()
+        .map(|(name, bytes)| {
+            let text = error(name, &bytes);
+            (name.to_owned(), (bytes, text))
+        })
+        .collect()
 }
 
 /// The limits that the hostile vectors are opened with.
@@ -485,7 +521,7 @@ fn a_part_of_a_vector_opens_without_the_rest() {
 fn the_number_of_threads_changes_neither_bytes_nor_numbers_nor_errors() {
     let scene = ball();
     let options =
-        EncodeOptions { chunk_tensors: 3, zstd_level: Some(3), ..in_arrays(Encoding::Cosine, Filter::Planes) };
+        EncodeOptions { chunk_tensors: 3, zstd_level: Some(3), ..in_arrays(Encoding::Grid(16), Filter::None) };
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -1,16 +1,17 @@
-//! Arrays of numbers in groups (spec 3.3): as floats, as integers times a step for each group, or as integers times a
-//! step for the cosine transform of each group.
+//! Arrays of numbers in groups (spec 3.3): as floats, or as integers times a step for each group.
 
+use std::borrow::Cow;
 use std::fmt::Display;
 
 use half::f16;
 
-use super::cosine::CosineTransform;
+use super::codec::adaptive::{self, Groups, Shape};
 use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, largest, step, step_code};
 use super::error::Error;
-use super::limits::{self, Budget};
+use super::limits::Budget;
 use super::payload::Body;
 use super::record::{BorrowDecode, Encode};
+use super::writer::{Finished, Place, Writer};
 
 /// The codes of an array, at the end of its section's record; 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
@@ -42,7 +43,6 @@ pub(super) fn write(
     let filter_code = match filter {
         Filter::None => 0,
         Filter::Planes => 1,
-        Filter::Differences => 2,
     };
     let mut body = Vec::with_capacity(encoding.length(lengths.clone().count() as u64, values.len() as u64) as usize);
     let head = |error| ArrayHead { encoding: code, bits, filter: filter_code, reserved: 0, error };
@@ -57,35 +57,29 @@ pub(super) fn write(
             within(f16::MAX.into(), &|v| f16::from_f32(v).is_infinite())?;
             body.extend(values.iter().flat_map(|&v| f16::from_f32(v).to_le_bytes()));
         }
-        Encoding::Grid(_) | Encoding::Cosine => {
+        Encoding::Grid(bits) => {
             let found;
             let steps = match steps {
                 Some(steps) => steps,
                 None => {
-                    if let Encoding::Grid(bits) = encoding {
-                        let most = step(u8::MAX) * largest(bits);
-                        within(most, &|v| v.abs() > most)?;
-                    }
-                    found = finest_steps(encoding, groups_of(values, lengths.clone()));
+                    let most = step(u8::MAX) * largest(bits);
+                    within(most, &|v| v.abs() > most)?;
+                    found = finest_steps(bits, groups_of(values, lengths.clone()));
                     &found
                 }
             };
             body.extend_from_slice(steps);
-            let mut cosines = Cosines::default();
-            let mut integers = Vec::new();
+            let width = encoding.width();
             for (group, &code) in groups_of(values, lengths.clone()).zip(steps) {
                 let step = step(code);
-                match encoding {
-                    Encoding::Grid(bits) => round_to_grid(group, step, largest(bits), &mut integers),
-                    _ => round_to_grid(cosines.forward(group), step, f32::from(i16::MAX), &mut integers),
-                }
-                write_integers(&integers, encoding, filter, &mut body);
+                body.extend(
+                    group.iter().flat_map(|&v| rounded(v, step, largest(bits)).to_le_bytes().into_iter().take(width)),
+                );
             }
         }
     }
-    let floats_at = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
     if filter == Filter::Planes {
-        to_planes(&mut body[floats_at..], encoding.width());
+        to_planes(&mut body, encoding.width());
     }
     let mut written = Written { head: head(0.0), body };
     let read = read(place, &written.head, &written.body, lengths)?;
@@ -95,15 +89,40 @@ pub(super) fn write(
     Ok(written)
 }
 
-/// [`write`] of the numbers of a network (DECODER, MATRIX and PREFIX), in the finest steps.
+/// The section of a `record` and a `body` that ends with an array in `encoding`, compressed if that makes it smaller. `shape`
+/// is asked for if integers are to be coded.
+pub(super) fn finished(
+    writer: &Writer,
+    place: Place,
+    record: Vec<u8>,
+    body: &[u8],
+    encoding: Encoding,
+    shape: impl FnOnce(u8) -> Shape,
+) -> Result<Finished, Error> {
+    match encoding {
+        Encoding::F32 | Encoding::F16 => writer.finished(place, record, body),
+        Encoding::Grid(bits) => {
+            Ok(writer.finished_adaptive(place, record, body, || adaptive::compress_integers(&shape(bits), body)))
+        }
+    }
+}
+
+/// Writes the section at `place`, named `name`, of a network's numbers (DECODER, MATRIX or PREFIX), in the finest steps.
+/// `record` makes its record from the array's head.
 pub(super) fn write_network(
-    place: &dyn Display,
+    writer: &mut Writer,
+    place: Place,
+    name: &dyn Display,
     values: &[f32],
     lengths: impl Iterator<Item = usize> + Clone,
     options: ArrayOptions,
-) -> Result<Written, Error> {
-    check_network_encoding(place, options.encoding)?;
-    write(place, values, lengths, options, None)
+    record: impl FnOnce(ArrayHead) -> Result<Vec<u8>, Error>,
+) -> Result<(), Error> {
+    let Written { head, body } = write(name, values, lengths.clone(), options, None)?;
+    let shape = |bits| of_rows(bits, lengths);
+    let section = finished(writer, place, record(head)?, &body, options.encoding, shape)?;
+    writer.add(section);
+    Ok(())
 }
 
 /// The numbers of a network (DECODER, MATRIX and PREFIX), whose array is the whole of `body`.
@@ -114,12 +133,33 @@ pub(super) fn read_network(
     budget: &mut Budget,
 ) -> Result<Vec<f32>, Error> {
     let encoding = head.options(body.section)?.encoding;
-    check_network_encoding(body.section, encoding)?;
     let (groups, numbers) = count(lengths.clone());
     // The numbers, and the integers in another arrangement.
     budget.spend(body.section, 8 * numbers)?;
-    let bytes = body.decode(encoding.length(groups, numbers), budget)?;
+    let length = encoding.length(groups, numbers);
+    let bytes = decode(body, length, encoding, budget, |bits| of_rows(bits, lengths.clone()))?;
     read(body.section, head, &bytes, lengths)
+}
+
+/// The decoded `body` of `length` bytes, which ends with an array in `encoding`. `shape` is asked for if integers are coded.
+pub(super) fn decode<'a>(
+    body: &Body<'a>,
+    length: u64,
+    encoding: Encoding,
+    budget: &mut Budget,
+    shape: impl FnOnce(u8) -> Shape,
+) -> Result<Cow<'a, [u8]>, Error> {
+    body.decode_by(length, budget, |bytes, _| {
+        let Encoding::Grid(bits) = encoding else {
+            return Err(Error::malformed(format!("{} codec", body.section), "stored or zstd for floats", "adaptive"));
+        };
+        adaptive::decompress_integers(body.section, &shape(bits), length as usize, bytes)
+    })
+}
+
+/// What the body of an array of rows of these lengths consists of.
+fn of_rows(bits: u8, lengths: impl Iterator<Item = usize>) -> Shape {
+    Shape { bits, masks: None, groups: Groups::Rows(lengths.collect()) }
 }
 
 /// Groups and numbers.
@@ -137,7 +177,7 @@ pub(super) fn read(
     let ArrayOptions { encoding, filter } = head.options(place)?;
     let groups = if encoding.is_by_group() { lengths.clone().count() } else { 0 };
     let (steps, numbers) = body.split_at(groups);
-    let numbers: std::borrow::Cow<[u8]> = match filter {
+    let numbers: Cow<[u8]> = match filter {
         Filter::Planes => from_planes(numbers, encoding.width()).into(),
         _ => numbers.into(),
     };
@@ -146,39 +186,24 @@ pub(super) fn read(
         Encoding::F32 => values.extend(numbers.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b))),
         Encoding::F16 => values.extend(numbers.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32())),
         Encoding::Grid(bits) => {
-            let mut at = 0;
+            let width = encoding.width();
+            let integer = |bytes: &[u8]| match *bytes {
+                [low, high] => i16::from_le_bytes([low, high]),
+                _ => i16::from(bytes[0] as i8),
+            };
+            let most = largest(bits) as i16;
+            let mut rest = &numbers[..];
             for (n, (length, &code)) in lengths.zip(steps).enumerate() {
+                let (group, after) = rest.split_at(width * length);
+                rest = after;
                 let step = step(code);
-                let most = largest(bits) as i8;
-                let mut previous = 0i8;
-                for &byte in &numbers[at..at + length] {
-                    let q = if filter == Filter::Differences { previous.wrapping_add(byte as i8) } else { byte as i8 };
+                for q in group.chunks_exact(width).map(integer) {
                     if q.unsigned_abs() > most.unsigned_abs() || (code == 0 && q != 0) {
                         let expected = if code == 0 { "0".into() } else { format!("-{most} to {most}") };
                         return Err(Error::malformed(format!("{place} integer of group {n}"), expected, q));
                     }
-                    previous = q;
                     values.push(step * f32::from(q));
                 }
-                at += length;
-            }
-        }
-        Encoding::Cosine => {
-            let integers = numbers.as_chunks::<2>().0;
-            let (mut cosines, mut coefficients, mut at) = (Cosines::default(), Vec::new(), 0);
-            for length in lengths.clone() {
-                limits::check(format!("{place} numbers of a group"), limits::COSINE_LENGTH, length)?;
-            }
-            for (n, (length, &code)) in lengths.zip(steps).enumerate() {
-                let step = step(code);
-                coefficients.clear();
-                coefficients
-                    .extend(integers[at..at + length].iter().map(|&b| step * from_zigzag(u16::from_le_bytes(b))));
-                if code == 0 && integers[at..at + length].iter().any(|b| *b != [0; 2]) {
-                    return Err(Error::malformed(format!("{place} integers of group {n}"), "zeros", "another number"));
-                }
-                values.extend_from_slice(cosines.inverse(&coefficients));
-                at += length;
             }
         }
     }
@@ -192,7 +217,6 @@ impl ArrayHead {
         let filter = match self.filter {
             0 => Filter::None,
             1 => Filter::Planes,
-            2 => Filter::Differences,
             code => return Err(Error::unsupported(format!("{place} filter"), format!("code {code}"))),
         };
         check_filter(place, encoding, filter)?;
@@ -210,69 +234,24 @@ impl ArrayHead {
             (0, 0) => Ok(Encoding::F32),
             (1, 0) => Ok(Encoding::F16),
             (2, bits) if GRID_BITS.contains(&bits) => Ok(Encoding::Grid(bits)),
-            (3, 16) => Ok(Encoding::Cosine),
-            (0..=3, bits) => unsupported("bits", bits),
+            (0..=2, bits) => unsupported("bits", bits),
             (code, _) => unsupported("encoding", code),
         }
     }
 }
 
-/// The step codes that lose least: the smallest steps that reach each group's largest number, or coefficient.
-fn finest_steps<'a>(encoding: Encoding, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
+/// The step codes that lose least: the smallest steps that reach each group's largest number.
+fn finest_steps<'a>(bits: u8, groups: impl Iterator<Item = &'a [f32]>) -> Vec<u8> {
     let size = |values: &[f32]| values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-    let mut cosines = Cosines::default();
-    let step_of = |group: &[f32]| match encoding {
-        Encoding::F32 | Encoding::F16 => 0.0,
-        Encoding::Grid(bits) => size(group) / largest(bits),
-        Encoding::Cosine => size(cosines.forward(group)) / f32::from(i16::MAX),
-    };
-    groups.map(step_of).map(step_code).collect()
-}
-
-/// The arrays of networks have no cosine encoding (spec 3.5, 3.8 and 3.11).
-fn check_network_encoding(place: &dyn Display, encoding: Encoding) -> Result<(), Error> {
-    match encoding {
-        Encoding::F32 | Encoding::F16 | Encoding::Grid(_) => Ok(()),
-        Encoding::Cosine => Err(Error::malformed(format!("{place} encoding"), "f32, f16 or grid", "cosine")),
-    }
+    groups.map(|group| step_code(size(group) / largest(bits))).collect()
 }
 
 fn check_filter(place: &dyn Display, encoding: Encoding, filter: Filter) -> Result<(), Error> {
     let (fits, name) = match filter {
         Filter::None => (true, "none"),
-        Filter::Planes => (encoding.width() > 1, "planes"),
-        Filter::Differences => (matches!(encoding, Encoding::Grid(_)), "differences"),
+        Filter::Planes => (!encoding.is_by_group(), "planes"),
     };
     if fits { Ok(()) } else { Err(Error::malformed(format!("{place} filter"), "one of its encoding", name)) }
-}
-
-/// Transforms of the lengths used so far.
-#[derive(Default)]
-struct Cosines {
-    known: Vec<(usize, CosineTransform)>,
-    result: Vec<f32>,
-}
-
-impl Cosines {
-    fn with_length(&mut self, length: usize) -> (&CosineTransform, &mut Vec<f32>) {
-        let at = self.known.iter().position(|k| k.0 == length).unwrap_or_else(|| {
-            self.known.push((length, CosineTransform::new(length)));
-            self.known.len() - 1
-        });
-        (&self.known[at].1, &mut self.result)
-    }
-
-    fn forward(&mut self, values: &[f32]) -> &[f32] {
-        let (transform, result) = self.with_length(values.len());
-        transform.forward(values, result);
-        &self.result
-    }
-
-    fn inverse(&mut self, coefficients: &[f32]) -> &[f32] {
-        let (transform, result) = self.with_length(coefficients.len());
-        transform.inverse(coefficients, result);
-        &self.result
-    }
 }
 
 /// `values` cut into groups.
@@ -285,35 +264,9 @@ fn groups_of(values: &[f32], lengths: impl Iterator<Item = usize>) -> impl Itera
     })
 }
 
-fn round_to_grid(values: &[f32], step: f32, largest: f32, integers: &mut Vec<i16>) {
-    integers.clear();
-    if step == 0.0 {
-        integers.resize(values.len(), 0);
-    } else {
-        integers.extend(values.iter().map(|v| (v / step).round_ties_even().clamp(-largest, largest) as i16));
-    }
-}
-
-fn write_integers(integers: &[i16], encoding: Encoding, filter: Filter, body: &mut Vec<u8>) {
-    if encoding == Encoding::Cosine {
-        body.extend(integers.iter().flat_map(|&q| to_zigzag(q).to_le_bytes()));
-        return;
-    }
-    let mut previous = 0;
-    for &q in integers {
-        body.push(q.wrapping_sub(previous) as u8);
-        if filter == Filter::Differences {
-            previous = q;
-        }
-    }
-}
-
-fn to_zigzag(q: i16) -> u16 {
-    ((q << 1) ^ (q >> 15)) as u16
-}
-
-fn from_zigzag(z: u16) -> f32 {
-    f32::from((z >> 1) as i16 ^ -((z & 1) as i16))
+/// The integer of `value` in these steps.
+fn rounded(value: f32, step: f32, largest: f32) -> i16 {
+    if step == 0.0 { 0 } else { (value / step).round_ties_even().clamp(-largest, largest) as i16 }
 }
 
 fn to_planes(bytes: &mut [u8], width: usize) {

@@ -44,19 +44,21 @@ struct LayerRecord {
 pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOptions) -> Result<(), Error> {
     let layers: Vec<_> = decoder.layers.iter().map(|l| LayerRecord { inputs: l.inputs, outputs: l.outputs }).collect();
     let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
-    let written = array::write_network(&"DECODER", &numbers, group_lengths(&layers), options)?;
-    let record = DecoderRecord {
-        mode: match decoder.mode {
-            DecoderMode::PerSample => 0,
-            DecoderMode::PerRay => 1,
-            DecoderMode::Residual => 2,
-        },
-        feature_frequencies: decoder.feature_frequencies,
-        direction_frequencies: decoder.direction_frequencies,
-        layers,
-        head: written.head,
-    };
-    writer.compressed(Place::whole(SectionKind::Decoder), record::write(&"DECODER", &record)?, &written.body)
+    let place = Place::whole(SectionKind::Decoder);
+    array::write_network(writer, place, &"DECODER", &numbers, group_lengths(&layers), options, |head| {
+        let record = DecoderRecord {
+            mode: match decoder.mode {
+                DecoderMode::PerSample => 0,
+                DecoderMode::PerRay => 1,
+                DecoderMode::Residual => 2,
+            },
+            feature_frequencies: decoder.feature_frequencies,
+            direction_frequencies: decoder.direction_frequencies,
+            layers: layers.clone(),
+            head,
+        };
+        record::write(&"DECODER", &record)
+    })
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions), Error> {

@@ -32,8 +32,8 @@ pub struct EncodeOptions {
 pub struct FactorOptions {
     /// As floats or integers, and in which arrangement.
     pub array: ArrayOptions,
-    /// \[tensor\]\[component\]\[axis\] step codes for grids and cosines ([`super::step`]); `None` for a grid's finest
-    /// steps that reach every number.
+    /// \[tensor\]\[component\] step codes for grids ([`super::step`]); `None` for the finest steps that reach every
+    /// number.
     pub steps: Option<Vec<u8>>,
 }
 

@@ -8,13 +8,11 @@ pub enum Encoding {
     /// Rounded to half precision, to nearest, ties to even: a relative error of at most 2^-11 down to 6.1e-5, an
     /// absolute one of at most 3e-8 below. A number that would round to infinity is an error.
     F16,
-    /// Integers of these bits (8, 6, 5, 4 or 3) times a step for each group.
+    /// Integers of these bits (16, 8, 6, 5, 4 or 3) times a step for each group.
     Grid(u8),
-    /// 16-bit integers times a step for each group: the coefficients of its cosine transform.
-    Cosine,
 }
 
-/// Arrangements of the integers or floats before compression; lossless.
+/// Arrangements of floats before compression; lossless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Filter {
     /// One after the other.
@@ -22,8 +20,6 @@ pub enum Filter {
     None,
     /// All first bytes, then all second bytes, and so on.
     Planes,
-    /// The difference of each integer from its predecessor in the group.
-    Differences,
 }
 
 /// Encoding and filter of an array.
@@ -39,7 +35,7 @@ impl ArrayOptions {
     /// `encoding` with the filter that compresses best on trained scenes.
     pub fn best(encoding: Encoding) -> Self {
         let filter = match encoding {
-            Encoding::F32 | Encoding::F16 | Encoding::Cosine => Filter::Planes,
+            Encoding::F32 | Encoding::F16 => Filter::Planes,
             Encoding::Grid(_) => Filter::None,
         };
         Self { encoding, filter }
@@ -47,7 +43,7 @@ impl ArrayOptions {
 }
 
 /// The widths of [`Encoding::Grid`].
-pub const GRID_BITS: [u8; 5] = [8, 6, 5, 4, 3];
+pub const GRID_BITS: [u8; 6] = [16, 8, 6, 5, 4, 3];
 
 /// M of the specification: 2^(j/8) in f32.
 const MANTISSAS: [u32; 8] =
@@ -85,21 +81,26 @@ impl Encoding {
             Self::F32 => (0, 0),
             Self::F16 => (1, 0),
             Self::Grid(bits) => (2, bits),
-            Self::Cosine => (3, 16),
         }
     }
 
-    /// Whether components run slowest, so that each vector is a group.
+    /// Whether components run slowest, so that each of them is a group.
     pub(super) fn is_by_group(self) -> bool {
-        matches!(self, Self::Grid(_) | Self::Cosine)
+        matches!(self, Self::Grid(_))
     }
 
     /// Bytes of a number.
     pub(super) fn width(self) -> usize {
         match self {
             Self::F32 => 4,
-            Self::F16 | Self::Cosine => 2,
-            Self::Grid(_) => 1,
+            Self::F16 => 2,
+            Self::Grid(bits) => {
+                if bits > 8 {
+                    2
+                } else {
+                    1
+                }
+            }
         }
     }
 

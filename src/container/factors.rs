@@ -1,6 +1,7 @@
 //! DENSITY and APPEARANCE: the factors of a chunk's tensors (spec 3.10).
 
 use super::array::{self, ArrayHead};
+use super::codec::adaptive::{Groups, Shape};
 use super::encoding::ArrayOptions;
 use super::error::Error;
 use super::limits::Budget;
@@ -33,17 +34,15 @@ pub(super) struct Part<'a> {
 /// How a chunk's numbers are laid out in a scene's and in a file's order.
 struct Layout {
     rank: usize,
-    /// Rows of a tensor, and of each of its axes.
+    /// Rows of a tensor.
     rows: usize,
-    axes: [usize; 3],
     /// \[tensor of the chunk\] the components that it has.
     components: Vec<Vec<usize>>,
 }
 
 impl Layout {
     fn new(rank: usize, resolution: [u32; 3], components: Vec<Vec<usize>>) -> Self {
-        let axes = resolution.map(|d| d as usize + 1);
-        Self { rank, rows: Factors::rows(resolution), axes, components }
+        Self { rank, rows: Factors::rows(resolution), components }
     }
 
     /// Entries of a tensor in a scene.
@@ -53,8 +52,7 @@ impl Layout {
 
     /// The lengths of the array's groups.
     fn group_lengths(&self) -> impl Iterator<Item = usize> + Clone {
-        let vectors = self.components.iter().map(Vec::len).sum();
-        std::iter::repeat_n(self.axes, vectors).flatten()
+        std::iter::repeat_n(self.rows, self.components.iter().map(Vec::len).sum())
     }
 
     /// Calls `visit` with each number's place within its tensor, tensor by tensor, in the file's order.
@@ -77,8 +75,14 @@ impl Layout {
     }
 }
 
-/// The section of the factors of `tensors`. `steps` has a step code for each axis of each component of each tensor of
-/// the scale: \[tensor\]\[component\]\[axis\].
+/// What the body of a section consists of: masks, if it `is_ragged`, and an array whose groups are components.
+fn shape(tensors: usize, rank: usize, resolution: [u32; 3], is_ragged: bool, bits: u8) -> Shape {
+    let groups = Groups::Components { count: tensors * rank, vertices: resolution.map(|d| d as usize + 1) };
+    Shape { bits, masks: is_ragged.then_some([tensors, rank]), groups }
+}
+
+/// The section of the factors of `tensors`. `steps` has a step code for each component of each tensor of the scale:
+/// \[tensor\]\[component\].
 pub(super) fn write(
     writer: &Writer,
     place: Place,
@@ -104,13 +108,11 @@ pub(super) fn write(
         }
     }
     let chosen: Option<Vec<u8>> = steps.map(|steps| {
-        let of_component = |(t, c): (&u32, usize)| steps[(*t as usize * rank + c) * 3..][..3].iter().copied();
-        tensors
-            .iter()
-            .zip(&components)
-            .flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)))
-            .flat_map(of_component)
-            .collect()
+        let of_tensor = |(t, components): (&u32, &Vec<usize>)| {
+            let first = *t as usize * rank;
+            components.iter().map(|c| steps[first + c]).collect::<Vec<_>>()
+        };
+        tensors.iter().zip(&components).flat_map(of_tensor).collect()
     });
     let layout = Layout::new(rank, part.resolution, components);
     let mut values = Vec::with_capacity(tensors.len() * layout.tensor_len());
@@ -118,7 +120,8 @@ pub(super) fn write(
     let written = array::write(&name, &values, layout.group_lengths(), options, chosen.as_deref())?;
     body.extend(written.body);
     let record = FactorsRecord { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
-    writer.finished(place, record::write(&name, &record)?, &body)
+    let shape = |bits| shape(tensors.len(), rank, part.resolution, is_ragged, bits);
+    array::finished(writer, place, record::write(&name, &record)?, &body, options.encoding, shape)
 }
 
 /// The factors of a chunk.
@@ -133,7 +136,7 @@ pub(super) struct Chunk {
 
 impl Chunk {
     /// Copies the numbers into `values`, the factors of the scale, and the step codes into `steps`,
-    /// \[tensor\]\[component\]\[axis\]; `places` are the numbers of the chunk's tensors in the scale.
+    /// \[tensor\]\[component\]; `places` are the numbers of the chunk's tensors in the scale.
     pub(super) fn put(self, places: &[u32], values: &mut [f32], steps: &mut [u8]) {
         let Self { layout, options, steps: codes, numbers } = self;
         let mut next = numbers.into_iter();
@@ -144,8 +147,8 @@ impl Chunk {
             }
         });
         let components = layout.components.iter().enumerate().flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)));
-        for ((t, c), codes) in components.zip(codes.as_chunks::<3>().0) {
-            steps[3 * (places[t] as usize * layout.rank + c)..][..3].copy_from_slice(codes);
+        for ((t, c), code) in components.zip(codes) {
+            steps[places[t] as usize * layout.rank + c] = code;
         }
     }
 
@@ -186,7 +189,7 @@ pub(super) fn open<'a>(
     };
     // Only the masks determine the length of the array. All components of all tensors are its maximum.
     let masks = (mask_bytes * tensors) as u64;
-    let all = encoding.length(3 * (rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
+    let all = encoding.length((rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
     if !(masks..=masks + all).contains(&body.length) {
         let expected = format!("{masks} to {}", masks + all);
         return Err(Error::malformed(format!("{name} body length"), expected, body.length));
@@ -206,7 +209,8 @@ impl Opened<'_> {
         let &Self { ref head, ref body, options, mask_bytes, rank, resolution, tensors } = self;
         let encoding = options.encoding;
         let name = body.section;
-        let bytes = body.decode(body.length, budget)?;
+        let shape = |bits| shape(tensors, rank, resolution, mask_bytes > 0, bits);
+        let bytes = array::decode(body, body.length, encoding, budget, shape)?;
         let (masks, array) = bytes.split_at(mask_bytes * tensors);
         let components: Vec<Vec<usize>> = match mask_bytes {
             0 => vec![(0..rank).collect(); tensors],

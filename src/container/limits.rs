@@ -39,8 +39,6 @@ pub const STRING_BYTES: RangeInclusive<u64> = 0..=4096;
 pub const CHUNKS: RangeInclusive<u64> = 1..=16_384;
 /// Appearance ranks of several scales together.
 pub const RANK_SUM: RangeInclusive<u64> = 1..=4096;
-/// Numbers in a group of an array in the encoding cosine.
-pub const COSINE_LENGTH: RangeInclusive<u64> = 1..=1025;
 /// Bytes of a text: a license, a note.
 pub const TEXT_BYTES: RangeInclusive<u64> = 0..=1 << 20;
 /// Probes, views of a path, cameras, notes.

@@ -34,9 +34,10 @@ pub(super) fn write(
 ) -> Result<(), Error> {
     let name = format!("MATRIX of scale {scale}");
     let rows = std::iter::repeat_n(matrix.rank as usize, matrix.features as usize);
-    let written = array::write_network(&name, &matrix.weights, rows, options)?;
-    let record = MatrixRecord { features: matrix.features, rank: matrix.rank, head: written.head };
-    writer.compressed(Place::in_scale(SectionKind::Matrix, scale), record::write(&name, &record)?, &written.body)
+    let place = Place::in_scale(SectionKind::Matrix, scale);
+    array::write_network(writer, place, &name, &matrix.weights, rows, options, |head| {
+        record::write(&name, &MatrixRecord { features: matrix.features, rank: matrix.rank, head })
+    })
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<AppearanceMatrix, Error> {

@@ -12,7 +12,6 @@ mod array;
 mod cameras;
 mod chunks;
 mod codec;
-mod cosine;
 mod decoder;
 mod encode;
 mod encoding;

@@ -51,13 +51,10 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupan
     let (record, body): (OccupancyRecord, _) = payload.record_and_body()?;
     let length = byte_count(record.vertices);
     budget.spend(payload.section, length + 8)?;
-    let bits = match body.adaptive(length)? {
-        None => body.decode(length, budget)?,
-        Some(bytes) => {
-            budget.spend(payload.section, length + adaptive::memory_of_occupancy(record.vertices))?;
-            adaptive::decompress_occupancy(payload.section, record.vertices, bytes)?.into()
-        }
-    };
+    let bits = body.decode_by(length, budget, |bytes, budget| {
+        budget.spend(payload.section, adaptive::memory_of_occupancy(record.vertices))?;
+        adaptive::decompress_occupancy(payload.section, record.vertices, bytes)
+    })?;
     let words = bits.chunks(8).map(|bytes| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);

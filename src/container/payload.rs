@@ -89,28 +89,34 @@ impl<'a> Payload<'a> {
 }
 
 impl<'a> Body<'a> {
-    /// The body in the codec *adaptive*, whose `length` its record implies; `None` if it is in another codec.
-    pub(super) fn adaptive(&self, length: u64) -> Result<Option<&'a [u8]>, Error> {
-        if self.section.codec != Codec::Adaptive {
-            return Ok(None);
-        }
-        Error::unless_equal(format!("{} body length", self.section), length, self.length)?;
-        Ok(Some(self.stored))
+    /// The decoded body, which must have `length` bytes, as its record implies, of a kind without the codec *adaptive*.
+    pub(super) fn decode(&self, length: u64, budget: &mut Budget) -> Result<Cow<'a, [u8]>, Error> {
+        let unsupported = |_: &[u8], _: &mut Budget| Err(Error::unsupported(self.section, self.section.codec));
+        self.decode_by(length, budget, unsupported)
     }
 
-    /// The decoded body, which must have `length` bytes, as its record implies. Its codec is not *adaptive*.
-    pub(super) fn decode(&self, length: u64, budget: &mut Budget) -> Result<Cow<'a, [u8]>, Error> {
+    /// As [`Body::decode`]; `adaptive` decodes what is in the codec *adaptive*, and spends what it takes besides the result.
+    pub(super) fn decode_by(
+        &self,
+        length: u64,
+        budget: &mut Budget,
+        adaptive: impl FnOnce(&[u8], &mut Budget) -> Result<Vec<u8>, Error>,
+    ) -> Result<Cow<'a, [u8]>, Error> {
         let place = format!("{} body length", self.section);
         Error::unless_equal(&place, length, self.length)?;
         match self.section.codec {
             Codec::Stored => Ok(Cow::Borrowed(self.stored)),
-            Codec::Zstd => {
+            codec @ (Codec::Zstd | Codec::Adaptive) => {
                 budget.spend(self.section, length)?;
                 // This can fail only if addresses have 32 bits.
                 limits::check(&place, 0..=usize::MAX as u64, length)?;
-                codec::decompress(self.section, self.stored, length as usize).map(Cow::Owned)
+                let decoded = match codec {
+                    Codec::Zstd => codec::decompress(self.section, self.stored, length as usize),
+                    _ => adaptive(self.stored, budget),
+                };
+                decoded.map(Cow::Owned)
             }
-            Codec::Adaptive | Codec::Other(_) => Err(Error::unsupported(self.section, self.section.codec)),
+            Codec::Other(_) => Err(Error::unsupported(self.section, self.section.codec)),
         }
     }
 }

@@ -83,15 +83,11 @@ pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: A
             weights.extend_from_slice(&matrix[p * rank..][..rank]);
         }
     }
-    let written = array::write_network(&name, &weights, std::iter::repeat_n(sum, features), options)?;
-    let record = PrefixRecord {
-        gain: prefix.gain,
-        offset: prefix.offset,
-        features: prefix.features,
-        rank: sum.try_into().unwrap_or(u32::MAX),
-        head: written.head,
-    };
-    writer.compressed(Place::in_scale(SectionKind::Prefix, scale), record::write(&name, &record)?, &written.body)
+    let (place, rows) = (Place::in_scale(SectionKind::Prefix, scale), std::iter::repeat_n(sum, features));
+    array::write_network(writer, place, &name, &weights, rows, options, |head| {
+        let &Prefix { gain, offset, features, .. } = prefix;
+        record::write(&name, &PrefixRecord { gain, offset, features, rank: sum.try_into().unwrap_or(u32::MAX), head })
+    })
 }
 
 /// `ranks` are the appearance ranks of the scales that it corrects, whose matrices have `features` rows.

@@ -14,13 +14,13 @@ use super::writer::{Place, Writer};
 pub struct Quality {
     /// Of this scene's pictures against those before its numbers were encoded, over all pixels.
     pub encoded: Option<f64>,
-    /// Mean over the test views of `dataset`, for this scene.
+    /// Mean over photographs, for this scene.
     pub test: Option<f64>,
     /// The same for the scene before its numbers were encoded.
     pub test_before: Option<f64>,
     /// \[scale\] of the pictures of scales 0 to this one against those of all scales; `None` for the last.
     pub prefixes: Vec<Option<f64>>,
-    /// The dataset and the views of `test` and `test_before`.
+    /// The dataset and the photographs of `test` and `test_before`: how many of which split.
     pub dataset: String,
 }
 

@@ -256,7 +256,7 @@ impl<S: Source> Reader<S> {
         // Within the limits: 2^24 tensors, 2^12 rows, 2^9 components.
         let [density, appearance] =
             [record.density_rank, record.appearance_rank].map(|rank| tensors * rows * u64::from(rank));
-        let step_codes = 3 * tensors * (u64::from(record.density_rank) + u64::from(record.appearance_rank));
+        let step_codes = tensors * (u64::from(record.density_rank) + u64::from(record.appearance_rank));
         budget.spend(name, 4 * (density + appearance) + step_codes + 64 * tensors)?;
         let mut centers = Vec::with_capacity(chunks.len());
         for &n in &chunks {
@@ -304,7 +304,7 @@ fn read_factors(
     let ranks = [factors.density_rank, factors.appearance_rank].map(|rank| rank as usize);
     let all: Vec<_> = chunks.iter().zip(numbers).collect();
     let tensors: usize = numbers.iter().map(Vec::len).sum();
-    let mut steps = ranks.map(|rank| vec![0; 3 * tensors * rank]);
+    let mut steps = ranks.map(|rank| vec![0; tensors * rank]);
     let mut options: [Option<ArrayOptions>; 2] = [None; 2];
     for some in all.chunks(PARALLEL_CHUNKS) {
         // In the order of the file, so that the first error does not depend on threads.

@@ -95,6 +95,12 @@ impl SectionKind {
         )
     }
 
+    /// True if the body of a section of this (known) kind may have the codec *adaptive*.
+    fn is_adaptive(self) -> bool {
+        use SectionKind as K;
+        matches!(self, K::Decoder | K::Occupancy | K::Matrix | K::Density | K::Appearance | K::Prefix)
+    }
+
     /// True if the body of a section of this (known) kind may be compressed.
     fn is_compressible(self) -> bool {
         use SectionKind as K;
@@ -241,7 +247,7 @@ impl Section {
         match self.codec {
             Codec::Stored => Ok(()),
             Codec::Zstd if self.kind.is_compressible() => Ok(()),
-            Codec::Adaptive if self.kind == SectionKind::Occupancy => Ok(()),
+            Codec::Adaptive if self.kind.is_adaptive() => Ok(()),
             Codec::Zstd | Codec::Adaptive => {
                 let expected = if self.kind.is_compressible() { "stored or zstd" } else { "stored" };
                 Err(Error::malformed(format!("{self} codec"), expected, self.codec))

@@ -67,11 +67,22 @@ impl Writer {
 
     /// As [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
     pub(super) fn adaptive(&mut self, place: Place, record: Vec<u8>, body: &[u8], coded: impl FnOnce() -> Vec<u8>) {
-        let coded = self.zstd_level.map(|_| coded()).filter(|coded| coded.len() < body.len());
-        self.add(match coded {
+        let finished = self.finished_adaptive(place, record, body, coded);
+        self.add(finished);
+    }
+
+    /// The section that [`Writer::adaptive`] would add.
+    pub(super) fn finished_adaptive(
+        &self,
+        place: Place,
+        record: Vec<u8>,
+        body: &[u8],
+        coded: impl FnOnce() -> Vec<u8>,
+    ) -> Finished {
+        match self.zstd_level.map(|_| coded()).filter(|coded| coded.len() < body.len()) {
             Some(coded) => Finished::coded(place, Codec::Adaptive, record, &coded, body.len()),
             None => Finished::stored(place, record, body),
-        });
+        }
     }
 
     /// The section that [`Writer::compressed`] would add.

@@ -1,9 +1,11 @@
 //! Encoding with the fewest bytes for a given distortion.
 //!
-//! Each vector of a component is stored by its cosine transform with a quantization step of its own. With the
-//! importance h of the vector's entries, an error of variance step²/12 adds h·step²/12 per entry to the mean squared
-//! error of pictures, and one bit less per entry adds ln 2/6·h·step². A given distortion takes the fewest bytes if
-//! h·step² is the same everywhere: that is `loss`. A component is dropped if its absence costs less than its bits.
+//! The numbers of a component are integers times one step. With the importance h of its entries, errors of variance step²/12
+//! add h·step²/12 per entry to the mean squared error of pictures, and one bit less per entry adds ln 2/6·h·step². A given
+//! distortion takes the fewest bytes if h·step² is the same everywhere: that is `loss`. A component's three vectors are scaled
+//! first, which does not change their product, so that entries of all of them are equally important: then one step is right
+//! for all. A component is dropped if its absence costs no more than its integers would: absences add up, so that more would
+//! cost pictures more than it saves bytes.
 
 use std::ops::Range;
 
@@ -11,9 +13,14 @@ use rayon::prelude::*;
 
 use crate::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, step, step_code};
 use crate::model::{Factors, Scene};
-use crate::train::FactorImportance;
+use crate::train::{FactorImportance, PartImportance};
 
-/// A scene without the components that cost more bytes than they save error, and its encoding.
+/// Bits of a factor's integer, at most; what they take in a file depends on the steps.
+const BITS: u8 = 16;
+/// Bits of the numbers of matrices and decoder.
+const NETWORK_BITS: u8 = 8;
+
+/// A scene without the components that are not worth their bytes, and its encoding.
 #[derive(Clone, Debug)]
 pub struct Lossy {
     /// The scene to write.
@@ -26,13 +33,14 @@ pub struct Lossy {
     pub dropped: f64,
 }
 
-/// Chooses the quantization steps at which h·step² is `loss` for every vector of `scene`, and drops components.
+/// Chooses the quantization steps at which h·step² is `loss` for every component of `scene`, scales their vectors, and drops
+/// components.
 pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
     let mut scene = scene.clone();
     let mut options = EncodeOptions {
         density: Vec::new(),
         appearance: Vec::new(),
-        networks: ArrayOptions::best(Encoding::F16),
+        networks: ArrayOptions::best(Encoding::Grid(NETWORK_BITS)),
         zstd_level: Some(19),
         ..EncodeOptions::default()
     };
@@ -40,25 +48,28 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let resolution = scale.cloud.resolution;
         let factors = &mut scale.factors;
-        for (values, rank, h, scale_options) in [
+        for (values, rank, importance, scale_options) in [
             (&mut factors.density, factors.density_rank, &importance.density[s], &mut options.density),
             (&mut factors.appearance, factors.appearance_rank, &importance.appearance[s], &mut options.appearance),
         ] {
             let (rank, axes) = (rank as usize, Factors::axis_ranges(resolution));
             let tensor = Factors::rows(resolution) * rank;
-            let choices: Vec<Choice> = (values.par_chunks_exact_mut(tensor).zip(h.par_chunks_exact(tensor)))
-                .flat_map_iter(|(values, h)| {
-                    (0..rank).map(|c| choose(values, h, rank, c, &axes, loss)).collect::<Vec<_>>()
+            let PartImportance { entries, components } = importance;
+            let importance = entries.par_chunks_exact(tensor).zip(components.par_chunks_exact(rank));
+            let choices: Vec<Choice> = (values.par_chunks_exact_mut(tensor).zip(importance))
+                .flat_map_iter(|(values, (entries, absent))| {
+                    let choose = |c: usize| choose(values, entries, absent[c], rank, c, &axes, loss);
+                    (0..rank).map(choose).collect::<Vec<_>>()
                 })
                 .collect();
-            let mut steps = Vec::with_capacity(3 * choices.len());
+            let mut steps = Vec::with_capacity(choices.len());
             for choice in choices {
                 all += 1;
                 dropped += u64::from(choice.is_dropped);
                 expected_error += choice.error;
-                steps.extend(choice.steps);
+                steps.push(choice.step);
             }
-            scale_options.push(FactorOptions { array: ArrayOptions::best(Encoding::Cosine), steps: Some(steps) });
+            scale_options.push(FactorOptions { array: ArrayOptions::best(Encoding::Grid(BITS)), steps: Some(steps) });
         }
     }
     Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }
@@ -67,45 +78,49 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
 /// The encoding of one component of a tensor.
 struct Choice {
     is_dropped: bool,
-    steps: [u8; 3],
+    step: u8,
     error: f64,
 }
 
-/// Chooses the steps of component `c` of a tensor, given its `values` and their importance `h`. Writes zeros if it is
-/// dropped.
+/// Chooses the step of component `c` of a tensor and scales its vectors, given its `values`, their importance `entries`, and what
+/// it costs if the component is `absent`. Writes zeros if it is dropped.
 fn choose(
     values: &mut [f32],
-    importance: &[f32],
+    entries: &[f32],
+    absent: f64,
     rank: usize,
     c: usize,
     axes: &[Range<usize>; 3],
     loss: f64,
 ) -> Choice {
-    let mut steps = [0; 3];
-    let (mut bits, mut coded, mut absent) = (0.0, 0.0, f64::INFINITY);
-    for (a, axis) in axes.iter().enumerate() {
-        let rows = axis.len();
-        let of_axis = || axis.clone().map(|row| row * rank + c);
-        let (mut total, mut squares, mut cost) = (0.0, 0.0, 0.0);
-        for at in of_axis() {
-            let (v, h) = (f64::from(values[at]), f64::from(importance[at]));
-            total += h;
-            squares += v * v;
-            cost += h * v * v;
-        }
-        absent = absent.min(cost);
-        let wanted = (loss * rows as f64 / total).sqrt();
-        // Larger steps than this quantize every entry to zero, which loses no more.
-        let largest = (squares / rows as f64).sqrt().max(f64::from(f32::MIN_POSITIVE));
-        steps[a] = step_code(wanted.min(8.0 * largest) as f32).max(1);
-        let step = f64::from(step(steps[a]));
-        let ratio = squares / rows as f64 / (step * step / 12.0);
-        bits += rows as f64 * 0.5 * (1.0 + ratio).log2() + 6.0;
-        coded += total * (step * step / 12.0).min(squares / rows as f64);
+    let of_axis = |axis: &Range<usize>| axis.clone().map(move |row| row * rank + c);
+    // √ of the mean importance of an axis's entries.
+    let sizes = axes.each_ref().map(|axis| {
+        let total: f64 = of_axis(axis).map(|at| f64::from(entries[at])).sum();
+        (total / axis.len() as f64).sqrt()
+    });
+    let size = (sizes[0] * sizes[1] * sizes[2]).cbrt();
+    if absent <= 0.0 || size <= 0.0 {
+        values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
+        return Choice { is_dropped: true, step: 0, error: absent };
     }
-    let is_dropped = absent <= coded + std::f64::consts::LN_2 / 6.0 * loss * bits;
+    let mut squares = [0.0; 3];
+    for ((axis, of_vector), squares) in axes.iter().zip(sizes).zip(&mut squares) {
+        for at in of_axis(axis) {
+            values[at] = (f64::from(values[at]) * of_vector / size) as f32;
+            *squares += f64::from(values[at]).powi(2);
+        }
+    }
+    let rows = axes.iter().map(Range::len).sum::<usize>() as f64;
+    // Larger steps than this quantize every entry to zero, which loses no more.
+    let largest = (squares.iter().sum::<f64>() / rows).sqrt().max(f64::from(f32::MIN_POSITIVE));
+    let code = step_code((loss.sqrt() / size).min(8.0 * largest) as f32).max(1);
+    let step = f64::from(step(code));
+    let of_vector = |(axis, squares): (&Range<usize>, f64)| (axis.len() as f64 * step * step / 12.0).min(squares);
+    let coded = size * size * axes.iter().zip(squares).map(of_vector).sum::<f64>();
+    let is_dropped = absent <= coded;
     if is_dropped {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
     }
-    Choice { is_dropped, steps, error: if is_dropped { absent } else { coded } }
+    Choice { is_dropped, step: code, error: if is_dropped { absent } else { coded } }
 }

@@ -48,7 +48,7 @@ pub use config::{
 pub use divergence::Divergence;
 pub use error::{CheckpointError, TrainError};
 pub use exposure::{Exposure, Exposures};
-pub use importance::{DeadComponents, FactorImportance, MAX_LOSS, prune_dead_components};
+pub use importance::{DeadComponents, FactorImportance, MAX_LOSS, PartImportance, prune_dead_components};
 pub use initial::{initial_scene, march_step};
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;

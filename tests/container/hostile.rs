@@ -1,6 +1,6 @@
 //! One file for each way in which a file can be wrong, its checksums right.
 
-use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
+use strivec::container::{ArrayOptions, EncodeOptions, Encoding, Error, Filter, decode, encode};
 use strivec::model::{Placement, Scene, Sky};
 
 use super::roundtrip::{f16, f32, plain};
@@ -82,10 +82,10 @@ fn unknown_critical_section() {
 
 /// The writer refuses what the reader refuses.
 #[test]
-fn networks_have_no_cosine_encoding() {
+fn integers_have_no_planes() {
     let mut options = f32();
-    options.networks.encoding = Encoding::Cosine;
-    malformed(encode(&two_scales(), &options).expect_err("refused"), "encoding");
+    options.networks = ArrayOptions { encoding: Encoding::Grid(16), filter: Filter::Planes };
+    malformed(encode(&two_scales(), &options).expect_err("refused"), "filter");
 }
 
 #[test]
@@ -233,8 +233,8 @@ fn codes_that_this_version_does_not_define() {
     for (kind, head) in [("DECODER", 33), ("MATRIX", 8), ("DENSITY", 8), ("APPEARANCE", 8)] {
         unsupported(patched(kind, head, &[4]), "encoding");
         unsupported(patched(kind, head + 1, &[7]), "bits");
-        unsupported(patched(kind, head + 2, &[3]), "filter");
-        malformed(patched(kind, head + 2, &[2]), "filter");
+        unsupported(patched(kind, head + 2, &[2]), "filter");
+        malformed(patched(kind, head, &[2, 8, 1]), "filter");
         broken(patched(kind, head + 4, &1f32.to_le_bytes()), "error");
     }
     // Named, where a name is known.

@@ -53,7 +53,6 @@ fn the_limits_are_those_of_the_code() {
         ("bytes of a record", 0..=limits::RECORD_BYTES as u64),
         ("chunks of a scale", limits::CHUNKS),
         ("sum of appearance ranks in PREFIX", limits::RANK_SUM),
-        ("numbers of a group in encoding cosine", limits::COSINE_LENGTH),
         ("bytes of a text", limits::TEXT_BYTES),
         ("probes, poses, cameras, notes", limits::ITEMS),
         ("bytes of a thumbnail", limits::THUMBNAIL_BYTES),

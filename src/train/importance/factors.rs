@@ -1,23 +1,61 @@
-//! The importance of single factor entries, estimated from a scene's own pictures.
+//! The importance of single factor entries and of whole components, estimated from a scene's own pictures.
 
-use crate::field::Field;
+use crate::field::{Field, FieldFactors};
 use crate::geometry::Ray;
 use crate::model::Scene;
 use crate::random::Random;
 use crate::train::Backward;
+use crate::train::lean::add_squares;
 
 /// Rays of a batch.
 const RAYS: usize = 8192;
 
-/// Importance of each factor entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the
-/// diagonal of the Gauss-Newton matrix. A small error e of v adds e² times its importance to the mean squared error of
-/// pictures.
+/// Importance of the factors of a scene.
 #[derive(Clone, Debug)]
 pub struct FactorImportance {
-    /// \[scale\] importance of the density factors.
-    pub density: Vec<Vec<f32>>,
-    /// \[scale\] importance of the appearance factors.
-    pub appearance: Vec<Vec<f32>>,
+    /// \[scale\] of the density factors.
+    pub density: Vec<PartImportance>,
+    /// \[scale\] of the appearance factors.
+    pub appearance: Vec<PartImportance>,
+}
+
+/// Importance of a scale's density or appearance factors.
+#[derive(Clone, Debug)]
+pub struct PartImportance {
+    /// Of each entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the diagonal of the
+    /// Gauss-Newton matrix. A small error e of v, independent of others, adds e² times this to the mean squared error of
+    /// pictures.
+    pub entries: Vec<f32>,
+    /// \[tensor\]\[component\] what the absence of a component adds to the mean squared error of pictures: the mean of (Σ
+    /// v·∂color/∂v)² over the entries of one of its vectors, which vanish together.
+    pub components: Vec<f64>,
+}
+
+impl PartImportance {
+    /// Zeros, laid out as `factors` are held.
+    fn zeros(factors: &FieldFactors<f32>) -> Self {
+        Self { entries: vec![0.0; factors.values().len()], components: vec![0.0; factors.held().components()] }
+    }
+
+    /// Adds the squares of a batch's `gradients` of `factors`, which have `rows` rows on the first axis.
+    fn add(&mut self, factors: &FieldFactors<f32>, gradients: &[f32], rows: usize, share: f64) {
+        for (sum, g) in self.entries.iter_mut().zip(gradients) {
+            *sum += share as f32 * g * g;
+        }
+        for (tensor, components) in factors.held().split_mut(&mut self.components).into_iter().enumerate() {
+            let values = factors.held().values(tensor);
+            add_squares(components, &factors.values()[values.clone()], &gradients[values], rows, share);
+        }
+    }
+
+    /// The same laid out as the scene's factors.
+    fn dense(&self, factors: &FieldFactors<f32>) -> Self {
+        let held = factors.held();
+        let mut components = vec![0.0; held.tensors() * held.rank()];
+        let of_held = (0..held.tensors()).flat_map(|n| held.of(n).iter().map(move |&c| n * held.rank() + c as usize));
+        of_held.zip(&self.components).for_each(|(at, &sum)| components[at] = sum);
+        Self { entries: held.dense(&self.entries), components }
+    }
 }
 
 impl FactorImportance {
@@ -27,22 +65,22 @@ impl FactorImportance {
         let field = Field::<f32>::new(scene);
         let mut backward = Backward::new(&field);
         let random = Random::new(seed, "sensitivity");
-        let zeros = |values: &[f32]| vec![0.0; values.len()];
-        let mut density: Vec<_> = field.scales.iter().map(|scale| zeros(scale.density.values())).collect();
-        let mut appearance: Vec<_> = field.scales.iter().map(|scale| zeros(scale.appearance.values())).collect();
+        let mut density: Vec<_> = field.scales.iter().map(|scale| PartImportance::zeros(&scale.density)).collect();
+        let mut appearance: Vec<_> =
+            field.scales.iter().map(|scale| PartImportance::zeros(&scale.appearance)).collect();
         for n in 0..batches as u64 {
             let rays = rays(RAYS, &random.substream(2 * n));
             let gradients = backward.picture_gradients(&field, &rays, &random.substream(2 * n + 1));
-            let scale = 1.0 / batches as f32;
-            for (total, gradients) in [(&mut density, &gradients.density), (&mut appearance, &gradients.appearance)] {
-                for (total, g) in total.iter_mut().flatten().zip(gradients.iter().flatten()) {
-                    *total += scale * g * g;
-                }
+            let share = 1.0 / batches as f64;
+            for (s, scale) in field.scales.iter().enumerate() {
+                let rows = scale.resolution[0] as usize + 1;
+                density[s].add(&scale.density, &gradients.density[s], rows, share);
+                appearance[s].add(&scale.appearance, &gradients.appearance[s], rows, share);
             }
         }
         Self {
-            density: field.scales.iter().zip(&density).map(|(s, sums)| s.density.held().dense(sums)).collect(),
-            appearance: field.scales.iter().zip(&appearance).map(|(s, sums)| s.appearance.held().dense(sums)).collect(),
+            density: field.scales.iter().zip(&density).map(|(s, sums)| sums.dense(&s.density)).collect(),
+            appearance: field.scales.iter().zip(&appearance).map(|(s, sums)| sums.dense(&s.appearance)).collect(),
         }
     }
 }

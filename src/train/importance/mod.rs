@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | error of the pictures if a component is removed | `train::lean` | training, `train::resize::shrink` |
 //! | error that training a new component may save | [`ComponentImportance::of_addition`] | `train::resize::grow` |
-//! | error of the pictures if one factor entry changes | [`FactorImportance`] | [`mod@crate::pack`] |
+//! | error of the pictures if a factor entry changes, or a component of a trained scene is absent | [`FactorImportance`] | [`mod@crate::pack`] |
 //! | components that no ray depends on | [`prune_dead_components`] | the end of training |
 
 mod components;
@@ -13,4 +13,4 @@ mod factors;
 
 pub(super) use components::ComponentImportance;
 pub use dead_components::{DeadComponents, MAX_LOSS, prune_dead_components};
-pub use factors::FactorImportance;
+pub use factors::{FactorImportance, PartImportance};

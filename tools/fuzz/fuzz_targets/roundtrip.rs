@@ -33,14 +33,13 @@ const FILES: [&[u8]; 4] = [
 ];
 
 fn encoding(choice: u8) -> Encoding {
-    [Encoding::F32, Encoding::F16, Encoding::Grid(8), Encoding::Grid(6), Encoding::Grid(5), Encoding::Grid(4), Encoding::Grid(3)]
-        [choice as usize % 7]
+    [Encoding::F32, Encoding::F16, Encoding::Grid(16), Encoding::Grid(8), Encoding::Grid(6), Encoding::Grid(5), Encoding::Grid(4), Encoding::Grid(3)]
+        [choice as usize % 8]
 }
 
 fn filter(choice: u8, encoding: Encoding) -> Filter {
     match (choice % 2, encoding) {
-        (0, _) => Filter::None,
-        (_, Encoding::Grid(_)) => Filter::Differences,
+        (0, _) | (_, Encoding::Grid(_)) => Filter::None,
         _ => Filter::Planes,
     }
 }

@@ -146,3 +146,149 @@ def _blocks(decoder, counts):
                 else:
                     blocks[x, y, z] = FULL if decoder.bit_in(is_full[context]) else EMPTY
     return blocks
+
+
+CLASSES = 48
+UNARY = 18  # bits that say whether a remainder is larger than 0, 1, 2, …
+LARGEST_SIZE = 1023
+EVEN = 1 << 15  # the probability of a bit that is as likely 0 as 1
+
+
+def integers(data, length, bits, groups, count, name, masks=None):
+    """The body, of `length` bytes, of an array in the encoding grid of `bits` bits: masks, step codes and integers.
+
+    `groups` yields the lengths of the vectors of each of `count` groups, [group][vector]. If the body begins with masks of
+    components, `masks` is (tensors, rank), and as many groups count as the masks have bits, all alike.
+    """
+    decoder = Decoder(data, name)
+    width = 2 if bits > 8 else 1
+    body = bytearray()
+    if masks is not None:
+        body += _masks(decoder, *masks)
+        count = sum(byte.bit_count() for byte in body)
+        size = len(body) + count * (1 + width * sum(next(groups)))
+        if size != length:
+            raise Malformed(f"{name} bytes of the body", size, length)
+    steps = _steps(decoder, count)
+    body += bytes(steps)
+    weights = []
+    for _ in range(2):
+        weight = _number(decoder, 16)
+        weights.append(weight - (weight >> 15 << 16))
+    model = _Integers(decoder, bits, weights)
+    for step, vectors in zip(steps, groups):
+        first = 0
+        for length in vectors:
+            for q in model.vector(first, length, step >> 2):
+                body += q.to_bytes(width, "little", signed=True)
+            first += length
+    decoder.finish()
+    return body
+
+
+def _masks(decoder, tensors, rank):
+    counters = defaultdict(Counter)
+    before = [1] * rank
+    masks = bytearray()
+    for _ in range(tensors):
+        mask, last = 0, 1
+        for c in range(rank):
+            last = int(decoder.bit_in(counters[c, last, before[c]]))
+            before[c] = last
+            mask |= last << c
+        masks += mask.to_bytes(-(-rank // 8), "little")
+    return masks
+
+
+def _steps(decoder, count):
+    zero, sign, larger = defaultdict(Counter), defaultdict(Counter), defaultdict(Counter)
+    steps = []
+    step = difference = 0
+    for _ in range(count):
+        size = min(abs(difference), 3)
+        side = _sign(difference)
+        difference = 0
+        if decoder.bit_in(zero[size]):
+            negative = decoder.bit_in(sign[side])
+            difference = 1
+            while difference < 128 and decoder.bit_in(larger[size, difference]):
+                difference += 1
+            if negative:
+                difference = -difference
+        step = (step + difference) % 256
+        steps.append(step)
+    return steps
+
+
+class _Integers:
+    """The contexts of the integers of a section."""
+
+    def __init__(self, decoder, bits, weights):
+        self.decoder = decoder
+        self.largest = 2 ** (bits - 1) - 1
+        self.weights = weights
+        self.sizes = defaultdict(int)  # E, by vertex
+        self.by_place, self.by_step = defaultdict(Counter), defaultdict(Counter)
+        self.signs = defaultdict(Counter)
+
+    def vector(self, first, length, step):
+        """The numbers of the vertices from `first` on, in a group of this step code without its two lowest bits."""
+        sizes, decoder = self.sizes, self.decoder
+        near = sizes[first]
+        before = [0, 0]
+        remainder = 0
+        for vertex in range(first, first + length):
+            exact = self.weights[0] * before[0] + self.weights[1] * before[1]
+            prediction = min(max(exact + 128 >> 8, -self.largest), self.largest)
+            fraction = exact - 256 * prediction
+            third = 0 if fraction < -42 else 1 if fraction <= 42 else 2
+            after = sizes[vertex + 1] if vertex + 1 < first + length else sizes[vertex]
+            kind = _class(3 * near + (3 * sizes[vertex] + after >> 2) >> 2)
+            large = 0 if prediction == 0 else 1 if abs(prediction) <= 2 else 2
+            place = (kind, third, remainder == 0, large)
+            size = 0
+            while size < UNARY and self._both((size, place), (size, kind, step)):
+                size += 1
+            negative = size > 0 and decoder.bit_in(self.signs[third, _sign(remainder)])
+            if size == UNARY:
+                size += self._more()
+            remainder = -size if negative else size
+            number = prediction + remainder
+            if abs(number) > self.largest:
+                raise Malformed(f"{decoder.name} integer", f"{-self.largest} to {self.largest}", number)
+            limited = min(size, LARGEST_SIZE)
+            near = 5 * near + 48 * limited >> 3
+            sizes[vertex] = 7 * sizes[vertex] + 16 * limited >> 3
+            before = [number, before[0]]
+            yield number
+
+    def _both(self, place, part):
+        counters = self.by_place[place], self.by_step[part]
+        bit = self.decoder.bit((counters[0].probability + counters[1].probability) // 2)
+        for counter in counters:
+            counter.learn(bit)
+        return bit
+
+    def _more(self):
+        length = 0
+        while self.decoder.bit(EVEN):
+            length += 1
+            if length > 17:
+                raise Malformed(f"{self.decoder.name} integer", "at most 17 bits behind the first", "more")
+        return (1 << length | _number(self.decoder, length)) - 1
+
+
+def _class(size):
+    octave = (size + 4).bit_length() - 3
+    return min(4 * octave + (size + 4 >> octave) - 4, CLASSES - 1)
+
+
+def _number(decoder, count):
+    number = 0
+    for _ in range(count):
+        number = 2 * number + int(decoder.bit(EVEN))
+    return number
+
+
+def _sign(number):
+    return (number > 0) - (number < 0)

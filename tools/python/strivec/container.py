@@ -32,6 +32,7 @@ ALIGNMENT = 64  # bytes
 NO_SCALE = 0xFFFF
 NO_CHUNK = 0xFFFFFFFF
 STORED, ZSTD, ADAPTIVE = 0, 1, 2
+ADAPTIVE_KINDS = ("DECODER", "OCCUPANCY", "MATRIX", "DENSITY", "APPEARANCE", "PREFIX")
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 NAME_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
@@ -212,7 +213,7 @@ class Payload:
         """The decoded body for the duration of a `with` block, of `minimum` bytes or of `minimum` to `maximum` bytes.
 
         A stored body is a view into the file. Another one is decoded into memory of the budget, in the codec adaptive by
-        `adaptive`, from its bytes.
+        `adaptive`, from its bytes and the length of the body.
         """
         maximum = minimum if maximum is None else maximum
         length = self.body_length
@@ -225,7 +226,7 @@ class Payload:
             return
         if self.section.codec == ADAPTIVE:
             with self.budget.borrow(length, self.name):
-                yield memoryview(adaptive(stored))
+                yield memoryview(adaptive(stored, length))
             return
         _check_zstd_frame(stored, length, self.name)
         with self.budget.borrow(length, self.name):
@@ -275,7 +276,7 @@ def _read_entry(index, fields):
         raise Malformed(f"{section.name} flags", int(kind.critical), flags)
     if kind is not None and codec == ZSTD and not kind.compressible:
         raise Malformed(f"{section.name} codec", STORED, codec)
-    if kind is not None and codec == ADAPTIVE and section.kind != "OCCUPANCY":
+    if kind is not None and codec == ADAPTIVE and section.kind not in ADAPTIVE_KINDS:
         raise Malformed(f"{section.name} codec", "0 or 1", codec)
     if reserved or reserved4 or reserved8:
         raise Malformed(f"{section.name} reserved", "zeros", "another byte")

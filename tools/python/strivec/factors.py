@@ -1,5 +1,7 @@
 """DENSITY and APPEARANCE (section 3.10 of the format): the factor vectors of a chunk's tensors."""
 
+from itertools import repeat
+
 import numpy as np
 
 from . import arrays
@@ -19,23 +21,26 @@ def read_factors(payload, rank, resolution, out):
     vertices = [cells + 1 for cells in resolution]
 
     components = tensors * rank
-    full = arrays.encoded_size(head, components * sum(vertices), components * 3)
+    full = arrays.encoded_size(head, components * sum(vertices), components)
     mask_size = tensors * -(-rank // 8) if has_masks else 0
     minimum = mask_size if has_masks else full
     transient = arrays.TRANSIENT * components * sum(vertices) + 16 * mask_size
-    with payload.budget.borrow(transient, payload.name), payload.body(minimum, mask_size + full) as body:
+    masks = (tensors, rank) if has_masks else None
+    decoder = arrays.adaptive_decoder(head, repeat(vertices), components, payload.name, masks)
+    with payload.budget.borrow(transient, payload.name), payload.body(minimum, mask_size + full, decoder) as body:
         if has_masks:
             mask = _read_mask(body[:mask_size], tensors, rank, payload.name)
             components = int(mask.sum())
-            size = mask_size + arrays.encoded_size(head, components * sum(vertices), components * 3)
+            size = mask_size + arrays.encoded_size(head, components * sum(vertices), components)
             if len(body) != size:
                 raise Malformed(f"{payload.name} bytes of the body", size, len(body))
         else:
             mask = np.ones((tensors, rank), bool)
         if components == 0:
             return
-        numbers = arrays.decode(head, body[mask_size:], np.tile(vertices, components), f"{payload.name} factors")
-        if head.encoding in ("grid", "cosine"):
+        lengths = np.full(components, sum(vertices))
+        numbers = arrays.decode(head, body[mask_size:], lengths, f"{payload.name} factors")
+        if head.encoding == "grid":
             _place_by_component(numbers, mask, vertices, out)
         else:
             _place_by_vertex(numbers, mask, vertices, out)

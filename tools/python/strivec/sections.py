@@ -172,7 +172,7 @@ def read_decoder(payload):
     expected = f"{direction} plus 1 to 256 times {1 + 2 * feature_frequencies}"
     record.require(fits, "inputs of layer 0", expected, shapes[0][0])
     record.require(features >= 3 or mode != "residual", "features", "at least 3", features)
-    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+    head = arrays.read_head(record)
 
     lengths = np.concatenate([[inputs] * outputs + [outputs] for inputs, outputs in shapes])
     numbers = _read_array(payload, head, lengths)
@@ -193,7 +193,7 @@ def read_occupancy(payload):
     total = limits.check(math.prod(vertices), limits.OCCUPANCY_VERTICES, "OCCUPANCY vertices")
     size = -(-total // 8)
     payload.budget.take(size, payload.name)
-    with payload.body(size, adaptive=lambda data: adaptive.occupancy(data, vertices, payload.name)) as body:
+    with payload.body(size, adaptive=lambda data, _: adaptive.occupancy(data, vertices, payload.name)) as body:
         bits = np.frombuffer(body, np.uint8).copy()
     if total % 8 and bits[-1] >> (total % 8):
         raise Malformed("OCCUPANCY unused bits", "zeros", f"{bits[-1]:#04x} in the last byte")
@@ -208,7 +208,7 @@ def read_matrix(payload, features, rank):
     found = record.u32("appearance rank", limits.RANK)
     if found != rank:
         raise Malformed(f"{payload.name} appearance rank", rank, found)
-    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+    head = arrays.read_head(record)
     return _read_array(payload, head, np.full(features, rank)).reshape(features, rank)
 
 
@@ -223,7 +223,7 @@ def read_prefix(payload, features, ranks):
     found = record.u32("sum of appearance ranks", limits.RANK_SUM)
     if found != ranks:
         raise Malformed(f"{payload.name} sum of appearance ranks", ranks, found)
-    head = arrays.read_head(record, arrays.NETWORK_ENCODINGS)
+    head = arrays.read_head(record)
     matrix = _read_array(payload, head, np.full(features, ranks)).reshape(features, ranks)
     return Prefix(gain, offset, matrix)
 
@@ -318,5 +318,6 @@ def _read_array(payload, head, lengths):
     total = int(lengths.sum())
     size = arrays.encoded_size(head, total, len(lengths))
     payload.budget.take(4 * total, payload.name)
-    with payload.budget.borrow(arrays.TRANSIENT * total, payload.name), payload.body(size) as body:
+    decoder = arrays.adaptive_decoder(head, ([length] for length in lengths.tolist()), len(lengths), payload.name)
+    with payload.budget.borrow(arrays.TRANSIENT * total, payload.name), payload.body(size, adaptive=decoder) as body:
         return arrays.decode(head, body, lengths, payload.name)

@@ -88,8 +88,8 @@ class ValidVectors(unittest.TestCase):
             ("f32", "zstd"),
             ("f32", "explicit"),
             ("f16", "f16-planes"),
-            ("grid-8", "grid-8-differences"),
-            ("cosine", "cosine-planes"),
+            ("grid-16", "integers-adaptive-finest"),
+            ("grid-3", "integers-adaptive-3"),
         ):
             with self.subTest(f"{one}, {other}"):
                 np.testing.assert_array_equal(numbers(one), numbers(other))

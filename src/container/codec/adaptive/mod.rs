@@ -2,8 +2,12 @@
 //! machine decodes the same bits.
 
 mod coder;
+mod integers;
 mod occupancy;
 
+pub(in crate::container) use integers::{
+    Groups, Shape, compress as compress_integers, decompress as decompress_integers,
+};
 pub(in crate::container) use occupancy::{
     compress as compress_occupancy, decompress as decompress_occupancy, memory as memory_of_occupancy,
 };

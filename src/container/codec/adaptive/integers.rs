@@ -1,0 +1,402 @@
+//! The body of an array in the encoding grid: masks of components, step codes, and integers, each by those near it (spec 2.5).
+
+use std::fmt;
+
+use super::coder::{Coder, Counter, Decoder, Encoder};
+use crate::container::Error;
+
+/// Sizes of remainders that contexts tell apart: four to an octave.
+const CLASSES: usize = 48;
+/// Remainders count as no larger than this in the sizes around a number.
+const LARGEST_SIZE: i32 = 1023;
+/// Contexts of a number beside the class: where in a step the prediction lies (3), whether the last remainder was 0 (2), and
+/// how large the prediction is (3).
+const PLACES: usize = 18;
+/// Step codes of an octave have one context each half of it.
+const STEP_CONTEXTS: usize = 64;
+/// Bits that say that a remainder is larger than 0, 1, 2, …; larger ones are a number behind those.
+const UNARY: usize = 18;
+/// Most bits of that number but its first.
+const LONGEST: u32 = 17;
+
+/// What an array's body consists of.
+#[derive(Clone, Debug)]
+pub(in crate::container) struct Shape {
+    /// Bits of the integers, as in the array's head.
+    pub(in crate::container) bits: u8,
+    /// Tensors and their rank, if the body begins with masks of the components that they have.
+    pub(in crate::container) masks: Option<[usize; 2]>,
+    pub(in crate::container) groups: Groups,
+}
+
+/// The groups of an array. The numbers of a group have one step.
+#[derive(Clone, Debug)]
+pub(in crate::container) enum Groups {
+    /// Components of tensors, each a vector on each axis. Masks, if there are any, say how many.
+    Components { count: usize, vertices: [usize; 3] },
+    /// Rows of networks, of these lengths.
+    Rows(Vec<usize>),
+}
+
+impl Shape {
+    /// Bytes of the masks.
+    fn mask_bytes(&self) -> usize {
+        self.masks.map_or(0, |[tensors, rank]| tensors * rank.div_ceil(8))
+    }
+
+    /// Bytes of an integer.
+    fn width(&self) -> usize {
+        if self.bits > 8 { 2 } else { 1 }
+    }
+
+    /// The largest magnitude of an integer.
+    fn largest(&self) -> i32 {
+        (1 << (self.bits - 1)) - 1
+    }
+
+    /// Groups, and numbers in all of them; `masks` are read.
+    fn count(&self, masks: &[u8]) -> [usize; 2] {
+        match &self.groups {
+            Groups::Rows(lengths) => [lengths.len(), lengths.iter().sum()],
+            Groups::Components { count, vertices } => {
+                let count = self.masks.map_or(*count, |_| masks.iter().map(|m| m.count_ones() as usize).sum());
+                [count, count.saturating_mul(vertices.iter().sum())]
+            }
+        }
+    }
+
+    /// \[group\] the lengths of its vectors, of `groups` groups.
+    fn vectors(&self, groups: usize) -> Box<dyn Iterator<Item = &[usize]> + '_> {
+        match &self.groups {
+            Groups::Rows(lengths) => Box::new(lengths.chunks(1)),
+            Groups::Components { vertices, .. } => Box::new(std::iter::repeat_n(vertices.as_slice(), groups)),
+        }
+    }
+}
+
+/// Codes `body`: the masks, the step codes, and the integers of an array of this shape.
+pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
+    let (masks, rest) = body.split_at(shape.mask_bytes());
+    let [groups, _] = shape.count(masks);
+    let (steps, integers) = rest.split_at(groups);
+    let mut integers: Vec<i16> = match shape.width() {
+        1 => integers.iter().map(|&q| i16::from(q as i8)).collect(),
+        _ => integers.as_chunks().0.iter().map(|&q| i16::from_le_bytes(q)).collect(),
+    };
+    let mut encoder = Encoder::new();
+    if let Some([_, rank]) = shape.masks {
+        code_masks(&mut encoder, rank, &mut masks.to_vec());
+    }
+    code_steps(&mut encoder, &mut steps.to_vec());
+    let mut predictor = Predictor::of(shape.vectors(groups), &integers);
+    predictor.code(&mut encoder);
+    // Only a decoder finds a number that is too large.
+    let _ = Numbers::new(predictor, shape).code(&mut encoder, shape.vectors(groups), steps, &mut integers);
+    encoder.finish()
+}
+
+/// The inverse of [`compress`]: a body of `length` bytes. Takes at most three times that, and less than 1 MiB for contexts; the
+/// caller has checked that there is so much.
+pub(in crate::container) fn decompress(
+    place: &dyn fmt::Display,
+    shape: &Shape,
+    length: usize,
+    bytes: &[u8],
+) -> Result<Vec<u8>, Error> {
+    let too_short =
+        |least: usize| Error::malformed(format!("{place} body length"), format!("at least {least}"), length);
+    if length < shape.mask_bytes() {
+        return Err(too_short(shape.mask_bytes()));
+    }
+    let mut decoder = Decoder::new(bytes);
+    let mut body = vec![0; shape.mask_bytes()];
+    if let Some([_, rank]) = shape.masks {
+        code_masks(&mut decoder, rank, &mut body);
+    }
+    let mask_bytes = body.len();
+    let [groups, numbers] = shape.count(&body);
+    let implied = shape.width().saturating_mul(numbers).saturating_add(groups).saturating_add(mask_bytes);
+    Error::unless_equal(format!("{place} body length"), implied, length)?;
+    body.resize(mask_bytes + groups, 0);
+    let steps = &mut body[mask_bytes..];
+    code_steps(&mut decoder, steps);
+    let mut predictor = Predictor::default();
+    predictor.code(&mut decoder);
+    let mut integers = vec![0; numbers];
+    let result = Numbers::new(predictor, shape).code(&mut decoder, shape.vectors(groups), steps, &mut integers);
+    result.map_err(|TooLarge { largest, group }| {
+        Error::malformed(
+            format!("{place} integer of group {group}"),
+            format!("-{largest} to {largest}"),
+            "a larger one",
+        )
+    })?;
+    decoder.finish(place)?;
+    match shape.width() {
+        1 => body.extend(integers.iter().map(|&q| q as i8 as u8)),
+        _ => body.extend(integers.iter().flat_map(|q| q.to_le_bytes())),
+    }
+    Ok(body)
+}
+
+/// Codes which components tensors have, each by the component before it and by the same one of the tensor before.
+fn code_masks(coder: &mut impl Coder, rank: usize, masks: &mut [u8]) {
+    let mut counters = vec![[Counter::default(); 4]; rank];
+    let mut before = vec![true; rank];
+    for mask in masks.chunks_exact_mut(rank.div_ceil(8)) {
+        let mut last = true;
+        for (c, (counters, before)) in counters.iter_mut().zip(&mut before).enumerate() {
+            let bit = mask[c / 8] >> (c % 8) & 1 == 1;
+            last = coder.code_in(bit, &mut counters[usize::from(last) + 2 * usize::from(*before)]);
+            *before = last;
+            mask[c / 8] |= u8::from(last) << (c % 8);
+        }
+    }
+}
+
+/// Codes step codes, each by its difference to the one before.
+fn code_steps(coder: &mut impl Coder, steps: &mut [u8]) {
+    let mut differences = Differences::default();
+    let mut before = 0;
+    for step in steps {
+        before = differences.code(coder, *step, before);
+        *step = before;
+    }
+}
+
+/// Contexts of differences between step codes, by the size of the last one.
+struct Differences {
+    zero: [Counter; 4],
+    sign: [Counter; 3],
+    /// \[size of the last one\]\[n\] whether the magnitude is larger than n + 1.
+    larger: [[Counter; 255]; 4],
+    last: i32,
+}
+
+impl Default for Differences {
+    fn default() -> Self {
+        Self { zero: Default::default(), sign: Default::default(), larger: [[Counter::default(); 255]; 4], last: 0 }
+    }
+}
+
+impl Differences {
+    /// The step code, `before` that before it. Differences wrap around, so that every one of them is a step code.
+    fn code(&mut self, coder: &mut impl Coder, step: u8, before: u8) -> u8 {
+        let difference = i32::from(step.wrapping_sub(before) as i8);
+        let context = self.last.unsigned_abs().min(3) as usize;
+        let mut found = 0;
+        if coder.code_in(difference != 0, &mut self.zero[context]) {
+            let sign = &mut self.sign[(self.last.signum() + 1) as usize];
+            let is_negative = coder.code_in(difference < 0, sign);
+            found = 1;
+            while found < 128 && coder.code_in(difference.abs() > found, &mut self.larger[context][found as usize - 1])
+            {
+                found += 1;
+            }
+            if is_negative {
+                found = -found;
+            }
+        }
+        self.last = found;
+        before.wrapping_add(found as u8)
+    }
+}
+
+/// How a number follows from the two before it in its vector, in 1/256.
+#[derive(Clone, Copy, Debug, Default)]
+struct Predictor {
+    weights: [i16; 2],
+}
+
+impl Predictor {
+    /// The one with the least squared remainders.
+    fn of<'a>(groups: impl Iterator<Item = &'a [usize]>, integers: &[i16]) -> Self {
+        // Of r[i] by r[i − 1] and r[i − 2].
+        let (mut a11, mut a12, mut a22, mut b1, mut b2) = (0i64, 0i64, 0i64, 0i64, 0i64);
+        let mut rest = integers;
+        for &length in groups.flatten() {
+            let (vector, after) = rest.split_at(length);
+            rest = after;
+            for three in vector.windows(3) {
+                let [z, y, x] = [0, 1, 2].map(|i| i64::from(three[i]));
+                a11 += y * y;
+                a12 += y * z;
+                a22 += z * z;
+                b1 += x * y;
+                b2 += x * z;
+            }
+        }
+        let [a11, a12, a22, b1, b2] = [a11, a12, a22, b1, b2].map(|v| v as f64);
+        let determinant = a11 * a22 - a12 * a12;
+        if determinant <= 0.0 {
+            return Self::default();
+        }
+        let weight = |numerator: f64| (256.0 * numerator / determinant).round() as i16;
+        Self { weights: [weight(b1 * a22 - b2 * a12), weight(b2 * a11 - b1 * a12)] }
+    }
+
+    /// Codes the weights, the highest of 16 bits first.
+    fn code(&mut self, coder: &mut impl Coder) {
+        for weight in &mut self.weights {
+            *weight = code_bits(coder, u32::from(*weight as u16), 16) as u16 as i16;
+        }
+    }
+
+    /// 256 times the number that follows `last` and the one before it.
+    #[inline(always)]
+    fn next(self, last: [i32; 2]) -> i32 {
+        i32::from(self.weights[0]) * last[0] + i32::from(self.weights[1]) * last[1]
+    }
+}
+
+/// The lowest `count` bits of `bits`, the highest first, each as likely 0 as 1.
+fn code_bits(coder: &mut impl Coder, bits: u32, count: u32) -> u32 {
+    (0..count).rev().fold(0, |found, at| found << 1 | u32::from(coder.code(bits >> at & 1 == 1, 1 << 15)))
+}
+
+/// A number is larger than its bits allow.
+#[derive(Clone, Copy, Debug)]
+struct TooLarge {
+    largest: i32,
+    group: usize,
+}
+
+/// The contexts of numbers.
+struct Numbers {
+    predictor: Predictor,
+    largest: i32,
+    /// \[n\]\[class\]\[place\], and \[n\]\[class\]\[step\]: whether a remainder is larger than n.
+    by_place: Vec<Counter>,
+    by_step: Vec<Counter>,
+    /// \[where in a step the prediction lies\]\[sign of the last remainder\].
+    signs: [[Counter; 3]; 3],
+    /// \[vertex of all vectors of a group\] how large remainders were there lately, in 1/16.
+    sizes: Vec<i32>,
+}
+
+impl Numbers {
+    fn new(predictor: Predictor, shape: &Shape) -> Self {
+        let longest = match &shape.groups {
+            Groups::Components { vertices, .. } => vertices.iter().sum(),
+            Groups::Rows(lengths) => lengths.iter().copied().max().unwrap_or(0),
+        };
+        Self {
+            predictor,
+            largest: shape.largest(),
+            by_place: vec![Counter::default(); UNARY * CLASSES * PLACES],
+            by_step: vec![Counter::default(); UNARY * CLASSES * STEP_CONTEXTS],
+            signs: Default::default(),
+            sizes: vec![0; longest],
+        }
+    }
+
+    fn code<'a>(
+        &mut self,
+        coder: &mut impl Coder,
+        groups: impl Iterator<Item = &'a [usize]>,
+        steps: &[u8],
+        integers: &mut [i16],
+    ) -> Result<(), TooLarge> {
+        let mut rest = integers;
+        for (group, (vectors, &step)) in groups.zip(steps).enumerate() {
+            if coder.is_over() {
+                break;
+            }
+            let mut first = 0;
+            for &length in vectors {
+                let (vector, after) = rest.split_at_mut(length);
+                rest = after;
+                self.code_vector(coder, usize::from(step >> 2), first, vector)
+                    .ok_or(TooLarge { largest: self.largest, group })?;
+                first += length;
+            }
+        }
+        Ok(())
+    }
+
+    /// Codes a vector whose vertices begin at `first`; `None` if a number is too large.
+    #[inline(always)]
+    fn code_vector(&mut self, coder: &mut impl Coder, step: usize, first: usize, vector: &mut [i16]) -> Option<()> {
+        let sizes = &mut self.sizes[first..first + vector.len()];
+        let mut near = sizes.first().copied().unwrap_or(0);
+        let mut last = [0; 2];
+        let mut last_remainder = 0i32;
+        for (i, number) in vector.iter_mut().enumerate() {
+            let exact = self.predictor.next(last);
+            let prediction = ((exact + 128) >> 8).clamp(-self.largest, self.largest);
+            let fraction = exact - (prediction << 8);
+            let third = usize::from(fraction > -43) + usize::from(fraction > 42);
+            let next = sizes.get(i + 1).copied().unwrap_or(sizes[i]);
+            let class = class_of((3 * near + ((3 * sizes[i] + next) >> 2)) >> 2);
+            let large = prediction.unsigned_abs();
+            let large = usize::from(large > 0) + usize::from(large > 2);
+            let place = (class * 3 + third) * 6 + 3 * usize::from(last_remainder == 0) + large;
+            let by_place = &mut self.by_place[..];
+            let by_step = &mut self.by_step[..];
+            let step = class * STEP_CONTEXTS + step;
+            let remainder = i32::from(*number) - prediction;
+            let magnitude = remainder.abs();
+            let mut found = 0;
+            loop {
+                let place = &mut by_place[found * CLASSES * PLACES + place];
+                let step = &mut by_step[found * CLASSES * STEP_CONTEXTS + step];
+                let bit = coder.code(magnitude > found as i32, (place.probability() + step.probability()) / 2);
+                place.learn(bit);
+                step.learn(bit);
+                if !bit {
+                    break;
+                }
+                found += 1;
+                if found == UNARY {
+                    break;
+                }
+            }
+            let mut remainder_found = found as i32;
+            if found > 0 {
+                let sign = &mut self.signs[third][(last_remainder.signum() + 1) as usize];
+                let is_negative = coder.code_in(remainder < 0, sign);
+                if found == UNARY {
+                    remainder_found += code_large(coder, (magnitude - UNARY as i32) as u32)? as i32;
+                }
+                if is_negative {
+                    remainder_found = -remainder_found;
+                }
+            }
+            let found = prediction + remainder_found;
+            if found.abs() > self.largest {
+                return None;
+            }
+            *number = found as i16;
+            let size = remainder_found.abs().min(LARGEST_SIZE);
+            near = (5 * near + 48 * size) >> 3;
+            sizes[i] = (7 * sizes[i] + 16 * size) >> 3;
+            last = [found, last[0]];
+            last_remainder = remainder_found;
+        }
+        Some(())
+    }
+}
+
+/// The class of remainders of this size, in 1/16.
+#[inline(always)]
+fn class_of(size: i32) -> usize {
+    let size = size as u32 + 4;
+    let octave = size.ilog2() - 2;
+    ((4 * octave + (size >> octave) - 4) as usize).min(CLASSES - 1)
+}
+
+/// A number from 0 on: the number of its bits but the first once it is one larger, in ones that a zero ends, then those bits.
+/// `None` if it has more than [`LONGEST`].
+#[cold]
+fn code_large(coder: &mut impl Coder, number: u32) -> Option<u32> {
+    let number = number.wrapping_add(1);
+    let length = number.max(1).ilog2();
+    let mut found = 0;
+    while coder.code(length > found, 1 << 15) {
+        found += 1;
+        if found > LONGEST {
+            return None;
+        }
+    }
+    Some((1 << found | code_bits(coder, number, found)) - 1)
+}
