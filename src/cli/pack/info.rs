@@ -38,7 +38,7 @@ pub(super) struct Row {
     cameras: usize,
     /// PSNR in dB to the pictures before encoding.
     psnr_to_before: Option<f64>,
-    /// PSNR in dB over a dataset's test views.
+    /// PSNR in dB over photographs of a dataset.
     test_psnr: Option<f64>,
     /// PSNR in dB of the pictures of 1, 2, … scales to those of all.
     psnr_of_prefixes: Vec<f64>,

@@ -85,8 +85,9 @@ struct DataArgs {
     /// Dataset folder: measure --max-loss against its photographs and store their PSNR in the file
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
-    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
-    #[arg(long, value_name = "S", default_value = "test", requires = "data")]
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json. The choice of the encoding
+    /// depends on it, so test views are best kept aside
+    #[arg(long, value_name = "S", default_value = "train", requires = "data")]
     split: String,
     /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), requires = "data")]

@@ -5,7 +5,7 @@ use crate::cli::render::colors;
 use crate::cli::viewpoints::Viewpoints;
 use crate::container::{Pose, Thumbnail, ThumbnailFormat, TrainingCamera, Views};
 use crate::geometry::Viewpoint;
-use crate::measure::{color_jpeg, color_png};
+use crate::measure::color_jpeg;
 use crate::model::Scene;
 use crate::render::{CpuRenderer, Renderer, Turntable};
 
@@ -32,11 +32,6 @@ pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, Error
     let camera = Viewpoint { position, rotation, vertical_angle: views.angle_of_view }.camera([THUMBNAIL; 2]);
     let picture = CpuRenderer::<f32>::new(scene).render(&camera);
     let size = [picture.width, picture.height];
-    let colors = colors(&picture);
-    // A scene that is seen from within fills the picture like a photograph.
-    let (format, file) = match Turntable::of(scene, Some(views), &[]) {
-        Some(_) => (ThumbnailFormat::Jpeg, color_jpeg(size, &colors)?),
-        None => (ThumbnailFormat::Png, color_png(size, &colors)?),
-    };
-    Ok(Thumbnail { format, size: size.map(|n| n as u16), file })
+    let file = color_jpeg(size, &colors(&picture))?;
+    Ok(Thumbnail { format: ThumbnailFormat::Jpeg, size: size.map(|n| n as u16), file })
 }
