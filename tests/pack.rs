@@ -390,3 +390,32 @@ fn damage_and_what_is_not_supported_have_codes_of_their_own() {
         }
     }
 }
+
+#[test]
+fn balanced_vectors_have_the_same_products() {
+    let (_, scene) = folder();
+    let mut balanced = scene.clone();
+    strivec::pack::balance(&mut balanced);
+    assert_ne!(balanced, scene);
+    for (before, after) in scene.scales.iter().zip(&balanced.scales) {
+        let rows = strivec::model::Factors::rows(before.cloud.resolution);
+        let axes = strivec::model::Factors::axis_ranges(before.cloud.resolution);
+        let rank = before.factors.appearance_rank as usize;
+        let tensors =
+            |values: &Vec<f32>| -> Vec<Vec<f32>> { values.chunks(rows * rank).map(<[f32]>::to_vec).collect() };
+        let pairs = tensors(&before.factors.appearance).into_iter().zip(tensors(&after.factors.appearance));
+        for (before, after) in pairs {
+            for c in 0..rank {
+                let largest = |values: &[f32], axis: usize| {
+                    axes[axis].clone().map(|row| values[row * rank + c].abs()).fold(0.0, f32::max)
+                };
+                let product = |values: &[f32]| (0..3).map(|axis| largest(values, axis)).product::<f32>();
+                assert!((product(&after) / product(&before) - 1.0).abs() < 1e-5);
+                assert!((largest(&after, 0) / largest(&after, 2) - 1.0).abs() < 1e-5);
+                // A product of single entries.
+                let entry = |values: &[f32]| axes.iter().map(|axis| values[axis.start * rank + c]).product::<f32>();
+                assert!((entry(&after) - entry(&before)).abs() <= 1e-5 * entry(&before).abs());
+            }
+        }
+    }
+}

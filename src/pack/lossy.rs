@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::balance::{entries, scale_vectors};
 use crate::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, step, step_code};
 use crate::model::{Factors, Scene};
 use crate::train::{FactorImportance, PartImportance};
@@ -54,11 +55,11 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
         ] {
             let (rank, axes) = (rank as usize, Factors::axis_ranges(resolution));
             let tensor = Factors::rows(resolution) * rank;
-            let PartImportance { entries, components } = importance;
-            let importance = entries.par_chunks_exact(tensor).zip(components.par_chunks_exact(rank));
+            let PartImportance { entries: of_entries, components } = importance;
+            let importance = of_entries.par_chunks_exact(tensor).zip(components.par_chunks_exact(rank));
             let choices: Vec<Choice> = (values.par_chunks_exact_mut(tensor).zip(importance))
-                .flat_map_iter(|(values, (entries, absent))| {
-                    let choose = |c: usize| choose(values, entries, absent[c], rank, c, &axes, loss);
+                .flat_map_iter(|(values, (importance, absent))| {
+                    let choose = |c: usize| choose(values, importance, absent[c], rank, c, &axes, loss);
                     (0..rank).map(choose).collect::<Vec<_>>()
                 })
                 .collect();
@@ -82,35 +83,29 @@ struct Choice {
     error: f64,
 }
 
-/// Chooses the step of component `c` of a tensor and scales its vectors, given its `values`, their importance `entries`, and what
-/// it costs if the component is `absent`. Writes zeros if it is dropped.
+/// Chooses the step of component `c` of a tensor and scales its vectors, given its `values`, their `importance`, and what it
+/// costs if the component is `absent`. Writes zeros if it is dropped.
 fn choose(
     values: &mut [f32],
-    entries: &[f32],
+    importance: &[f32],
     absent: f64,
     rank: usize,
     c: usize,
     axes: &[Range<usize>; 3],
     loss: f64,
 ) -> Choice {
-    let of_axis = |axis: &Range<usize>| axis.clone().map(move |row| row * rank + c);
     // √ of the mean importance of an axis's entries.
     let sizes = axes.each_ref().map(|axis| {
-        let total: f64 = of_axis(axis).map(|at| f64::from(entries[at])).sum();
+        let total: f64 = entries(axis, rank, c).map(|at| f64::from(importance[at])).sum();
         (total / axis.len() as f64).sqrt()
     });
-    let size = (sizes[0] * sizes[1] * sizes[2]).cbrt();
-    if absent <= 0.0 || size <= 0.0 {
+    if absent <= 0.0 || sizes.contains(&0.0) {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
         return Choice { is_dropped: true, step: 0, error: absent };
     }
-    let mut squares = [0.0; 3];
-    for ((axis, of_vector), squares) in axes.iter().zip(sizes).zip(&mut squares) {
-        for at in of_axis(axis) {
-            values[at] = (f64::from(values[at]) * of_vector / size) as f32;
-            *squares += f64::from(values[at]).powi(2);
-        }
-    }
+    let size = scale_vectors(values, rank, c, axes, sizes);
+    let squares =
+        axes.each_ref().map(|axis| entries(axis, rank, c).map(|at| f64::from(values[at]).powi(2)).sum::<f64>());
     let rows = axes.iter().map(Range::len).sum::<usize>() as f64;
     // Larger steps than this quantize every entry to zero, which loses no more.
     let largest = (squares.iter().sum::<f64>() / rows).sqrt().max(f64::from(f32::MIN_POSITIVE));

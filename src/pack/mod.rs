@@ -4,6 +4,7 @@
 //! not needed: the scene's own pictures from cameras around it are the reference. Photographs can be that, too.
 #![forbid(unsafe_code)]
 
+mod balance;
 mod crop;
 mod distortion;
 mod lossless;
@@ -13,6 +14,7 @@ mod prune;
 mod search;
 mod views;
 
+pub use balance::balance;
 pub use crop::crop;
 pub use distortion::Distortion;
 pub use lossless::lossless;

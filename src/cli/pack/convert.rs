@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         if let Some(name) = &args.quality {
             bake(&mut document, path, name, session)?;
         }
-        let options = options_for(args.encoding, &document).map_err(|e| Error::container(path, e))?;
+        let options = options_for(args.encoding, &mut document).map_err(|e| Error::container(path, e))?;
         let options = args.layout.apply(options)?;
         let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options);
         bytes.map_err(|e| Error::container(path, e))

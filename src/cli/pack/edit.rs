@@ -43,7 +43,7 @@ impl Target {
         rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
             let mut changed = change(document, path)?;
             forget_measurements(&mut changed.metadata);
-            let options = options_for(self.encoding, &changed).map_err(|e| Error::container(path, e))?;
+            let options = options_for(self.encoding, &mut changed).map_err(|e| Error::container(path, e))?;
             let options = self.layout.apply(options)?;
             container::encode_scene_file(&changed.scene, &changed.metadata, &options)
                 .map_err(|e| Error::container(path, e))

@@ -12,7 +12,9 @@ pub(super) enum Plain {
     F32,
     /// 16-bit floating point
     F16,
-    /// 8-bit integers with a step per vector
+    /// 16-bit integers with a step per component
+    Grid16,
+    /// 8-bit integers
     Grid8,
     /// 6-bit integers
     Grid6,
@@ -29,6 +31,7 @@ impl Plain {
         match self {
             Self::F32 => Encoding::F32,
             Self::F16 => Encoding::F16,
+            Self::Grid16 => Encoding::Grid(16),
             Self::Grid8 => Encoding::Grid(8),
             Self::Grid6 => Encoding::Grid(6),
             Self::Grid5 => Encoding::Grid(5),
@@ -75,7 +78,12 @@ impl LayoutArgs {
     }
 }
 
-/// `encoding` for all factors, or options that lose nothing of `file`: its own where they fit.
-pub(super) fn options_for(encoding: Option<Plain>, file: &SceneFile) -> Result<EncodeOptions, container::Error> {
-    encoding.map_or_else(|| pack::lossless(file), |encoding| Ok(EncodeOptions::uniform(encoding.encoding())))
+/// `encoding` for all factors, whose vectors are balanced for it, or options that lose nothing of `file`: its own where they
+/// fit.
+pub(super) fn options_for(encoding: Option<Plain>, file: &mut SceneFile) -> Result<EncodeOptions, container::Error> {
+    let Some(encoding) = encoding.map(Plain::encoding) else { return pack::lossless(file) };
+    if matches!(encoding, Encoding::Grid(_)) {
+        pack::balance(&mut file.scene);
+    }
+    Ok(EncodeOptions::uniform(encoding))
 }

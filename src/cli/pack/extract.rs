@@ -131,8 +131,8 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
 /// Writes a folder's scene as a file.
 pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
-    let document = Folder(&args.input).document()?;
-    let options = options_for(args.encoding, &document).map_err(|e| Error::container(&args.input, e))?;
+    let mut document = Folder(&args.input).document()?;
+    let options = options_for(args.encoding, &mut document).map_err(|e| Error::container(&args.input, e))?;
     let options = args.layout.apply(options)?;
     let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;

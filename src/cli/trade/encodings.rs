@@ -5,7 +5,7 @@ use crate::cli::pack::{JUDGED, PROBED};
 use crate::cli::{Error, Session};
 use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
-use crate::pack::{Distortion, Goal, probe_views, search};
+use crate::pack::{Distortion, Goal, balance, probe_views, search};
 
 /// Encodings that treat all factors alike, and their names.
 const PLAIN: [(&str, Encoding); 3] =
@@ -22,8 +22,11 @@ pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> 
         Ok(Source { name, scene, prefixes: Vec::new(), bytes: bytes.len() as u64 })
     };
     let mut sources = Vec::new();
+    let mut balanced = scene.clone();
+    balance(&mut balanced);
     for (name, encoding) in PLAIN {
         session.console.say(&format!("encoding {name}"));
+        let scene = if matches!(encoding, Encoding::Grid(_)) { &balanced } else { scene };
         sources.push(source(name.to_owned(), scene, &EncodeOptions::uniform(encoding))?);
     }
     session.console.say("estimating importance");
