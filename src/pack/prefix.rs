@@ -54,14 +54,14 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         let shape_gradients = [gain_gradient as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
         let decay = 0.1f64.powf((n - 1) as f64 / steps as f64);
         let before = shape;
-        Adam::new(SHAPE_RATE * decay, n).update::<false>(
+        Adam::new(SHAPE_RATE * decay, 0.0, n).update::<false>(
             &mut shape,
             &mut shape_moments.first,
             &mut shape_moments.second,
             &shape_gradients,
         );
         let matrix_gradients = &gradients.networks[..field.decoder.appearance.len()];
-        Adam::new(MATRIX_RATE * decay, n).update::<false>(
+        Adam::new(MATRIX_RATE * decay, 0.0, n).update::<false>(
             &mut field.decoder.appearance,
             &mut matrix_moments.first,
             &mut matrix_moments.second,

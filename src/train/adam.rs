@@ -41,15 +41,19 @@ impl<T: Real> Moments<T> {
 pub(crate) struct Adam<T> {
     step_size: T,
     second_scale: T,
+    /// What is left of a parameter.
+    kept: T,
 }
 
 impl<T: Real> Adam<T> {
-    /// Step number `step`, counted from 1 since the optimizer was last restarted.
-    pub(crate) fn new(learning_rate: f64, step: u64) -> Self {
+    /// Step number `step`, counted from 1 since the optimizer was last restarted. With weight decay, parameters lose
+    /// `learning_rate`·`weight_decay` of themselves besides (Loshchilov and Hutter, 2019).
+    pub(crate) fn new(learning_rate: f64, weight_decay: f64, step: u64) -> Self {
         let correction = |beta: f64| 1.0 - beta.powf(step as f64);
         Self {
             step_size: T::of(learning_rate / correction(BETAS[0])),
             second_scale: T::of(1.0 / correction(BETAS[1]).sqrt()),
+            kept: T::of((1.0 - learning_rate * weight_decay).max(0.0)),
         }
     }
 
@@ -92,7 +96,7 @@ impl<T: Real> Adam<T> {
             let g = gradients[i];
             let m = beta1 * first[i] + rest1 * g;
             let v = beta2 * second[i] + rest2 * g * g;
-            let p = parameters[i] - self.step_size * m / (v.sqrt() * self.second_scale + epsilon);
+            let p = self.kept * parameters[i] - self.step_size * m / (v.sqrt() * self.second_scale + epsilon);
             let keep = SKIP_ZEROS && g == T::zero();
             first[i] = if keep { first[i] } else { m };
             second[i] = if keep { second[i] } else { v };
@@ -109,10 +113,20 @@ mod tests {
     fn first_step_moves_by_the_learning_rate_against_the_gradient() {
         let mut p = [1.0f64, 1.0];
         let mut moments = Moments::zeros(2);
-        let adam = Adam::new(0.1, 1);
+        let adam = Adam::new(0.1, 0.0, 1);
         adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
         assert!((p[0] - 0.9).abs() < 1e-8);
         assert_eq!(p[1], 1.0);
         assert_eq!(moments.first[1], 0.0);
+    }
+
+    #[test]
+    fn weight_decay_is_in_learning_rates_and_spares_entries_without_a_gradient() {
+        let mut p = [1.0f64, 1.0];
+        let mut moments = Moments::zeros(2);
+        let adam = Adam::new(0.1, 0.01, 1);
+        adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
+        assert!((p[0] - (0.9 - 0.001)).abs() < 1e-8);
+        assert_eq!(p[1], 1.0);
     }
 }

@@ -259,18 +259,18 @@ impl<'a> Trainer<'a> {
     }
 
     /// The optimizer's step for parameters whose learning rate starts at `start`.
-    fn adam(&self, start: f64) -> Adam<f32> {
+    fn adam(&self, start: f64, weight_decay: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
         let decay = self.config.learning_rate_decay.powf(along);
         let left = (self.last_step + 1).saturating_sub(self.checkpoint.step) as f64;
         let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
-        Adam::new(start * decay * cooled, since_restart)
+        Adam::new(start * decay * cooled, weight_decay, since_restart)
     }
 
     fn update_networks(&mut self) {
         let rate = self.config.network_learning_rate;
-        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate));
+        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
         let Moments { first, second } = &mut self.checkpoint.networks;
@@ -287,7 +287,7 @@ impl<'a> Trainer<'a> {
     fn update_factors(&mut self, square_weight: f64, work: &mut Work) {
         let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.steps);
         self.checkpoint.worth.steps += u64::from(is_measuring);
-        let adam = self.adam(self.config.factor_learning_rate);
+        let adam = self.adam(self.config.factor_learning_rate, self.config.factor_decay);
         let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
         pool.for_each(|gradient| gradient.clock.restart());

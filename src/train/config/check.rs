@@ -34,6 +34,7 @@ impl TrainConfig {
             return Err(error("decoder.features", &expected, self.decoder.features));
         }
         for (place, value) in [
+            ("factor_decay", self.factor_decay),
             ("density_l1", self.density_l1),
             ("distance_weight", self.distance_weight),
             ("color_roulette", self.color_roulette),

@@ -68,6 +68,9 @@ pub struct TrainConfig {
     pub learning_rate_decay: f64,
     /// The share of the steps at the end over which learning rates fall linearly to 0, besides their decay.
     pub cooldown: f64,
+    /// Weight decay of the factors: the share of themselves that they lose in a step, in learning rates (Loshchilov and Hutter,
+    /// 2019). 0 turns it off.
+    pub factor_decay: f64,
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
     /// off.
     pub density_l1: f64,

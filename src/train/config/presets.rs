@@ -19,6 +19,8 @@ const BEST_DECAY: f64 = 0.25;
 const BEST_COOLDOWN: f64 = 0.15;
 /// The most that one percent of the parameters may cost, in dB: half of the parameters cost 0.1 dB.
 const BEST_MAX_LOSS: f64 = 0.12;
+/// Three times as much is too much; photographs of 800×800 gain nothing (docs/experiments/2026-11-26-weight-decay.md).
+const PREVIEW_FACTOR_DECAY: f64 = 0.01;
 /// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
 const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
@@ -135,6 +137,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         sky_learning_rate: 0.02,
         learning_rate_decay: DECAY,
         cooldown: 0.0,
+        factor_decay: 0.0,
         density_l1: 1e-5,
         distance_weight: 0.01,
         color_roulette: 0.001,
@@ -181,6 +184,7 @@ fn preview() -> TrainConfig {
     let mut preset = best();
     preset.steps = PREVIEW_STEPS;
     preset.batch_rays = 1024;
+    preset.factor_decay = PREVIEW_FACTOR_DECAY;
     (preset.learning_rate_decay, preset.cooldown) = (DECAY, PREVIEW_COOLDOWN);
     preset.max_photograph_side = Some(PREVIEW_SIDE);
     preset.upsample_at = vec![PREVIEW_STEPS / 15];
