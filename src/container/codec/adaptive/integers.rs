@@ -400,3 +400,93 @@ fn code_large(coder: &mut impl Coder, number: u32) -> Option<u32> {
     }
     Some((1 << found | code_bits(coder, number, found)) - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// The body of an array of `groups` groups of `numbers` integers each, of up to `bits` bits, that change slowly.
+    fn body(masks: Vec<u8>, groups: usize, numbers: usize, bits: u8) -> Vec<u8> {
+        let random = Random::new(5, "integers of a codec");
+        let largest = f64::from((1i32 << (bits - 1)) - 1);
+        let mut body = masks;
+        body.extend((0..groups).map(|g| (100 + g % 7) as u8));
+        for n in 0..groups * numbers {
+            let slow = (n as f64 * 0.3).sin() * largest;
+            let q = (slow + 3.0 * random.uniform(n as u64)).clamp(-largest, largest) as i16;
+            body.extend(&q.to_le_bytes()[..if bits > 8 { 2 } else { 1 }]);
+        }
+        body
+    }
+
+    #[test]
+    fn integers_are_read_as_written() {
+        let rows = vec![3, 1, 12, 12, 5];
+        for bits in [16, 8, 6, 5, 4, 3] {
+            let components =
+                |masks, count| Shape { bits, masks, groups: Groups::Components { count, vertices: [2, 4, 3] } };
+            let networks = Shape { bits, masks: None, groups: Groups::Rows(rows.clone()) };
+            let masks = vec![0b0000_0101, 0b1, 0b0011_1111, 0b0, 0b0, 0b1];
+            for (shape, body) in [
+                (components(None, 40), body(Vec::new(), 40, 9, bits)),
+                (components(Some([3, 9]), 27), body(masks, 10, 9, bits)),
+                (networks, {
+                    let mut body = body(Vec::new(), 5, 7, bits);
+                    // 33 numbers instead of 35.
+                    body.truncate(5 + 33 * if bits > 8 { 2 } else { 1 });
+                    body
+                }),
+            ] {
+                let bytes = compress(&shape, &body);
+                assert_eq!(decompress(&"X", &shape, body.len(), &bytes), Ok(body.clone()), "{shape:?}");
+                assert!(decompress(&"X", &shape, body.len(), &[&bytes[..], &[0]].concat()).is_err());
+                assert!(decompress(&"X", &shape, body.len() - 1, &bytes).is_err());
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_integers_and_steps_are_read_as_written() {
+        let shape = Shape { bits: 16, masks: None, groups: Groups::Components { count: 4, vertices: [2, 2, 2] } };
+        let mut body = vec![0, 255, 127, 128];
+        for n in 0..24 {
+            let q = [i16::MAX, -i16::MAX, 0, -1][n % 4];
+            body.extend(q.to_le_bytes());
+        }
+        assert_eq!(decompress(&"X", &shape, body.len(), &compress(&shape, &body)), Ok(body));
+    }
+
+    #[test]
+    fn noise_never_reads_as_integers_that_are_too_large() {
+        let shape =
+            Shape { bits: 5, masks: Some([4, 6]), groups: Groups::Components { count: 24, vertices: [3, 2, 4] } };
+        let random = Random::new(8, "noise of a codec");
+        let mut read = 0;
+        for n in 0..3000 {
+            let byte = |at: u64| random.below(64 * n + at, 256) as u8;
+            // Zeros behind noise code likely bits.
+            let noise: Vec<u8> = (0..64).map(|at| if at < n % 64 { byte(at) } else { 0 }).collect();
+            for groups in 0..=24 {
+                if let Ok(body) = decompress(&"X", &shape, 4 + 10 * groups, &noise) {
+                    read += 1;
+                    assert!(body[4 + groups..].iter().all(|&q| (q as i8).unsigned_abs() <= 15), "{n}");
+                }
+            }
+        }
+        assert!(read < 300, "{read} of 3000");
+    }
+
+    #[test]
+    fn slow_changes_take_a_fraction_of_their_bytes() {
+        let shape = Shape { bits: 16, masks: None, groups: Groups::Components { count: 400, vertices: [20, 20, 20] } };
+        let random = Random::new(6, "slow integers");
+        let mut body = vec![90; 400];
+        for n in 0..400 * 60u64 {
+            let q = ((n as f64 * 0.2).sin() * 40.0 + 2.0 * random.uniform(n)) as i16;
+            body.extend(q.to_le_bytes());
+        }
+        let bytes = compress(&shape, &body);
+        assert!(bytes.len() * 4 < body.len(), "{} of {} bytes", bytes.len(), body.len());
+    }
+}
