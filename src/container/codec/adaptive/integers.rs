@@ -331,15 +331,13 @@ impl Numbers {
             let large = prediction.unsigned_abs();
             let large = usize::from(large > 0) + usize::from(large > 2);
             let place = (class * 3 + third) * 6 + 3 * usize::from(last_remainder == 0) + large;
-            let by_place = &mut self.by_place[..];
-            let by_step = &mut self.by_step[..];
             let step = class * STEP_CONTEXTS + step;
             let remainder = i32::from(*number) - prediction;
             let magnitude = remainder.abs();
             let mut found = 0;
             loop {
-                let place = &mut by_place[found * CLASSES * PLACES + place];
-                let step = &mut by_step[found * CLASSES * STEP_CONTEXTS + step];
+                let place = &mut self.by_place[found * CLASSES * PLACES + place];
+                let step = &mut self.by_step[found * CLASSES * STEP_CONTEXTS + step];
                 let bit = coder.code(magnitude > found as i32, (place.probability() + step.probability()) / 2);
                 place.learn(bit);
                 step.learn(bit);
