@@ -6,7 +6,7 @@ use std::fmt::Display;
 use half::f16;
 
 use super::codec::adaptive::{self, Groups, Shape};
-use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, largest, step, step_code};
+use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, bytes_of, integers, largest, step, step_code};
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::Body;
@@ -72,9 +72,7 @@ pub(super) fn write(
             let width = encoding.width();
             for (group, &code) in groups_of(values, lengths.clone()).zip(steps) {
                 let step = step(code);
-                body.extend(
-                    group.iter().flat_map(|&v| rounded(v, step, largest(bits)).to_le_bytes().into_iter().take(width)),
-                );
+                body.extend(group.iter().flat_map(|&v| bytes_of(rounded(v, step, largest(bits)), width)));
             }
         }
     }
@@ -157,7 +155,7 @@ pub(super) fn decode<'a>(
     })
 }
 
-/// What the body of an array of rows of these lengths consists of.
+/// The shape of an array of rows of these lengths.
 fn of_rows(bits: u8, lengths: impl Iterator<Item = usize>) -> Shape {
     Shape { bits, masks: None, groups: Groups::Rows(lengths.collect()) }
 }
@@ -187,17 +185,13 @@ pub(super) fn read(
         Encoding::F16 => values.extend(numbers.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32())),
         Encoding::Grid(bits) => {
             let width = encoding.width();
-            let integer = |bytes: &[u8]| match *bytes {
-                [low, high] => i16::from_le_bytes([low, high]),
-                _ => i16::from(bytes[0] as i8),
-            };
             let most = largest(bits) as i16;
             let mut rest = &numbers[..];
             for (n, (length, &code)) in lengths.zip(steps).enumerate() {
                 let (group, after) = rest.split_at(width * length);
                 rest = after;
                 let step = step(code);
-                for q in group.chunks_exact(width).map(integer) {
+                for q in integers(group, width) {
                     if q.unsigned_abs() > most.unsigned_abs() || (code == 0 && q != 0) {
                         let expected = if code == 0 { "0".into() } else { format!("-{most} to {most}") };
                         return Err(Error::malformed(format!("{place} integer of group {n}"), expected, q));

@@ -74,6 +74,19 @@ pub(super) fn largest(bits: u8) -> f32 {
     ((1u32 << (bits - 1)) - 1) as f32
 }
 
+/// The integers of a grid in `bytes`, of `width` bytes each.
+pub(super) fn integers(bytes: &[u8], width: usize) -> impl Iterator<Item = i16> + '_ {
+    bytes.chunks_exact(width).map(|bytes| match *bytes {
+        [low, high] => i16::from_le_bytes([low, high]),
+        _ => i16::from(bytes[0] as i8),
+    })
+}
+
+/// The inverse of [`integers`]. An integer of one byte is from −128 to 127.
+pub(super) fn bytes_of(integer: i16, width: usize) -> impl Iterator<Item = u8> {
+    integer.to_le_bytes().into_iter().take(width)
+}
+
 impl Encoding {
     /// The codes of encoding and bits in an array head.
     pub(super) fn codes(self) -> (u8, u8) {
@@ -84,7 +97,7 @@ impl Encoding {
         }
     }
 
-    /// Whether components run slowest, so that each of them is a group.
+    /// True for integers, which have a step for each group; a component is a group.
     pub(super) fn is_by_group(self) -> bool {
         matches!(self, Self::Grid(_))
     }

@@ -75,7 +75,7 @@ impl Layout {
     }
 }
 
-/// What the body of a section consists of: masks, if it `is_ragged`, and an array whose groups are components.
+/// The shape of the factors of so many `tensors`. Masks come first if the section `is_ragged`.
 fn shape(tensors: usize, rank: usize, resolution: [u32; 3], is_ragged: bool, bits: u8) -> Shape {
     let groups = Groups::Components { count: tensors * rank, vertices: resolution.map(|d| d as usize + 1) };
     Shape { bits, masks: is_ragged.then_some([tensors, rank]), groups }

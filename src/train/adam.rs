@@ -41,7 +41,7 @@ impl<T: Real> Moments<T> {
 pub(crate) struct Adam<T> {
     step_size: T,
     second_scale: T,
-    /// What is left of a parameter.
+    /// The factor of a parameter, 1 less its decay.
     kept: T,
 }
 
@@ -109,12 +109,17 @@ impl<T: Real> Adam<T> {
 mod tests {
     use super::*;
 
+    /// Parameters of 1 after a step at a learning rate of 0.1, the second of them without a gradient.
+    fn first_step(weight_decay: f64) -> ([f64; 2], Moments<f64>) {
+        let (mut p, mut moments) = ([1.0, 1.0], Moments::zeros(2));
+        let adam = Adam::new(0.1, weight_decay, 1);
+        adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
+        (p, moments)
+    }
+
     #[test]
     fn first_step_moves_by_the_learning_rate_against_the_gradient() {
-        let mut p = [1.0f64, 1.0];
-        let mut moments = Moments::zeros(2);
-        let adam = Adam::new(0.1, 0.0, 1);
-        adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
+        let (p, moments) = first_step(0.0);
         assert!((p[0] - 0.9).abs() < 1e-8);
         assert_eq!(p[1], 1.0);
         assert_eq!(moments.first[1], 0.0);
@@ -122,10 +127,7 @@ mod tests {
 
     #[test]
     fn weight_decay_is_in_learning_rates_and_spares_entries_without_a_gradient() {
-        let mut p = [1.0f64, 1.0];
-        let mut moments = Moments::zeros(2);
-        let adam = Adam::new(0.1, 0.01, 1);
-        adam.update::<true>(&mut p, &mut moments.first, &mut moments.second, &[3.0, 0.0]);
+        let (p, _) = first_step(0.01);
         assert!((p[0] - (0.9 - 0.001)).abs() < 1e-8);
         assert_eq!(p[1], 1.0);
     }

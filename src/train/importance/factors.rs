@@ -22,8 +22,8 @@ pub struct FactorImportance {
 /// Importance of a scale's density or appearance factors.
 #[derive(Clone, Debug)]
 pub struct PartImportance {
-    /// Of each entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the diagonal of the
-    /// Gauss-Newton matrix. A small error e of v, independent of others, adds e² times this to the mean squared error of
+    /// Importance of each entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the
+    /// diagonal of the Gauss-Newton matrix. A small error e of v, independent of others, adds e² times this to the mean squared error of
     /// pictures.
     pub entries: Vec<f32>,
     /// \[tensor\]\[component\] what the absence of a component adds to the mean squared error of pictures: the mean of (Σ

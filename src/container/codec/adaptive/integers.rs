@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
+use crate::container::encoding::{Encoding, bytes_of, integers, largest};
 
 /// Sizes of remainders that contexts tell apart: four to an octave.
 const CLASSES: usize = 48;
@@ -19,7 +20,7 @@ const UNARY: usize = 18;
 /// Most bits of that number but its first.
 const LONGEST: u32 = 17;
 
-/// What an array's body consists of.
+/// The shape of an array and of the masks before it.
 #[derive(Clone, Debug)]
 pub(in crate::container) struct Shape {
     /// Bits of the integers, as in the array's head.
@@ -46,12 +47,7 @@ impl Shape {
 
     /// Bytes of an integer.
     fn width(&self) -> usize {
-        if self.bits > 8 { 2 } else { 1 }
-    }
-
-    /// The largest magnitude of an integer.
-    fn largest(&self) -> i32 {
-        (1 << (self.bits - 1)) - 1
+        Encoding::Grid(self.bits).width()
     }
 
     /// Groups, and numbers in all of them; `masks` are read.
@@ -78,20 +74,17 @@ impl Shape {
 pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
     let (masks, rest) = body.split_at(shape.mask_bytes());
     let [groups, _] = shape.count(masks);
-    let (steps, integers) = rest.split_at(groups);
-    let mut integers: Vec<i16> = match shape.width() {
-        1 => integers.iter().map(|&q| i16::from(q as i8)).collect(),
-        _ => integers.as_chunks().0.iter().map(|&q| i16::from_le_bytes(q)).collect(),
-    };
+    let (steps, numbers) = rest.split_at(groups);
+    let mut numbers: Vec<i16> = integers(numbers, shape.width()).collect();
     let mut encoder = Encoder::new();
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut encoder, rank, &mut masks.to_vec());
     }
     code_steps(&mut encoder, &mut steps.to_vec());
-    let mut predictor = Predictor::of(shape.vectors(groups), &integers);
+    let mut predictor = Predictor::of(shape.vectors(groups), &numbers);
     predictor.code(&mut encoder);
     // Only a decoder finds a number that is too large.
-    let _ = Numbers::new(predictor, shape).code(&mut encoder, shape.vectors(groups), steps, &mut integers);
+    let _ = Numbers::new(predictor, shape).code(&mut encoder, shape.vectors(groups), steps, &mut numbers);
     encoder.finish()
 }
 
@@ -103,17 +96,15 @@ pub(in crate::container) fn decompress(
     length: usize,
     bytes: &[u8],
 ) -> Result<Vec<u8>, Error> {
-    let too_short =
-        |least: usize| Error::malformed(format!("{place} body length"), format!("at least {least}"), length);
-    if length < shape.mask_bytes() {
-        return Err(too_short(shape.mask_bytes()));
+    let mask_bytes = shape.mask_bytes();
+    if length < mask_bytes {
+        return Err(Error::malformed(format!("{place} body length"), format!("at least {mask_bytes}"), length));
     }
     let mut decoder = Decoder::new(bytes);
-    let mut body = vec![0; shape.mask_bytes()];
+    let mut body = vec![0; mask_bytes];
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut decoder, rank, &mut body);
     }
-    let mask_bytes = body.len();
     let [groups, numbers] = shape.count(&body);
     let implied = shape.width().saturating_mul(numbers).saturating_add(groups).saturating_add(mask_bytes);
     Error::unless_equal(format!("{place} body length"), implied, length)?;
@@ -122,8 +113,8 @@ pub(in crate::container) fn decompress(
     code_steps(&mut decoder, steps);
     let mut predictor = Predictor::default();
     predictor.code(&mut decoder);
-    let mut integers = vec![0; numbers];
-    let result = Numbers::new(predictor, shape).code(&mut decoder, shape.vectors(groups), steps, &mut integers);
+    let mut numbers = vec![0; numbers];
+    let result = Numbers::new(predictor, shape).code(&mut decoder, shape.vectors(groups), steps, &mut numbers);
     result.map_err(|TooLarge { largest, group }| {
         Error::malformed(
             format!("{place} integer of group {group}"),
@@ -132,10 +123,7 @@ pub(in crate::container) fn decompress(
         )
     })?;
     decoder.finish(place)?;
-    match shape.width() {
-        1 => body.extend(integers.iter().map(|&q| q as i8 as u8)),
-        _ => body.extend(integers.iter().flat_map(|q| q.to_le_bytes())),
-    }
+    body.extend(numbers.iter().flat_map(|&q| bytes_of(q, shape.width())));
     Ok(body)
 }
 
@@ -169,13 +157,13 @@ struct Differences {
     zero: [Counter; 4],
     sign: [Counter; 3],
     /// \[size of the last one\]\[n\] whether the magnitude is larger than n + 1.
-    larger: [[Counter; 255]; 4],
+    larger: [[Counter; 127]; 4],
     last: i32,
 }
 
 impl Default for Differences {
     fn default() -> Self {
-        Self { zero: Default::default(), sign: Default::default(), larger: [[Counter::default(); 255]; 4], last: 0 }
+        Self { zero: Default::default(), sign: Default::default(), larger: [[Counter::default(); 127]; 4], last: 0 }
     }
 }
 
@@ -211,7 +199,7 @@ struct Predictor {
 impl Predictor {
     /// The one with the least squared remainders.
     fn of<'a>(groups: impl Iterator<Item = &'a [usize]>, integers: &[i16]) -> Self {
-        // Of r[i] by r[i − 1] and r[i − 2].
+        // Sums of the normal equations of r[i] by r[i − 1] and r[i − 2].
         let (mut a11, mut a12, mut a22, mut b1, mut b2) = (0i64, 0i64, 0i64, 0i64, 0i64);
         let mut rest = integers;
         for &length in groups.flatten() {
@@ -282,7 +270,7 @@ impl Numbers {
         };
         Self {
             predictor,
-            largest: shape.largest(),
+            largest: largest(shape.bits) as i32,
             by_place: vec![Counter::default(); UNARY * CLASSES * PLACES],
             by_step: vec![Counter::default(); UNARY * CLASSES * STEP_CONTEXTS],
             signs: Default::default(),
@@ -335,7 +323,7 @@ impl Numbers {
             let remainder = i32::from(*number) - prediction;
             let magnitude = remainder.abs();
             let mut found = 0;
-            loop {
+            while found < UNARY {
                 let place = &mut self.by_place[found * CLASSES * PLACES + place];
                 let step = &mut self.by_step[found * CLASSES * STEP_CONTEXTS + step];
                 let bit = coder.code(magnitude > found as i32, (place.probability() + step.probability()) / 2);
@@ -345,9 +333,6 @@ impl Numbers {
                     break;
                 }
                 found += 1;
-                if found == UNARY {
-                    break;
-                }
             }
             let mut remainder_found = found as i32;
             if found > 0 {
