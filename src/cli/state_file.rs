@@ -49,7 +49,7 @@ impl StateFile {
 
     /// Writes the checkpoint of `trainer`.
     pub(super) fn write_training(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
-        self.write(&trainer.scene(), |scene| trainer.checkpoint().to_bytes(scene))
+        self.write(&trainer.unrounded_scene(), |scene| trainer.checkpoint().to_bytes(scene))
     }
 
     /// Removes the file of a finished run.

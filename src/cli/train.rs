@@ -8,13 +8,14 @@ use serde::Serialize;
 
 use super::background::background_of;
 use super::output::check_scene_name;
+use super::pack::{Extras, Packing, steps_for_size};
 use super::prior::Inputs;
 use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::state_file::{StateFile, beside};
 use super::table::plural;
-use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, reconstruct};
+use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, reconstruct, step};
 use super::watch::Watch;
 use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
@@ -22,7 +23,7 @@ use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::measure::ViewReport;
-use crate::model::Scene;
+use crate::model::{Frame, Scene};
 use crate::psnr::psnr_of_mse;
 use crate::render::{CpuRenderer, Renderer, Turntable};
 use crate::train::{DeadComponents, TrainConfig, Trainer};
@@ -132,14 +133,43 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut run = Run { args, session, files: &files, held_out: &held_out, watch, curve: Vec::new() };
     run.train(&mut trainer, &interrupted)?;
 
-    let mut scene = trainer.scene();
-    let dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
-    let is_free = scene.rules.sky.is_none() && trainer.config().background == TrainConfig::default().background;
-    if is_free && is_opaque(&dataset) {
-        // Where no tensor is, training had a color for which no wall passes.
-        scene.frame.background = background_of(&scene, &dataset.views);
+    let cameras = model_cameras(&dataset, &trainer.scene().frame);
+    let extras = Extras::usual(trainer.config().seed);
+    let packing = |scene| Packing::new(scene, Metadata::default(), cameras.clone(), None, &extras, &session.console);
+    let max_bytes = trainer.config().max_file_bytes;
+    let is_free = trainer.config().background == TrainConfig::default().background;
+    let in_room = |scene: &Scene| is_free && scene.rules.sky.is_none() && is_opaque(&dataset);
+    let mut dead_components = None;
+    let mut finished = None;
+    if trainer.rounding().is_none() {
+        let mut scene = trainer.scene();
+        dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
+        let mut seen = scene.clone();
+        if in_room(&scene) {
+            // Where no tensor is, training had a color for which no wall passes.
+            seen.frame.background = background_of(&scene, &dataset.views);
+        }
+        let bytes = encode_with_views(&seen, &cameras, args.encoding.factors(), output)?;
+        match max_bytes.filter(|&most| bytes.len() as u64 > most) {
+            None => finished = Some((seen, bytes)),
+            Some(most) => {
+                let steps = steps_for_size(trainer.config());
+                packing(scene).begin_for_size(&mut trainer, most, steps, output)?;
+            }
+        }
     }
-    let bytes = encode_with_views(&scene, &dataset, args.encoding.factors(), output)?;
+    let (scene, bytes) = match finished {
+        Some(finished) => finished,
+        None => {
+            run.train(&mut trainer, &interrupted)?;
+            let mut scene = trainer.unrounded_scene();
+            if in_room(&scene) {
+                scene.frame.background = background_of(&scene, &dataset.views);
+            }
+            let (scene, bytes, _) = packing(scene).finish_for_size(&trainer, max_bytes.unwrap_or(u64::MAX), output)?;
+            (scene, bytes)
+        }
+    };
     write_atomically(output, &bytes, session.force)?;
     if let Some(refined) = trainer.refined_cameras() {
         refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
@@ -150,7 +180,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         bytes: bytes.len() as u64,
         parameters: scene.nonzero_parameter_count(),
         given_up: scene.parameter_count() - scene.nonzero_parameter_count(),
-        steps: trainer.steps_done(),
+        steps: trainer.steps_in_all(),
         seconds: trainer.checkpoint().seconds,
         scales: scale_table::rows(&scene),
         dead_components,
@@ -192,11 +222,20 @@ fn watch(
     Watch::new(path.to_path_buf(), view, config.background)
 }
 
-/// The bytes of `scene`'s file: with viewpoints by the cameras of `dataset`, unless these are all around the scene.
-fn encode_with_views(scene: &Scene, dataset: &Dataset, factors: Encoding, path: &Path) -> Result<Vec<u8>, Error> {
-    let map = scene.frame.model_from_dataset;
-    let cameras: Vec<_> = cameras(dataset).iter().map(|camera| TrainingCamera::from(&camera.mapped(&map))).collect();
-    let turn = Turntable::of(scene, None, &cameras);
+/// The cameras of `dataset` in the space of the model of `frame`.
+fn model_cameras(dataset: &Dataset, frame: &Frame) -> Vec<TrainingCamera> {
+    let map = frame.model_from_dataset;
+    cameras(dataset).iter().map(|camera| TrainingCamera::from(&camera.mapped(&map))).collect()
+}
+
+/// The bytes of `scene`'s file: with viewpoints by the photographs' `cameras`, unless these are all around the scene.
+fn encode_with_views(
+    scene: &Scene,
+    cameras: &[TrainingCamera],
+    factors: Encoding,
+    path: &Path,
+) -> Result<Vec<u8>, Error> {
+    let turn = Turntable::of(scene, None, cameras);
     let views = turn.map(|turn| turn.views(Turntable::POSES, Turntable::SECONDS));
     let metadata = Metadata { views, ..Metadata::default() };
     let bytes = container::encode_scene_file(scene, &metadata, &EncodeOptions::uniform(factors));
@@ -288,7 +327,7 @@ impl Run<'_> {
         let (mut error_sum, mut error_count) = (0.0, 0.0);
         let mut since = Instant::now();
         while trainer.steps_done() < steps {
-            let report = trainer.step()?;
+            let report = step(trainer)?;
             meter.add(&report, trainer);
             error_sum += report.mean_squared_error;
             error_count += 1.0;
@@ -305,6 +344,7 @@ impl Run<'_> {
                     let test_psnr = evaluates.then(|| self.evaluate(&trainer.scene()));
                     let train_psnr = psnr_of_mse(error_sum / error_count);
                     let seconds = trainer.checkpoint().seconds;
+                    let step = trainer.steps_in_all();
                     self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
                     (error_sum, error_count) = (0.0, 0.0);
                     self.write_log()?;

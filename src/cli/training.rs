@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::console::Console;
 use super::prior::Inputs;
 use super::progress::Progress;
+use super::state_file::StateFile;
 use super::table::plural;
 use super::{Error, Session};
 use crate::container::{self, EncodeOptions, Encoding};
@@ -19,6 +20,7 @@ use crate::dataset::{self, Dataset};
 use crate::digits::grouped;
 use crate::geometry::Camera;
 use crate::model::Scene;
+use crate::pack::steer_to_size;
 use crate::prior::{self, CoarseProgress, Location, VoxelBoxes};
 use crate::psnr::RunningMse;
 use crate::train::{self, StepReport, TrainConfig, Trainer};
@@ -313,6 +315,38 @@ pub(super) fn train_through(
     }
     meter.finish();
     Ok(trainer.scene())
+}
+
+/// The steps of `trainer` that are left, with progress on the console. The checkpoint is written to `state` every so many
+/// steps, and when the run is interrupted.
+pub(super) fn run_steps(
+    trainer: &mut Trainer<'_>,
+    state: &StateFile,
+    checkpoint_every: Option<u64>,
+    interrupted: &AtomicBool,
+    session: &Session,
+) -> Result<(), Error> {
+    let mut meter = Meter::start(&session.console, trainer);
+    while trainer.steps_done() < trainer.config().steps {
+        let report = step(trainer)?;
+        meter.add(&report, trainer);
+        let stops = interrupted.load(Ordering::SeqCst) && report.step < trainer.config().steps;
+        if stops || checkpoint_every.is_some_and(|every| report.step.is_multiple_of(every)) {
+            state.write_training(trainer)?;
+        }
+        if stops {
+            return Err(state.interrupted(&format!("step {}", report.step)));
+        }
+    }
+    meter.finish();
+    Ok(())
+}
+
+/// A step of `trainer`, and what a training for a size changes after it.
+pub(super) fn step(trainer: &mut Trainer<'_>) -> Result<StepReport, Error> {
+    let report = trainer.step()?;
+    steer_to_size(trainer).map_err(|e| Error::Runtime(e.to_string()))?;
+    Ok(report)
 }
 
 /// Progress of the steps on the console.

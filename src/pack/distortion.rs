@@ -31,6 +31,11 @@ enum Reference {
 }
 
 impl Distortion {
+    /// Against no pictures: always 0.
+    pub fn of_nothing() -> Self {
+        Self { cameras: Vec::new(), pictures: Vec::new(), reference: Reference::OwnPictures }
+    }
+
     /// Against `scene`'s own pictures from `views`.
     pub fn from_own_pictures(scene: &Scene, views: Views) -> Self {
         let own = |colors| ReferencePicture { colors, counting: None };

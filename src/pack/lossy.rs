@@ -38,20 +38,14 @@ pub struct Lossy {
 /// components.
 pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
     let mut scene = scene.clone();
-    let mut options = EncodeOptions {
-        density: Vec::new(),
-        appearance: Vec::new(),
-        networks: ArrayOptions::best(Encoding::Grid(NETWORK_BITS)),
-        zstd_level: Some(19),
-        ..EncodeOptions::default()
-    };
+    let [mut density, mut appearance] = [Vec::new(), Vec::new()];
     let (mut expected_error, mut dropped, mut all) = (0.0, 0u64, 0u64);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let resolution = scale.cloud.resolution;
         let factors = &mut scale.factors;
-        for (values, rank, importance, scale_options) in [
-            (&mut factors.density, factors.density_rank, &importance.density[s], &mut options.density),
-            (&mut factors.appearance, factors.appearance_rank, &importance.appearance[s], &mut options.appearance),
+        for (values, rank, importance, codes) in [
+            (&mut factors.density, factors.density_rank, &importance.density[s], &mut density),
+            (&mut factors.appearance, factors.appearance_rank, &importance.appearance[s], &mut appearance),
         ] {
             let (rank, axes) = (rank as usize, Factors::axis_ranges(resolution));
             let tensor = Factors::rows(resolution) * rank;
@@ -70,10 +64,23 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
                 expected_error += choice.error;
                 steps.push(choice.step);
             }
-            scale_options.push(FactorOptions { array: ArrayOptions::best(Encoding::Grid(BITS)), steps: Some(steps) });
+            codes.push(steps);
         }
     }
+    let options = options_of(density, appearance);
     Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }
+}
+
+/// The encoding in which density and appearance have \[scale\]\[tensor\]\[component\] steps of these codes.
+pub(super) fn options_of(density: Vec<Vec<u8>>, appearance: Vec<Vec<u8>>) -> EncodeOptions {
+    let of_scale = |steps| FactorOptions { array: ArrayOptions::best(Encoding::Grid(BITS)), steps: Some(steps) };
+    EncodeOptions {
+        density: density.into_iter().map(of_scale).collect(),
+        appearance: appearance.into_iter().map(of_scale).collect(),
+        networks: ArrayOptions::best(Encoding::Grid(NETWORK_BITS)),
+        zstd_level: Some(19),
+        ..EncodeOptions::default()
+    }
 }
 
 /// The encoding of one component of a tensor.

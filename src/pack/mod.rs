@@ -7,6 +7,7 @@
 mod balance;
 mod crop;
 mod distortion;
+mod for_size;
 mod lossless;
 mod lossy;
 mod prefix;
@@ -17,6 +18,7 @@ mod views;
 pub use balance::balance;
 pub use crop::crop;
 pub use distortion::Distortion;
+pub use for_size::{begin_for_size, drop_to_size, rounded, size, steer_to_size};
 pub use lossless::lossless;
 pub use lossy::{Lossy, lossy};
 pub use prefix::fit_prefix;

@@ -32,6 +32,8 @@ pub struct Candidate {
     pub bytes: u64,
     /// The mean squared error of the pictures of `decoded`.
     pub error: f64,
+    /// The loss of [`lossy`] that it comes from; 0 if it comes from another encoding.
+    pub loss: f64,
 }
 
 /// log₁₀ of the smallest and the largest loss that is tried.
@@ -55,7 +57,7 @@ impl Candidate {
         let bytes = encode_scene_file(&scene, &Metadata::default(), &options)?;
         let decoded = decode_scene_file(&bytes, Limits { memory: u64::MAX })?.scene;
         let error = distortion.mse(&decoded);
-        Ok(Self { scene, options, decoded, bytes: bytes.len() as u64, error })
+        Ok(Self { scene, options, decoded, bytes: bytes.len() as u64, error, loss: 0.0 })
     }
 }
 
@@ -115,11 +117,12 @@ pub fn search(
     let mut before: Option<[f64; 2]> = None;
     let mut best: Option<(f64, Candidate)> = None;
     for _ in 0..MAX_TRIED {
-        let Lossy { scene, mut options, .. } = lossy(scene, importance, 10f64.powf(next));
+        let loss = 10f64.powf(next);
+        let Lossy { scene, mut options, .. } = lossy(scene, importance, loss);
         if matches!(goal, Goal::Error { .. }) {
             options.zstd_level = Some(QUICK_LEVEL);
         }
-        let candidate = Candidate::new(scene, options, distortion)?;
+        let candidate = Candidate { loss, ..Candidate::new(scene, options, distortion)? };
         on_candidate(&candidate);
         let beyond = goal.beyond(&candidate, reserved);
         let here = [next, beyond];

@@ -10,12 +10,14 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::lean::Worth;
 use super::ray_errors::RayErrors;
-use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, TrainConfig};
+use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Rounding, TrainConfig};
 use crate::field::{Field, Real};
 use crate::geometry::Camera;
 
 /// The names of the parts of a scale's factors.
 const PARTS: [&str; 2] = ["density", "appearance"];
+/// The metadata of the numbers of [`Rounding`].
+const ROUNDING: [&str; 3] = ["bit", "file_bytes_goal", "file_bytes_at_start"];
 
 /// Optimizer state and counters. Resolutions and occupancy are in the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +36,8 @@ pub struct Checkpoint {
     pub(super) worth: Worth,
     /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] asks for it.
     pub(super) psnr_at_start: Option<f64>,
+    /// How factors are rounded, if they are; the scene beside the checkpoint then has the unrounded ones.
+    pub(super) rounding: Option<Rounding>,
     /// The exposures of the photographs.
     pub exposures: Exposures,
     /// The errors by which rays are drawn.
@@ -63,6 +67,7 @@ impl Checkpoint {
             networks: Moments::default(),
             worth: Worth::none(field),
             psnr_at_start: None,
+            rounding: None,
             exposures: Exposures::new(config.exposure, sampler.view_count()),
             ray_errors: RayErrors::unknown(sampler.block_count()),
             cameras: Vec::new(),
@@ -117,6 +122,11 @@ impl Checkpoint {
                 expect(&format!("worth of scale {s}"), factors.held().components(), found)?;
             }
         }
+        for (s, (codes, scale)) in self.rounding.iter().flat_map(|r| &r.codes).zip(&field.scales).enumerate() {
+            for (codes, factors) in codes.iter().zip([&scale.density, &scale.appearance]) {
+                expect(&format!("step codes of scale {s}"), factors.held().components(), codes.len())?;
+            }
+        }
         expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
         expect("exposures", sampler.view_count(), self.exposures.view_count())?;
         expect("ray errors", sampler.block_count(), self.ray_errors.0.len())?;
@@ -154,6 +164,11 @@ impl Checkpoint {
                 tensors.push((format!("worth.{part}.{s}"), Dtype::F64, bytemuck::cast_slice(rises)));
             }
         }
+        for (s, codes) in self.rounding.iter().flat_map(|rounding| &rounding.codes).enumerate() {
+            for (part, codes) in PARTS.iter().zip(codes) {
+                tensors.push((format!("step_codes.{part}.{s}"), Dtype::U8, codes));
+            }
+        }
         let exposures = self.exposures.to_numbers();
         tensors.push(("exposures".into(), Dtype::F64, bytemuck::cast_slice(&exposures)));
         let poses: Vec<f64> = self.cameras.iter().flat_map(|(pose, _)| *pose).collect();
@@ -177,6 +192,10 @@ impl Checkpoint {
         ]);
         if let Some(psnr) = self.psnr_at_start {
             metadata.insert("psnr_at_start".to_string(), psnr.to_string());
+        }
+        if let Some(Rounding { bit, goal, start, .. }) = &self.rounding {
+            let numbers = [bit.to_string(), goal.to_string(), start.to_string()];
+            metadata.extend(ROUNDING.map(str::to_string).into_iter().zip(numbers));
         }
         let views = tensors.iter().map(|(name, dtype, bytes)| {
             let view = TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes);
@@ -251,7 +270,23 @@ impl Checkpoint {
             Ok([bytemuck::pod_collect_to_vec(density?), bytemuck::pod_collect_to_vec(appearance?)])
         };
         let rises = (0..config.scales.len()).map(worth_of).collect::<Result<_, _>>()?;
+        let codes_of = |s: usize| -> Result<[Vec<u8>; 2], CheckpointError> {
+            let [density, appearance] = PARTS.map(|part| tensor(&format!("step_codes.{part}.{s}"), Dtype::U8));
+            Ok([density?.to_vec(), appearance?.to_vec()])
+        };
+        let rounding = if metadata.contains_key(ROUNDING[0]) {
+            let [bit, goal, start] = ROUNDING;
+            Some(Rounding {
+                codes: (0..config.scales.len()).map(codes_of).collect::<Result<_, _>>()?,
+                bit: number(bit, text(bit)?)?,
+                goal: number(goal, text(goal)?)?,
+                start: number(start, text(start)?)?,
+            })
+        } else {
+            None
+        };
         let checkpoint = Self {
+            rounding,
             worth: Worth { rises, steps: number("worth_steps", text("worth_steps")?)? },
             psnr_at_start: text("psnr_at_start").ok().map(|text| number("psnr_at_start", text)).transpose()?,
             step: number("step", text("step")?)?,

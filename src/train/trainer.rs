@@ -7,8 +7,9 @@ use super::backward::{Backward, component_ranges};
 use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
-use super::lean::{self, add_squares};
+use super::lean::{self, Worth, add_squares};
 use super::ray_errors::RayErrors;
+use super::rounding::Unrounded;
 use super::{
     BatchRoulette, Checkpoint, CheckpointError, DeadComponents, Exposures, RayBatch, RaySampler, TrainConfig,
     TrainError, network_parts, prune_dead_components,
@@ -36,6 +37,8 @@ pub struct Trainer<'a> {
     last_step: u64,
     pub(super) checkpoint: Checkpoint,
     monitor: DivergenceMonitor,
+    /// While factors are rounded.
+    pub(super) unrounded: Option<Unrounded>,
 }
 
 /// The result of one step.
@@ -82,11 +85,12 @@ impl<'a> Trainer<'a> {
     fn assemble(
         config: TrainConfig,
         scene: Scene,
-        field: Field<f32>,
+        mut field: Field<f32>,
         sampler: RaySampler<'a>,
         checkpoint: Checkpoint,
     ) -> Result<Self, TrainError> {
         check_active_rays(&sampler)?;
+        let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::taking(&mut field, &r.codes));
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
             last_step: config.steps,
@@ -99,6 +103,7 @@ impl<'a> Trainer<'a> {
             field,
             checkpoint,
             monitor: DivergenceMonitor::default(),
+            unrounded,
         })
     }
 
@@ -124,6 +129,15 @@ impl<'a> Trainer<'a> {
         self.checkpoint.restart(&self.field);
     }
 
+    /// As [`Trainer::continue_from`], counting steps from 0 again.
+    pub(super) fn restart_from(&mut self, scene: Scene, steps: u64) {
+        self.steps_before += self.checkpoint.step;
+        self.checkpoint.step = 0;
+        self.continue_from(scene, steps);
+        self.checkpoint.config = self.config.clone();
+        self.checkpoint.worth = Worth::none(&self.field);
+    }
+
     /// Continues as after `steps` of trainings that fitted the exposures of `numbers`, before [`Trainer::continue_from`].
     pub(super) fn set_past(&mut self, steps: u64, numbers: &[f64]) -> Result<(), CheckpointError> {
         let exposures = Exposures::from_numbers(numbers).filter(|e| e.view_count() == self.sampler.view_count());
@@ -136,6 +150,11 @@ impl<'a> Trainer<'a> {
     /// Steps done.
     pub fn steps_done(&self) -> u64 {
         self.checkpoint.step
+    }
+
+    /// Those, and the steps of the trainings before this run.
+    pub fn steps_in_all(&self) -> u64 {
+        self.steps_before + self.checkpoint.step
     }
 
     /// Number of rays that training draws from.
@@ -183,7 +202,7 @@ impl<'a> Trainer<'a> {
         if let (Some(sky), Some(trained)) = (&mut scene.rules.sky, &self.field.sky) {
             sky.coefficients.clone_from(&trained.coefficients);
         }
-        scene.provenance.steps = self.steps_before + self.checkpoint.step;
+        scene.provenance.steps = self.steps_in_all();
         scene
     }
 
@@ -288,6 +307,7 @@ impl<'a> Trainer<'a> {
         let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.steps);
         self.checkpoint.worth.steps += u64::from(is_measuring);
         let adam = self.adam(self.config.factor_learning_rate, self.config.factor_decay);
+        let bit = self.rounding().map_or(0.0, |rounding| rounding.bit as f32);
         let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
         pool.for_each(|gradient| gradient.clock.restart());
@@ -300,11 +320,15 @@ impl<'a> Trainer<'a> {
             let [of_density, of_appearance] = &mut self.checkpoint.worth.rises[s];
             let of_appearance = appearance.held().split_mut(of_appearance);
             let rises: Vec<_> = density.held().split_mut(of_density).into_iter().zip(of_appearance).collect();
+            let [of_density, of_appearance] =
+                Unrounded::of_tensors(&mut self.unrounded, s, [density.held(), appearance.held()]);
+            let unrounded: Vec<_> = of_density.into_iter().zip(of_appearance).collect();
+            let axes = Factors::axis_ranges(geometry.resolution);
             let density = tensor_updates(density, &mut self.checkpoint.density[s]);
             let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
             let rows = geometry.resolution[0] as usize + 1;
-            density.into_par_iter().zip(appearance).zip(rises).enumerate().for_each(
-                |(n, (([density, d_first, d_second], [appearance, a_first, a_second]), rises))| {
+            density.into_par_iter().zip(appearance).zip(rises).zip(unrounded).enumerate().for_each(
+                |(n, ((([density, d_first, d_second], [appearance, a_first, a_second]), rises), unrounded))| {
                     pool.with(|gradient| {
                         gradient.clock.skip();
                         gradient.accumulate(geometry, n, [density, appearance], chunks);
@@ -320,9 +344,24 @@ impl<'a> Trainer<'a> {
                                     }
                                 }
                                 l1.add(density, &mut gradient.density);
-                                adam.update::<false>(density, d_first, d_second, &gradient.density);
+                                let (of_density, of_appearance) = unrounded;
+                                let mut moves =
+                                    |v: &mut [f32], g: &[f32]| adam.update::<false>(v, d_first, d_second, g);
+                                match of_density {
+                                    Some(mut tensor) => {
+                                        tensor.update(bit, &axes, &mut gradient.density, density, moves);
+                                    }
+                                    None => moves(density, &gradient.density),
+                                }
                                 if gradient.has_appearance {
-                                    adam.update::<true>(appearance, a_first, a_second, &gradient.appearance);
+                                    let mut moves =
+                                        |v: &mut [f32], g: &[f32]| adam.update::<true>(v, a_first, a_second, g);
+                                    match of_appearance {
+                                        Some(mut tensor) => {
+                                            tensor.update(bit, &axes, &mut gradient.appearance, appearance, moves);
+                                        }
+                                        None => moves(appearance, &gradient.appearance),
+                                    }
                                 }
                             },
                         );

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
-use super::package::JUDGED;
+use super::packaging::JUDGED;
 use crate::cli::{Error, Session};
 use crate::container;
 use crate::model::Scene;

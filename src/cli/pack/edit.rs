@@ -7,7 +7,7 @@ use glam::DQuat;
 use super::convert::{forget_measurements, rewrite};
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::Inputs;
-use super::package::{JUDGED, PROBED};
+use super::packaging::{JUDGED, PROBED};
 use crate::cli::numbers::{boxed, numbers};
 use crate::cli::table::short;
 use crate::cli::{Error, Session};

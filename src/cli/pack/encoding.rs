@@ -45,11 +45,17 @@ impl Plain {
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct LayoutArgs {
     /// zstd compression level, 1 to 22; 0 turns compression off, so that readers can map the file
-    #[arg(long, value_name = "N", default_value_t = 19)]
+    #[arg(long, value_name = "N", default_value_t = Self::default().level)]
     level: u8,
     /// Largest number of tensors per chunk: small chunks suit crops and range requests, large chunks give smaller files
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = Self::default().chunk_tensors, value_parser = clap::value_parser!(u32).range(1..))]
     chunk_tensors: u32,
+}
+
+impl Default for LayoutArgs {
+    fn default() -> Self {
+        Self { level: 19, chunk_tensors: 1024 }
+    }
 }
 
 impl LayoutArgs {

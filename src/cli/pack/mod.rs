@@ -9,6 +9,7 @@ mod info;
 mod input;
 mod notes;
 mod package;
+mod packaging;
 mod schema;
 mod showing;
 mod verify;
@@ -17,7 +18,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub(super) use package::{JUDGED, PROBED};
+pub(super) use packaging::{Extras, JUDGED, PROBED, Packing, steps_for_size};
 
 use super::session::{Globals, run_command};
 use crate::version::version;

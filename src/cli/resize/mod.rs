@@ -18,7 +18,7 @@ use super::progress::Progress;
 use super::settings::{Basics, Precision, Preset};
 use super::state_file::StateFile;
 use super::table::plural;
-use super::training::{Meter, interrupts};
+use super::training::{interrupts, run_steps};
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile};
 use crate::dataset::{self, Dataset};
@@ -187,19 +187,7 @@ pub(super) fn run_shrink(args: &ShrinkArgs, session: &Session) -> Result<(), Err
                 unchanged: Some(MEETS_GOAL),
             });
         }
-        let mut meter = Meter::start(&session.console, &trainer);
-        while trainer.steps_done() < trainer.config().steps {
-            let report = trainer.step()?;
-            meter.add(&report, &trainer);
-            let stops = inputs.interrupted.load(Ordering::SeqCst) && report.step < trainer.config().steps;
-            if stops || args.checkpoint_every.is_some_and(|every| report.step.is_multiple_of(every)) {
-                inputs.state.write_training(&trainer)?;
-            }
-            if stops {
-                return Err(inputs.state.interrupted(&format!("step {}", report.step)));
-            }
-        }
-        meter.finish();
+        run_steps(&mut trainer, &inputs.state, args.checkpoint_every, &inputs.interrupted, session)?;
         let scene = compacted(&trainer)?;
         Ok(Resized { psnr: [before, trainer.psnr_of(&scene)], scene, rounds: Vec::new(), unchanged: None })
     })

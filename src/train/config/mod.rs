@@ -84,6 +84,10 @@ pub struct TrainConfig {
     /// Russian roulette on density gradients in training: the threshold in means of a chunk of rays. 0 keeps all
     /// gradients.
     pub density_roulette: f64,
+    /// The most bytes of the file: if it is larger, the scene is trained for that size in the end. If absent, there is no such
+    /// limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_file_bytes: Option<u64>,
     /// Components that training gives up.
     pub lean: LeanConfig,
     /// The rules of the march for the last steps.

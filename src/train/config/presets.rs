@@ -123,6 +123,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         batch_rays: 4096,
         ray_candidates: 2,
         max_photograph_side: None,
+        max_file_bytes: None,
         background: [1.0; 3],
         random_background: false,
         sky_degree: None,

@@ -11,6 +11,8 @@ use crate::train::initial::initial_decoder;
 const RANDOM_BYTES: f64 = 1.863;
 const SPARSE_BYTES: f64 = 1.38;
 const SPARSE_STEPS: f64 = 30_000.0;
+/// Bits of a parameter that a training for a file's size begins with.
+const SIZED_BITS: f64 = 2.4;
 /// Bytes of the placement per tensor, and of the occupancy per file.
 const TENSOR_BYTES: f64 = 2.0;
 const FILE_BYTES: f64 = 50_000.0;
@@ -33,9 +35,9 @@ pub(super) fn bytes_besides_factors(tensors: u64, shared: u64) -> u64 {
     (shared as f64 * size_of::<f32>() as f64 + tensors as f64 * TENSOR_BYTES + FILE_BYTES) as u64
 }
 
-/// The number of factors that `bytes` hold.
+/// The number of factors that `bytes` hold after a training for that size.
 pub(super) fn factors_in(bytes: u64) -> u64 {
-    (bytes as f64 / RANDOM_BYTES) as u64
+    (8.0 * bytes as f64 / SIZED_BITS) as u64
 }
 
 /// The form of photographs in memory.

@@ -39,7 +39,7 @@ pub fn compacted(trainer: &Trainer<'_>) -> Result<Scene, TrainError> {
 }
 
 /// Settings to continue the training of `scene` for `steps`, without any schedule.
-fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
+pub(super) fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
     let of_scale = |s: &Scale| ScaleConfig {
         // No tensor is placed.
         pitch: (2.0 * s.cloud.half_edge).to_array(),

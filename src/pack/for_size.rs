@@ -1,0 +1,130 @@
+//! Training a scene for a file of a given size.
+//!
+//! The steps of components come from the search of [`super::search`], for a file a little larger than the goal. Then the
+//! scene is trained with rounded factors, and what a bit costs in the loss is steered so that the file reaches its goal.
+
+use super::lossy::options_of;
+use super::{Candidate, Distortion, Goal, prune, search};
+use crate::container::{EncodeOptions, Error, Metadata, encode_scene_file};
+use crate::model::Scene;
+use crate::train::{FactorImportance, Rounding, Trainer};
+
+/// The file at the start, in goals. Training takes bytes away: with the loss of a bit below about a tenth.
+const START: f64 = 1.12;
+/// The loss of a bit at the start, relative to that at which a coarser step would be as good. Larger ones also keep training
+/// from fitting the training views alone; from 20 to 160, pictures of other views are equally good for their bytes.
+const BIT: f64 = 60.0;
+/// Number of times that the loss of a bit is corrected.
+const CORRECTIONS: u64 = 32;
+/// The share of the steps after which the file should have reached its goal, and the part of the goal that is aimed at.
+const REACHED: f64 = 0.8;
+const AIM: f64 = 0.99;
+/// The exponent of a correction: bits follow their loss slowly.
+const GAIN: f64 = 6.0;
+/// The largest correction at once.
+const LARGEST: f64 = 2.0;
+/// log₁₀ of the smallest and largest error at which components are dropped to reach the goal, and number of halvings of the
+/// interval.
+const DROPPED: [f64; 2] = [-17.0, -1.0];
+const HALVINGS: usize = 14;
+
+/// Begins the last `steps` of `trainer` with `scene`, of the same photographs: for a file of at most `goal` bytes without
+/// metadata. Returns false if no encoding of the scene is so small. `tried` is called with every candidate for the start.
+///
+/// # Errors
+///
+/// If the scene cannot be encoded.
+pub fn begin_for_size(
+    trainer: &mut Trainer<'_>,
+    scene: &Scene,
+    importance: &FactorImportance,
+    goal: u64,
+    steps: u64,
+    tried: &mut dyn FnMut(&Candidate),
+) -> Result<bool, Error> {
+    let start = Goal::Bytes((START * goal as f64) as u64);
+    let Some(candidate) = search(scene, importance, &Distortion::of_nothing(), start, 0, tried)? else {
+        return Ok(false);
+    };
+    let Candidate { scene, options, bytes, loss, .. } = candidate;
+    let codes: Vec<[&[u8]; 2]> = (options.density.iter().zip(&options.appearance))
+        .map(|(density, appearance)| [density, appearance].map(|part| part.steps.as_deref().unwrap_or_default()))
+        .collect();
+    // A step costs loss/12 for each number; another one that is a bit coarser, ln 2/6 of the loss more.
+    let bit = BIT * std::f64::consts::LN_2 / 6.0 * loss;
+    trainer.begin_rounding(scene, &codes, bit, [bytes, goal], steps);
+    Ok(true)
+}
+
+/// Corrects the loss of a bit after a step of `trainer`, if one is due.
+///
+/// # Errors
+///
+/// If the scene cannot be encoded.
+pub fn steer_to_size(trainer: &mut Trainer<'_>) -> Result<(), Error> {
+    let (step, steps) = (trainer.steps_done(), trainer.config().steps);
+    let Some(&Rounding { start, goal, .. }) = trainer.rounding() else { return Ok(()) };
+    if !step.is_multiple_of((steps / CORRECTIONS).max(1)) || step == steps {
+        return Ok(());
+    }
+    let (scene, options) = rounded(trainer);
+    let bytes = size(&scene, &options)? as f64;
+    let along = (step as f64 / (REACHED * steps as f64)).min(1.0);
+    let expected = start as f64 + along * (AIM * goal as f64 - start as f64);
+    let correction = (bytes / expected).powf(GAIN).clamp(1.0 / LARGEST, LARGEST);
+    if let Some(rounding) = trainer.rounding_mut() {
+        rounding.bit *= correction;
+    }
+    Ok(())
+}
+
+/// The scene of `trainer`, whose factors are rounded, and its encoding.
+pub fn rounded(trainer: &Trainer<'_>) -> (Scene, EncodeOptions) {
+    let (density, appearance) =
+        trainer.step_codes().into_iter().map(|[density, appearance]| (density, appearance)).unzip();
+    (trainer.scene(), options_of(density, appearance))
+}
+
+/// Drops the components of `scene` whose absence costs least until its file, encoded as `options` say, has at most `most`
+/// bytes without metadata. Returns false if that is not possible.
+///
+/// # Errors
+///
+/// If the scene cannot be encoded.
+pub fn drop_to_size(
+    scene: &mut Scene,
+    options: &EncodeOptions,
+    importance: impl FnOnce(&Scene) -> FactorImportance,
+    most: u64,
+) -> Result<bool, Error> {
+    if size(scene, options)? <= most {
+        return Ok(true);
+    }
+    let importance = importance(scene);
+    let [mut low, mut high] = DROPPED;
+    let mut smaller = None;
+    for _ in 0..HALVINGS {
+        let error = 0.5 * (low + high);
+        let mut pruned = scene.clone();
+        prune(&mut pruned, &importance, 10f64.powf(error));
+        if size(&pruned, options)? <= most {
+            (high, smaller) = (error, Some(pruned));
+        } else {
+            low = error;
+        }
+    }
+    let is_possible = smaller.is_some();
+    if let Some(smaller) = smaller {
+        *scene = smaller;
+    }
+    Ok(is_possible)
+}
+
+/// Bytes of the file of `scene`, encoded as `options` say, without metadata.
+///
+/// # Errors
+///
+/// If the scene cannot be encoded.
+pub fn size(scene: &Scene, options: &EncodeOptions) -> Result<u64, Error> {
+    Ok(encode_scene_file(scene, &Metadata::default(), options)?.len() as u64)
+}

@@ -1,0 +1,67 @@
+//! The end of a run for a file that holds integers (`train/rounding.rs`).
+
+use super::resize::tuned;
+use super::rounding::Unrounded;
+use super::{Rounding, Trainer};
+use crate::field::FieldScale;
+use crate::model::Scene;
+
+/// The share of the steps at the end over which learning rates fall to 0.
+const COOLDOWN: f64 = 0.5;
+
+/// Values for density and appearance.
+type Parts<V> = [V; 2];
+
+impl Trainer<'_> {
+    /// Continues with `scene`, of the same photographs, for `steps` more in which factors are rounded: \[scale\] `codes` are
+    /// those of the steps of density and of appearance, \[tensor\]\[component\]. The loss of a `bit` may change on the way from
+    /// the bytes at the `start` to the `goal`. Nothing is given up or refined any more.
+    pub fn begin_rounding(
+        &mut self,
+        scene: Scene,
+        codes: &[Parts<&[u8]>],
+        bit: f64,
+        [start, goal]: [u64; 2],
+        steps: u64,
+    ) {
+        self.config = tuned(&self.config, &scene, steps);
+        (self.config.cooldown, self.config.refine_poses) = (COOLDOWN, false);
+        self.restart_from(scene, steps);
+        let of_scale = |(scale, [density, appearance]): (&FieldScale<f32>, &Parts<&[u8]>)| {
+            [Rounding::of_held(scale.density.held(), density), Rounding::of_held(scale.appearance.held(), appearance)]
+        };
+        let codes: Vec<_> = self.field.scales.iter().zip(codes).map(of_scale).collect();
+        self.unrounded = Some(Unrounded::taking(&mut self.field, &codes));
+        self.checkpoint.rounding = Some(Rounding { codes, bit, goal, start });
+    }
+
+    /// How factors are rounded, if they are.
+    pub fn rounding(&self) -> Option<&Rounding> {
+        self.checkpoint.rounding.as_ref()
+    }
+
+    /// The same, to change the loss of a bit.
+    pub fn rounding_mut(&mut self) -> Option<&mut Rounding> {
+        self.checkpoint.rounding.as_mut()
+    }
+
+    /// \[scale\] the codes of the steps of density and of appearance, \[tensor\]\[component\]; empty if factors are not rounded.
+    pub fn step_codes(&self) -> Vec<Parts<Vec<u8>>> {
+        let codes = self.rounding().map_or(&[][..], |rounding| &rounding.codes);
+        let of_scale = |(scale, [density, appearance]): (&FieldScale<f32>, &Parts<Vec<u8>>)| {
+            [Rounding::of_all(scale.density.held(), density), Rounding::of_all(scale.appearance.held(), appearance)]
+        };
+        self.field.scales.iter().zip(codes).map(of_scale).collect()
+    }
+
+    /// The scene that a checkpoint holds: [`Trainer::scene`] before its factors are rounded.
+    pub fn unrounded_scene(&self) -> Scene {
+        let mut scene = self.scene();
+        let factors = self.unrounded.iter().flat_map(|unrounded| unrounded.factors());
+        for ((scale, trained), [density, appearance]) in scene.scales.iter_mut().zip(&self.field.scales).zip(factors) {
+            scale.factors.density = trained.density.held().dense(density);
+            scale.factors.appearance = trained.appearance.held().dense(appearance);
+        }
+        scene
+    }
+}
