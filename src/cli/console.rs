@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use serde::Serialize;
 
 use super::Error;
+use crate::escape::{escaped, escaped_json, escaped_lines};
 
 /// The process's two streams.
 pub(super) struct Console {
@@ -29,7 +30,8 @@ impl Console {
         self.quiet
     }
 
-    /// Prints `result` as JSON with `--json`, else as `text`.
+    /// Prints `result` as JSON with `--json`, else as `text`, without unsafe characters ([`crate::escape`]). `text`
+    /// must itself escape line feeds in texts of files and in paths.
     ///
     /// A closed pipe is no error: the command continues, because its files may still be needed, and prints nothing
     /// more.
@@ -39,14 +41,15 @@ impl Console {
     /// If standard output cannot be written.
     pub(super) fn result<T: Serialize>(&self, result: &T, text: impl FnOnce(&T) -> String) -> Result<(), Error> {
         let text = if self.json {
-            serde_json::to_string_pretty(result).map_err(|e| Error::Runtime(format!("JSON: {e}")))?
+            let json = serde_json::to_string_pretty(result).map_err(|e| Error::Runtime(format!("JSON: {e}")))?;
+            escaped_json(&json)
         } else {
-            text(result)
+            escaped_lines(&text(result))
         };
         self.print(&text)
     }
 
-    /// Prints `text` in any output format, with a final line feed; see [`Console::result`].
+    /// Prints `text`, which has no text of an untrusted file, in any output format, with a final line feed; see [`Console::result`].
     pub(super) fn print(&self, text: &str) -> Result<(), Error> {
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
@@ -62,12 +65,12 @@ impl Console {
         }
     }
 
-    /// Prints a message to standard error, unless quiet.
+    /// Prints a message of one line to standard error, unless quiet.
     pub(super) fn say(&self, message: &str) {
         if !self.quiet {
             self.drawn_rows.store(0, Ordering::Relaxed);
             // A failure to write to standard error cannot be reported.
-            let _ = writeln!(io::stderr().lock(), "{message}");
+            let _ = writeln!(io::stderr().lock(), "{}", escaped(message));
         }
     }
 
@@ -82,9 +85,13 @@ impl Console {
         let _ = writeln!(io::stderr().lock(), "{up}{sequence}");
     }
 
-    /// Prints the error of a command; messages of several lines, such as those about TOML, keep their lines.
+    /// Prints the error of a command in one line, and the lines that belong to it below.
     pub(super) fn fail(&self, error: &Error) {
-        let _ = writeln!(io::stderr().lock(), "{}: {}", self.name, error.to_string().trim_end());
+        let mut text = format!("{}: {}\n", self.name, escaped(&error.to_string()));
+        if let Error::WithLines { lines, .. } = error {
+            text.extend(lines.iter().map(|line| format!("  {}\n", escaped(line))));
+        }
+        let _ = io::stderr().lock().write_all(text.as_bytes());
     }
 
     /// The worst of `errors` as a command's result, after the others were printed.

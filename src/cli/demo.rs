@@ -12,6 +12,7 @@ use super::training::{encode, interrupts, train_through};
 use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};
+use crate::escape::escaped_path;
 use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side, stacked};
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::TrainConfig;
@@ -114,11 +115,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         format!(
             "{}: {:.2} MB, {:.2} dB on {}\n{}: photograph, rendering, difference\n\
              dataset {:.0} s, training {:.0} s",
-            d.file.display(),
+            escaped_path(&d.file),
             d.bytes as f64 / 1e6,
             d.report.psnr,
             plural(d.report.views.len(), "held-out view"),
-            d.sheet.display(),
+            escaped_path(&d.sheet),
             d.seconds_dataset,
             d.seconds_training,
         )

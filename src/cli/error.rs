@@ -30,6 +30,14 @@ pub enum Error {
     /// Two things that were compared are not the same. Exit code 7.
     #[error("{0}")]
     Differs(String),
+    /// An error, and lines of a file or of a program's log that show it.
+    #[error("{error}")]
+    WithLines {
+        /// The error; its message introduces the lines.
+        error: Box<Error>,
+        /// The lines, without line feeds.
+        lines: Vec<String>,
+    },
 }
 
 impl Error {
@@ -42,6 +50,7 @@ impl Error {
             Self::Runtime(_) => 4,
             Self::Unsupported(_) => 5,
             Self::Differs(_) => 7,
+            Self::WithLines { error, .. } => error.exit_code(),
         }
     }
 

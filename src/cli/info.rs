@@ -9,7 +9,7 @@ use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
 use crate::container::{self, Contents};
 use crate::digits::grouped;
-use crate::escape::escaped;
+use crate::escape::{escaped, escaped_path};
 use crate::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\
@@ -138,7 +138,7 @@ impl Info {
         };
         let [near, far] = self.near_far;
         let lines = [
-            ("file", format!("{}, {} bytes", self.file.display(), grouped(self.bytes))),
+            ("file", format!("{}, {} bytes", escaped_path(&self.file), grouped(self.bytes))),
             ("made by", self.made_by()),
             ("dataset", escaped(&self.dataset)),
             ("bounds", bounds),

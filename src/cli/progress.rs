@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
+use crate::escape::escaped;
 
 /// The time between two lines if standard error is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -37,7 +38,7 @@ impl<'a> Progress<'a> {
     /// Shows `done` steps and `detail`, such as "41000 rays/s, train 28.31 dB".
     pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
         if !self.bar.is_hidden() {
-            self.bar.set_message(with_comma(&detail()));
+            self.bar.set_message(escaped(&with_comma(&detail())));
         }
         self.bar.set_position(done);
         if let Some(last_line) = &self.last_line {

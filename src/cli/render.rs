@@ -14,6 +14,7 @@ use super::table::plural;
 use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
+use crate::escape::escaped_path;
 use crate::measure::{DepthCode, color_png, depth_png, opacity_png};
 use crate::model::Scene;
 use crate::render::{Picture, RenderSettings, Turntable, upsample_bilinear};
@@ -199,7 +200,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         video: args.video.clone(),
     };
     session.console.result(&report, |report| {
-        report.files.iter().chain(&report.video).map(|path| format!("{}\n", path.display())).collect::<String>()
+        report.files.iter().chain(&report.video).map(|path| escaped_path(path) + "\n").collect::<String>()
     })
 }
 

@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use super::console::Console;
 use super::error::{Error, USAGE};
+use crate::escape::print_clap_error;
 
 /// Options of every command.
 #[derive(Clone, Debug, clap::Args)]
@@ -39,8 +40,7 @@ pub(super) fn run_command<C>(
     let (globals, command) = match parsed {
         Ok(parsed) => parsed,
         Err(error) => {
-            // Help and version are results; a closed pipe is no error.
-            let _ = error.print();
+            print_clap_error(&error);
             return ExitCode::from(if error.use_stderr() { USAGE } else { 0 });
         }
     };

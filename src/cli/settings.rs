@@ -93,11 +93,21 @@ pub(super) fn configuration(preset: Option<&str>, path: Option<&Path>) -> Result
     match path {
         Some(path) => {
             let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-            TrainConfig::from_toml(&text, preset).map_err(Error::malformed(path))
+            TrainConfig::from_toml(&text, preset).map_err(|error| of_toml(path, &error.to_string()))
         }
         None => {
             TrainConfig::preset(preset.unwrap_or(TrainConfig::DEFAULT_PRESET)).map_err(|e| Error::Usage(e.to_string()))
         }
+    }
+}
+
+/// The error of the file `path`; the message about TOML has further lines that show the place.
+fn of_toml(path: &Path, message: &str) -> Error {
+    let mut lines = message.trim_end().lines().map(str::to_owned);
+    let error = Error::malformed(path)(lines.next().unwrap_or_default());
+    match lines.collect::<Vec<_>>() {
+        lines if lines.is_empty() => error,
+        lines => Error::WithLines { error: Box::new(error), lines },
     }
 }
 

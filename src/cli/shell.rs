@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::output::{check_outputs, make_folder};
 use super::table::plural;
 use super::{Error, Session, pack, write_atomically};
+use crate::escape::escaped_path;
 
 const COMPLETIONS_EXAMPLES: &str = "\
 Examples:
@@ -78,7 +79,7 @@ pub(super) fn man(args: &ManArgs, programs: [clap::Command; 2], session: &Sessio
         write_atomically(file, page, session.force)?;
     }
     session.console.result(&Pages { folder: &args.folder, files }, |pages| {
-        format!("{}: {}", pages.folder.display(), plural(pages.files.len(), "man page"))
+        format!("{}: {}", escaped_path(pages.folder), plural(pages.files.len(), "man page"))
     })
 }
 

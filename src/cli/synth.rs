@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::named_value::one_of;
 use super::{Error, Session, picture_size};
 use crate::dataset::{self, CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized};
+use crate::escape::escaped_path;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -94,7 +95,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         return session.console.result(&report, |report| {
             format!(
                 "{}: {pictures} pictures, {lost} of them lost, {triangles} triangles, {:.1} % of the surface missing",
-                report.folder.display(),
+                escaped_path(&report.folder),
                 100.0 * torn_share
             )
         });
@@ -103,7 +104,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.result(&report, |report| {
         format!(
             "{}: {pictures} pictures, {triangles} triangles, {points} points, {occupied_cells} occupied cells",
-            report.folder.display()
+            escaped_path(&report.folder)
         )
     })
 }

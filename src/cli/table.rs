@@ -1,6 +1,7 @@
 //! Tables on the terminal.
 
 use crate::digits::grouped;
+use crate::escape::escaped;
 
 /// Text in columns: the first aligned to the left, the others to the right.
 pub(super) struct Table {
@@ -13,10 +14,10 @@ impl Table {
         Self { rows: vec![columns.map(str::to_owned).to_vec()] }
     }
 
-    /// Adds a row with one cell per column.
+    /// Adds a row with one cell per column, whose texts are escaped.
     pub(super) fn row<const N: usize>(&mut self, cells: [String; N]) {
         debug_assert_eq!(N, self.rows[0].len(), "cells of a row");
-        self.rows.push(cells.to_vec());
+        self.rows.push(cells.iter().map(|cell| escaped(cell)).collect());
     }
 
     /// One line per row, two blanks between columns.

@@ -21,6 +21,7 @@ use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
+use crate::escape::escaped_path;
 use crate::geometry::Camera;
 use crate::measure::ViewReport;
 use crate::model::{Frame, Scene};
@@ -194,7 +195,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!(
             "{table}{dead}{left} of {all} parameters are left\n{}: {size:.2} MB, {steps} in {minutes:.1} min",
-            r.file.display()
+            escaped_path(&r.file)
         )
     })
 }

@@ -11,6 +11,7 @@ use super::{DatasetOptions, Error, Session};
 use crate::cli::table::{plural, short};
 use crate::cli::write_atomically;
 use crate::dataset::{self, Description, LoadOptions, NamedCamera};
+use crate::escape::escaped_path;
 use crate::geometry::Camera;
 use crate::measure::color_png;
 use crate::prior::{self, CameraBounds, VoxelBoxes};
@@ -191,12 +192,12 @@ fn text(info: &Info<'_>) -> String {
         lines.push(format!("without pose  {}", plural(info.lost, "frame")));
     }
     if let Some(first) = info.missing.get(..NAMED_MISSING.min(info.missing.len())).filter(|first| !first.is_empty()) {
-        let names: Vec<_> = first.iter().map(|path| path.display().to_string()).collect();
+        let names: Vec<_> = first.iter().map(|path| escaped_path(path)).collect();
         let more = if info.missing.len() > first.len() { ", …" } else { "" };
         lines.push(format!("missing       {}: {}{more}", plural(info.missing.len(), "picture"), names.join(", ")));
     }
     if let Some(Points { file, bounds: [min, max] }) = &info.points {
-        lines.push(format!("points        {}, in {} to {}", file.display(), three(min), three(max)));
+        lines.push(format!("points        {}, in {} to {}", escaped_path(file), three(min), three(max)));
     }
     if let Some([min, max]) = &info.bounds {
         lines.push(format!("box           {} to {}", three(min), three(max)));

@@ -10,6 +10,7 @@ use crate::cli::approximations::stored_settings;
 use crate::cli::{Error, Session};
 use crate::container::{self, Metadata, SceneFile, VERSION};
 use crate::digits::grouped;
+use crate::escape::escaped_path;
 use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
 
 /// Arguments of `strivec-pack convert`.
@@ -51,7 +52,7 @@ impl Written {
     pub(super) fn text(rows: &[Self]) -> String {
         let line = |w: &Self| {
             let (before, after) = (grouped(w.bytes_before), grouped(w.bytes));
-            format!("{} -> {}: {before} -> {after} bytes\n", w.input.display(), w.output.display())
+            format!("{} -> {}: {before} -> {after} bytes\n", escaped_path(&w.input), escaped_path(&w.output))
         };
         rows.iter().map(line).collect()
     }

@@ -14,6 +14,7 @@ use super::input::{self, LimitArgs, Outputs};
 use crate::cli::table::plural;
 use crate::cli::{Error, Session};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
+use crate::escape::escaped_path;
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{
     AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
@@ -125,7 +126,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
         Error::io("make", &args.output)(error)
     })?;
     let names: Vec<&String> = files.keys().collect();
-    session.console.result(&names, |names| format!("{}: {}\n", args.output.display(), plural(names.len(), "file")))
+    session.console.result(&names, |names| format!("{}: {}\n", escaped_path(&args.output), plural(names.len(), "file")))
 }
 
 /// Writes a folder's scene as a file.

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::{Error, Session};
 use crate::container;
+use crate::escape::escaped;
 
 /// Arguments of `strivec-pack notes`.
 #[derive(Debug, clap::Args)]
@@ -36,7 +37,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (document, bytes) = input::read(&args.input, args.limits.limits())?;
     let mut notes = document.metadata.notes;
     let Some(output) = &args.output else {
-        let text = |notes: &BTreeMap<String, String>| notes.iter().map(|(k, v)| format!("{k}: {v}\n")).collect();
+        let text = |notes: &BTreeMap<String, String>| {
+            notes.iter().map(|(k, v)| format!("{}: {}\n", escaped(k), escaped(v))).collect()
+        };
         return session.console.result(&notes, text);
     };
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, output, false, session)?;

@@ -18,6 +18,7 @@ use crate::cli::{Error, Session, quantity};
 use crate::container::{EncodeOptions, Limits, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
+use crate::escape::escaped_path;
 use crate::model::Scene;
 use crate::pack::{self, Candidate, Goal, MAX_TRIED, search};
 use crate::psnr::psnr_of_mse;
@@ -193,7 +194,11 @@ impl Row {
             let photographs = row.psnr_to_photographs.map_or_else(String::new, |[before, after]| {
                 format!(", {before:.3} -> {after:.3} dB against photographs")
             });
-            format!("{}: {sizes} ({:.1} % of raw), {loss}{photographs}\n", row.output.display(), row.percent_of_raw)
+            format!(
+                "{}: {sizes} ({:.1} % of raw), {loss}{photographs}\n",
+                escaped_path(&row.output),
+                row.percent_of_raw
+            )
         };
         rows.iter().map(line).collect()
     }

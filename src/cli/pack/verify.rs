@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::input::{self, Inputs};
 use crate::cli::{Error, Session};
 use crate::container::{Limits, SceneFile};
+use crate::escape::{escaped, escaped_path};
 use crate::measure::{ProbeReport, check_probes, probe_density_error};
 use crate::render::{CpuRenderer, ReferenceRenderer, Renderer};
 
@@ -131,8 +132,8 @@ fn warnings(document: &SceneFile) -> Vec<String> {
 impl Row {
     fn text(&self) -> String {
         let mut text = match &self.error {
-            None => format!("{}: valid\n", self.file.display()),
-            Some(_) => format!("{}: failed\n", self.file.display()),
+            None => format!("{}: valid\n", escaped_path(&self.file)),
+            Some(_) => format!("{}: failed\n", escaped_path(&self.file)),
         };
         for row in &self.renderers {
             let RendererRow { renderer, probes, compared, .. } = row;
@@ -142,7 +143,7 @@ impl Row {
             );
         }
         for warning in &self.warnings {
-            text += &format!("  warning: {warning}\n");
+            text += &format!("  warning: {}\n", escaped(warning));
         }
         text
     }

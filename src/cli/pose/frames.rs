@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use super::super::Error;
 use super::super::progress::Progress;
-use super::process::{self, end_of, stopped};
+use super::process::{self, stopped, with_end_of};
 
 /// Edge of the square that frames are scaled to for measuring, in pixels; it does not depend on the video's rotation.
 const EDGE: usize = 640;
@@ -134,7 +134,7 @@ impl Video {
         }
         let status = child.wait().map_err(failed)?;
         if !status.success() || sharpness.is_empty() {
-            return Err(Error::Runtime(format!("pictures: ffmpeg failed ({status}); {}", end_of(log))));
+            return Err(with_end_of(log, &format!("pictures: ffmpeg failed ({status})")));
         }
         Ok(choose(&sharpness, self.rate, count, min_gap))
     }
@@ -163,7 +163,7 @@ impl Video {
         };
         process::run("pictures", command, log, interrupted, &mut line)?;
         match frame_names(chosen.len()).find(|name| !images.join(name).is_file()) {
-            Some(name) => Err(Error::Runtime(format!("pictures: ffmpeg has not written {name}; {}", end_of(log)))),
+            Some(name) => Err(with_end_of(log, &format!("pictures: ffmpeg has not written {name}"))),
             None => Ok(()),
         }
     }

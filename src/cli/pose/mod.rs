@@ -217,9 +217,9 @@ impl Work<'_> {
                 work.program(task, command, progress, &process::registered)?;
             }
             if !model::sort(work.capture.folder())? {
-                let end = process::end_of(&work.capture.log("mapping")?);
-                let hint = "if the pictures overlap too little, take more between them";
-                return Err(Error::Runtime(format!("mapping: COLMAP found no model; {hint}; {end}")));
+                let problem =
+                    "mapping: COLMAP found no model; if the pictures overlap too little, take more between them";
+                return Err(process::with_end_of(&work.capture.log("mapping")?, problem));
             }
             report::mapping_found(work.capture.folder(), count)
         })?;

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::super::Error;
-use crate::escape::escaped;
 
 /// The time between two looks at the log.
 const POLL: Duration = Duration::from_millis(50);
@@ -63,8 +62,7 @@ pub(super) fn run(
     if status.success() {
         return Ok(());
     }
-    let problem = format!("{task}: {program} failed ({status})");
-    Err(Error::Runtime(format!("{problem}; {}", end_of(log))))
+    Err(with_end_of(log, &format!("{task}: {program} failed ({status})")))
 }
 
 /// The error of an interrupted `task`.
@@ -72,17 +70,18 @@ pub(super) fn stopped(task: &str) -> Error {
     Error::Runtime(format!("{task}: interrupted; the same command resumes"))
 }
 
-/// The path of `log` and its last lines.
-pub(super) fn end_of(log: &Path) -> String {
+/// The error `problem` with the path of `log` and its last lines.
+pub(super) fn with_end_of(log: &Path, problem: &str) -> Error {
     let text = std::fs::read(log).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
     let last = &lines[lines.len().saturating_sub(SHOWN_LINES)..];
     if last.is_empty() {
-        return format!("its log {} is empty", log.display());
+        return Error::Runtime(format!("{problem}; its log {} is empty", log.display()));
     }
-    let shown = |line: &&str| format!("\n  {}", escaped(&line.chars().take(SHOWN_LENGTH).collect::<String>()));
-    format!("its log {} ends with:{}", log.display(), last.iter().map(shown).collect::<String>())
+    let error = Error::Runtime(format!("{problem}; its log {} ends with:", log.display()));
+    let lines = last.iter().map(|line| line.chars().take(SHOWN_LENGTH).collect()).collect();
+    Error::WithLines { error: Box::new(error), lines }
 }
 
 /// The steps done and their total in a line of COLMAP such as `Processed file [3/50]`, `Matching block [1/5, 2/5]` or

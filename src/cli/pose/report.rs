@@ -11,7 +11,7 @@ use super::database::{self, Features};
 use super::folder::{Capture, DATABASE, Finished, SPARSE};
 use super::model::{self, Model};
 use crate::digits::grouped;
-use crate::escape::escaped;
+use crate::escape::{escaped, escaped_path};
 
 /// Features below which a picture has few in any scene.
 const FEW_FEATURES: u64 = 200;
@@ -112,7 +112,7 @@ impl Report {
         let seconds: Vec<String> =
             self.stages.iter().map(|stage| format!("{:.0} s {}", stage.seconds, task(stage))).collect();
         text += &format!("{:.0} s: {}\n", self.seconds, seconds.join(", "));
-        text + &format!("{}: {}", self.folder.display(), self.summary())
+        text + &format!("{}: {}", escaped_path(&self.folder), self.summary())
     }
 
     /// Registered pictures, points and error in one line.

@@ -17,6 +17,7 @@ use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
 use crate::cli::dataset::DatasetOptions;
 use crate::dataset;
+use crate::escape::escaped_path;
 use crate::prior::{self, Counts};
 
 const EXAMPLES: &str = "\
@@ -127,7 +128,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let cells = plural(r.cells, "cell");
         format!(
             "{}: {cells} of {x} x {y} x {z}, from {} to {}",
-            r.file.display(),
+            escaped_path(&r.file),
             r.bounds[0].map(short).join(", "),
             r.bounds[1].map(short).join(", ")
         )

@@ -11,6 +11,7 @@ use crate::cli::table::{plural, short};
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
 use crate::dataset::{self, Dataset};
+use crate::escape::escaped_path;
 use crate::geometry::Camera;
 use crate::measure::{Canvas, color_png, side_by_side, stacked};
 use crate::prior::{self, Built, PriorVisibility, Shading, SparseVoxelTree};
@@ -109,7 +110,8 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));
-        let (file, views, cells) = (shown.file.display(), plural(shown.views, "view"), plural(shown.cells, "cell"));
+        let (file, views, cells) =
+            (escaped_path(&shown.file), plural(shown.views, "view"), plural(shown.cells, "cell"));
         let distances = shown.distances.map_or_else(String::new, |range| {
             let [near, far] = range.map(short);
             format!(", {near} (red) to {far} (blue) away")

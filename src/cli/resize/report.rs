@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::cells::CellKind;
 use crate::cli::table::Table;
 use crate::digits::grouped;
+use crate::escape::escaped_path;
 use crate::model::{Factors, Scale};
 use crate::train::GrowRound;
 
@@ -122,7 +123,7 @@ impl Report<'_> {
             "{rounds}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             scales.text(),
             cells.text(),
-            self.file.display(),
+            escaped_path(&self.file),
             self.bytes as f64 / 1e6,
             grouped(after),
             grouped(before),

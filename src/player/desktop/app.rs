@@ -12,6 +12,7 @@ use super::opening::{self, OpeningError, OpeningEvent, is_url, name_of};
 use super::output::{Saved, save_new};
 use super::painter::{DesktopPainter, Device};
 use super::recent;
+use crate::escape::escaped;
 use crate::measure::color_png;
 use crate::player::{Action, Comparison, Session, Step};
 use crate::render::Approximation;
@@ -31,7 +32,7 @@ struct Opening {
 /// The player.
 pub(super) struct App {
     pub(super) session: Session<DesktopPainter>,
-    /// \[slot\] name of the scene's file.
+    /// \[slot\] name of the scene's file, escaped.
     pub(super) names: [String; 2],
     opening: [Option<Opening>; 2],
     wake: Box<dyn Fn() -> Box<dyn Fn() + Send>>,
@@ -131,6 +132,7 @@ impl App {
 
     /// Shows `text` for some seconds.
     pub(super) fn say(&mut self, text: String) {
+        let text = escaped(&text);
         if self.prints_timing {
             println!("{text}");
         }
@@ -139,6 +141,7 @@ impl App {
 
     /// Shows an error until it is closed, its time is over, or another file is opened.
     pub(super) fn say_error(&mut self, text: String) {
+        let text = escaped(&text);
         if self.prints_timing {
             println!("{text}");
         }
@@ -234,7 +237,7 @@ impl App {
         if let Err(error) = self.session.take(step, opening.is_shown, slot) {
             return self.say_error(format!("{}: {error}", opening.place));
         }
-        self.names[slot] = name_of(&opening.place).to_owned();
+        self.names[slot] = escaped(name_of(&opening.place));
         if !opening.is_shown {
             recent::add(&mut self.recent, &opening.place);
             self.waits_since = Some(opening.opened_at);

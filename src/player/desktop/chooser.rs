@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use egui::{RichText, Ui};
 
+use crate::escape::{escaped, escaped_path};
+
 /// The contents of a folder, to choose from.
 pub(super) struct Chooser {
     folder: PathBuf,
@@ -52,7 +54,7 @@ impl Chooser {
     /// Lays the list out. Returns the chosen path.
     pub(super) fn lay_out(&mut self, ui: &mut Ui) -> Option<PathBuf> {
         let (mut wanted, mut chosen) = (None, None);
-        ui.label(RichText::new(self.folder.display().to_string()).weak());
+        ui.label(RichText::new(escaped_path(&self.folder)).weak());
         if let Some(error) = &self.error {
             ui.label(error);
         }
@@ -63,12 +65,12 @@ impl Chooser {
                 wanted = Some(parent.to_owned());
             }
             for name in &self.folders {
-                if ui.link(format!("{name}/")).clicked() {
+                if ui.link(escaped(name) + "/").clicked() {
                     wanted = Some(self.folder.join(name));
                 }
             }
             for name in &self.files {
-                if ui.link(RichText::new(name).strong()).clicked() {
+                if ui.link(RichText::new(escaped(name)).strong()).clicked() {
                     chosen = Some(self.folder.join(name));
                 }
             }

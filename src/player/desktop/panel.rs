@@ -6,6 +6,7 @@ use super::app::App;
 use super::chooser::Chooser;
 use super::opening::name_of;
 use super::overlay;
+use crate::escape::escaped;
 use crate::player::{Action, Comparison, View};
 use crate::render::RenderSettings;
 
@@ -87,7 +88,7 @@ fn files(app: &mut App, ui: &mut Ui) {
         if !places.is_empty() {
             egui::CollapsingHeader::new(title).show(ui, |ui| {
                 for place in places {
-                    if ui.link(name_of(&place)).on_hover_text(&place).clicked() {
+                    if ui.link(escaped(name_of(&place))).on_hover_text(escaped(&place)).clicked() {
                         wanted = Some((place, false));
                     }
                 }

@@ -20,6 +20,7 @@ use super::opening::{self, OpeningError, is_url};
 use super::painter::Device;
 use super::panel;
 use super::surface::{Painting, Surface};
+use crate::escape::{escaped, print_clap_error};
 use crate::player::Drag;
 use crate::render::gpu::Precision;
 
@@ -32,12 +33,12 @@ pub fn main() -> ExitCode {
         Ok(arguments) => match run(arguments) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
-                eprintln!("strivec-player: {}", error.text);
+                eprintln!("strivec-player: {}", escaped(&error.text));
                 ExitCode::from(error.exit_code)
             }
         },
         Err(error) => {
-            let _ = error.print();
+            print_clap_error(&error);
             ExitCode::from(u8::from(error.use_stderr()))
         }
     }
