@@ -10,7 +10,7 @@
 // Fires `open` when the first picture of a file can be drawn, `load` when the whole file is loaded, and `error` with a message.
 
 import { Divider } from "./divider";
-import { element } from "./dom";
+import { element, escaped } from "./dom";
 import css from "./element.css?inline";
 import initialize, { Download, keys, Player } from "./generated/strivec";
 import { Help } from "./help";
@@ -459,7 +459,7 @@ export class StrivecViewer extends HTMLElement {
 
   #say(text: string): void {
     this.#message.classList.remove("failed");
-    this.#message.textContent = text;
+    this.#message.textContent = escaped(text);
   }
 
   #fail(error: unknown): void {
@@ -468,7 +468,7 @@ export class StrivecViewer extends HTMLElement {
     const died = error instanceof WebAssembly.RuntimeError;
     const text = died ? "The viewer has crashed; see the browser's console." : textOf(error);
     this.#message.classList.add("failed");
-    this.#message.textContent = text;
+    this.#message.textContent = escaped(text);
     if (this.state === undefined) this.#welcome.hidden = true;
     this.dispatchEvent(new CustomEvent("error", { detail: text }));
   }

@@ -6,6 +6,7 @@
 //   &quality=NAME             quality setting stored in the file: fast, balanced or best
 //   &data=ADDRESS             the dataset's transforms_train.json, for its photographs
 
+import { escaped } from "./dom";
 import { StrivecViewer } from "./index";
 
 const viewer = document.querySelector("strivec-viewer");
@@ -22,6 +23,6 @@ if (viewer instanceof StrivecViewer) {
     if (value) viewer.setAttribute(attribute, value);
   }
   viewer.addEventListener("open", () => {
-    document.title = `${viewer.name} – Strivec`;
+    document.title = `${escaped(viewer.name)} – Strivec`;
   });
 }

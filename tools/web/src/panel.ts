@@ -1,6 +1,6 @@
 // The panel: settings, speed, and facts of the files.
 
-import { element } from "./dom";
+import { element, escaped } from "./dom";
 import type { Player } from "./generated/strivec";
 import type { Opened, State } from "./state";
 
@@ -208,7 +208,7 @@ export class Panel {
   show(state: State | undefined, names: [string, string]): void {
     this.#state = state;
     this.#scene.hidden = !state;
-    this.#name.textContent = state ? names[0] : "";
+    this.#name.textContent = state ? escaped(names[0]) : "";
     this.#arrived.hidden = !state || state.is_whole;
     this.#speed.hidden = !state;
     if (!state) return;
@@ -232,7 +232,7 @@ export class Panel {
     this.#showCamera(state);
     this.#second.hidden = !state.second;
     if (!state.second) return;
-    this.#secondName.textContent = [names[1], soFar(state.second)].filter(Boolean).join(", ");
+    this.#secondName.textContent = [escaped(names[1]), soFar(state.second)].filter(Boolean).join(", ");
     this.#sideBySide.checked = state.divider === null;
     showFacts(this.#secondFacts, state.second);
   }
@@ -263,7 +263,7 @@ export class Panel {
       parts.push(`device memory: scene ${scene} MB, workspace ${work} MB`);
     }
     if (state.device) parts.push(state.device);
-    this.#speed.textContent = parts.join(" · ");
+    this.#speed.textContent = escaped(parts.join(" · "));
   }
 
   #showViews(state: State): void {
