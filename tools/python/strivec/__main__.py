@@ -6,6 +6,7 @@ code is returned.
 """
 
 import argparse
+import re
 import sys
 
 import numpy as np
@@ -15,6 +16,10 @@ from .errors import StrivecError
 from .probes import MIN_MARGIN, check_probes
 
 USAGE_ERROR, INVALID_FILE = 2, 3
+# The characters of `src/escape.rs`.
+UNSAFE = re.compile(
+    "[\0-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
+)
 
 
 def main(arguments=None):
@@ -38,14 +43,20 @@ def main(arguments=None):
     return max(_run(options.run, path, options.budget) for path in options.files)
 
 
+def escaped(text):
+    """`text` with control characters, and those that reorder text or are invisible, in Python's escapes (section 10)."""
+    return UNSAFE.sub(lambda match: match[0].encode("unicode_escape").decode(), str(text))
+
+
 def _run(command, path, budget):
+    name = escaped(path)
     try:
-        return command(path, reader.open(path, budget))
+        return command(name, reader.open(path, budget))
     except StrivecError as error:
-        print(f"{path}: {error}", file=sys.stderr)
+        print(f"{name}: {escaped(error)}", file=sys.stderr)
         return error.exit_code
     except OSError as error:
-        print(f"{path}: {error.strerror}", file=sys.stderr)
+        print(f"{name}: {error.strerror}", file=sys.stderr)
         return USAGE_ERROR
 
 
@@ -67,9 +78,9 @@ def info(path, scene):
         print(f"occupancy {scene.occupancy.vertices}")
     for name in ("dataset", "preset", "tool"):
         if getattr(scene.provenance, name):
-            print(f"{name} {getattr(scene.provenance, name)!r}")
+            print(f'{name} "{escaped(getattr(scene.provenance, name))}"')
     if scene.license is not None:
-        print(f"license {scene.license!r}")
+        print(f'license "{escaped(scene.license)}"')
     metadata = {
         "quality": scene.quality is not None,
         "views": scene.views is not None,
@@ -81,7 +92,7 @@ def info(path, scene):
         "unknown " + " ".join(section.kind for section in scene.unknown): bool(scene.unknown),
     }
     for message in scene.skipped:
-        print(f"skipped a section: {message}")
+        print(f"skipped a section: {escaped(message)}")
     print("with " + (", ".join(name for name, there in metadata.items() if there) or "no metadata"))
     return 0
 
