@@ -28,7 +28,7 @@ pub fn escaped_json(json: &str) -> String {
     with_escapes(json, |c| c != '\n' && is_unsafe(c), escape)
 }
 
-/// Prints help, the version, or what is wrong with a program's arguments; the arguments themselves are escaped.
+/// Prints help, the version, or what is wrong with a program's arguments, which are escaped but for line feeds.
 #[cfg(feature = "cli")]
 pub(crate) fn print_clap_error(error: &clap::Error) {
     let text = error.render().to_string();

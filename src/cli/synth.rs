@@ -95,7 +95,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         return session.console.result(&report, |report| {
             format!(
                 "{}: {pictures} pictures, {lost} of them lost, {triangles} triangles, {:.1} % of the surface missing",
-                escaped_path(&report.folder),
+                escaped_path(report.folder),
                 100.0 * torn_share
             )
         });
@@ -104,7 +104,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.result(&report, |report| {
         format!(
             "{}: {pictures} pictures, {triangles} triangles, {points} points, {occupied_cells} occupied cells",
-            escaped_path(&report.folder)
+            escaped_path(report.folder)
         )
     })
 }

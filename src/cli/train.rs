@@ -195,7 +195,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let steps = plural(r.steps as usize, "step");
         format!(
             "{table}{dead}{left} of {all} parameters are left\n{}: {size:.2} MB, {steps} in {minutes:.1} min",
-            escaped_path(&r.file)
+            escaped_path(r.file)
         )
     })
 }

@@ -128,7 +128,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let cells = plural(r.cells, "cell");
         format!(
             "{}: {cells} of {x} x {y} x {z}, from {} to {}",
-            escaped_path(&r.file),
+            escaped_path(r.file),
             r.bounds[0].map(short).join(", "),
             r.bounds[1].map(short).join(", ")
         )

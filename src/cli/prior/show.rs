@@ -110,8 +110,7 @@ pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));
-        let (file, views, cells) =
-            (escaped_path(&shown.file), plural(shown.views, "view"), plural(shown.cells, "cell"));
+        let (file, views, cells) = (escaped_path(shown.file), plural(shown.views, "view"), plural(shown.cells, "cell"));
         let distances = shown.distances.map_or_else(String::new, |range| {
             let [near, far] = range.map(short);
             format!(", {near} (red) to {far} (blue) away")

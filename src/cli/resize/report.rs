@@ -123,7 +123,7 @@ impl Report<'_> {
             "{rounds}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             scales.text(),
             cells.text(),
-            escaped_path(&self.file),
+            escaped_path(self.file),
             self.bytes as f64 / 1e6,
             grouped(after),
             grouped(before),
