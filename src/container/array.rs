@@ -11,7 +11,7 @@ use super::error::Error;
 use super::limits::Budget;
 use super::payload::Body;
 use super::record::{BorrowDecode, Encode};
-use super::writer::{Finished, Place, Writer};
+use super::writer::{Compression, Finished, Place, Writer};
 
 /// The codes of an array, at the end of its section's record; 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
@@ -90,7 +90,7 @@ pub(super) fn write(
 /// The section of a `record` and a `body` that ends with an array in `encoding`, compressed if that makes it smaller. `shape`
 /// is asked for if integers are to be coded.
 pub(super) fn finished(
-    writer: &Writer,
+    compression: Compression,
     place: Place,
     record: Vec<u8>,
     body: &[u8],
@@ -98,45 +98,52 @@ pub(super) fn finished(
     shape: impl FnOnce(u8) -> Shape,
 ) -> Result<Finished, Error> {
     match encoding {
-        Encoding::F32 | Encoding::F16 => writer.finished(place, record, body),
+        Encoding::F32 | Encoding::F16 => compression.finished(place, record, body),
         Encoding::Grid(bits) => {
-            Ok(writer.finished_adaptive(place, record, body, || adaptive::compress_integers(&shape(bits), body)))
+            compression.finished_adaptive(place, record, body, || adaptive::compress_integers(&shape(bits), body))
         }
     }
 }
 
-/// Writes the section at `place`, named `name`, of a network's numbers (DECODER, MATRIX or PREFIX), in the finest steps.
-/// `record` makes its record from the array's head.
+/// Writes the section at `place`, named `name`, of a network's numbers (DECODER, MATRIX or PREFIX). `steps` holds the step
+/// codes of its rows, or is empty for the finest steps. `record` makes its record from the array's head.
 pub(super) fn write_network(
     writer: &mut Writer,
     place: Place,
     name: &dyn Display,
     values: &[f32],
     lengths: impl Iterator<Item = usize> + Clone,
-    options: ArrayOptions,
+    (options, steps): (ArrayOptions, &[u8]),
     record: impl FnOnce(ArrayHead) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
-    let Written { head, body } = write(name, values, lengths.clone(), options, None)?;
+    let (rows, _) = count(lengths.clone());
+    let steps = Some(steps).filter(|steps| !steps.is_empty());
+    if let Some(steps) = steps {
+        Error::unless_equal(format!("number of step codes of {name}"), rows, steps.len() as u64)?;
+    }
+    let Written { head, body } = write(name, values, lengths.clone(), options, steps)?;
     let shape = |bits| of_rows(bits, lengths);
-    let section = finished(writer, place, record(head)?, &body, options.encoding, shape)?;
+    let section = finished(writer.compression(), place, record(head)?, &body, options.encoding, shape)?;
     writer.add(section);
     Ok(())
 }
 
-/// The numbers of a network (DECODER, MATRIX and PREFIX), whose array is the whole of `body`.
+/// The numbers of a network (DECODER, MATRIX and PREFIX), whose array is the whole of `body`, and the step codes of its
+/// rows, none for floats.
 pub(super) fn read_network(
     body: &Body<'_>,
     head: &ArrayHead,
     lengths: impl Iterator<Item = usize> + Clone,
     budget: &mut Budget,
-) -> Result<Vec<f32>, Error> {
+) -> Result<(Vec<f32>, Vec<u8>), Error> {
     let encoding = head.options(body.section)?.encoding;
     let (groups, numbers) = count(lengths.clone());
     // The numbers, and the integers in another arrangement.
     budget.spend(body.section, 8 * numbers)?;
     let length = encoding.length(groups, numbers);
     let bytes = decode(body, length, encoding, budget, |bits| of_rows(bits, lengths.clone()))?;
-    read(body.section, head, &bytes, lengths)
+    let steps = if encoding.is_by_group() { bytes[..groups as usize].to_vec() } else { Vec::new() };
+    Ok((read(body.section, head, &bytes, lengths)?, steps))
 }
 
 /// The decoded `body` of `length` bytes, which ends with an array in `encoding`. `shape` is asked for if integers are coded.

@@ -1,9 +1,21 @@
 //! Chunks: groups of nearby tensors that a reader can fetch alone (spec 3.7).
 
+use std::collections::BTreeMap;
+
 use glam::{DVec3, UVec3};
 
 use crate::geometry::morton;
 use crate::model::TensorCloud;
+
+/// The tensors of each chunk, \[chunk\], where `chunk_of` is \[tensor\] the chunk of each; numbers without tensors are left
+/// out.
+pub(super) fn chunks_from(chunk_of: &[u32]) -> BTreeMap<u32, Vec<u32>> {
+    let mut chunks = BTreeMap::<u32, Vec<u32>>::new();
+    for (n, &chunk) in (0..).zip(chunk_of) {
+        chunks.entry(chunk).or_default().push(n);
+    }
+    chunks
+}
 
 /// Cuts `cloud` into chunks of at most `max_tensors` tensors that lie near each other: \[chunk\] the numbers of its
 /// tensors, ascending.

@@ -41,7 +41,7 @@ struct LayerRecord {
     outputs: u32,
 }
 
-pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOptions) -> Result<(), Error> {
+pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: (ArrayOptions, &[u8])) -> Result<(), Error> {
     let layers: Vec<_> = decoder.layers.iter().map(|l| LayerRecord { inputs: l.inputs, outputs: l.outputs }).collect();
     let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
     let place = Place::whole(SectionKind::Decoder);
@@ -61,9 +61,10 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: ArrayOption
     })
 }
 
-pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions), Error> {
+/// The decoder, and the encoding and step codes of its numbers.
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions, Vec<u8>), Error> {
     let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
-    let numbers = array::read_network(&body, &record.head, group_lengths(&record.layers), budget)?;
+    let (numbers, steps) = array::read_network(&body, &record.head, group_lengths(&record.layers), budget)?;
     let mut rest = numbers.as_slice();
     let mut take = |count: usize| {
         let (values, after) = rest.split_at(count);
@@ -89,7 +90,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decode
         direction_frequencies: record.direction_frequencies,
         layers,
     };
-    Ok((decoder, record.head.options(payload.section)?))
+    Ok((decoder, record.head.options(payload.section)?, steps))
 }
 
 /// The lengths of the array's groups: each row of weights, then the bias, layer by layer.

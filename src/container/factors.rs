@@ -7,7 +7,7 @@ use super::error::Error;
 use super::limits::Budget;
 use super::payload::{Body, Payload};
 use super::record::{self, BorrowDecode, Encode, Record};
-use super::writer::{Finished, Place, Writer};
+use super::writer::{Compression, Finished, Place};
 use crate::model::Factors;
 
 /// Bytes that a number takes while it is read: itself, and its integer in another arrangement.
@@ -84,7 +84,7 @@ fn shape(tensors: usize, rank: usize, resolution: [u32; 3], is_ragged: bool, bit
 /// The section of the factors of `tensors`. `steps` has a step code for each component of each tensor of the scale:
 /// \[tensor\]\[component\].
 pub(super) fn write(
-    writer: &Writer,
+    compression: Compression,
     place: Place,
     part: &Part<'_>,
     tensors: &[u32],
@@ -121,7 +121,7 @@ pub(super) fn write(
     body.extend(written.body);
     let record = FactorsRecord { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
     let shape = |bits| shape(tensors.len(), rank, part.resolution, is_ragged, bits);
-    array::finished(writer, place, record::write(&name, &record)?, &body, options.encoding, shape)
+    array::finished(compression, place, record::write(&name, &record)?, &body, options.encoding, shape)
 }
 
 /// The factors of a chunk.

@@ -30,7 +30,7 @@ pub(super) fn write(
     writer: &mut Writer,
     scale: u16,
     matrix: &AppearanceMatrix,
-    options: ArrayOptions,
+    options: (ArrayOptions, &[u8]),
 ) -> Result<(), Error> {
     let name = format!("MATRIX of scale {scale}");
     let rows = std::iter::repeat_n(matrix.rank as usize, matrix.features as usize);
@@ -40,9 +40,10 @@ pub(super) fn write(
     })
 }
 
-pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<AppearanceMatrix, Error> {
+/// The matrix, and the step codes of its rows.
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(AppearanceMatrix, Vec<u8>), Error> {
     let (record, body): (MatrixRecord, _) = payload.record_and_body()?;
     let rows = std::iter::repeat_n(record.rank as usize, record.features as usize);
-    let weights = array::read_network(&body, &record.head, rows, budget)?;
-    Ok(AppearanceMatrix { features: record.features, rank: record.rank, weights })
+    let (weights, steps) = array::read_network(&body, &record.head, rows, budget)?;
+    Ok((AppearanceMatrix { features: record.features, rank: record.rank, weights }, steps))
 }

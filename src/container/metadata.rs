@@ -13,7 +13,7 @@ use super::quality::{self, Quality};
 use super::section::{Section, SectionKind};
 use super::thumbnail::{self, Thumbnail};
 use super::views::{self, Views};
-use super::writer::Writer;
+use super::writer::{Place, Rewriter};
 use super::{license, notes};
 
 /// The ancillary parts of a file.
@@ -52,36 +52,45 @@ pub struct UnknownSection {
 }
 
 impl Metadata {
-    /// Writes the sections before DECODER, for a scene of `scales` scales.
-    pub(super) fn write_head(&self, writer: &mut Writer, scales: usize) -> Result<(), Error> {
+    /// Writes the sections before DECODER, for a scene of `scales` scales. `before` is what the original has.
+    pub(super) fn write_head(&self, out: &mut Rewriter<'_>, scales: usize, before: Option<&Self>) -> Result<(), Error> {
+        let is_same = |same: &dyn Fn(&Self) -> bool| before.is_some_and(same);
         if let Some(text) = &self.license {
-            license::write(writer, text)?;
+            let same = is_same(&|b| b.license == self.license);
+            out.put(Place::whole(SectionKind::License), same, |writer| license::write(writer, text))?;
         }
         if let Some(quality) = &self.quality {
-            quality::write(writer, quality, scales)?;
+            let same = is_same(&|b| b.quality == self.quality);
+            out.put(Place::whole(SectionKind::Quality), same, |writer| quality::write(writer, quality, scales))?;
         }
         if let Some(views) = &self.views {
-            views::write(writer, views)?;
+            let same = is_same(&|b| b.views == self.views);
+            out.put(Place::whole(SectionKind::Views), same, |writer| views::write(writer, views))?;
         }
         if let Some(thumbnail) = &self.thumbnail {
-            thumbnail::write(writer, thumbnail)?;
+            let same = is_same(&|b| b.thumbnail == self.thumbnail);
+            out.put(Place::whole(SectionKind::Thumbnail), same, |writer| thumbnail::write(writer, thumbnail))?;
         }
         Ok(())
     }
 
-    /// Writes the sections after the scales.
-    pub(super) fn write_tail(&self, writer: &mut Writer) -> Result<(), Error> {
+    /// Writes the sections after the scales. `before` is what the original has.
+    pub(super) fn write_tail(&self, out: &mut Rewriter<'_>, before: Option<&Self>) -> Result<(), Error> {
+        let is_same = |same: &dyn Fn(&Self) -> bool| before.is_some_and(same);
         if let Some(probes) = &self.probes {
-            probes::write(writer, probes)?;
+            let same = is_same(&|b| b.probes == self.probes);
+            out.put(Place::whole(SectionKind::Probes), same, |writer| probes::write(writer, probes))?;
         }
         if !self.cameras.is_empty() {
-            cameras::write(writer, &self.cameras)?;
+            let same = is_same(&|b| b.cameras == self.cameras);
+            out.put(Place::whole(SectionKind::Cameras), same, |writer| cameras::write(writer, &self.cameras))?;
         }
         if !self.notes.is_empty() {
-            notes::write(writer, &self.notes)?;
+            let same = is_same(&|b| b.notes == self.notes);
+            out.put(Place::whole(SectionKind::Notes), same, |writer| notes::write(writer, &self.notes))?;
         }
         for unknown in &self.unknown {
-            writer.verbatim(&unknown.section, &unknown.payload);
+            out.writer.verbatim(&unknown.section, &unknown.payload);
         }
         Ok(())
     }

@@ -6,8 +6,7 @@ use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, Count, Text};
-use super::section::{Section, SectionKind};
-use super::table::sections;
+use super::section::SectionKind;
 use super::writer::{Place, Writer};
 
 pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Result<(), Error> {
@@ -42,24 +41,4 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMa
     }
     Error::unless_equal(format!("{name} number of bytes after the notes"), 0, rest.len())?;
     Ok(notes)
-}
-
-/// The file `bytes` with other notes; the payloads of all other sections stay as they are.
-///
-/// # Errors
-///
-/// If `bytes` are not a whole file, or if the notes exceed the format's limits.
-pub fn with_notes(bytes: &[u8], notes: &BTreeMap<String, String>) -> Result<Vec<u8>, Error> {
-    let contents = sections(bytes)?;
-    contents.check_whole(bytes)?;
-    let mut writer = Writer::new(None);
-    let is_unknown = |section: &&Section| matches!(section.kind, SectionKind::Other(_));
-    let (unknown, known): (Vec<&Section>, Vec<&Section>) = contents.sections.iter().partition(is_unknown);
-    let payload = |s: &Section| &bytes[s.offset as usize..(s.offset + s.length) as usize];
-    known.iter().filter(|s| s.kind != SectionKind::Notes).for_each(|s| writer.verbatim(s, payload(s)));
-    if !notes.is_empty() {
-        write(&mut writer, notes)?;
-    }
-    unknown.iter().for_each(|s| writer.verbatim(s, payload(s)));
-    writer.finish()
 }

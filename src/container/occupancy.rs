@@ -43,8 +43,7 @@ pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Er
     bits.truncate(byte_count(record.vertices) as usize);
     writer.adaptive(Place::whole(SectionKind::Occupancy), record_bytes, &bits, || {
         adaptive::compress_occupancy(record.vertices, &bits)
-    });
-    Ok(())
+    })
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupancy, Error> {

@@ -11,7 +11,7 @@ use super::limits::Budget;
 use super::payload::Payload;
 use super::scale::{Shape, covered_by, extent_of};
 use super::section::SectionKind;
-use super::writer::{Finished, Place, Writer};
+use super::writer::{Compression, Finished, Place};
 use crate::geometry::{Aabb, cell_at, index_of};
 use crate::model::{Placement, TensorCloud};
 
@@ -25,7 +25,7 @@ pub(super) enum Centers {
 }
 
 pub(super) fn write(
-    writer: &Writer,
+    compression: Compression,
     index: u16,
     chunk: u32,
     cloud: &TensorCloud,
@@ -51,7 +51,7 @@ pub(super) fn write(
             body.extend(coordinates.flat_map(f64::to_le_bytes));
         }
     }
-    writer.finished(Place::in_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
+    compression.finished(Place::in_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
 }
 
 /// The centers of chunk `n`.

@@ -26,6 +26,12 @@ pub struct Prefix {
 }
 
 impl Prefix {
+    /// This correction for a scene to which `applied` was applied, of at least as many scales.
+    pub fn after(&self, applied: &Self) -> Self {
+        let (gain, offset) = (self.gain / applied.gain, self.offset - applied.offset);
+        Self { gain, offset, ..self.clone() }
+    }
+
     /// Corrects `scene`, which must have as many scales as this has matrices.
     pub fn apply(&self, scene: &mut Scene) {
         scene.rules.density_shift += self.offset;
@@ -72,7 +78,12 @@ impl Record for PrefixRecord {
     }
 }
 
-pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: ArrayOptions) -> Result<(), Error> {
+pub(super) fn write(
+    writer: &mut Writer,
+    scale: u16,
+    prefix: &Prefix,
+    options: (ArrayOptions, &[u8]),
+) -> Result<(), Error> {
     let name = format!("PREFIX of scale {scale}");
     let features = prefix.features as usize;
     let ranks: Vec<usize> = prefix.matrices.iter().map(|m| m.len() / features.max(1)).collect();
@@ -90,8 +101,14 @@ pub(super) fn write(writer: &mut Writer, scale: u16, prefix: &Prefix, options: A
     })
 }
 
-/// `ranks` are the appearance ranks of the scales that it corrects, whose matrices have `features` rows.
-pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: &mut Budget) -> Result<Prefix, Error> {
+/// The correction, and the step codes of its rows. `ranks` are the appearance ranks of the scales that it corrects, whose
+/// matrices have `features` rows.
+pub(super) fn read(
+    payload: &Payload<'_>,
+    features: u32,
+    ranks: &[u32],
+    budget: &mut Budget,
+) -> Result<(Prefix, Vec<u8>), Error> {
     let name = payload.section;
     let (record, body): (PrefixRecord, _) = payload.record_and_body()?;
     Error::unless_equal(format!("{name} features"), features, record.features)?;
@@ -101,7 +118,7 @@ pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: 
         return Err(Error::invalid(format!("{name} gain and offset"), "a positive and a finite number", found));
     }
     let rows = std::iter::repeat_n(record.rank as usize, features as usize);
-    let weights = array::read_network(&body, &record.head, rows, budget)?;
+    let (weights, steps) = array::read_network(&body, &record.head, rows, budget)?;
     if weights.iter().any(|w| !w.is_finite()) {
         return Err(Error::invalid(format!("{name} matrices"), "finite numbers", "another number"));
     }
@@ -112,5 +129,5 @@ pub(super) fn read(payload: &Payload<'_>, features: u32, ranks: &[u32], budget: 
         matrices.push((0..features as usize).flat_map(of_row).collect());
         first += rank as usize;
     }
-    Ok(Prefix { gain: record.gain, offset: record.offset, features, matrices })
+    Ok((Prefix { gain: record.gain, offset: record.offset, features, matrices }, steps))
 }

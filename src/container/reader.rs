@@ -125,16 +125,16 @@ impl<S: Source> Reader<S> {
             networks: head.networks,
             ..EncodeOptions::default()
         };
+        encoding.network_steps.decoder = head.decoder_steps;
         for index in 0..head.scales {
             let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
             if index < count {
-                let (scale, [density, appearance]) = self.read_scale(&sections, region, &mut budget)?;
-                scales.push(scale);
-                encoding.density.push(density);
-                encoding.appearance.push(appearance);
+                scales.push(self.read_scale(&sections, region, &mut encoding, &mut budget)?);
                 let prefix = self.read_prefix(&sections, &scales, &mut budget).transpose();
                 let prefix = prefix.map(|read| unless_unsupported(read, &mut metadata.skipped)).transpose()?;
-                metadata.prefixes.push(prefix.flatten());
+                let (prefix, steps) = prefix.flatten().unzip();
+                metadata.prefixes.push(prefix);
+                encoding.network_steps.prefixes.push(steps.unwrap_or_default());
             }
         }
         let tail = [SectionKind::Probes, SectionKind::Cameras, SectionKind::Notes];
@@ -180,21 +180,22 @@ impl<S: Source> Reader<S> {
             }
             None => Provenance::default(),
         };
-        let (decoder, networks) = decoder::read(&bytes.payload(decoder)?, budget)?;
+        let (decoder, networks, decoder_steps) = decoder::read(&bytes.payload(decoder)?, budget)?;
         let occupancy = match occupancy {
             Some(section) => Some(occupancy::read(&bytes.payload(section)?, budget)?),
             None => None,
         };
-        Ok(Head { frame, rules, bounds, scales: usize::from(scales), provenance, decoder, networks, occupancy })
+        let scales = usize::from(scales);
+        Ok(Head { frame, rules, bounds, scales, provenance, decoder, networks, decoder_steps, occupancy })
     }
 
-    /// The correction of the scene of `scales`, if the last of them has one.
+    /// The correction of the scene of `scales`, if the last of them has one, and the step codes of its rows.
     fn read_prefix(
         &self,
         sections: &ScaleSections<'_>,
         scales: &[Scale],
         budget: &mut Budget,
-    ) -> Result<Option<Prefix>, Error> {
+    ) -> Result<Option<(Prefix, Vec<u8>)>, Error> {
         let Some(section) = sections.prefix else { return Ok(None) };
         let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank).collect();
         let features = scales[0].appearance_matrix.features;
@@ -225,14 +226,14 @@ impl<S: Source> Reader<S> {
         Ok(())
     }
 
-    /// Reads the scale of these sections, or only its chunks that reach into `within`; and how its density and its
-    /// appearance factors are stored.
+    /// Reads the scale of these sections, or only its chunks that reach into `within`. Adds how it is stored to `encoding`.
     fn read_scale(
         &self,
         sections: &ScaleSections<'_>,
         within: Option<Aabb>,
+        encoding: &mut EncodeOptions,
         budget: &mut Budget,
-    ) -> Result<(Scale, [FactorOptions; 2]), Error> {
+    ) -> Result<Scale, Error> {
         let name = sections.scale;
         let mut wanted = vec![sections.scale, sections.matrix];
         if within.is_none() {
@@ -240,7 +241,7 @@ impl<S: Source> Reader<S> {
         }
         let bytes = fetch(&self.source, &wanted)?;
         let shape = scale::read(&bytes.payload(sections.scale)?, budget)?;
-        let appearance_matrix = matrix::read(&bytes.payload(sections.matrix)?, budget)?;
+        let (appearance_matrix, matrix_steps) = matrix::read(&bytes.payload(sections.matrix)?, budget)?;
         Error::unless_equal(format!("{name} chunks"), shape.chunks.len(), sections.chunks.len())?;
         let reaches = |n: &usize| within.is_none_or(|box_| shape.covered(*n).intersection(&box_).is_solid());
         let chunks: Vec<usize> = (0..shape.chunks.len()).filter(reaches).collect();
@@ -256,7 +257,8 @@ impl<S: Source> Reader<S> {
         // Within the limits: 2^24 tensors, 2^12 rows, 2^9 components.
         let [density, appearance] =
             [record.density_rank, record.appearance_rank].map(|rank| tensors * rows * u64::from(rank));
-        let step_codes = tensors * (u64::from(record.density_rank) + u64::from(record.appearance_rank));
+        // Step codes, and the chunk of each tensor.
+        let step_codes = tensors * (4 + u64::from(record.density_rank) + u64::from(record.appearance_rank));
         budget.spend(name, 4 * (density + appearance) + step_codes + 64 * tensors)?;
         let mut centers = Vec::with_capacity(chunks.len());
         for &n in &chunks {
@@ -273,9 +275,18 @@ impl<S: Source> Reader<S> {
             density: vec![0.0; density as usize],
             appearance: vec![0.0; appearance as usize],
         };
-        let stored = read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
+        let [of_density, of_appearance] =
+            read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
+        encoding.density.push(of_density);
+        encoding.appearance.push(of_appearance);
+        encoding.network_steps.matrices.push(matrix_steps);
+        let mut chunk_of = vec![0; tensors as usize];
+        for (&chunk, numbers) in chunks.iter().zip(&numbers) {
+            numbers.iter().for_each(|&n| chunk_of[n as usize] = chunk as u32);
+        }
+        encoding.chunks.push(chunk_of);
         let cloud = TensorCloud { placement, half_edge: shape.half_edge(), resolution: record.resolution };
-        Ok((Scale { cloud, top_k: record.top_k, factors, appearance_matrix }, stored))
+        Ok(Scale { cloud, top_k: record.top_k, factors, appearance_matrix })
     }
 }
 
@@ -306,6 +317,7 @@ fn read_factors(
     let tensors: usize = numbers.iter().map(Vec::len).sum();
     let mut steps = ranks.map(|rank| vec![0; tensors * rank]);
     let mut options: [Option<ArrayOptions>; 2] = [None; 2];
+    let mut are_mixed = [false; 2];
     for some in all.chunks(PARALLEL_CHUNKS) {
         // In the order of the file, so that the first error does not depend on threads.
         let mut parts = Vec::with_capacity(2 * some.len());
@@ -319,20 +331,19 @@ fn read_factors(
         let read = parallel::map(parts, |(part, mut budget)| part.read(&mut budget));
         let mut read = read.into_iter();
         for (_, numbers) in some {
-            let parts = [&mut factors.density, &mut factors.appearance].into_iter().zip(&mut steps).zip(&mut options);
-            for (((values, steps), options), chunk) in parts.zip(&mut read) {
+            let parts = [&mut factors.density, &mut factors.appearance].into_iter().zip(&mut steps);
+            for (part, ((values, steps), chunk)) in parts.zip(&mut read).enumerate() {
                 let chunk = chunk?;
-                // The options of a scale hold for all its chunks; 32-bit floats lose nothing of any.
-                let mixed = options.is_some_and(|options| options != chunk.options());
-                *options = Some(if mixed { ArrayOptions::best(Encoding::F32) } else { chunk.options() });
+                are_mixed[part] |= *options[part].get_or_insert(chunk.options()) != chunk.options();
                 chunk.put(numbers, values, steps);
             }
         }
     }
     let [density, appearance] = steps;
-    Ok([(options[0], density), (options[1], appearance)].map(|(options, steps)| {
-        let array = options.unwrap_or(ArrayOptions::best(Encoding::F32));
-        FactorOptions { array, steps: array.encoding.is_by_group().then_some(steps) }
+    Ok([(options[0], are_mixed[0], density), (options[1], are_mixed[1], appearance)].map(|(options, mixed, steps)| {
+        // The options of a scale hold for all its chunks; 32-bit floats lose nothing of any.
+        let array = options.filter(|_| !mixed).unwrap_or(ArrayOptions::best(Encoding::F32));
+        FactorOptions { array, steps: (mixed || array.encoding.is_by_group()).then_some(steps) }
     }))
 }
 
@@ -371,5 +382,7 @@ struct Head {
     decoder: Decoder,
     /// How DECODER stores its numbers.
     networks: ArrayOptions,
+    /// The step codes of its rows, none for floats.
+    decoder_steps: Vec<u8>,
     occupancy: Option<Occupancy>,
 }

@@ -3,7 +3,7 @@
 use super::error::Error;
 use super::payload::{Payload, aligned};
 use super::section::Section;
-use super::version::{VERSION, Version};
+use super::version::Version;
 use super::{header, record};
 
 /// Bytes of an entry.
@@ -93,8 +93,8 @@ pub(super) fn length(header: &[u8]) -> Result<u64, Error> {
     Ok(table_end(header::read(header)?.sections as usize))
 }
 
-/// The file of `sections`, whose offsets are set here, with these payloads.
-pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Vec<u8>, Error> {
+/// The file of `version` of `sections`, whose offsets are set here, with these payloads.
+pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>], version: Version) -> Result<Vec<u8>, Error> {
     let mut end = table_end(sections.len());
     let mut table = Vec::new();
     for section in sections.iter_mut() {
@@ -110,8 +110,8 @@ pub(super) fn write(sections: &mut [Section], payloads: &[Vec<u8>]) -> Result<Ve
         file.extend_from_slice(payload);
     }
     let header = header::Header {
-        major: VERSION.major,
-        minor: VERSION.minor,
+        major: version.major,
+        minor: version.minor,
         sections: sections.len().try_into().unwrap_or(u32::MAX),
         file_length: end,
         table_checksum: crc32fast::hash(&table),

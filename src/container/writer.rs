@@ -1,13 +1,16 @@
 //! Collects payloads and lays them out after the section table.
 
+use std::collections::HashMap;
+
 use super::codec::{self, Codec};
 use super::error::Error;
 use super::payload::aligned;
 use super::section::{Section, SectionKind};
+use super::version::{VERSION, Version};
 use super::{limits, table};
 
 /// The kind of a section, and the scale and chunk that it belongs to.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Place {
     pub(super) kind: SectionKind,
     pub(super) scale: Option<u16>,
@@ -29,6 +32,17 @@ impl Place {
     }
 }
 
+/// How bodies are compressed; none that this would not make smaller.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Compression {
+    /// Not at all.
+    Stored,
+    /// By zstd at this level.
+    Zstd(i32),
+    /// Those that can have the codec *adaptive* by it, others by zstd at this level.
+    Best(i32),
+}
+
 /// A section that is ready to be laid out.
 pub(super) struct Finished {
     section: Section,
@@ -37,15 +51,20 @@ pub(super) struct Finished {
 
 /// A file in the making.
 pub(super) struct Writer {
-    /// zstd's; nothing is compressed, by other codecs neither, if there is none.
-    zstd_level: Option<i32>,
+    compression: Compression,
     sections: Vec<Section>,
     payloads: Vec<Vec<u8>>,
 }
 
 impl Writer {
+    /// zstd's level; without any, nothing is compressed, by other codecs neither.
     pub(super) fn new(zstd_level: Option<i32>) -> Self {
-        Self { zstd_level, sections: Vec::new(), payloads: Vec::new() }
+        let compression = zstd_level.map_or(Compression::Stored, Compression::Best);
+        Self { compression, sections: Vec::new(), payloads: Vec::new() }
+    }
+
+    pub(super) fn compression(&self) -> Compression {
+        self.compression
     }
 
     /// Adds a section that is a record alone.
@@ -60,39 +79,22 @@ impl Writer {
 
     /// Adds a section whose `body`, after its record, is compressed if that makes it smaller.
     pub(super) fn compressed(&mut self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
-        let finished = self.finished(place, record, body)?;
+        let finished = self.compression.finished(place, record, body)?;
         self.add(finished);
         Ok(())
     }
 
     /// As [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
-    pub(super) fn adaptive(&mut self, place: Place, record: Vec<u8>, body: &[u8], coded: impl FnOnce() -> Vec<u8>) {
-        let finished = self.finished_adaptive(place, record, body, coded);
-        self.add(finished);
-    }
-
-    /// The section that [`Writer::adaptive`] would add.
-    pub(super) fn finished_adaptive(
-        &self,
+    pub(super) fn adaptive(
+        &mut self,
         place: Place,
         record: Vec<u8>,
         body: &[u8],
         coded: impl FnOnce() -> Vec<u8>,
-    ) -> Finished {
-        match self.zstd_level.map(|_| coded()).filter(|coded| coded.len() < body.len()) {
-            Some(coded) => Finished::coded(place, Codec::Adaptive, record, &coded, body.len()),
-            None => Finished::stored(place, record, body),
-        }
-    }
-
-    /// The section that [`Writer::compressed`] would add.
-    pub(super) fn finished(&self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
-        let compressed = match self.zstd_level {
-            None => None,
-            Some(level) => Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len()),
-        };
-        let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
-        Ok(Finished::coded(place, Codec::Zstd, record, &compressed, body.len()))
+    ) -> Result<(), Error> {
+        let finished = self.compression.finished_adaptive(place, record, body, coded)?;
+        self.add(finished);
+        Ok(())
     }
 
     /// Adds a section that was in another file.
@@ -107,9 +109,99 @@ impl Writer {
     }
 
     /// The whole file.
-    pub(super) fn finish(mut self) -> Result<Vec<u8>, Error> {
+    pub(super) fn finish(self) -> Result<Vec<u8>, Error> {
+        self.finish_as(VERSION)
+    }
+
+    /// The whole file, as one of this `version`.
+    pub(super) fn finish_as(mut self, version: Version) -> Result<Vec<u8>, Error> {
         limits::check("sections", limits::SECTIONS, self.sections.len())?;
-        table::write(&mut self.sections, &self.payloads)
+        table::write(&mut self.sections, &self.payloads, version)
+    }
+}
+
+impl Compression {
+    /// Without the codec *adaptive*.
+    pub(super) fn by_zstd(self) -> Self {
+        if let Self::Best(level) = self { Self::Zstd(level) } else { self }
+    }
+
+    /// A section of `record` and `body`.
+    pub(super) fn finished(self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
+        let compressed = match self {
+            Self::Stored => None,
+            Self::Zstd(level) | Self::Best(level) => {
+                Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len())
+            }
+        };
+        let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
+        Ok(Finished::coded(place, Codec::Zstd, record, &compressed, body.len()))
+    }
+
+    /// A section of `record` and `body`, which in the codec *adaptive* is what `coded` returns.
+    pub(super) fn finished_adaptive(
+        self,
+        place: Place,
+        record: Vec<u8>,
+        body: &[u8],
+        coded: impl FnOnce() -> Vec<u8>,
+    ) -> Result<Finished, Error> {
+        let Self::Best(_) = self else { return self.finished(place, record, body) };
+        Ok(match Some(coded()).filter(|coded| coded.len() < body.len()) {
+            Some(coded) => Finished::coded(place, Codec::Adaptive, record, &coded, body.len()),
+            None => Finished::stored(place, record, body),
+        })
+    }
+}
+
+/// A file that is written again: sections whose contents stay are copied from the original, if there is one.
+pub(super) struct Rewriter<'a> {
+    pub(super) writer: Writer,
+    /// The original's bytes, and its sections by their places; `None` without an original.
+    original: Option<(&'a [u8], HashMap<Place, &'a Section>)>,
+}
+
+impl<'a> Rewriter<'a> {
+    /// `original` is the bytes of a whole file and its sections.
+    pub(super) fn new(zstd_level: Option<i32>, original: Option<(&'a [u8], &'a [Section])>) -> Self {
+        let place = |s: &Section| Place { kind: s.kind, scale: s.scale, chunk: s.chunk };
+        let original = original.map(|(bytes, sections)| (bytes, sections.iter().map(|s| (place(s), s)).collect()));
+        Self { writer: Writer::new(zstd_level), original }
+    }
+
+    /// Copies the section at `place` if `is_same` as in the original, in which it may be absent; else lets `write` add it.
+    pub(super) fn put(
+        &mut self,
+        place: Place,
+        is_same: bool,
+        write: impl FnOnce(&mut Writer) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        match self.section(place) {
+            Some((section, payload)) if is_same && section.check_codec().is_ok() => {
+                self.writer.verbatim(section, payload);
+                Ok(())
+            }
+            None if is_same && self.original.is_some() => Ok(()),
+            _ => write(&mut self.writer),
+        }
+    }
+
+    /// A copy of the original's section at `from`, to stand at `place`.
+    pub(super) fn copied(&self, from: Place, place: Place) -> Option<Finished> {
+        let (section, payload) = self.section(from)?;
+        let Place { kind, scale, chunk } = place;
+        Some(Finished { section: Section { kind, scale, chunk, ..section.clone() }, payload: payload.to_vec() })
+    }
+
+    /// The codec of the original's section at `place`.
+    pub(super) fn codec(&self, place: Place) -> Option<Codec> {
+        self.section(place).map(|(section, _)| section.codec)
+    }
+
+    fn section(&self, place: Place) -> Option<(&'a Section, &'a [u8])> {
+        let (bytes, sections) = self.original.as_ref()?;
+        let section = *sections.get(&place)?;
+        Some((section, &bytes[section.offset as usize..(section.offset + section.length) as usize]))
     }
 }
 

@@ -10,25 +10,25 @@ use crate::model::{Factors, Scene};
 /// suits all three.
 pub fn balance(scene: &mut Scene) {
     for scale in &mut scene.scales {
-        let axes = Factors::axis_ranges(scale.cloud.resolution);
-        let (rows, factors) = (Factors::rows(scale.cloud.resolution), &mut scale.factors);
-        for (values, rank) in
-            [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)]
-        {
-            let rank = rank as usize;
-            values.par_chunks_exact_mut(rows * rank).for_each(|values| {
-                for c in 0..rank {
-                    let largest = |axis: &Range<usize>| {
-                        entries(axis, rank, c).map(|at| f64::from(values[at].abs())).fold(0.0, f64::max)
-                    };
-                    let gains = axes.each_ref().map(|axis| 1.0 / largest(axis));
-                    if gains.iter().all(|gain| gain.is_finite()) {
-                        scale_vectors(values, rank, c, &axes, gains);
-                    }
-                }
-            });
-        }
+        let (resolution, factors) = (scale.cloud.resolution, &mut scale.factors);
+        balance_part(&mut factors.density, factors.density_rank, resolution);
+        balance_part(&mut factors.appearance, factors.appearance_rank, resolution);
     }
+}
+
+/// The same for `values`, density or appearance of a scale: \[tensor\]\[axis\]\[vertex\]\[component\].
+pub fn balance_part(values: &mut [f32], rank: u32, resolution: [u32; 3]) {
+    let (axes, rows, rank) = (Factors::axis_ranges(resolution), Factors::rows(resolution), rank as usize);
+    values.par_chunks_exact_mut(rows * rank).for_each(|values| {
+        for c in 0..rank {
+            let largest =
+                |axis: &Range<usize>| entries(axis, rank, c).map(|at| f64::from(values[at].abs())).fold(0.0, f64::max);
+            let gains = axes.each_ref().map(|axis| 1.0 / largest(axis));
+            if gains.iter().all(|gain| gain.is_finite()) {
+                scale_vectors(values, rank, c, &axes, gains);
+            }
+        }
+    });
 }
 
 /// The places of component `c` of a tensor on an axis.

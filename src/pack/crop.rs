@@ -1,8 +1,8 @@
-//! Cropping to a box.
+//! Cropping to a box, or to the coarsest scales.
 
 use glam::DVec3;
 
-use crate::container::SceneFile;
+use crate::container::{SceneFile, first_scales};
 use crate::geometry::Aabb;
 use crate::model::BrokenInvariant;
 
@@ -14,7 +14,7 @@ use crate::model::BrokenInvariant;
 /// If nothing is left.
 pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, BrokenInvariant> {
     let SceneFile { scene, encoding, .. } = &mut file;
-    let region = scene.rules.contracted_box(within).intersection(&scene.bounds);
+    let region = scene.rules.contracted_box(within);
     scene.bounds = scene.rules.cropped_bounds(&scene.bounds, within);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let reaches = |center: DVec3| {
@@ -22,13 +22,28 @@ pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, BrokenInvar
             covered.min.cmple(covered.max).all()
         };
         let kept: Vec<usize> = (0..scale.cloud.len()).filter(|&n| reaches(scale.cloud.center(n))).collect();
-        for factors in [&mut encoding.density, &mut encoding.appearance] {
-            if let Some(factors) = factors.get_mut(s) {
-                factors.keep_tensors(&kept, scale.cloud.len());
-            }
-        }
+        encoding.keep_tensors(s, &kept, scale.cloud.len());
         scale.keep_tensors(&kept);
     }
     scene.check()?;
     Ok(file)
+}
+
+/// The `count` coarsest scales of `file`, with its correction for the missing ones. The corrections of fewer scales
+/// become those of the corrected scene.
+pub fn keep_scales(file: SceneFile, count: usize) -> SceneFile {
+    let SceneFile { scene, mut metadata, encoding } = file;
+    if count == 0 || count >= scene.scales.len() {
+        return SceneFile { scene, metadata, encoding };
+    }
+    let scene = first_scales(scene, &metadata.prefixes, Some(count as u32));
+    if let Some(quality) = &mut metadata.quality {
+        quality.prefixes.clear();
+    }
+    let mut prefixes = metadata.prefixes.into_iter();
+    metadata.prefixes = prefixes.by_ref().take(count - 1).collect();
+    if let Some(Some(applied)) = prefixes.next() {
+        metadata.prefixes.iter_mut().flatten().for_each(|prefix| *prefix = prefix.after(&applied));
+    }
+    SceneFile { scene, metadata, encoding }
 }

@@ -1,7 +1,7 @@
 //! Encoding without loss.
 
 use crate::container::{
-    ArrayOptions, EncodeOptions, Encoding, Error, FactorOptions, Limits, SceneFile, decode_scene_file,
+    ArrayOptions, EncodeOptions, Encoding, Error, FactorOptions, Limits, NetworkSteps, SceneFile, decode_scene_file,
     encode_scene_file,
 };
 
@@ -44,6 +44,7 @@ pub fn lossless(file: &SceneFile) -> Result<EncodeOptions, Error> {
     };
     if !read.as_ref().is_some_and(same) {
         options.networks = ArrayOptions::best(Encoding::F32);
+        options.network_steps = NetworkSteps::default();
     }
     Ok(options)
 }

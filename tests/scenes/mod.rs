@@ -1,7 +1,8 @@
 //! Small random scenes for tests: every rule in use, anisotropic tensors, partly opaque.
 #![allow(dead_code, reason = "each test uses a part")]
 
-use glam::{DVec3, UVec3};
+use glam::{DQuat, DVec3, UVec3};
+use strivec::container::{Pose, TrainingCamera};
 use strivec::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
     Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, Sky, TensorCloud,
@@ -85,6 +86,13 @@ pub(crate) fn scene(config: &TrainConfig) -> Scene {
 pub(crate) fn camera(size: u32, angle: f64) -> Camera {
     let position = 3.0 * DVec3::new(angle.cos(), angle.sin(), 0.4);
     Camera::looking_at([size, size], 1.6 * f64::from(size), position, DVec3::ZERO, DVec3::Z)
+}
+
+/// The camera of a photograph of it.
+pub(crate) fn training_camera() -> TrainingCamera {
+    let Camera { world_from_camera, position, focal, principal, width, height, .. } = camera(64, 0.4);
+    let pose = Pose { position, rotation: DQuat::from_mat3(&world_from_camera) };
+    TrainingCamera { pose, focal, principal, size: [width, height] }
 }
 
 /// The same with a lens that bends rays so much that its picture ends within 0.3 focal lengths of the middle.
@@ -184,7 +192,7 @@ pub(crate) fn contracted(mut scene: Scene) -> Scene {
     scene
 }
 
-fn sliced(bounds: Aabb) -> Occupancy {
+pub(crate) fn sliced(bounds: Aabb) -> Occupancy {
     let mut occupancy = Occupancy::empty(bounds, UVec3::new(20, 21, 19));
     for z in 0..19 {
         for y in 0..21 {

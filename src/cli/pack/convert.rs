@@ -4,27 +4,31 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::encoding::{LayoutArgs, Plain, options_for};
+use super::encoding::{LayoutArgs, Plain};
 use super::input::{self, Inputs, Outputs};
+use super::rewriting::{Edit, rewritten};
 use crate::cli::approximations::stored_settings;
 use crate::cli::{Error, Session};
-use crate::container::{self, Metadata, SceneFile, VERSION};
+use crate::container::{SceneFile, VERSION};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
-use crate::render::{ParetoFront, QualitySelector, RenderSettings, TRADE_NOTE};
+use crate::pack;
+use crate::render::{ParetoFront, QualitySelector, RenderSettings};
 
 /// Arguments of `strivec-pack convert`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  strivec-pack convert lego.strivec -o lego16.strivec --encoding f16")]
+#[command(
+    after_help = "Examples:\n  strivec-pack convert lego.strivec -o lego16.strivec --encoding f16\n  strivec-pack convert lego.strivec -o streamed.strivec --chunk-tensors 128\n\nSections whose contents do not change are copied byte for byte."
+)]
 pub(super) struct Args {
     #[command(flatten)]
     inputs: Inputs,
     /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// Encoding of the factors; matrices and decoder stay lossless [default: the file's]
-    #[arg(long, value_enum)]
-    encoding: Option<Plain>,
+    /// Encoding of the factors; matrices, decoder, and factors that have it stay as they are
+    #[arg(long, value_enum, default_value_t = Plain::Keep)]
+    encoding: Plain,
     #[command(flatten)]
     layout: LayoutArgs,
     /// Apply the stored render settings of this name to the scene: fast, balanced or best
@@ -65,40 +69,32 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         return Err(Error::Unsupported(message));
     }
     args.layout.check()?;
-    rewrite(&args.inputs, &args.output, args.dry_run, session, |mut document, path| {
+    let edit = Edit { encoding: args.encoding, layout: &args.layout, session };
+    rewrite(&args.inputs, &args.output, args.dry_run, session, |before, bytes, path| {
+        let mut after = before.clone();
         if let Some(name) = &args.quality {
-            bake(&mut document, path, name, session)?;
+            after = bake(after, path, name, session)?;
         }
-        let options = options_for(args.encoding, &mut document).map_err(|e| Error::container(path, e))?;
-        let options = args.layout.apply(options)?;
-        let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options);
-        bytes.map_err(|e| Error::container(path, e))
+        rewritten(&before, bytes, after, &edit, path)
     })
 }
 
 /// Applies the stored render settings `name` to the scene.
-fn bake(document: &mut SceneFile, path: &Path, name: &str, session: &Session) -> Result<(), Error> {
+fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> Result<SceneFile, Error> {
     let size =
         ParetoFront::from_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
     let RenderSettings { approximation, divisor } =
-        stored_settings(&QualitySelector::Name(name.to_owned()), document, path, size)?;
+        stored_settings(&QualitySelector::Name(name.to_owned()), &document, path, size)?;
     approximation.check(&document.scene)?;
-    let scene = container::first_scales(document.scene.clone(), &document.metadata.prefixes, approximation.scales);
-    document.scene = approximation.applied(scene);
-    forget_measurements(&mut document.metadata);
+    if let Some(scales) = approximation.scales {
+        document = pack::keep_scales(document, scales as usize);
+    }
+    document.scene = approximation.applied(document.scene);
     if approximation.density_cache.is_some() || divisor != 1 {
         let message = "a density cache and smaller pictures cannot be stored in a file; pass them when rendering";
         session.console.say(&format!("{}: {message}", path.display()));
     }
-    Ok(())
-}
-
-/// Drops metadata that described the scene before a change.
-pub(super) fn forget_measurements(metadata: &mut Metadata) {
-    metadata.probes = None;
-    metadata.prefixes.clear();
-    metadata.quality = None;
-    metadata.notes.remove(TRADE_NOTE);
+    Ok(document)
 }
 
 /// Warns if a file became larger.
@@ -110,20 +106,20 @@ pub(super) fn warn_of_growth(path: &Path, before: usize, after: usize, session: 
     }
 }
 
-/// Writes what `change` makes of each input.
+/// Writes what `change` makes of each input, of its content and of its bytes.
 pub(super) fn rewrite(
     inputs: &Inputs,
     output: &Path,
     dry_run: bool,
     session: &Session,
-    change: impl Fn(container::SceneFile, &Path) -> Result<Vec<u8>, Error>,
+    change: impl Fn(SceneFile, &[u8], &Path) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
     let paths = inputs.paths()?;
     let outputs = Outputs::new(&paths, inputs.are_several(), output, dry_run, session)?;
     let mut rows = Vec::new();
     for path in &paths {
         let (document, before) = input::read(path, inputs.limits.limits())?;
-        let bytes = change(document, path)?;
+        let bytes = change(document, &before, path)?;
         let written = outputs.write(path, &bytes)?;
         warn_of_growth(path, before.len(), bytes.len(), session);
         let (bytes_before, bytes) = (before.len() as u64, bytes.len() as u64);

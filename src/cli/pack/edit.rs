@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use glam::DQuat;
 
-use super::convert::{forget_measurements, rewrite};
-use super::encoding::{LayoutArgs, Plain, options_for};
+use super::convert::rewrite;
+use super::encoding::{LayoutArgs, Plain};
 use super::input::Inputs;
 use super::packaging::{JUDGED, PROBED};
+use super::rewriting::{Edit, rewritten};
 use crate::cli::numbers::{boxed, numbers};
 use crate::cli::table::short;
 use crate::cli::{Error, Session};
@@ -15,22 +16,40 @@ use crate::container::{self, SceneFile};
 use crate::geometry::{Aabb, Similarity};
 use crate::pack::{self, probe_views};
 
-/// Output of an edited scene.
+/// Inputs and outputs of edits.
 #[derive(Debug, clap::Args)]
-struct Target {
+struct Files {
     #[command(flatten)]
     inputs: Inputs,
     /// File to write, folder for several inputs or a pattern, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// Encoding of the factors [default: the file's; floats for numbers that the edit changes]
-    #[arg(long, value_enum)]
-    encoding: Option<Plain>,
-    #[command(flatten)]
-    layout: LayoutArgs,
     /// Dry run: print what would be written
     #[arg(long)]
     dry_run: bool,
+}
+
+impl Files {
+    /// Writes what `change` makes of each file.
+    fn rewrite(
+        &self,
+        session: &Session,
+        change: impl Fn(SceneFile, &[u8], &Path) -> Result<Vec<u8>, Error>,
+    ) -> Result<(), Error> {
+        rewrite(&self.inputs, &self.output, self.dry_run, session, change)
+    }
+}
+
+/// Output of an edited scene.
+#[derive(Debug, clap::Args)]
+struct Target {
+    #[command(flatten)]
+    files: Files,
+    /// Encoding of the factors; keep: the file's, but floats for numbers that it would round after the edit
+    #[arg(long, value_enum, default_value_t = Plain::Keep)]
+    encoding: Plain,
+    #[command(flatten)]
+    layout: LayoutArgs,
 }
 
 impl Target {
@@ -40,13 +59,10 @@ impl Target {
         change: impl Fn(SceneFile, &Path) -> Result<SceneFile, Error>,
     ) -> Result<(), Error> {
         self.layout.check()?;
-        rewrite(&self.inputs, &self.output, self.dry_run, session, |document, path| {
-            let mut changed = change(document, path)?;
-            forget_measurements(&mut changed.metadata);
-            let options = options_for(self.encoding, &mut changed).map_err(|e| Error::container(path, e))?;
-            let options = self.layout.apply(options)?;
-            container::encode_scene_file(&changed.scene, &changed.metadata, &options)
-                .map_err(|e| Error::container(path, e))
+        let edit = Edit { encoding: self.encoding, layout: &self.layout, session };
+        self.files.rewrite(session, |before, bytes, path| {
+            let after = change(before.clone(), path)?;
+            rewritten(&before, bytes, after, &edit, path)
         })
     }
 }
@@ -102,7 +118,7 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
             if !matches!(prefixes.get(scales - 1), Some(Some(_))) {
                 session.console.say(&format!("the file has no correction for {scales} scales: `pack` fits them"));
             }
-            document.scene = container::first_scales(document.scene, prefixes, Some(scales as u32));
+            document = pack::keep_scales(document, scales);
         }
         if let Some(corners) = args.corners {
             let map = document.scene.frame.model_from_dataset;
@@ -126,11 +142,11 @@ pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
 /// Arguments of `strivec-pack transform`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  strivec-pack transform lego.strivec -o turned.strivec --turn z --turn z --scale 0.1"
+    after_help = "Example:\n  strivec-pack transform lego.strivec -o turned.strivec --turn z --turn z --scale 0.1\n\nOnly the map from the dataset's space changes, and all other sections stay byte for byte. Views and cameras of the file move with the scene. The up axis stays that of the dataset's space."
 )]
 pub(super) struct TransformArgs {
     #[command(flatten)]
-    target: Target,
+    files: Files,
     /// Move by this vector, in dataset units, after turning and scaling
     #[arg(long = "move", value_name = "X,Y,Z", value_parser = numbers::<3>, default_value = "0,0,0",
         allow_hyphen_values = true)]
@@ -143,7 +159,7 @@ pub(super) struct TransformArgs {
     scale: f64,
 }
 
-/// Changes where a scene is in its dataset's space: its model stays as it is.
+/// Changes where a scene is in its dataset's space: FRAME alone. All else in a file is in the model's space.
 pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), Error> {
     if !(args.scale > 0.0 && args.scale.is_finite()) {
         return Err(Error::Usage(format!("--scale {}: must be positive", args.scale)));
@@ -160,7 +176,7 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
     };
     let rotation = args.turn.iter().fold(DQuat::IDENTITY, |all, axis| quarter(axis) * all);
     let moved = Similarity { scale: args.scale, rotation: rotation.normalize(), translation: args.by.into() };
-    args.target.rewrite(session, |mut document, _| {
+    args.files.rewrite(session, |mut document, bytes, path| {
         let frame = &mut document.scene.frame;
         let before = moved.inverse();
         let map = frame.model_from_dataset;
@@ -170,6 +186,6 @@ pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), E
             translation: map.point(before.translation),
         };
         frame.meters_per_unit = frame.meters_per_unit.map(|meters| meters / args.scale);
-        Ok(document)
+        container::with_frame(bytes, frame).map_err(|e| Error::container(path, e))
     })
 }

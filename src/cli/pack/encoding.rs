@@ -1,13 +1,15 @@
 //! Options of encodings.
 
 use crate::cli::Error;
-use crate::container::{self, EncodeOptions, Encoding, Filter, SceneFile};
+use crate::container::{self, ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, SceneFile};
 use crate::pack;
 use clap::ValueEnum;
 
 /// Encodings that depend on the numbers alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Plain {
+    /// As they are, without loss
+    Keep,
     /// 32-bit floating point, lossless
     F32,
     /// 16-bit floating point
@@ -27,8 +29,10 @@ pub(super) enum Plain {
 }
 
 impl Plain {
-    pub(super) fn encoding(self) -> Encoding {
-        match self {
+    /// `None` for that which the numbers have.
+    pub(super) fn encoding(self) -> Option<Encoding> {
+        Some(match self {
+            Self::Keep => return None,
             Self::F32 => Encoding::F32,
             Self::F16 => Encoding::F16,
             Self::Grid16 => Encoding::Grid(16),
@@ -37,59 +41,96 @@ impl Plain {
             Self::Grid5 => Encoding::Grid(5),
             Self::Grid4 => Encoding::Grid(4),
             Self::Grid3 => Encoding::Grid(3),
-        }
+        })
     }
 }
+
+/// The level of what is compressed if no other is asked for.
+const LEVEL: u8 = 19;
 
 /// How bodies are compressed, and scenes cut.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct LayoutArgs {
-    /// zstd compression level, 1 to 22; 0 turns compression off, so that readers can map the file
-    #[arg(long, value_name = "N", default_value_t = Self::default().level)]
-    level: u8,
+    /// zstd compression level, 1 to 22; 0 turns compression off, so that readers can map the file [default: 19; an edit
+    /// leaves unchanged sections as they are, and a file without compression uncompressed]
+    #[arg(long, value_name = "N")]
+    level: Option<u8>,
     /// Largest number of tensors per chunk: small chunks suit crops and range requests, large chunks give smaller files
-    #[arg(long, value_name = "N", default_value_t = Self::default().chunk_tensors, value_parser = clap::value_parser!(u32).range(1..))]
-    chunk_tensors: u32,
-}
-
-impl Default for LayoutArgs {
-    fn default() -> Self {
-        Self { level: 19, chunk_tensors: 1024 }
-    }
+    /// [default: 1024; an edit keeps the file's chunks]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    chunk_tensors: Option<u32>,
 }
 
 impl LayoutArgs {
     /// Errors if the level is out of range.
     pub(super) fn check(&self) -> Result<(), Error> {
-        if self.level > 22 {
-            return Err(Error::Usage(format!("--level {}: must be from 0 to 22", self.level)));
+        match self.level {
+            Some(level) if level > 22 => Err(Error::Usage(format!("--level {level}: must be from 0 to 22"))),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
-    /// `options` with this level and chunk size, and floats arranged for them.
-    pub(super) fn apply(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
+    /// True if every section is to be compressed anew.
+    pub(super) fn recompresses(&self) -> bool {
+        self.level.is_some()
+    }
+
+    /// `options` for a new file: compressed by default, in chunks of the default size.
+    pub(super) fn for_new(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
+        let layout = Self { level: self.level.or(Some(LEVEL)), ..self.clone() };
+        layout.apply(EncodeOptions { chunks: Vec::new(), ..options }, true)
+    }
+
+    /// `options` with this level and chunk size. By default a file is compressed if it was, and keeps its chunks.
+    pub(super) fn apply(&self, options: EncodeOptions, was_compressed: bool) -> Result<EncodeOptions, Error> {
         self.check()?;
-        let zstd_level = (self.level > 0).then_some(i32::from(self.level));
-        let mut options = EncodeOptions { zstd_level, chunk_tensors: self.chunk_tensors as usize, ..options };
-        // Floats in the arrangement that compresses best or, without compression, that can be mapped.
-        let filter = if zstd_level.is_some() { Filter::Planes } else { Filter::None };
-        let factors = options.density.iter_mut().chain(&mut options.appearance).map(|factors| &mut factors.array);
-        for array in factors.chain([&mut options.networks]) {
-            if matches!(array.encoding, Encoding::F32 | Encoding::F16) {
-                array.filter = filter;
+        let level = self.level.unwrap_or(if was_compressed { LEVEL } else { 0 });
+        let mut options = EncodeOptions { zstd_level: (level > 0).then_some(i32::from(level)), ..options };
+        if let Some(tensors) = self.chunk_tensors {
+            options.chunks.clear();
+            options.chunk_tensors = tensors as usize;
+        }
+        if self.recompresses() {
+            let factors = options.density.iter_mut().chain(&mut options.appearance).map(|factors| &mut factors.array);
+            for array in factors.chain([&mut options.networks]) {
+                *array = arranged(array.encoding, level > 0);
             }
         }
         Ok(options)
     }
 }
 
-/// `encoding` for all factors, whose vectors are balanced for it, or options that lose nothing of `file`: its own where they
-/// fit.
-pub(super) fn options_for(encoding: Option<Plain>, file: &mut SceneFile) -> Result<EncodeOptions, container::Error> {
-    let Some(encoding) = encoding.map(Plain::encoding) else { return pack::lossless(file) };
-    if matches!(encoding, Encoding::Grid(_)) {
-        pack::balance(&mut file.scene);
+/// `encoding`, floats in the arrangement that compresses best or, without compression, that can be mapped.
+fn arranged(encoding: Encoding, is_compressed: bool) -> ArrayOptions {
+    let best = ArrayOptions::best(encoding);
+    if is_compressed { best } else { ArrayOptions { filter: Filter::None, ..best } }
+}
+
+/// Options that write factors in `encoding`, and lose nothing of the rest of `file`. Factors that have this encoding stay as
+/// they are; the vectors of others are balanced for integers.
+pub(super) fn options_for(
+    encoding: Plain,
+    file: &mut SceneFile,
+    is_compressed: bool,
+) -> Result<EncodeOptions, container::Error> {
+    let mut options = pack::lossless(file)?;
+    let Some(encoding) = encoding.encoding() else { return Ok(options) };
+    for (s, scale) in file.scene.scales.iter_mut().enumerate() {
+        let (resolution, factors) = (scale.cloud.resolution, &mut scale.factors);
+        for (options, values, rank) in [
+            (&mut options.density[s], &mut factors.density, factors.density_rank),
+            (&mut options.appearance[s], &mut factors.appearance, factors.appearance_rank),
+        ] {
+            let is_grid = matches!(encoding, Encoding::Grid(_));
+            // Floats with steps stand for chunks of several encodings.
+            if options.array.encoding == encoding && options.steps.is_some() == is_grid {
+                continue;
+            }
+            if is_grid {
+                pack::balance_part(values, rank, resolution);
+            }
+            *options = FactorOptions { array: arranged(encoding, is_compressed), steps: None };
+        }
     }
-    Ok(EncodeOptions::uniform(encoding))
+    Ok(options)
 }

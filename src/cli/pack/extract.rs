@@ -56,9 +56,9 @@ pub(super) struct AssembleArgs {
     /// File to write, or - for standard output
     #[arg(long, short)]
     output: PathBuf,
-    /// Encoding of the factors [default: f16 if it is lossless, else f32]
-    #[arg(long, value_enum)]
-    encoding: Option<Plain>,
+    /// Encoding of the factors; keep: f16 if it is lossless, else f32
+    #[arg(long, value_enum, default_value_t = Plain::Keep)]
+    encoding: Plain,
     #[command(flatten)]
     layout: LayoutArgs,
 }
@@ -133,8 +133,8 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
 pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let mut document = Folder(&args.input).document()?;
-    let options = options_for(args.encoding, &mut document).map_err(|e| Error::container(&args.input, e))?;
-    let options = args.layout.apply(options)?;
+    let options = options_for(args.encoding, &mut document, true).map_err(|e| Error::container(&args.input, e))?;
+    let options = args.layout.for_new(options)?;
     let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;
     let output = outputs.write(&args.input, &bytes)?;

@@ -10,6 +10,7 @@ mod input;
 mod notes;
 mod package;
 mod packaging;
+mod rewriting;
 mod schema;
 mod showing;
 mod verify;
@@ -51,7 +52,7 @@ enum Command {
     Verify(verify::Args),
     /// Compare two files and their pictures
     Diff(diff::Args),
-    /// Write files in another encoding
+    /// Write files in another encoding, compression, or division into chunks
     Convert(convert::Args),
     /// Drop components that hardly affect any picture
     Prune(edit::PruneArgs),

@@ -220,7 +220,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let (document, bytes_before) = read_trained(path, args.inputs.limits.limits())?;
         let raw = 4 * document.scene.parameter_count();
         let lossless = args.goal.lossless.then(|| pack::lossless(&document)).transpose();
-        let lossless = lossless.map_err(|e| Error::container(path, e))?;
+        let mut lossless = lossless.map_err(|e| Error::container(path, e))?;
+        if let Some(options) = &mut lossless {
+            // Corrections are fitted anew.
+            options.network_steps.prefixes.clear();
+        }
         let packing = measured(document, args, photographs.as_ref(), session)?;
         let mut state = None;
         let (bytes, quality) = match (lossless, &interrupted) {

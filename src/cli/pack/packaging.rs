@@ -204,7 +204,7 @@ impl<'a> Packing<'a> {
     pub(super) fn finish(&self, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
         let Candidate { scene, decoded, options, .. } = candidate;
         let Extras { layout, probes, seed, .. } = self.extras;
-        let options = layout.apply(options.clone())?;
+        let options = layout.for_new(options.clone())?;
         let mut metadata = self.metadata.clone();
         let prefix_psnrs = self.fit_prefixes(decoded, &mut metadata);
         metadata.probes = (*probes > 0).then(|| make_probes(decoded, *probes as usize, *seed));

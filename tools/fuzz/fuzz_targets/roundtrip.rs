@@ -73,6 +73,7 @@ fuzz_target!(|bytes: &[u8]| {
         networks: ArrayOptions { encoding: networks, filter: filter(choice.filter, networks) },
         chunk_tensors: 1 + choice.chunk_tensors as usize,
         zstd_level: (choice.level > 0).then(|| 1 + i32::from(choice.level % 3)),
+        ..EncodeOptions::default()
     };
     // Numbers that are not finite or too large for the encoding are refused.
     let Ok(written) = encode(&scene, &options) else { return };
