@@ -53,6 +53,8 @@ struct Report {
     parameters: u64,
     /// Size of the file in 16-bit floating point.
     file_bytes: u64,
+    /// Size that the scene is trained for in the end, if its file would be larger.
+    max_file_bytes: Option<u64>,
     /// Peak memory of training.
     memory_bytes: u64,
     /// Time of the training steps.
@@ -110,6 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         decoder_parameters,
         parameters,
         file_bytes,
+        max_file_bytes: config.max_file_bytes.filter(|&most| most < file_bytes),
         memory_bytes,
         minutes,
         prior_seconds,
@@ -126,12 +129,17 @@ impl Report {
             minutes if minutes < 120.0 => format!("{minutes:.1} min"),
             minutes => format!("{:.1} hours", minutes / 60.0),
         };
+        let (mut file, mut more) =
+            (format!("about {:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6), "");
+        if let Some(most) = self.max_file_bytes {
+            (file, more) = (format!("at most {:.2} MB", most as f64 / 1e6), ", and a quarter more for the file's size");
+        }
         let lines = [
             ("network", format!("{} parameters", grouped(self.decoder_parameters))),
             ("parameters", grouped(self.parameters)),
-            ("file", format!("about {:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6)),
+            ("file", file),
             ("memory", format!("about {:.1} GB at the peak", self.memory_bytes as f64 / 1e9)),
-            ("training", format!("about {duration} with {threads} of this machine")),
+            ("training", format!("about {duration} with {threads} of this machine{more}")),
         ];
         let figures: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let reasons: String = self.reasons.iter().map(|reason| format!("- {reason}\n")).collect();

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::background::background_of;
 use super::output::check_scene_name;
-use super::pack::{Extras, Packing, steps_for_size};
+use super::pack::{Extras, Packing};
 use super::prior::Inputs;
 use super::render::colors;
 use super::scale_table::{self, ScaleRow};
@@ -154,7 +154,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         match max_bytes.filter(|&most| bytes.len() as u64 > most) {
             None => finished = Some((seen, bytes)),
             Some(most) => {
-                let steps = steps_for_size(trainer.config());
+                let steps = trainer.config().steps_for_size();
                 packing(scene).begin_for_size(&mut trainer, most, steps, output)?;
             }
         }

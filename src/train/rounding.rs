@@ -14,6 +14,9 @@ const GROWTH: f32 = 8.0;
 /// The share of a number that predicts the next one of its vector.
 const PREDICTED: f32 = 0.8;
 
+/// The largest integer of a file.
+const LARGEST: f32 = i16::MAX as f32;
+
 /// Values for density and appearance.
 type Parts<V> = [V; 2];
 
@@ -136,7 +139,8 @@ impl UnroundedTensor<'_> {
         let rank = self.steps.len().max(1);
         for (rounded, factors) in rounded.chunks_exact_mut(rank).zip(self.factors.chunks_exact(rank)) {
             for ((rounded, &v), &step) in rounded.iter_mut().zip(factors).zip(self.steps) {
-                *rounded = if step > 0.0 { step * (v / step).round_ties_even() } else { 0.0 };
+                let integer = (v / step).round_ties_even().clamp(-LARGEST, LARGEST);
+                *rounded = if step > 0.0 { step * integer } else { 0.0 };
             }
         }
     }

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub(super) use packaging::{Extras, JUDGED, PROBED, Packing, steps_for_size};
+pub(super) use packaging::{Extras, JUDGED, PROBED, Packing};
 
 use super::session::{Globals, run_command};
 use crate::version::version;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::convert::warn_of_growth;
 use super::input::{self, Inputs, Outputs};
-use super::packaging::{Extras, Packing, steps_for_size};
+use super::packaging::{Extras, Packing};
 use crate::cli::dataset::DatasetOptions;
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
@@ -357,7 +357,7 @@ fn tuned(
         let config = TrainConfig::preset(preset.unwrap_or(TrainConfig::DEFAULT_PRESET));
         let config = config.map_err(|e| Error::Usage(e.to_string()))?;
         let config = TrainConfig { seed: args.extras.seed, ..config };
-        let steps = args.tuning.tune_steps.unwrap_or_else(|| steps_for_size(&config));
+        let steps = args.tuning.tune_steps.unwrap_or_else(|| config.steps_for_size());
         let mut trainer = Trainer::new(config, packing.scene.clone(), &views)?;
         packing.begin_for_size(&mut trainer, target, steps, path)?;
         trainer

@@ -15,7 +15,7 @@ use crate::model::Scene;
 use crate::pack::{self, Candidate, Distortion, MAX_TRIED, Views, fit_prefix, probe_views};
 use crate::psnr::psnr_of_mse;
 use crate::render::Turntable;
-use crate::train::{FactorImportance, TrainConfig, Trainer};
+use crate::train::{FactorImportance, Trainer};
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
 pub(in crate::cli) const JUDGED: (usize, u32) = (12, 320);
@@ -29,11 +29,6 @@ const PROBES: u32 = 64;
 const SLACK_BYTES: u64 = 1024;
 /// A loss at which scenes lose about as much as in a small file.
 const TYPICAL_LOSS: f64 = 1e-10;
-
-/// Steps of a training for a size after one with `config`: a quarter.
-pub(in crate::cli) fn steps_for_size(config: &TrainConfig) -> u64 {
-    config.steps.div_ceil(4)
-}
 
 /// What a file holds beside its scene, and the effort of measuring.
 #[derive(Clone, Debug, clap::Args)]

@@ -306,6 +306,11 @@ impl FieldConfig {
 }
 
 impl TrainConfig {
+    /// Steps of a training for a file's size, after one with these settings: a quarter.
+    pub fn steps_for_size(&self) -> u64 {
+        self.steps.div_ceil(4)
+    }
+
     /// The contraction of an unbounded scene.
     pub fn contraction(&self) -> Option<Contraction> {
         self.shell.map(|shell| Contraction { shell })
