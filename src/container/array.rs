@@ -6,7 +6,7 @@ use std::fmt::Display;
 use half::f16;
 
 use super::codec::adaptive::{self, Groups, Shape};
-use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, bytes_of, integers, largest, step, step_code};
+use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, integers, largest, put_integers, step, step_code};
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::Body;
@@ -72,7 +72,7 @@ pub(super) fn write(
             let width = encoding.width();
             for (group, &code) in groups_of(values, lengths.clone()).zip(steps) {
                 let step = step(code);
-                body.extend(group.iter().flat_map(|&v| bytes_of(rounded(v, step, largest(bits)), width)));
+                put_integers(&mut body, group.iter().map(|&v| rounded(v, step, largest(bits))), width);
             }
         }
     }

@@ -82,9 +82,12 @@ pub(super) fn integers(bytes: &[u8], width: usize) -> impl Iterator<Item = i16> 
     })
 }
 
-/// The inverse of [`integers`]. An integer of one byte is from −128 to 127.
-pub(super) fn bytes_of(integer: i16, width: usize) -> impl Iterator<Item = u8> {
-    integer.to_le_bytes().into_iter().take(width)
+/// The inverse of [`integers`], at the end of `bytes`. Integers of one byte are from −128 to 127.
+pub(super) fn put_integers(bytes: &mut Vec<u8>, integers: impl Iterator<Item = i16>, width: usize) {
+    match width {
+        1 => bytes.extend(integers.map(|q| q as u8)),
+        _ => integers.for_each(|q| bytes.extend_from_slice(&q.to_le_bytes())),
+    }
 }
 
 impl Encoding {

@@ -12,9 +12,12 @@ const MOST: u32 = 65536 - LEAST;
 /// The most bits that a counter has seen: from then on it forgets the oldest.
 const MEMORY: u32 = 255;
 
-/// \[bits seen\] the share, in 1/65536, of the way to the newest bit: 1 / (n + 1.6), rounded.
-const RATES: [u32; MEMORY as usize] = {
-    let mut rates = [0; MEMORY as usize];
+/// Bits of a [`Counter`] for the bits seen.
+const SEEN_BITS: u32 = 8;
+
+/// \[bits seen\] the share, in 1/65536, of the way to the newest bit: 1 / (n + 1.6), rounded. The last one is not used.
+const RATES: [u32; 1 << SEEN_BITS] = {
+    let mut rates = [0; 1 << SEEN_BITS];
     let mut n = 0;
     while n < MEMORY {
         // 65536 / (n + 1.6) = 655360 / (10·n + 16)
@@ -25,18 +28,14 @@ const RATES: [u32; MEMORY as usize] = {
     rates
 };
 
-/// The probability that a bit is 1 in a context, from the bits that were there before.
+/// The probability that a bit is 1 in a context, from the bits that were there before: the probability, in 2⁻²², times 256,
+/// plus the number of bits seen, at most 254. Tables of contexts are larger than the nearest cache, so a counter is one word.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Counter {
-    /// In 2⁻²².
-    probability: u32,
-    /// Bits seen, less than [`MEMORY`].
-    seen: u32,
-}
+pub(super) struct Counter(u32);
 
 impl Default for Counter {
     fn default() -> Self {
-        Self { probability: 1 << (PRECISION - 1), seen: 0 }
+        Self(1 << (PRECISION - 1 + SEEN_BITS))
     }
 }
 
@@ -44,33 +43,34 @@ impl Counter {
     /// The probability of a 1, in 1/65536.
     #[inline(always)]
     pub(super) fn probability(self) -> u32 {
-        (self.probability >> (PRECISION - 16)).clamp(LEAST, MOST)
+        (self.0 >> (SEEN_BITS + PRECISION - 16)).clamp(LEAST, MOST)
     }
 
     /// Bits seen.
     #[inline(always)]
     pub(super) fn seen(self) -> u32 {
-        self.seen
+        self.0 % (1 << SEEN_BITS)
     }
 
     /// Learns that the context had `bit`.
     #[inline(always)]
-    pub(super) fn learn(&mut self, bit: bool) {
-        let part = |distance: u32| ((u64::from(distance) * u64::from(RATES[self.seen as usize])) >> 16) as u32;
-        if bit {
-            self.probability += part((1 << PRECISION) - self.probability);
-        } else {
-            self.probability -= part(self.probability);
-        }
-        self.seen = (self.seen + 1).min(MEMORY - 1);
+    fn learn(&mut self, bit: bool) {
+        let (probability, seen) = (self.0 >> SEEN_BITS, self.seen());
+        let part = |way: u32| ((u64::from(way) * u64::from(RATES[seen as usize])) >> 16 << SEEN_BITS) as u32;
+        // The multiplication is in both branches, so that a processor begins the one that it expects.
+        let moved = if bit { self.0 + part((1 << PRECISION) - probability) } else { self.0 - part(probability) };
+        self.0 = moved + u32::from(seen < MEMORY - 1);
     }
 }
 
 /// An encoder or a decoder: one description of a model serves both.
 pub(super) trait Coder {
-    /// The next bit, whose probability to be 1 is `probability`, in 1/65536. An encoder writes `bit` and returns it; a decoder
-    /// does not look at it.
-    fn code(&mut self, bit: bool, probability: u32) -> bool;
+    /// True for a decoder: it does not look at the bits that it is given.
+    const DECODES: bool;
+
+    /// The next bit, whose probability to be 1 is `probability`, in 1/65536. An encoder writes `bit` and returns it. The
+    /// `counters` learn it.
+    fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool;
 
     /// True for a decoder that is behind the end of its bytes: what it would still read does not matter.
     fn is_over(&self) -> bool {
@@ -80,45 +80,50 @@ pub(super) trait Coder {
     /// The next bit in the context of `counter`, which learns it.
     #[inline(always)]
     fn code_in(&mut self, bit: bool, counter: &mut Counter) -> bool {
-        let bit = self.code(bit, counter.probability());
-        counter.learn(bit);
-        bit
+        self.code(bit, counter.probability(), [counter])
     }
 }
 
-/// The numbers that the next bytes may be: `low` to `high`.
+/// The numbers that the next bytes may be: `low` to `low + span`.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     low: u32,
-    high: u32,
+    span: u32,
 }
 
 impl Interval {
-    const WHOLE: Self = Self { low: 0, high: u32::MAX };
+    const WHOLE: Self = Self { low: 0, span: u32::MAX };
 
-    /// The last number of the part of a 1, the lower one.
+    /// Numbers but one in the part of a 1, the lower one.
     #[inline(always)]
-    fn end_of_one(self, probability: u32) -> u32 {
-        self.low + ((u64::from(self.high - self.low) * u64::from(probability)) >> 16) as u32
+    fn span_of_one(self, probability: u32) -> u32 {
+        ((u64::from(self.span) * u64::from(probability)) >> 16) as u32
     }
 
     /// Narrows it to the part of `bit`.
     #[inline(always)]
-    fn narrow(&mut self, bit: bool, end_of_one: u32) {
+    fn narrow(&mut self, bit: bool, span_of_one: u32) {
         if bit {
-            self.high = end_of_one;
+            self.span = span_of_one;
         } else {
-            self.low = end_of_one + 1;
+            self.low += span_of_one + 1;
+            self.span -= span_of_one + 1;
         }
     }
 
-    /// Drops the first byte if both ends have the same.
+    /// The first byte of its last number.
+    #[inline(always)]
+    fn last_byte(self) -> u8 {
+        ((self.low + self.span) >> 24) as u8
+    }
+
+    /// Drops the first byte if all its numbers have the same.
     #[inline(always)]
     fn take_byte(&mut self) -> Option<u8> {
-        let byte = self.high >> 24;
-        (self.low >> 24 == byte).then(|| {
-            (self.low, self.high) = (self.low << 8, self.high << 8 | 0xff);
-            byte as u8
+        let byte = self.last_byte();
+        ((self.low >> 24) as u8 == byte).then(|| {
+            (self.low, self.span) = (self.low << 8, self.span << 8 | 0xff);
+            byte
         })
     }
 }
@@ -134,17 +139,20 @@ impl Encoder {
         Self { interval: Interval::WHOLE, bytes: Vec::new() }
     }
 
-    /// All bytes. The last one is the first of the interval's upper end, since the bytes that are not there count as zeros.
+    /// All bytes. The last one is the first of the interval's last number, since the bytes that are not there count as zeros.
     pub(super) fn finish(mut self) -> Vec<u8> {
-        self.bytes.push((self.interval.high >> 24) as u8);
+        self.bytes.push(self.interval.last_byte());
         self.bytes
     }
 }
 
 impl Coder for Encoder {
+    const DECODES: bool = false;
+
     #[inline(always)]
-    fn code(&mut self, bit: bool, probability: u32) -> bool {
-        self.interval.narrow(bit, self.interval.end_of_one(probability));
+    fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool {
+        self.interval.narrow(bit, self.interval.span_of_one(probability));
+        counters.into_iter().for_each(|counter| counter.learn(bit));
         while let Some(byte) = self.interval.take_byte() {
             self.bytes.push(byte);
         }
@@ -155,8 +163,8 @@ impl Coder for Encoder {
 /// Reads bits from bytes, and zeros behind them.
 pub(super) struct Decoder<'a> {
     interval: Interval,
-    /// The number within the interval.
-    number: u32,
+    /// The number, less the interval's low end.
+    offset: u32,
     bytes: &'a [u8],
     /// Bytes that the interval has dropped.
     dropped: usize,
@@ -164,9 +172,9 @@ pub(super) struct Decoder<'a> {
 
 impl<'a> Decoder<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        let mut decoder = Self { interval: Interval::WHOLE, number: 0, bytes, dropped: 0 };
+        let mut decoder = Self { interval: Interval::WHOLE, offset: 0, bytes, dropped: 0 };
         for at in 0..4 {
-            decoder.number = decoder.number << 8 | decoder.byte(at);
+            decoder.offset = decoder.offset << 8 | decoder.byte(at);
         }
         decoder
     }
@@ -179,19 +187,33 @@ impl<'a> Decoder<'a> {
     /// Checks that the bytes are those that an encoder writes for the bits that were read. `place` is theirs.
     pub(super) fn finish(self, place: &dyn fmt::Display) -> Result<(), Error> {
         Error::unless_equal(format!("{place} bytes of the codec adaptive"), self.dropped + 1, self.bytes.len())?;
-        let last = self.interval.high >> 24;
+        let last = u32::from(self.interval.last_byte());
         Error::unless_equal(format!("{place} last byte of the codec adaptive"), last, self.byte(self.dropped))
     }
 }
 
 impl Coder for Decoder<'_> {
+    const DECODES: bool = true;
+
     #[inline(always)]
-    fn code(&mut self, _: bool, probability: u32) -> bool {
-        let end_of_one = self.interval.end_of_one(probability);
-        let bit = self.number <= end_of_one;
-        self.interval.narrow(bit, end_of_one);
+    fn code<const N: usize>(&mut self, _: bool, probability: u32, counters: [&mut Counter; N]) -> bool {
+        let span_of_one = self.interval.span_of_one(probability);
+        let bit = self.offset <= span_of_one;
+        // Most bits are what a processor expects. All that depends on one is within the branch, so that nothing waits for it.
+        if bit {
+            self.interval.narrow(true, span_of_one);
+            for counter in counters {
+                counter.learn(true);
+            }
+        } else {
+            self.offset -= span_of_one + 1;
+            self.interval.narrow(false, span_of_one);
+            for counter in counters {
+                counter.learn(false);
+            }
+        }
         while self.interval.take_byte().is_some() {
-            self.number = self.number << 8 | self.byte(self.dropped + 4);
+            self.offset = self.offset << 8 | self.byte(self.dropped + 4);
             self.dropped += 1;
         }
         bit

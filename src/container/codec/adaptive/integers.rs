@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
-use crate::container::encoding::{Encoding, bytes_of, integers, largest};
+use crate::container::encoding::{Encoding, integers, largest, put_integers};
 
 /// Sizes of remainders that contexts tell apart: four to an octave.
 const CLASSES: usize = 48;
@@ -17,6 +17,8 @@ const PLACES: usize = 18;
 const STEP_CONTEXTS: usize = 64;
 /// Bits that say that a remainder is larger than 0, 1, 2, …; larger ones are a number behind those.
 const UNARY: usize = 18;
+/// The counters of these bits in a context. They are beside each other, since the first few are used most.
+type Larger = [Counter; UNARY];
 /// Most bits of that number but its first.
 const LONGEST: u32 = 17;
 
@@ -123,7 +125,7 @@ pub(in crate::container) fn decompress(
         )
     })?;
     decoder.finish(place)?;
-    body.extend(numbers.iter().flat_map(|&q| bytes_of(q, shape.width())));
+    put_integers(&mut body, numbers.iter().copied(), shape.width());
     Ok(body)
 }
 
@@ -239,7 +241,7 @@ impl Predictor {
 
 /// The lowest `count` bits of `bits`, the highest first, each as likely 0 as 1.
 fn code_bits(coder: &mut impl Coder, bits: u32, count: u32) -> u32 {
-    (0..count).rev().fold(0, |found, at| found << 1 | u32::from(coder.code(bits >> at & 1 == 1, 1 << 15)))
+    (0..count).rev().fold(0, |found, at| found << 1 | u32::from(coder.code(bits >> at & 1 == 1, 1 << 15, [])))
 }
 
 /// A number is larger than its bits allow.
@@ -253,9 +255,9 @@ struct TooLarge {
 struct Numbers {
     predictor: Predictor,
     largest: i32,
-    /// \[n\]\[class\]\[place\], and \[n\]\[class\]\[step\]: whether a remainder is larger than n.
-    by_place: Vec<Counter>,
-    by_step: Vec<Counter>,
+    /// \[class\]\[place\]\[n\], and \[class\]\[step\]\[n\]: whether a remainder is larger than n.
+    by_place: Vec<Larger>,
+    by_step: Vec<Larger>,
     /// \[where in a step the prediction lies\]\[sign of the last remainder\].
     signs: [[Counter; 3]; 3],
     /// \[vertex of all vectors of a group\] how large remainders were there lately, in 1/16.
@@ -271,8 +273,8 @@ impl Numbers {
         Self {
             predictor,
             largest: largest(shape.bits) as i32,
-            by_place: vec![Counter::default(); UNARY * CLASSES * PLACES],
-            by_step: vec![Counter::default(); UNARY * CLASSES * STEP_CONTEXTS],
+            by_place: vec![Default::default(); CLASSES * PLACES],
+            by_step: vec![Default::default(); CLASSES * STEP_CONTEXTS],
             signs: Default::default(),
             sizes: vec![0; longest],
         }
@@ -322,14 +324,12 @@ impl Numbers {
             let step = class * STEP_CONTEXTS + step;
             let remainder = i32::from(*number) - prediction;
             let magnitude = remainder.abs();
+            let (by_place, by_step) = (&mut self.by_place[place], &mut self.by_step[step]);
             let mut found = 0;
             while found < UNARY {
-                let place = &mut self.by_place[found * CLASSES * PLACES + place];
-                let step = &mut self.by_step[found * CLASSES * STEP_CONTEXTS + step];
-                let bit = coder.code(magnitude > found as i32, (place.probability() + step.probability()) / 2);
-                place.learn(bit);
-                step.learn(bit);
-                if !bit {
+                let (place, step) = (&mut by_place[found], &mut by_step[found]);
+                let probability = (place.probability() + step.probability()) / 2;
+                if !coder.code(magnitude > found as i32, probability, [place, step]) {
                     break;
                 }
                 found += 1;
@@ -375,7 +375,7 @@ fn code_large(coder: &mut impl Coder, number: u32) -> Option<u32> {
     let number = number.wrapping_add(1);
     let length = number.max(1).ilog2();
     let mut found = 0;
-    while coder.code(length > found, 1 << 15) {
+    while coder.code(length > found, 1 << 15, []) {
         found += 1;
         if found > LONGEST {
             return None;

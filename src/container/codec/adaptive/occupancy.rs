@@ -1,6 +1,7 @@
 //! The bits of an occupancy, each by those of the vertices around it that come before (spec 2.5).
 
 use std::fmt;
+use std::hint::select_unpredictable;
 
 use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
@@ -13,29 +14,31 @@ const ALL: u32 = 18;
 /// Contexts of all neighbors count from this many bits on; before, those of the near ones do.
 const ENOUGH: u32 = 2;
 
-/// The rows around one that a context needs: offsets on y and z. The first is the row itself.
+/// The rows around one that a context needs: offsets on y and z. The vertices of the first come before one in its own row.
 const ROWS: [[isize; 2]; 7] = [[0, 0], [-1, 0], [0, -1], [-2, 0], [0, -2], [-1, -1], [1, -1]];
-/// The vertices of a context, from its lowest bit on: their row of [`ROWS`], and their offset on x. The near ones come first.
-const NEIGHBORS: [(usize, i32); ALL as usize] = [
-    (0, -2),
-    (0, -1),
-    (1, -1),
-    (1, 0),
-    (1, 1),
-    (2, -1),
-    (2, 0),
-    (2, 1),
-    (3, 0),
-    (4, 0),
-    (5, 0),
-    (6, 0),
-    (1, -2),
-    (1, 2),
-    (5, -1),
-    (5, 1),
-    (6, -1),
-    (6, 1),
+/// Bits of a context for vertices of the row itself, the lowest ones: two to the left, one to the left.
+const OWN: u32 = 2;
+/// \[byte\]\[bit\] the other vertices of a context, from its bit [`OWN`] on: their row of [`ROWS`], and their offset on x. The
+/// near ones come first.
+const NEIGHBORS: [[(usize, i32); 8]; 2] = [
+    [(1, -1), (1, 0), (1, 1), (2, -1), (2, 0), (2, 1), (3, 0), (4, 0)],
+    [(5, 0), (6, 0), (1, -2), (1, 2), (5, -1), (5, 1), (6, -1), (6, 1)],
 ];
+
+/// \[byte\] its bits, from the lowest on, each in the lowest bit of a byte.
+const SPREAD: [u64; 256] = {
+    let mut spread = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut bit = 0;
+        while bit < 8 {
+            spread[byte] |= ((byte as u64 >> bit) & 1) << (8 * bit);
+            bit += 1;
+        }
+        byte += 1;
+    }
+    spread
+};
 
 /// The state of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,26 +51,25 @@ enum Block {
     Mixed,
 }
 
-/// The vertices, in rows along x.
+/// Bits, one for each of the vertices, x fastest, from the lowest bit of the first byte on. Some zeros follow.
 struct Grid {
     vertices: [usize; 3],
-    /// Bytes of a row: a bit for each vertex, from the lowest of the second byte on, and a byte of zeros at both ends.
-    stride: usize,
-    /// \[z\]\[y\] the rows.
-    rows: Vec<u8>,
+    bits: Vec<u8>,
 }
+
+/// Bytes of zeros behind the bits of a [`Grid`]: what is read beyond the last one.
+const BEHIND: usize = 3;
 
 /// Bytes that coding an occupancy of `vertices` takes besides its bits.
 pub(in crate::container) fn memory(vertices: [u32; 3]) -> u64 {
-    let [x, y, z] = vertices.map(u64::from);
-    let [bx, by, bz] = vertices.map(|n| u64::from(n).div_ceil(BLOCK as u64));
-    (x.div_ceil(8) + 2) * y * z + bx * by * bz + (size_of::<Counter>() as u64) * ((1 << ALL) + (1 << NEAR) + 2 * 729)
+    let [x, y, z] = vertices.map(|n| u64::from(n).div_ceil(BLOCK as u64));
+    x * y * z + 16 * x + (size_of::<Counter>() as u64) * ((1 << ALL) + (1 << NEAR) + 2 * 729)
 }
 
 /// Codes `bits`, one for each of `vertices`, x fastest, from the lowest bit of the first byte on.
 pub(in crate::container) fn compress(vertices: [u32; 3], bits: &[u8]) -> Vec<u8> {
     let mut grid = Grid::empty(vertices);
-    grid.set(bits);
+    grid.bits[..bits.len()].copy_from_slice(bits);
     let mut encoder = Encoder::new();
     code(&mut encoder, &mut grid);
     encoder.finish()
@@ -83,40 +85,46 @@ pub(in crate::container) fn decompress(
     let mut decoder = Decoder::new(bytes);
     code(&mut decoder, &mut grid);
     decoder.finish(place)?;
-    Ok(grid.bits())
+    grid.bits.truncate(grid.bits.len() - BEHIND);
+    Ok(grid.bits)
 }
 
 /// Codes the blocks of `grid`, then the vertices of mixed ones, both x fastest. An encoder finds them in `grid`, a decoder sets
 /// them there.
-fn code(coder: &mut impl Coder, grid: &mut Grid) {
+fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
     let counts = grid.vertices.map(|n| n.div_ceil(BLOCK));
     let blocks = code_blocks(coder, grid, counts);
     let mut near = vec![Counter::default(); 1 << NEAR];
     let mut all = vec![Counter::default(); 1 << ALL];
+    let mut occupied = Vec::with_capacity(counts[0]);
     let [_, y_count, z_count] = grid.vertices;
     for z in 0..z_count {
         for y in 0..y_count {
             if coder.is_over() {
                 return;
             }
-            let first = ((z / BLOCK) * counts[1] + y / BLOCK) * counts[0];
-            for (x, block) in blocks[first..first + counts[0]].iter().enumerate() {
-                let at = grid.at(x, y, z);
-                grid.rows[at] = match block {
-                    Block::Empty => 0,
+            if y % BLOCK == 0 {
+                let first = ((z / BLOCK) * counts[1] + y / BLOCK) * counts[0];
+                let row = blocks[first..first + counts[0]].iter().copied().enumerate();
+                occupied.clear();
+                occupied.extend(row.filter(|&(_, block)| block != Block::Empty));
+            }
+            let rows = grid.rows_around(y, z);
+            for &(x, block) in &occupied {
+                let row = match block {
                     Block::Full => grid.mask(x),
-                    Block::Mixed => {
-                        let count = BLOCK.min(grid.vertices[0] - BLOCK * x);
-                        code_row(coder, grid.windows(x, y, z), grid.rows[at], count, &mut near, &mut all)
-                    }
+                    _ => code_row(coder, grid.windows(x, &rows), grid.count(x), &mut near, &mut all),
                 };
+                if C::DECODES {
+                    grid.set(x, grid.row(y, z), row);
+                }
             }
         }
     }
 }
 
 /// Codes what each of the `counts` blocks is.
-fn code_blocks(coder: &mut impl Coder, grid: &Grid, counts: [usize; 3]) -> Vec<Block> {
+fn code_blocks<C: Coder>(coder: &mut C, grid: &Grid, counts: [usize; 3]) -> Vec<Block> {
     let [x_count, y_count, z_count] = counts;
     let mut blocks = vec![Block::Empty; x_count * y_count * z_count];
     let (mut is_mixed, mut is_full) = ([Counter::default(); 729], [Counter::default(); 729]);
@@ -129,7 +137,7 @@ fn code_blocks(coder: &mut impl Coder, grid: &Grid, counts: [usize; 3]) -> Vec<B
                     let block = before.then(|| blocks[((z - dz) * y_count + y - dy) * x_count + x - dx]);
                     context = 3 * context + block.unwrap_or_default() as usize;
                 }
-                let known = grid.block(x, y, z);
+                let known = if C::DECODES { Block::Empty } else { grid.block(x, y, z) };
                 let block = if coder.code_in(known == Block::Mixed, &mut is_mixed[context]) {
                     Block::Mixed
                 } else if coder.code_in(known == Block::Full, &mut is_full[context]) {
@@ -144,32 +152,34 @@ fn code_blocks(coder: &mut impl Coder, grid: &Grid, counts: [usize; 3]) -> Vec<B
     blocks
 }
 
-/// Codes the first `count` vertices of `known`, which are beside each other in a row; bit 8 + i of `windows` is at the x of
-/// vertex i. Returns their bits.
+/// Codes `count` vertices that are beside each other in a row; bit 8 + i of `windows` is at the x of vertex i. Returns their
+/// bits.
 #[inline(always)]
 fn code_row(
     coder: &mut impl Coder,
-    mut windows: [u32; ROWS.len()],
-    known: u8,
+    windows: [u32; ROWS.len()],
     count: usize,
     near: &mut [Counter],
     all: &mut [Counter],
 ) -> u8 {
-    let mut row = 0;
-    // An encoder's grid also has the bits from the first vertex on, which a decoder has not read yet.
-    windows[0] &= 0xff;
-    for i in 0..count {
-        let mut context = 0;
-        for (bit, &(row, x)) in NEIGHBORS.iter().enumerate() {
-            context |= (windows[row] >> (8 + i as i32 + x) & 1) << bit;
+    // Byte i of these holds bits 2 to 9, and bits 10 to 17, of the context of vertex i.
+    let mut others = [0u64; 2];
+    for (all, neighbors) in others.iter_mut().zip(&NEIGHBORS) {
+        for (bit, &(row, x)) in neighbors.iter().enumerate() {
+            *all |= SPREAD[(windows[row] >> (8 + x) & 0xff) as usize] << bit;
         }
-        let (near, all) = (&mut near[context as usize % (1 << NEAR)], &mut all[context as usize]);
-        let counter = if all.seen() < ENOUGH { &*near } else { &*all };
-        let bit = coder.code(known >> i & 1 != 0, counter.probability());
-        near.learn(bit);
-        all.learn(bit);
+    }
+    // The two vertices before.
+    let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
+    let mut row = 0;
+    for i in 0..count {
+        let [low, high] = others.map(|others| (others >> (8 * i)) as usize & 0xff);
+        let context = (high << 8 | low) << OWN | own;
+        let (near, all) = (&mut near[context % (1 << NEAR)], &mut all[context]);
+        let probability = select_unpredictable(all.seen() < ENOUGH, near.probability(), all.probability());
+        let bit = coder.code(windows[0] >> (8 + i) & 1 != 0, probability, [near, all]);
+        own = own >> 1 | usize::from(bit) << (OWN - 1);
         row |= u8::from(bit) << i;
-        windows[0] |= u32::from(bit) << (8 + i);
     }
     row
 }
@@ -177,30 +187,46 @@ fn code_row(
 impl Grid {
     fn empty(vertices: [u32; 3]) -> Self {
         let vertices = vertices.map(|n| n as usize);
-        let stride = vertices[0].div_ceil(8) + 2;
-        Self { vertices, stride, rows: vec![0; stride * vertices[1] * vertices[2]] }
+        Self { vertices, bits: vec![0; vertices.iter().product::<usize>().div_ceil(8) + BEHIND] }
     }
 
-    /// The byte of the vertices from 8·x on in the row of `y` and `z`.
+    /// Vertices of block `x` of a row.
     #[inline(always)]
-    fn at(&self, x: usize, y: usize, z: usize) -> usize {
-        (z * self.vertices[1] + y) * self.stride + 1 + x
+    fn count(&self, x: usize) -> usize {
+        BLOCK.min(self.vertices[0] - BLOCK * x)
     }
 
-    /// The bits that byte `x` of a row has.
+    /// The bits of all vertices of block `x` of a row.
+    #[inline(always)]
     fn mask(&self, x: usize) -> u8 {
-        match self.vertices[0] - BLOCK * x {
-            count @ 0..BLOCK => (1 << count) - 1,
-            _ => u8::MAX,
-        }
+        u8::MAX >> (BLOCK - self.count(x))
     }
 
-    /// The state of block (`x`, `y`, `z`): empty in a decoder, which has not read its vertices yet.
+    /// The first vertex of the row of `y` and `z`.
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize) -> usize {
+        (z * self.vertices[1] + y) * self.vertices[0]
+    }
+
+    /// \[row of [`ROWS`]\] the first vertices of the rows around that of `y` and `z`; `None` outside the grid.
+    fn rows_around(&self, y: usize, z: usize) -> [Option<usize>; ROWS.len()] {
+        let mut rows = [None; ROWS.len()];
+        for (row, [dy, dz]) in rows.iter_mut().zip(ROWS) {
+            if let (Some(y), Some(z)) = (y.checked_add_signed(dy), z.checked_add_signed(dz))
+                && y < self.vertices[1]
+            {
+                *row = Some(self.row(y, z));
+            }
+        }
+        rows
+    }
+
+    /// The state of block (`x`, `y`, `z`).
     fn block(&self, x: usize, y: usize, z: usize) -> Block {
         let (mut any, mut every) = (false, true);
         for z in BLOCK * z..(BLOCK * z + BLOCK).min(self.vertices[2]) {
             for y in BLOCK * y..(BLOCK * y + BLOCK).min(self.vertices[1]) {
-                let byte = self.rows[self.at(x, y, z)];
+                let byte = (self.window(x, self.row(y, z)) >> 8) as u8 & self.mask(x);
                 any |= byte != 0;
                 every &= byte == self.mask(x);
             }
@@ -212,49 +238,36 @@ impl Grid {
         }
     }
 
-    /// \[row of [`ROWS`]\] byte `x` of the row, between the one before and the one behind it, around the row of `y` and `z`.
+    /// The vertices of block `x` in a row that begins at vertex `row`, from bit 8 on, between eight before and eight behind
+    /// them. There are zeros beyond the ends of the row.
     #[inline(always)]
-    fn windows(&self, x: usize, y: usize, z: usize) -> [u32; ROWS.len()] {
+    fn window(&self, x: usize, row: usize) -> u32 {
+        let first = row + (BLOCK * x).saturating_sub(BLOCK);
+        let bytes = self.bits[first / 8..].first_chunk().map_or(0, |&bytes| u32::from_le_bytes(bytes)) >> (first % 8);
+        let from = if x == 0 { bytes << BLOCK } else { bytes };
+        let count = (self.vertices[0] + BLOCK - BLOCK * x).min(3 * BLOCK);
+        from & ((1 << count) - 1)
+    }
+
+    /// The windows of block `x` in these rows.
+    #[inline(always)]
+    fn windows(&self, x: usize, rows: &[Option<usize>; ROWS.len()]) -> [u32; ROWS.len()] {
         let mut windows = [0; ROWS.len()];
-        for (window, [dy, dz]) in windows.iter_mut().zip(ROWS) {
-            if let (Some(y), Some(z)) = (y.checked_add_signed(dy), z.checked_add_signed(dz))
-                && y < self.vertices[1]
-            {
-                let at = self.at(x, y, z);
-                *window = u32::from_le_bytes([self.rows[at - 1], self.rows[at], self.rows[at + 1], 0]);
+        for (window, row) in windows.iter_mut().zip(rows) {
+            if let &Some(row) = row {
+                *window = self.window(x, row);
             }
         }
         windows
     }
 
-    /// Sets the vertices of `bits`, as [`compress`] takes them.
-    fn set(&mut self, bits: &[u8]) {
-        let byte = |at: usize| u16::from(bits.get(at).copied().unwrap_or(0));
-        for row in 0..self.vertices[1] * self.vertices[2] {
-            for x in 0..self.stride - 2 {
-                let vertex = row * self.vertices[0] + 8 * x;
-                let two = byte(vertex / 8) | byte(vertex / 8 + 1) << 8;
-                self.rows[row * self.stride + 1 + x] = (two >> (vertex % 8)) as u8 & self.mask(x);
-            }
-        }
-    }
-
-    /// The vertices, as [`compress`] takes them.
-    fn bits(&self) -> Vec<u8> {
-        // A byte more, for the second half of the last one.
-        let mut bits = vec![0; self.vertices.iter().product::<usize>().div_ceil(8) + 1];
-        for (n, row) in self.rows.chunks_exact(self.stride).enumerate() {
-            for (x, &byte) in row[1..self.stride - 1].iter().enumerate() {
-                let vertex = n * self.vertices[0] + 8 * x;
-                let [lower, upper] = (u16::from(byte) << (vertex % 8)).to_le_bytes();
-                bits[vertex / 8] |= lower;
-                if upper > 0 {
-                    bits[vertex / 8 + 1] |= upper;
-                }
-            }
-        }
-        bits.pop();
-        bits
+    /// Sets the vertices of `bits` in block `x` of a row that begins at vertex `row`.
+    #[inline(always)]
+    fn set(&mut self, x: usize, row: usize, bits: u8) {
+        let first = row + BLOCK * x;
+        let [lower, upper] = (u16::from(bits) << (first % 8)).to_le_bytes();
+        self.bits[first / 8] |= lower;
+        self.bits[first / 8 + 1] |= upper;
     }
 }
 
