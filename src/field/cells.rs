@@ -68,13 +68,24 @@ impl<T: Real> OccupancyCells<T> {
             (1.0 / occupancy.cell_size()).to_array().map(T::of),
             cells.as_ivec3().to_array(),
         );
-        for vertex in occupancy.iter() {
-            let first = vertex.saturating_sub(UVec3::ONE);
-            let last = vertex.min(cells - 1);
-            for z in first.z..=last.z {
-                for y in first.y..=last.y {
-                    for x in first.x..=last.x {
-                        grid.set([x as i32, y as i32, z as i32]);
+        // Cells of a row that are found together, whole bricks of them: two vertices of each are within a word.
+        const TOGETHER: u32 = 60;
+        for z in 0..cells.z {
+            for y in 0..cells.y {
+                for x in (0..cells.x).step_by(TOGETHER as usize) {
+                    let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)];
+                    let vertices = rows.iter().fold(0, |all, &(y, z)| all | occupancy.row_from(UVec3::new(x, y, z)));
+                    let mut set = (vertices | vertices >> 1) & (u64::MAX >> (64 - TOGETHER.min(cells.x - x)));
+                    let mut cell = [x as i32, y as i32, z as i32];
+                    while set != 0 {
+                        let brick = grid.brick_of(cell);
+                        let found = set & ((1 << (1 << BRICK_SHIFT)) - 1);
+                        if found != 0 {
+                            grid.masks[brick] |= found << bit_in_brick(cell);
+                            grid.distances[brick] = 0;
+                        }
+                        set >>= 1 << BRICK_SHIFT;
+                        cell[0] += 1 << BRICK_SHIFT;
                     }
                 }
             }

@@ -66,6 +66,16 @@ impl Occupancy {
         })
     }
 
+    /// The vertices of a row from `first` on, which is within the grid, from the lowest bit on; zeros beyond the row.
+    pub fn row_from(&self, first: UVec3) -> u64 {
+        let [columns, rows] = [self.vertices.x, self.vertices.y].map(u64::from);
+        let bit = (u64::from(first.z) * rows + u64::from(first.y)) * columns + u64::from(first.x);
+        let (word, shift) = ((bit / 64) as usize, bit % 64);
+        let next = self.words.get(word + 1).copied().unwrap_or(0);
+        let bits = self.words[word] >> shift | next << 1 << (63 - shift);
+        bits & (u64::MAX >> (64 - u64::from(self.vertices.x - first.x).min(64)))
+    }
+
     /// The position of `point` in cells from the first vertex, per axis from 0 to vertices − 1 within the bounds.
     pub fn cell_coordinates(&self, point: DVec3) -> DVec3 {
         (point - self.bounds.min) / self.bounds.size() * (self.vertices.as_dvec3() - 1.0)
