@@ -101,21 +101,19 @@ pub struct ReferenceField<'a> {
 #[derive(Debug)]
 struct Buckets {
     width: DVec3,
-    tensors: HashMap<IVec3, Vec<usize>>,
+    tensors: HashMap<IVec3, Vec<u32>>,
 }
 
 impl Buckets {
     fn new(scale: &Scale, horizon: f64) -> Self {
-        let width = 2.0 * scale.cloud.half_edge + 4.0 * horizon;
-        let mut tensors = HashMap::<IVec3, Vec<usize>>::new();
+        let width = Self::width(scale, horizon);
+        let mut tensors = HashMap::<IVec3, Vec<u32>>::new();
         for (n, center) in scale.cloud.centers().enumerate() {
-            let reach = scale.cloud.half_edge + 2.0 * horizon;
-            let first = ((center - reach) / width).floor().as_ivec3();
-            let last = ((center + reach) / width).floor().as_ivec3();
+            let [first, last] = Self::reach(scale, horizon, center);
             for z in first.z..=last.z {
                 for y in first.y..=last.y {
                     for x in first.x..=last.x {
-                        tensors.entry(IVec3::new(x, y, z)).or_default().push(n);
+                        tensors.entry(IVec3::new(x, y, z)).or_default().push(n as u32);
                     }
                 }
             }
@@ -123,8 +121,29 @@ impl Buckets {
         Self { width, tensors }
     }
 
+    fn width(scale: &Scale, horizon: f64) -> DVec3 {
+        2.0 * scale.cloud.half_edge + 4.0 * horizon
+    }
+
+    /// The first and the last cell that the tensor at `center` reaches, on each axis.
+    fn reach(scale: &Scale, horizon: f64, center: DVec3) -> [IVec3; 2] {
+        let (reach, width) = (scale.cloud.half_edge + 2.0 * horizon, Self::width(scale, horizon));
+        [center - reach, center + reach].map(|corner| (corner / width).floor().as_ivec3())
+    }
+
+    /// The most bytes that the buckets of `scale` take.
+    fn memory(scale: &Scale, horizon: f64) -> u64 {
+        /// An entry alone in its cell: a list of four on the heap, and its place in a table that is being doubled.
+        const ENTRY_BYTES: u64 = 160;
+        let entries = |center| {
+            let [first, last] = Self::reach(scale, horizon, center);
+            (last - first + 1).as_u64vec3().element_product()
+        };
+        ENTRY_BYTES * scale.cloud.centers().map(entries).sum::<u64>()
+    }
+
     /// Every tensor that covers `position`, or does so after a displacement within the horizon, ascending.
-    fn near(&self, position: DVec3) -> &[usize] {
+    fn near(&self, position: DVec3) -> &[u32] {
         let cell = (position / self.width).floor().as_ivec3();
         self.tensors.get(&cell).map_or(&[], Vec::as_slice)
     }
@@ -133,10 +152,14 @@ impl Buckets {
 impl<'a> ReferenceField<'a> {
     /// Prepares `scene` for queries.
     pub fn new(scene: &'a Scene) -> Self {
-        let extent = scene.bounds.size().max_element();
-        let [least, most] = ORDINARY_EXTENT;
-        let horizon = MARGIN_HORIZON * (extent / extent.clamp(least, most));
+        let horizon = horizon_of(scene);
         Self { scene, horizon, buckets: scene.scales.iter().map(|s| Buckets::new(s, horizon)).collect() }
+    }
+
+    /// The most bytes of memory that [`Self::new`] takes for `scene`.
+    pub fn memory(scene: &Scene) -> u64 {
+        let horizon = horizon_of(scene);
+        scene.scales.iter().map(|s| Buckets::memory(s, horizon)).sum()
     }
 
     /// Margins of this scene are exact below this, in model units, and reported as at least this above it.
@@ -166,25 +189,30 @@ impl<'a> ReferenceField<'a> {
         Point { position, neighbors, covered, margin }
     }
 
-    fn nearest(&self, scale: &Scale, near: &[usize], position: DVec3) -> (Vec<Neighbor>, f64) {
+    fn nearest(&self, scale: &Scale, near: &[u32], position: DVec3) -> (Vec<Neighbor>, f64) {
         let top_k = scale.top_k as usize;
         let half = scale.cloud.half_edge;
-        // (distance, tensor, how far the point is from a face of the box: positive outside, at most 0 inside)
-        let mut candidates: Vec<(f64, usize, f64)> = near
-            .iter()
-            .map(|&n| {
-                let offset = position - scale.cloud.center(n);
-                (offset.length(), n, (offset.abs() - half).max_element())
-            })
-            .collect();
-        // Centers are stored ascending by (z, y, x), so the smaller number is the lexicographically smaller center.
-        candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let covering: Vec<_> = candidates.iter().filter(|c| c.2 <= 0.0).copied().collect();
+        // The distance to a tensor, and how far the point is from a face of its box: positive outside, at most 0 inside.
+        let to = |n: u32| {
+            let offset = position - scale.cloud.center(n as usize);
+            (offset.length(), (offset.abs() - half).max_element())
+        };
+        // (distance, tensor) of the nearest covering tensors and of the next, without an order among all of them: they may be
+        // any number. Centers are stored ascending by (z, y, x), so the smaller number is the lexicographically smaller center.
+        let mut covering: Vec<(f64, usize)> = Vec::with_capacity(top_k + 2);
+        for &n in near {
+            let (distance, outside) = to(n);
+            if outside <= 0.0 && (covering.len() <= top_k || distance < covering[top_k].0) {
+                covering.insert(covering.partition_point(|c| c.0 <= distance), (distance, n as usize));
+                covering.truncate(top_k + 1);
+            }
+        }
         let nearest = &covering[..covering.len().min(top_k)];
 
         // A tensor whose box begins or ends here matters if it is, or would be, among the nearest.
         let reach = if covering.len() >= top_k { nearest[top_k - 1].0 + 4.0 * self.horizon } else { f64::INFINITY };
-        let mut margin = candidates.iter().filter(|c| c.0 <= reach).map(|c| c.2.abs()).fold(f64::INFINITY, f64::min);
+        let faces = near.iter().map(|&n| to(n)).filter(|c| c.0 <= reach).map(|c| c.1.abs());
+        let mut margin = faces.fold(f64::INFINITY, f64::min);
         if let Some(next) = covering.get(top_k) {
             // A displacement by e on every axis changes a distance by up to √3·e, a difference of two by twice that.
             margin = margin.min((next.0 - nearest[top_k - 1].0) / (2.0 * 3.0_f64.sqrt()));
@@ -192,7 +220,7 @@ impl<'a> ReferenceField<'a> {
 
         let weights = aggregation_weights(self.scene.rules.aggregation, nearest.iter().map(|c| c.0));
         let neighbors = (nearest.iter().zip(weights))
-            .map(|(&(distance, tensor, _), weight)| Neighbor { tensor, distance, weight })
+            .map(|(&(distance, tensor), weight)| Neighbor { tensor, distance, weight })
             .collect();
         (neighbors, margin)
     }
@@ -214,21 +242,16 @@ impl<'a> ReferenceField<'a> {
                 continue;
             }
             scales += 1;
-            for n in neighbors {
-                let offset = point.position - scale.cloud.center(n.tensor);
-                let (value, slope, magnitude) = density_of(scale, n.tensor, offset);
+            let of = |n: &Neighbor| density_of(scale, n.tensor, point.position - scale.cloud.center(n.tensor));
+            let values: Vec<_> = neighbors.iter().map(of).collect();
+            let mean: f64 = neighbors.iter().zip(&values).map(|(n, value)| n.weight * value.0).sum();
+            for (n, (value, slope, magnitude)) in neighbors.iter().zip(values) {
                 sum.feature += n.weight * value;
                 sum.magnitude += n.weight * magnitude;
                 sum.gradient += n.weight * slope;
                 if n.distance > 0.0 && neighbors.len() > 1 {
                     // w = u/Σu with u = 1/d: ∂f/∂x gains ∇u·(G − f_scale)/Σu, where f_scale is Σ w G.
-                    let direct = offset / n.distance;
-                    let mean: f64 = neighbors
-                        .iter()
-                        .map(|m| {
-                            m.weight * density_of(scale, m.tensor, point.position - scale.cloud.center(m.tensor)).0
-                        })
-                        .sum();
+                    let direct = (point.position - scale.cloud.center(n.tensor)) / n.distance;
                     sum.gradient -= direct * (n.weight / n.distance) * (value - mean);
                 }
             }
@@ -296,6 +319,13 @@ impl<'a> ReferenceField<'a> {
         }
         [values[0], values[1], values[2]]
     }
+}
+
+/// The margin horizon of `scene`.
+fn horizon_of(scene: &Scene) -> f64 {
+    let extent = scene.bounds.size().max_element();
+    let [least, most] = ORDINARY_EXTENT;
+    MARGIN_HORIZON * (extent / extent.clamp(least, most))
 }
 
 /// Weights of neighbors at these distances, nearest first (spec 4.4).
@@ -411,7 +441,7 @@ fn occupancy_margin(occupancy: &Occupancy, position: DVec3, horizon: f64) -> f64
     let mut margin = horizon;
     for code in 0..27 {
         let step = IVec3::new(code % 3 - 1, code / 3 % 3 - 1, code / 9 - 1);
-        if occupancy.cell_is_occupied(cell + step) != here {
+        if occupancy.cell_is_occupied(cell.saturating_add(step)) != here {
             let displacement = (0..3).map(|a| match step[a] {
                 -1 => (at[a] - f64::from(cell[a])) * size[a],
                 1 => (f64::from(cell[a]) + 1.0 - at[a]) * size[a],
