@@ -51,6 +51,11 @@ impl<T: Real> CellIndex<T> {
     /// candidates do not cover their cell. Cells are wider in a cloud that is sparse in its bounds, so that the grid's
     /// size stays in proportion to the number of tensors, and in very large clouds.
     pub fn new(cloud: &TensorCloud, origin: DVec3) -> Self {
+        Self::within(cloud, origin, u64::MAX).expect("no limit")
+    }
+
+    /// As [`Self::new`]; `None` if it takes more than `memory` bytes.
+    pub(crate) fn within(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Option<Self> {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
         let limit = (512.0 * cloud.len() as f64 + 65536.0).min(MAX_CELLS);
@@ -65,7 +70,9 @@ impl<T: Real> CellIndex<T> {
         // Faces that fall on cell faces would reach into the cells on both sides; beside them, the lower faces do not.
         let corner = bounds.min - 2.0 * slack;
         let cells = ((bounds.max + slack - corner) / width).ceil().max(DVec3::ONE).as_uvec3();
-        let (starts, tensors) = tensors_by_cell(cloud, origin + corner, width, cells, slack);
+        let (starts, tensors) = tensors_by_cell(cloud, origin + corner, width, cells, slack, memory / 2)?;
+        // Of a list: its entry in a table that is being doubled, and its start.
+        let (list_bytes, block_bytes) = (64, size_of::<CandidateBlock<T>>() as u64);
 
         let mut index = Self {
             min: corner.to_array().map(T::of),
@@ -78,6 +85,10 @@ impl<T: Real> CellIndex<T> {
         let centers: Vec<[T; 3]> = cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect();
         let mut known = HashMap::from([(&[][..], 0)]);
         for cell in starts.windows(2) {
+            // Twice the blocks, while their list grows.
+            if index.starts.len() as u64 * list_bytes + 2 * index.blocks.len() as u64 * block_bytes > memory / 2 {
+                return None;
+            }
             let list = &tensors[cell[0] as usize..cell[1] as usize];
             let list_index = *known.entry(list).or_insert_with(|| {
                 index.blocks.extend(list.chunks(BLOCK).map(|part| block_of(part, &centers)));
@@ -86,7 +97,12 @@ impl<T: Real> CellIndex<T> {
             });
             index.lists.push(list_index);
         }
-        index
+        Some(index)
+    }
+
+    /// Bytes of memory, but for what construction takes.
+    pub(crate) fn memory(&self) -> u64 {
+        (4 * (self.lists.len() + self.starts.len()) + self.blocks.len() * size_of::<CandidateBlock<T>>()) as u64
     }
 
     /// The list of the cell of `position`, or of the nearest cell for a point outside the grid, which no box contains.
@@ -175,21 +191,31 @@ fn block_of<T: Real>(tensors: &[u32], centers: &[[T; 3]]) -> CandidateBlock<T> {
 }
 
 /// \[cell\] the first of its tensors, then the number of tensors; and the tensors. `corner` is the grid's lower corner.
-/// Boxes are grown by `slack`.
+/// Boxes are grown by `slack`. `None` if these take more than `memory` bytes.
 fn tensors_by_cell(
     cloud: &TensorCloud,
     corner: DVec3,
     width: DVec3,
     cells: glam::UVec3,
     slack: DVec3,
-) -> (Vec<u32>, Vec<u32>) {
+    memory: u64,
+) -> Option<(Vec<u32>, Vec<u32>)> {
     let cell_at = |p: DVec3| (p / width).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
-    let ranges: Vec<_> = (cloud.centers())
-        .map(|center| {
-            let relative = center - corner;
-            (cell_at(relative - cloud.half_edge - slack), cell_at(relative + cloud.half_edge + slack))
-        })
-        .collect();
+    let range = |center| {
+        let relative = center - corner;
+        (cell_at(relative - cloud.half_edge - slack), cell_at(relative + cloud.half_edge + slack))
+    };
+    let cells_of = |center| {
+        let (first, last) = range(center);
+        (last - first + 1).as_u64vec3().element_product()
+    };
+    // At most 2^31: 2^22 tensors, of which each reaches 8^3 cells. The cells twice, with a list of the index, then the tensors in them, and the ranges.
+    let entries: u64 = cloud.centers().map(cells_of).sum();
+    let cell_count = cells.as_u64vec3().element_product();
+    if 12 * cell_count + 4 * entries + 24 * cloud.len() as u64 > memory {
+        return None;
+    }
+    let ranges: Vec<_> = cloud.centers().map(range).collect();
     let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {
         for (tensor, (first, last)) in ranges.iter().enumerate() {
             for z in first.z..=last.z {
@@ -216,5 +242,5 @@ fn tensors_by_cell(
         tensors[next[cell] as usize] = tensor;
         next[cell] += 1;
     });
-    (starts, tensors)
+    Some((starts, tensors))
 }

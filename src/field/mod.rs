@@ -107,6 +107,37 @@ impl<T: Real> Field<T> {
         Self::with_factors(scene, factors.collect())
     }
 
+    /// The most bytes of memory that [`Field::new`] takes for `scene`; `None` if that is more than `most`.
+    pub fn memory(scene: &Scene, most: u64) -> Option<u64> {
+        /// Centers, numbers of components and their starts.
+        const TENSOR_BYTES: usize = 64;
+        let scalar = size_of::<T>();
+        let mut bytes = 4 * scalar as u64 * scene.decoder.parameter_count();
+        if let Some(occupancy) = &scene.occupancy {
+            // Nine bytes for each brick of 64 cells.
+            bytes += occupancy.vertices.as_u64vec3().element_product() / 4;
+        }
+        for scale in &scene.scales {
+            let values = scale.factors.density.len() + scale.factors.appearance.len();
+            bytes += ((scalar + 1) * values + TENSOR_BYTES * scale.cloud.len()) as u64;
+            let index = CellIndex::<T>::within(&scale.cloud, scene.bounds.center(), most.checked_sub(bytes)?)?;
+            bytes += 2 * index.memory();
+        }
+        (bytes <= most).then_some(bytes)
+    }
+
+    /// The most bytes of memory that tracing a ray takes, its samples and their components, features and activations.
+    pub fn memory_of_ray(&self) -> u64 {
+        let scalar = size_of::<T>();
+        let contributions = self.scales.iter().map(|s| s.top_k() * size_of::<Contribution<T>>()).sum::<usize>();
+        let widths = self.decoder.layers.iter().map(|l| l.bias.len() + l.weights.len() / l.bias.len().max(1));
+        let rows = widths.sum::<usize>() + 2 * self.component_count();
+        // Lists double as they grow.
+        let sample = 3 * (64 + 16 * self.scales.len() + contributions) + 2 * scalar * rows;
+        let steps = self.rules.most_steps(&self.bounds).ceil() as u64 + 1;
+        steps.saturating_mul(sample as u64)
+    }
+
     /// As [`Field::new`], but takes each scale's factors out of `scene` as soon as they are converted, which keeps about one
     /// copy of them in memory at any time.
     pub fn taking(scene: &mut Scene) -> Self {

@@ -89,8 +89,13 @@ impl Rules {
         if self.contraction.is_some() { *bounds } else { bounds.intersection(within) }
     }
 
+    /// The most samples of a ray in a scene of these `bounds`, not rounded (spec 5).
+    pub(crate) fn most_steps(&self, bounds: &Aabb) -> f64 {
+        self.longest_path(bounds) / self.step
+    }
+
     /// The largest difference of two samples' parameters on a ray, in a scene of these `bounds` (spec 4.8 and 4.9).
-    pub(super) fn longest_path(&self, bounds: &Aabb) -> f64 {
+    fn longest_path(&self, bounds: &Aabb) -> f64 {
         if self.contraction.is_some() { 2.0 * MAX_SPACING } else { bounds.size().length() }
     }
 

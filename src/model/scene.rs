@@ -52,6 +52,16 @@ impl Scene {
         self.decoder.parameter_count() + self.rules.sky.as_ref().map_or(0, |sky| sky.coefficients.len() as u64)
     }
 
+    /// Bytes of memory that the scene takes, but for some hundreds.
+    pub fn memory_bytes(&self) -> u64 {
+        let of_scale = |scale: &Scale| {
+            let factors = scale.factors.density.len() + scale.factors.appearance.len();
+            4 * (factors + scale.appearance_matrix.weights.len()) as u64 + 24 * scale.cloud.len() as u64
+        };
+        let occupancy = self.occupancy.as_ref().map_or(0, |occupancy| 8 * occupancy.words.len() as u64);
+        self.scales.iter().map(of_scale).sum::<u64>() + 4 * self.decoder.parameter_count() + occupancy
+    }
+
     /// Checks every invariant that readers, renderers and the trainer rely on.
     ///
     /// # Errors
@@ -76,7 +86,7 @@ impl Scene {
             return Err(BrokenInvariant::new("bounds", "a finite box of positive size", found));
         }
         self.rules.check(&self.bounds)?;
-        let samples = self.rules.longest_path(&self.bounds) / self.rules.step;
+        let samples = self.rules.most_steps(&self.bounds);
         if samples > MAX_SAMPLES {
             return Err(BrokenInvariant::new(
                 "rules step",

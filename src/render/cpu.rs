@@ -87,6 +87,11 @@ impl<T: Real> CpuRenderer<T> {
         Ok(Self { field })
     }
 
+    /// The most bytes of memory that tracing a ray takes.
+    pub fn memory_of_ray(&self) -> u64 {
+        self.field.memory_of_ray()
+    }
+
     /// A renderer of `field`.
     pub fn from_field(field: Field<T>) -> Self {
         Self { field }

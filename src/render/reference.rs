@@ -26,6 +26,14 @@ pub struct Trace {
     pub condition: f64,
 }
 
+impl Trace {
+    /// The pixel, in 32 bits.
+    pub fn pixel(&self) -> Pixel {
+        let color = self.color.map(|c| c as f32);
+        Pixel { color, opacity: self.opacity as f32, depth: self.depth as f32 }
+    }
+}
+
 /// Renders a scene as spec 4 defines it.
 #[derive(Debug)]
 pub struct ReferenceRenderer<'a> {
@@ -40,6 +48,11 @@ impl<'a> ReferenceRenderer<'a> {
 
     /// Marches one ray (spec 4.8).
     pub fn trace_one(&self, ray: &Ray) -> Trace {
+        self.trace_while(ray, || true).expect("nothing ends the march")
+    }
+
+    /// As [`Self::trace_one`]; `None` if `goes_on`, which is asked before each sample, says no.
+    pub fn trace_while(&self, ray: &Ray, goes_on: impl Fn() -> bool) -> Option<Trace> {
         let scene = self.field.scene();
         let rules = &scene.rules;
         let mut shading = Shading::new(scene.features() as usize);
@@ -59,6 +72,9 @@ impl<'a> ReferenceRenderer<'a> {
                 margin = margin.min((u - end).abs());
                 if u >= end {
                     break;
+                }
+                if !goes_on() {
+                    return None;
                 }
                 // Counting: in the model and occupied.
                 let position = path.position(u);
@@ -113,7 +129,7 @@ impl<'a> ReferenceRenderer<'a> {
         color.iter_mut().zip(background).for_each(|(c, b)| *c += transmittance * b);
         let opacity = if rules.sky.is_some() { 1.0 } else { 1.0 - transmittance };
         let depth = if weight_sum > 0.0 { distance_sum / weight_sum } else { 0.0 };
-        Trace { color, opacity, depth, margin, condition }
+        Some(Trace { color, opacity, depth, margin, condition })
     }
 }
 
@@ -170,12 +186,7 @@ impl Shading {
 
 impl Renderer for ReferenceRenderer<'_> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        let pixel = |ray| {
-            let trace = self.trace_one(ray);
-            let color = trace.color.map(|c| c as f32);
-            Pixel { color, opacity: trace.opacity as f32, depth: trace.depth as f32 }
-        };
-        rays.par_iter().map(pixel).collect()
+        rays.par_iter().map(|ray| self.trace_one(ray).pixel()).collect()
     }
 
     fn background(&self) -> [f32; 3] {
