@@ -270,6 +270,16 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         ("malformed-codec-density", changed(&|f| f.part("DENSITY").codec = 2)),
         ("missing-decoder", changed(&|f| drop(f.sections.remove(f.index("DECODER"))))),
         ("limit-rank", patched("SCALE", 48, &most)),
+        ("limit-tensors", patched("SCALE", 0, &(1u32 << 22 | 1).to_le_bytes())),
+        ("limit-layer", patched("DECODER", 21, &1025u32.to_le_bytes())),
+        ("limit-occupancy", patched("OCCUPANCY", 48, &[1024u32, 1024, 257].map(u32::to_le_bytes).concat())),
+        ("limit-probe-steps", {
+            // A hundred thousand steps on the diagonal, of 64 probes.
+            let mut file = File::of(&file(&ball(), Metadata::default(), &plain));
+            let step = 1e-5 * ball().bounds.size().length();
+            file.part("RULES").patch(72, &step.to_le_bytes());
+            file.bytes()
+        }),
         ("limit-sections", {
             let mut bytes = base.clone();
             bytes[12..16].copy_from_slice(&most);
@@ -394,7 +404,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     files.push(("malformed-integers-ones", integers(&|payload| payload[64 + 20..].fill(0xff))));
     let bomb = {
         let mut scene = made::smallest();
-        scene.occupancy = Some(Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 1024, 1024)));
+        scene.occupancy = Some(Occupancy::empty(scene.bounds, glam::UVec3::new(1024, 512, 512)));
         encode_scene_file(&scene, &Metadata::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() })
             .unwrap()
     };

@@ -11,8 +11,8 @@ use super::metadata::Metadata;
 use super::section::{Section, SectionKind};
 use super::writer::{Finished, Place, Rewriter};
 use super::{
-    chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, provenance, rules, scale,
-    table,
+    chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules,
+    scale, table,
 };
 use crate::model::{Factors, Placement, Scale, Scene};
 
@@ -219,6 +219,9 @@ fn write(
                 prefix::write(writer, s as u16, correction, (options.networks, steps))
             })?;
         }
+    }
+    if let Some(probes) = &metadata.probes {
+        probes::check_steps(probes, &scene.rules, &scene.bounds)?;
     }
     metadata.write_tail(&mut out, before.map(|b| b.metadata))?;
     out.writer.finish()

@@ -12,7 +12,7 @@ pub const SECTIONS: RangeInclusive<u64> = 1..=65_536;
 /// Scales of a scene.
 pub const SCALES: RangeInclusive<u64> = 1..=16;
 /// Tensors of a scale.
-pub const TENSORS: RangeInclusive<u64> = 1..=1 << 24;
+pub const TENSORS: RangeInclusive<u64> = 1..=1 << 22;
 /// One more than the largest cell coordinate, per axis.
 pub const CELL_EXTENT: RangeInclusive<u64> = 1..=1 << 20;
 /// `top_k`, the largest number of neighbors of a point.
@@ -28,11 +28,11 @@ pub const FREQUENCIES: RangeInclusive<u64> = 0..=16;
 /// Layers of the decoder.
 pub const LAYERS: RangeInclusive<u64> = 1..=16;
 /// Inputs or outputs of a layer.
-pub const LAYER_WIDTH: RangeInclusive<u64> = 1..=16_384;
+pub const LAYER_WIDTH: RangeInclusive<u64> = 1..=1024;
 /// Occupancy vertices, per axis.
 pub const OCCUPANCY_AXIS: RangeInclusive<u64> = 2..=4096;
 /// Occupancy vertices in all.
-pub const OCCUPANCY_VERTICES: RangeInclusive<u64> = 8..=1 << 30;
+pub const OCCUPANCY_VERTICES: RangeInclusive<u64> = 8..=1 << 28;
 /// Bytes of a string.
 pub const STRING_BYTES: RangeInclusive<u64> = 0..=4096;
 /// Chunks of a scale.
@@ -43,6 +43,8 @@ pub const RANK_SUM: RangeInclusive<u64> = 1..=4096;
 pub const TEXT_BYTES: RangeInclusive<u64> = 0..=1 << 20;
 /// Probes, views of a path, cameras, notes.
 pub const ITEMS: RangeInclusive<u64> = 0..=65_536;
+/// Probes, times the steps on the longest ray through the bounds.
+pub const PROBE_STEPS: RangeInclusive<u64> = 0..=1 << 22;
 /// Bytes of a thumbnail.
 pub const THUMBNAIL_BYTES: RangeInclusive<u64> = 1..=1 << 22;
 
@@ -61,6 +63,15 @@ impl Default for Limits {
     /// copies.
     fn default() -> Self {
         Self { memory: if cfg!(target_pointer_width = "32") { 1 << 30 } else { 1 << 32 } }
+    }
+}
+
+impl Limits {
+    /// The limits for a file of `length` bytes, unless the caller knows better: 512 MiB and 64 bytes for each of the file's,
+    /// but at most the default. Packed scenes take 100 to 200 MiB, and a small file that is made to
+    /// take as much as it can is still read within seconds.
+    pub fn of_file(length: u64) -> Self {
+        Self { memory: length.saturating_mul(64).saturating_add(512 << 20).min(Self::default().memory) }
     }
 }
 

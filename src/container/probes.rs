@@ -8,6 +8,8 @@ use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::geometry::Aabb;
+use crate::model::Rules;
 
 /// Bytes of a probe.
 const PROBE_BYTES: usize = 144;
@@ -93,6 +95,12 @@ pub(super) fn write(writer: &mut Writer, probes: &Probes) -> Result<(), Error> {
     }
     writer.stored(Place::whole(SectionKind::Probes), record::write(&"PROBES", &record)?, &body);
     Ok(())
+}
+
+/// Checks that tracing all of `probes` takes a bounded time (spec 5).
+pub(super) fn check_steps(probes: &Probes, rules: &Rules, bounds: &Aabb) -> Result<(), Error> {
+    let steps = rules.most_steps(bounds).ceil().max(1.0) * probes.probes.len() as f64;
+    limits::check("PROBES times the steps on the longest ray", limits::PROBE_STEPS, steps as u64)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Probes, Error> {

@@ -12,7 +12,9 @@ use super::prefix::Prefix;
 use super::section::{Section, SectionKind};
 use super::source::Source;
 use super::table::Contents;
-use super::{decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, provenance, rules, scale, table};
+use super::{
+    decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules, scale, table,
+};
 use crate::geometry::Aabb;
 use crate::model::{Decoder, FactorKind, Factors, Frame, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud};
 
@@ -40,7 +42,7 @@ pub struct SceneFile {
 /// # Errors
 ///
 /// If the bytes are not a whole, undamaged file of this major version whose scene is valid, or if decoding takes more
-/// memory than [`Limits::default`] allows.
+/// memory than [`Limits::of_file`] allows.
 ///
 /// # Examples
 ///
@@ -56,7 +58,7 @@ pub struct SceneFile {
 /// # Ok::<(), Error>(())
 /// ```
 pub fn decode(bytes: &[u8]) -> Result<Scene, Error> {
-    Ok(decode_scene_file(bytes, Limits::default())?.scene)
+    Ok(decode_scene_file(bytes, Limits::of_file(bytes.len() as u64))?.scene)
 }
 
 /// [`decode`], with the ancillary sections of the file.
@@ -143,6 +145,9 @@ impl<S: Source> Reader<S> {
         order.finish()?;
         if part.metadata {
             self.read_metadata(&ancillary, &unknown, head.scales, &mut metadata, &mut budget)?;
+            if let Some(probes) = &metadata.probes {
+                probes::check_steps(probes, &head.rules, &head.bounds)?;
+            }
         }
 
         let Head { frame, rules, bounds, scales: all_scales, decoder, occupancy, provenance, .. } = head;
@@ -254,7 +259,7 @@ impl<S: Source> Reader<S> {
         let record = &shape.record;
         let tensors: u64 = chunks.iter().map(|&n| u64::from(shape.chunks[n].tensors)).sum();
         let rows = Factors::rows(record.resolution) as u64;
-        // Within the limits: 2^24 tensors, 2^12 rows, 2^9 components.
+        // Within the limits: 2^22 tensors, 2^12 rows, 2^9 components.
         let [density, appearance] =
             [record.density_rank, record.appearance_rank].map(|rank| tensors * rows * u64::from(rank));
         // Step codes, and the chunk of each tensor.

@@ -56,7 +56,8 @@ fn the_limits_are_those_of_the_code() {
         ("bytes of a text", limits::TEXT_BYTES),
         ("probes, poses, cameras, notes", limits::ITEMS),
         ("bytes of a thumbnail", limits::THUMBNAIL_BYTES),
-        ("steps along the bounds' diagonal", 0..=1 << 20),
+        ("steps on the longest ray", 0..=1 << 20),
+        ("probes, times the steps on the longest ray", limits::PROBE_STEPS),
     ];
     let section = SPECIFICATION.split("## 5. Limits").nth(1).and_then(|rest| rest.split("## 6.").next()).unwrap();
     // Besides them the table has a heading and its rule.

@@ -1,12 +1,16 @@
 """The command: `python -m strivec info FILE` and `python -m strivec verify FILE...`.
 
 Exit codes: 0 success; 2 usage error, or a file that cannot be read; 3 a damaged or invalid file, or probes out of
-tolerance; 5 a file that this reader does not support or that exceeds the memory budget. Of several files, the largest
+tolerance; 4 the time did not suffice; 5 a file that this reader does not support or that exceeds the memory budget. Of several files, the largest
 code is returned.
 """
 
 import argparse
+<<<<<<< HEAD
 import re
+=======
+import os
+>>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
 import sys
 
 import numpy as np
@@ -15,11 +19,15 @@ from . import limits, reader
 from .errors import StrivecError
 from .probes import MIN_MARGIN, check_probes
 
+<<<<<<< HEAD
 USAGE_ERROR, INVALID_FILE = 2, 3
 # The characters of `src/escape.rs`.
 UNSAFE = re.compile(
     "[\0-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
 )
+=======
+USAGE_ERROR, INVALID_FILE, UNFINISHED = 2, 3, 4
+>>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
 
 
 def main(arguments=None):
@@ -28,9 +36,8 @@ def main(arguments=None):
     parser.add_argument(
         "--budget",
         type=int,
-        default=limits.DEFAULT_BUDGET,
         metavar="BYTES",
-        help="maximum memory in bytes (default: %(default)s)",
+        help="maximum memory in bytes (default: 512 MiB and 64 bytes for each of the file's, at most 4 GiB)",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     command = commands.add_parser("info", help="print a summary of a scene")
@@ -38,11 +45,18 @@ def main(arguments=None):
     command.set_defaults(run=info)
     command = commands.add_parser("verify", help="check structure, checksums, values and probes")
     command.add_argument("files", nargs="+", metavar="FILE")
+    command.add_argument(
+        "--time",
+        type=float,
+        metavar="SECONDS",
+        help="time limit for a file's probes in seconds (default: none)",
+    )
     command.set_defaults(run=verify)
     options = parser.parse_args(arguments)
-    return max(_run(options.run, path, options.budget) for path in options.files)
+    return max(_run(options, path) for path in options.files)
 
 
+<<<<<<< HEAD
 def escaped(text):
     """`text` with control characters, and those that reorder text or are invisible, in Python's escapes (section 10)."""
     return UNSAFE.sub(lambda match: match[0].encode("unicode_escape").decode(), str(text))
@@ -52,6 +66,11 @@ def _run(command, path, budget):
     name = escaped(path)
     try:
         return command(name, reader.open(path, budget))
+=======
+def _run(options, path):
+    try:
+        return options.run(path, reader.open(path, options.budget), options)
+>>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
     except StrivecError as error:
         print(f"{name}: {escaped(error)}", file=sys.stderr)
         return error.exit_code
@@ -60,7 +79,7 @@ def _run(command, path, budget):
         return USAGE_ERROR
 
 
-def info(path, scene):
+def info(path, scene, _):
     """Prints a summary of a scene."""
     rules, decoder = scene.rules, scene.decoder
     print(f"{path}: version 1.{scene.minor_version}")
@@ -101,9 +120,10 @@ def _count(number, singular, plural):
     return f"{number} {singular if number == 1 else plural}"
 
 
-def verify(path, scene):
+def verify(path, scene, options):
     """Checks the probes of a scene that was read without an error, and prints the largest differences."""
-    report = check_probes(scene)
+    budget = limits.default_budget(os.path.getsize(path)) if options.budget is None else options.budget
+    report = check_probes(scene, budget, options.time)
     if report is None:
         print(f"{path}: valid, without probes")
         return 0
@@ -115,6 +135,9 @@ def verify(path, scene):
     if report.failed:
         print(f"{path}: probes {report.failed} are out of tolerance; {compared}; {differences}", file=sys.stderr)
         return INVALID_FILE
+    if report.traced < report.probes:
+        print(f"{path}: {report.traced} of {report.probes} probes checked in {options.time} s; {compared}", file=sys.stderr)
+        return UNFINISHED
     print(f"{path}: valid; {compared}; {differences}")
     return 0
 

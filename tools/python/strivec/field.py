@@ -4,6 +4,7 @@ This is a reference, not a fast renderer: each sample of a ray is tested against
 touches. Points are in model space, lengths in model units.
 """
 
+import time
 from collections import namedtuple
 
 import numpy as np
@@ -15,12 +16,13 @@ Rays = namedtuple("Rays", "colors opacities depths")
 Field = namedtuple("Field", "inside densities features")
 
 
-def trace(scene, origins, directions):
+def trace(scene, origins, directions, deadline=None):
     """Marches rays (4.8): colors float64[n][3], opacities and depths float64[n].
 
-    `origins` and `directions` are float64[n][3], the directions of length 1.
+    `origins` and `directions` are float64[n][3], the directions of length 1. Raises a TimeoutError once time.monotonic() is
+    past `deadline`.
     """
-    rays = [_march(scene, origin, direction) for origin, direction in zip(origins, directions)]
+    rays = [_march(scene, origin, direction, deadline) for origin, direction in zip(origins, directions)]
     colors, opacities, depths = zip(*rays) if rays else ([], [], [])
     return Rays(np.array(colors).reshape(-1, 3), np.array(opacities), np.array(depths))
 
@@ -31,7 +33,7 @@ def density_features(scene, points):
     return evaluate(scene, np.asarray(points, np.float64), tensors).densities
 
 
-def _march(scene, origin, direction):
+def _march(scene, origin, direction, deadline):
     """Color, opacity and depth of one ray (4.8)."""
     rules, frame = scene.rules, scene.frame
     behind = np.array(frame.background, np.float64) if rules.sky is None else sky_color(rules.sky, direction)
@@ -47,7 +49,7 @@ def _march(scene, origin, direction):
     if not len(distances):
         return behind, 0.0 if rules.sky is None else 1.0, 0.0
 
-    field = evaluate(scene, points, touched)
+    field = evaluate(scene, points, touched, deadline)
     counts = field.inside
     if scene.occupancy is not None:
         counts = counts & (occupancy(scene.occupancy, points) > 0.0)
@@ -164,10 +166,11 @@ def _touched(scale, origin, direction):
     return np.flatnonzero(enter <= leave)
 
 
-def evaluate(scene, points, tensors):
+def evaluate(scene, points, tensors, deadline=None):
     """The `Field` at points float64[n][3] (4.1 to 4.6), from the tensors with the given indices of each scale.
 
     inside bool[n], density features float64[n], appearance features float64[n][P]; zeros if no scale covers the point.
+    Raises a TimeoutError once time.monotonic() is past `deadline`.
     """
     rules = scene.rules
     covering = np.zeros(len(points), np.int64)  # number of scales that cover the point
@@ -176,6 +179,8 @@ def evaluate(scene, points, tensors):
     for scale, numbers in zip(scene.scales, tensors):
         batch = max(1, MAX_PAIRS // max(1, len(numbers)))
         for start in range(0, len(points), batch):
+            if deadline is not None and time.monotonic() > deadline:
+                raise TimeoutError
             rows = slice(start, start + batch)
             covered, density, appearance = _evaluate_scale(rules, scale, points[rows], numbers)
             covering[rows] += covered

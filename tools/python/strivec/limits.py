@@ -4,11 +4,10 @@ from contextlib import contextmanager
 
 from .errors import LimitExceeded, BudgetExceeded
 
-DEFAULT_BUDGET = 4 << 30  # bytes
 
 SECTIONS = (1, 65_536)
 SCALES = (1, 16)
-TENSORS = (1, 16_777_216)
+TENSORS = (1, 4_194_304)
 CHUNKS = (1, 16_384)
 CELL_EXTENT = (1, 1_048_576)
 TOP_K = (1, 16)
@@ -18,15 +17,21 @@ RANK_SUM = (1, 4_096)
 FEATURES = (1, 256)
 FREQUENCIES = (0, 16)
 LAYERS = (1, 16)
-LAYER_WIDTH = (1, 16_384)
+LAYER_WIDTH = (1, 1_024)
 OCCUPANCY_AXIS = (2, 4_096)
-OCCUPANCY_VERTICES = (8, 1_073_741_824)
+OCCUPANCY_VERTICES = (8, 268_435_456)
 STRING = (0, 4_096)  # bytes
 TEXT = (0, 1_048_576)  # bytes
 RECORD = (0, 8_388_608)  # bytes
 ITEMS = (0, 65_536)  # probes, poses, cameras, notes
 THUMBNAIL = (1, 4_194_304)  # bytes
-MARCH_STEPS = 1_048_576  # steps along the diagonal of the bounds
+MARCH_STEPS = 1_048_576  # steps on the longest ray
+PROBE_STEPS = (0, 4_194_304)  # probes, times these steps
+
+
+def default_budget(length):
+    """Bytes of memory for a file of `length` bytes, unless the caller knows better."""
+    return min((512 << 20) + 64 * length, 4 << 30)
 
 
 def check(value, limit, place):

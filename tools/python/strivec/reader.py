@@ -1,5 +1,6 @@
 """A file to a `Scene`: the order of sections (sections 2.3 and 2.4 of the format)."""
 
+import math
 import mmap
 import os
 
@@ -12,8 +13,9 @@ from .scales import read_scale
 from .scene import Provenance, Scene, UnknownSection
 
 
-def open(path, budget=limits.DEFAULT_BUDGET):
-    """Reads the scene of the file at `path` with at most `budget` bytes of memory besides the file's pages.
+def open(path, budget=None):
+    """Reads the scene of the file at `path` with at most `budget` bytes of memory besides the file's pages;
+    without a number, `limits.default_budget`.
 
     Raises OSError if the file cannot be read, and a StrivecError if it is refused.
     """
@@ -26,8 +28,10 @@ def open(path, budget=limits.DEFAULT_BUDGET):
         os.close(descriptor)
 
 
-def read(data, budget=limits.DEFAULT_BUDGET):
+def read(data, budget=None):
     """Reads the scene of a bytes-like object that holds a whole file. Raises a StrivecError if it is refused."""
+    if budget is None:
+        budget = limits.default_budget(len(data))
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that overflow are refused
         return _read_scene(Container(data, limits.Budget(budget)))
 
@@ -66,6 +70,9 @@ def _read_scene(container):
                 prefixes[index] = prefix
 
     probes = ancillary(sections.read_probes, "PROBES")
+    if probes is not None:
+        steps = max(math.ceil(rules.most_steps), 1) * len(probes.margins)
+        limits.check(steps, limits.PROBE_STEPS, "PROBES times the steps on the longest ray")
     cameras = ancillary(sections.read_cameras, "CAMERAS") or []
     notes = ancillary(sections.read_notes, "NOTES") or {}
     container.finish()

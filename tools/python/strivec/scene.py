@@ -1,5 +1,6 @@
 """The contents of a file as plain records, named as in the format. Lengths are in model units unless noted."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Dict, List, Optional, Tuple
 
@@ -41,6 +42,11 @@ class Rules:
     min_weight: float
     shell: Optional[float] = None  # b of the contraction L∞; None without contraction
     sky: Optional[np.ndarray] = None  # float64[3][(L + 1)²], coefficients by channel (4.11); None without a sky
+
+    @property
+    def most_steps(self):
+        """The steps on the longest ray (section 5), not rounded."""
+        return (math.dist(*self.bounds) if self.shell is None else 4.0 * math.sqrt(3.0)) / self.step
 
 
 @dataclass
