@@ -29,7 +29,8 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
 /// The scene and metadata of the file `path`, and its bytes.
 pub(super) fn read_scene_file(path: &Path) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = read_bytes(path)?;
-    let scene_file = container::decode_scene_file(&bytes, Limits::default()).map_err(|e| Error::container(path, e))?;
+    let scene_file = container::decode_scene_file(&bytes, Limits::of_file(bytes.len() as u64))
+        .map_err(|e| Error::container(path, e))?;
     Ok((scene_file, bytes))
 }
 

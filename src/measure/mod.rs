@@ -23,7 +23,10 @@ pub use error::Error;
 pub use error_map::{error_map, ramp};
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
 pub use png::{DepthCode, color_jpeg, color_png, depth_png, opacity_png};
-pub use probes::{PROBE_MARGIN, ProbeReport, check_probes, make_probes, probe_density_error};
+pub use probes::{
+    CheckedProbes, OverBudget, PROBE_MARGIN, ProbeLimits, ProbeReport, check_probes, check_probes_within, make_probes,
+    probe_density_error,
+};
 pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
 pub use report::{Report, ViewReport, counted};

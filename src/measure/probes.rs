@@ -1,13 +1,16 @@
 //! Probes: rays with the color, opacity and depth of the reference, which every renderer can check.
 
+use std::time::Instant;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::container::{Probe, Probes};
+use crate::field::Field;
 use crate::geometry::{Aabb, Ray};
 use crate::model::{ReferenceField, Scene};
 use crate::random::Random;
-use crate::render::{Pixel, ReferenceRenderer, Renderer};
+use crate::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer};
 
 /// Rays tried for each probe. The one with the largest decision margin is kept.
 const TRIED: u64 = 16;
@@ -102,15 +105,103 @@ fn candidate(
 
 /// Compares `renderer` with `probes`.
 pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
-    let rays: Vec<Ray> = (probes.probes.iter())
-        .map(|p| Ray { origin: DVec3::from_array(p.origin), direction: DVec3::from_array(p.direction) })
+    let rays: Vec<Ray> = probes.probes.iter().map(ray_of).collect();
+    compare(probes, renderer.trace(&rays).into_iter().map(Some))
+}
+
+/// What checking the probes of an untrusted file may take.
+#[derive(Clone, Copy, Debug)]
+pub struct ProbeLimits {
+    /// Bytes of memory, besides the scene.
+    pub memory: u64,
+    /// When to end, if ever.
+    pub deadline: Option<Instant>,
+}
+
+/// The memory of [`ProbeLimits`] does not suffice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{part} needs {} MiB of memory, but {} MiB of the budget are left; allow more", needed.div_ceil(1 << 20), left >> 20)]
+pub struct OverBudget {
+    part: &'static str,
+    needed: u64,
+    left: u64,
+}
+
+/// How the renderers compare with probes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckedProbes {
+    /// Probes that were traced before the deadline.
+    pub traced: usize,
+    /// By the reference.
+    pub reference: ProbeReport,
+    /// By the CPU renderer.
+    pub cpu: ProbeReport,
+    /// As [`probe_density_error`], of the probes that were traced.
+    pub density_error: f64,
+}
+
+/// Compares the reference and the CPU renderer with `probes`, ray by ray, until the deadline.
+///
+/// The reference can end at any sample. The CPU renderer, which takes less time, traces only the rays that the reference has.
+///
+/// # Errors
+///
+/// If it takes more memory than `limits` allows.
+pub fn check_probes_within(scene: &Scene, probes: &Probes, limits: ProbeLimits) -> Result<CheckedProbes, OverBudget> {
+    let unless_over =
+        |part, needed, left| if needed <= left { Ok(left - needed) } else { Err(OverBudget { part, needed, left }) };
+    let start = Instant::now();
+    let is_before = |deadline: Option<Instant>| deadline.is_none_or(|deadline| Instant::now() < deadline);
+    // The other half is for the CPU renderer.
+    let half = limits.deadline.map(|deadline| start + deadline.saturating_duration_since(start) / 2);
+
+    unless_over("the reference renderer", ReferenceField::memory(scene), limits.memory)?;
+    let reference = ReferenceRenderer::new(scene);
+    let mut references: Vec<Option<Pixel>> = (probes.probes.par_iter())
+        .map(|probe| Some(reference.trace_while(&ray_of(probe), || is_before(half))?.pixel()))
         .collect();
-    let mut report = ProbeReport { count: probes.probes.len(), ..ProbeReport::default() };
-    for (probe, pixel) in probes.probes.iter().zip(renderer.trace(&rays)) {
-        if probe.margin <= PROBE_MARGIN {
-            continue;
+    let field = ReferenceField::new(scene);
+    let mut density_error = 0.0;
+    for (probe, pixel) in probes.probes.iter().zip(&mut references).filter(|(_, pixel)| pixel.is_some()) {
+        if is_before(limits.deadline) {
+            density_error = f64::max(density_error, density_error_of(&field, probe));
+        } else {
+            *pixel = None;
         }
-        let Pixel { color, opacity, depth } = pixel;
+    }
+    drop((reference, field));
+
+    let needed = Field::<f32>::memory(scene, limits.memory).unwrap_or(limits.memory.saturating_add(1));
+    let left = unless_over("the CPU renderer", needed, limits.memory)?;
+    let renderer = CpuRenderer::<f32>::new(scene);
+    let of_ray = renderer.memory_of_ray();
+    unless_over("a ray of the CPU renderer", of_ray, left)?;
+    let together = (left / of_ray.max(1)).clamp(1, 64) as usize;
+    let mut pixels = vec![None; probes.probes.len()];
+    let traced: Vec<usize> = (0..pixels.len()).filter(|&n| references[n].is_some()).collect();
+    for some in traced.chunks(together).take_while(|_| is_before(limits.deadline)) {
+        let rays: Vec<Ray> = some.iter().map(|&n| ray_of(&probes.probes[n])).collect();
+        for (&n, pixel) in some.iter().zip(renderer.trace(&rays)) {
+            pixels[n] = Some(pixel);
+        }
+    }
+    Ok(CheckedProbes {
+        traced: pixels.iter().flatten().count(),
+        reference: compare(probes, references.into_iter()),
+        cpu: compare(probes, pixels.into_iter()),
+        density_error,
+    })
+}
+
+fn ray_of(probe: &Probe) -> Ray {
+    Ray { origin: DVec3::from_array(probe.origin), direction: DVec3::from_array(probe.direction) }
+}
+
+/// Compares `pixels` with those of `probes`, where there is one.
+fn compare(probes: &Probes, pixels: impl Iterator<Item = Option<Pixel>>) -> ProbeReport {
+    let mut report = ProbeReport { count: probes.probes.len(), ..ProbeReport::default() };
+    for (probe, pixel) in probes.probes.iter().zip(pixels) {
+        let Some(Pixel { color, opacity, depth }) = pixel.filter(|_| probe.margin > PROBE_MARGIN) else { continue };
         let colors = color.iter().zip(probe.color).map(|(&found, expected)| (f64::from(found) - expected).abs());
         let color = colors.fold((f64::from(opacity) - probe.opacity).abs(), f64::max);
         let depth = (f64::from(depth) - probe.depth).abs();
@@ -127,9 +218,41 @@ pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
 /// and their size; 0 if no probe is compared.
 pub fn probe_density_error(scene: &Scene, probes: &Probes) -> f64 {
     let field = ReferenceField::new(scene);
-    let error = |probe: &Probe| {
-        let found = field.density_feature(&field.locate(DVec3::from_array(probe.point))).feature;
-        (found - probe.density_feature).abs() / probe.density_feature.abs().max(1.0)
-    };
-    probes.probes.iter().filter(|p| p.margin > PROBE_MARGIN).map(error).fold(0.0, f64::max)
+    probes.probes.iter().map(|probe| density_error_of(&field, probe)).fold(0.0, f64::max)
+}
+
+/// The same of one probe; 0 if it is not compared.
+fn density_error_of(field: &ReferenceField<'_>, probe: &Probe) -> f64 {
+    if probe.margin <= PROBE_MARGIN {
+        return 0.0;
+    }
+    let found = field.density_feature(&field.locate(DVec3::from_array(probe.point))).feature;
+    (found - probe.density_feature).abs() / probe.density_feature.abs().max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::{Limits, decode_scene_file};
+
+    #[test]
+    fn probes_are_checked_within_time_and_memory() {
+        let bytes = include_bytes!("../../fixtures/v1/f32.strivec");
+        let file = decode_scene_file(bytes, Limits::default()).unwrap();
+        let probes = file.metadata.probes.unwrap();
+        let check = |memory, deadline| check_probes_within(&file.scene, &probes, ProbeLimits { memory, deadline });
+
+        let whole = check(1 << 28, None).unwrap();
+        assert_eq!(whole.traced, 64);
+        assert_eq!(whole.reference, check_probes(&ReferenceRenderer::new(&file.scene), &probes));
+        assert_eq!(whole.cpu, check_probes(&CpuRenderer::<f32>::new(&file.scene), &probes));
+        assert_eq!(whole.density_error, probe_density_error(&file.scene, &probes));
+
+        let late = check(1 << 28, Some(Instant::now())).unwrap();
+        assert_eq!((late.traced, late.reference.compared, late.cpu.compared), (0, 0, 0));
+
+        for memory in [0, 1 << 10, 1 << 15, 1 << 17] {
+            assert!(check(memory, None).is_err(), "{memory} bytes");
+        }
+    }
 }

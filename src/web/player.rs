@@ -42,7 +42,7 @@ impl Player {
     ///
     /// If the bytes are not such a file, or if the device is too small for it; the scene at `place` then stays.
     pub fn open(&self, bytes: Vec<u8>, place: usize) -> Result<(), JsError> {
-        let file = decode_scene_file(&bytes, Limits::default())?;
+        let file = decode_scene_file(&bytes, Limits::of_file(bytes.len() as u64))?;
         let contents = sections(&bytes)?;
         drop(bytes);
         let step = Step { file, scales: scale_count(&contents), contents, is_whole: true };

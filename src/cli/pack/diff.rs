@@ -41,7 +41,7 @@ pub(super) struct Difference {
 
 /// Compares two files; fails where they differ.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let limits = args.limits.limits();
+    let limits = args.limits;
     let (before, before_bytes) = input::read(&args.before, limits)?;
     let (after, after_bytes) = input::read(&args.after, limits)?;
     let same_bytes = before_bytes == after_bytes;

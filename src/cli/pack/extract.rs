@@ -110,7 +110,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
         let message = format!("{}: exists; name a new folder", args.output.display());
         return Err(Error::Usage(message));
     }
-    let (document, _) = input::read(&args.input, args.limits.limits())?;
+    let (document, _) = input::read(&args.input, args.limits)?;
     // The folder is written under another name and then renamed, so that it is complete.
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let partial = tempfile::tempdir_in(parent).map_err(Error::io("make a folder in", parent))?;

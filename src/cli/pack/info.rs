@@ -5,11 +5,11 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::input::{self, Inputs};
+use super::input::{self, Inputs, LimitArgs};
 use crate::cli::info::Info;
 use crate::cli::table::Table;
 use crate::cli::{Error, Session};
-use crate::container::{self, Limits, Metadata};
+use crate::container::{self, Metadata};
 use crate::digits::grouped;
 use crate::escape::escaped;
 
@@ -49,7 +49,7 @@ pub(super) struct Row {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
-        match Row::read(path, args.inputs.limits.limits()) {
+        match Row::read(path, args.inputs.limits) {
             Ok(row) => rows.push(row),
             Err(error) => errors.push(error),
         }
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 impl Row {
-    fn read(path: PathBuf, limits: Limits) -> Result<Self, Error> {
+    fn read(path: PathBuf, limits: LimitArgs) -> Result<Self, Error> {
         let (document, bytes) = input::read(&path, limits)?;
         let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
         Ok(Self::new(path, bytes.len() as u64, document, &contents))

@@ -23,14 +23,18 @@ pub(super) struct Inputs {
 /// Resource limits for untrusted files.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct LimitArgs {
-    /// Memory limit for decoding a file, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = Limits::default().memory >> 20)]
-    memory: u64,
+    /// Memory limit for a decoded file, in MiB [default: 512, and 64 for each MiB of the file, at most 4096]
+    #[arg(long, value_name = "MIB")]
+    memory: Option<u64>,
 }
 
 impl LimitArgs {
-    pub(super) fn limits(self) -> Limits {
-        Limits { memory: self.memory.saturating_mul(1 << 20) }
+    /// The limits for a file of `length` bytes.
+    pub(super) fn of_file(self, length: usize) -> Limits {
+        match self.memory {
+            Some(mebibytes) => Limits { memory: mebibytes.saturating_mul(1 << 20) },
+            None => Limits::of_file(length as u64),
+        }
     }
 }
 
@@ -67,9 +71,10 @@ fn is_pattern(input: &str) -> bool {
 }
 
 /// The content of a file, and its bytes.
-pub(super) fn read(path: &Path, limits: Limits) -> Result<(SceneFile, Vec<u8>), Error> {
+pub(super) fn read(path: &Path, limits: LimitArgs) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = scene_file::read_bytes(path)?;
-    let document = container::decode_scene_file(&bytes, limits).map_err(|e| Error::container(path, e))?;
+    let document =
+        container::decode_scene_file(&bytes, limits.of_file(bytes.len())).map_err(|e| Error::container(path, e))?;
     Ok((document, bytes))
 }
 

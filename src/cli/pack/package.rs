@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use super::convert::warn_of_growth;
-use super::input::{self, Inputs, Outputs};
+use super::input::{self, Inputs, LimitArgs, Outputs};
 use super::packaging::{Extras, Packing};
 use crate::cli::dataset::DatasetOptions;
 use crate::cli::progress::Progress;
@@ -15,7 +15,7 @@ use crate::cli::state_file::{StateFile, read_state};
 use crate::cli::table::plural;
 use crate::cli::training::{interrupts, run_steps};
 use crate::cli::{Error, Session, quantity};
-use crate::container::{EncodeOptions, Limits, Metadata, Quality, SceneFile, TrainingCamera};
+use crate::container::{EncodeOptions, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
@@ -217,7 +217,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let photographs = args.data.load()?;
     let mut rows = Vec::new();
     for path in &paths {
-        let (document, bytes_before) = read_trained(path, args.inputs.limits.limits())?;
+        let (document, bytes_before) = read_trained(path, args.inputs.limits)?;
         let raw = 4 * document.scene.parameter_count();
         let lossless = args.goal.lossless.then(|| pack::lossless(&document)).transpose();
         let mut lossless = lossless.map_err(|e| Error::container(path, e))?;
@@ -256,7 +256,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// What a scene file or a training state holds, and its bytes.
-fn read_trained(path: &Path, limits: Limits) -> Result<(SceneFile, u64), Error> {
+fn read_trained(path: &Path, limits: LimitArgs) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
         let (_, scene) = read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();

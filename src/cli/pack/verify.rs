@@ -1,15 +1,15 @@
 //! `strivec-pack verify`.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::input::{self, Inputs};
+use super::input::{self, Inputs, LimitArgs};
 use crate::cli::{Error, Session};
-use crate::container::{Limits, SceneFile};
+use crate::container::SceneFile;
 use crate::escape::{escaped, escaped_path};
-use crate::measure::{ProbeReport, check_probes, probe_density_error};
-use crate::render::{CpuRenderer, ReferenceRenderer, Renderer};
+use crate::measure::{CheckedProbes, ProbeLimits, ProbeReport, check_probes_within};
 
 /// Arguments of `strivec-pack verify`.
 #[derive(Debug, clap::Args)]
@@ -20,6 +20,9 @@ pub(super) struct Args {
     /// Render the file's probes with every renderer and compare
     #[arg(long)]
     render: bool,
+    /// Time limit for a file's probes, in seconds; 0 for none
+    #[arg(long, value_name = "SECONDS", default_value_t = 8.0, requires = "render")]
+    time: f64,
     /// Treat warnings as errors
     #[arg(long)]
     strict: bool,
@@ -52,7 +55,7 @@ struct RendererRow {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
-        let (row, error) = verify(&path, args, args.inputs.limits.limits());
+        let (row, error) = verify(&path, args, args.inputs.limits);
         errors.extend(error);
         rows.push(row);
     }
@@ -60,10 +63,11 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.fail_with(errors)
 }
 
-fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
+fn verify(path: &Path, args: &Args, limits: LimitArgs) -> (Row, Option<Error>) {
+    let start = Instant::now();
     let mut row = Row { file: path.into(), error: None, warnings: Vec::new(), renderers: Vec::new() };
-    let document = match input::read(path, limits) {
-        Ok((document, _)) => document,
+    let (document, length) = match input::read(path, limits) {
+        Ok((document, bytes)) => (document, bytes.len()),
         Err(error) => {
             row.error = Some(error.to_string());
             return (row, Some(error));
@@ -74,12 +78,25 @@ fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
     if args.render
         && let Some(probes) = &document.metadata.probes
     {
-        let reference = ReferenceRenderer::new(&document.scene);
-        let fast = CpuRenderer::<f32>::new(&document.scene);
-        let renderers: [(&'static str, &dyn Renderer); 2] = [("reference", &reference), ("cpu", &fast)];
-        for (name, renderer) in renderers {
+        let limits = ProbeLimits {
+            memory: limits.of_file(length).memory.saturating_sub(document.scene.memory_bytes()),
+            deadline: Duration::try_from_secs_f64(args.time)
+                .ok()
+                .filter(|time| !time.is_zero())
+                .and_then(|time| start.checked_add(time)),
+        };
+        let CheckedProbes { traced, reference, cpu, density_error } =
+            match check_probes_within(&document.scene, probes, limits) {
+                Ok(checked) => checked,
+                Err(error) => {
+                    let message = format!("{}: probes: {error} with --memory", path.display());
+                    row.error = Some(message.clone());
+                    return (row, Some(Error::Malformed(message)));
+                }
+            };
+        for (name, report) in [("reference", reference), ("cpu", cpu)] {
             let ProbeReport { compared, count, largest_color_difference, largest_depth_difference, failed: wrong } =
-                check_probes(renderer, probes);
+                report;
             if wrong > 0 {
                 failed.push(format!("{wrong} of {compared} probes are beyond their tolerance in renderer {name}"));
             }
@@ -92,10 +109,22 @@ fn verify(path: &Path, args: &Args, limits: Limits) -> (Row, Option<Error>) {
                 largest_depth_difference,
             });
         }
-        let error = probe_density_error(&document.scene, probes);
-        if error > probes.density_tolerance {
-            failed
-                .push(format!("density features are {error:e} from the probes', beyond {}", probes.density_tolerance));
+        if density_error > probes.density_tolerance {
+            failed.push(format!(
+                "density features are {density_error:e} from the probes', beyond {}",
+                probes.density_tolerance
+            ));
+        }
+        let count = probes.probes.len();
+        if failed.is_empty() && traced < count {
+            let message = format!(
+                "{}: only {traced} of {count} probes could be checked with a time limit of {} s; allow more with --time SECONDS, or \
+                 0 for no limit",
+                path.display(),
+                args.time
+            );
+            row.error = Some(message.clone());
+            return (row, Some(Error::Runtime(message)));
         }
     }
     if args.strict {

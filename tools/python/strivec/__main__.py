@@ -6,11 +6,8 @@ code is returned.
 """
 
 import argparse
-<<<<<<< HEAD
-import re
-=======
 import os
->>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
+import re
 import sys
 
 import numpy as np
@@ -19,15 +16,11 @@ from . import limits, reader
 from .errors import StrivecError
 from .probes import MIN_MARGIN, check_probes
 
-<<<<<<< HEAD
-USAGE_ERROR, INVALID_FILE = 2, 3
+USAGE_ERROR, INVALID_FILE, UNFINISHED = 2, 3, 4
 # The characters of `src/escape.rs`.
 UNSAFE = re.compile(
     "[\0-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
 )
-=======
-USAGE_ERROR, INVALID_FILE, UNFINISHED = 2, 3, 4
->>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
 
 
 def main(arguments=None):
@@ -56,21 +49,15 @@ def main(arguments=None):
     return max(_run(options, path) for path in options.files)
 
 
-<<<<<<< HEAD
 def escaped(text):
     """`text` with control characters, and those that reorder text or are invisible, in Python's escapes (section 10)."""
     return UNSAFE.sub(lambda match: match[0].encode("unicode_escape").decode(), str(text))
 
 
-def _run(command, path, budget):
+def _run(options, path):
     name = escaped(path)
     try:
-        return command(name, reader.open(path, budget))
-=======
-def _run(options, path):
-    try:
-        return options.run(path, reader.open(path, options.budget), options)
->>>>>>> aeed1c8 (Lower the limits that only bombs need, and bound probes)
+        return options.run(name, reader.open(path, options.budget), options)
     except StrivecError as error:
         print(f"{name}: {escaped(error)}", file=sys.stderr)
         return error.exit_code
