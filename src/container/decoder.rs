@@ -7,7 +7,7 @@ use super::encoding::ArrayOptions;
 use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
-use super::record::{self, BorrowDecode, Encode, Record};
+use super::record::{self, BorrowDecode, Encode, List, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
 use crate::model::{Decoder, DecoderMode, Linear};
@@ -17,20 +17,33 @@ struct DecoderRecord {
     mode: u8,
     feature_frequencies: u32,
     direction_frequencies: u32,
-    layers: Vec<LayerRecord>,
+    layers: List<LayerRecord, { *limits::LAYERS.end() }>,
     head: ArrayHead,
 }
 
 impl Record for DecoderRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        self.mode(place)?;
+        self.head.check(place)?;
         limits::check(format!("{place} feature frequencies"), limits::FREQUENCIES, self.feature_frequencies)?;
         limits::check(format!("{place} direction frequencies"), limits::FREQUENCIES, self.direction_frequencies)?;
-        limits::check(format!("{place} layers"), limits::LAYERS, self.layers.len())?;
-        for (i, layer) in self.layers.iter().enumerate() {
+        limits::check(format!("{place} layers"), limits::LAYERS, self.layers.0.len())?;
+        for (i, layer) in self.layers.0.iter().enumerate() {
             limits::check(format!("{place} layer {i} inputs"), limits::LAYER_WIDTH, layer.inputs)?;
             limits::check(format!("{place} layer {i} outputs"), limits::LAYER_WIDTH, layer.outputs)?;
         }
         Ok(())
+    }
+}
+
+impl DecoderRecord {
+    fn mode(&self, place: &dyn Display) -> Result<DecoderMode, Error> {
+        match self.mode {
+            0 => Ok(DecoderMode::PerSample),
+            1 => Ok(DecoderMode::PerRay),
+            2 => Ok(DecoderMode::Residual),
+            code => Err(Error::unknown_code(place, "mode", code)),
+        }
     }
 }
 
@@ -54,24 +67,29 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: (ArrayOptio
             },
             feature_frequencies: decoder.feature_frequencies,
             direction_frequencies: decoder.direction_frequencies,
-            layers: layers.clone(),
+            layers: List(layers.clone()),
             head,
         };
         record::write(&"DECODER", &record)
     })
 }
 
-/// The decoder, and the encoding and step codes of its numbers.
-pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions, Vec<u8>), Error> {
+/// The decoder, the encoding and step codes of its numbers, and P, the number of features that it takes.
+pub(super) fn read(
+    payload: &Payload<'_>,
+    budget: &mut Budget,
+) -> Result<(Decoder, ArrayOptions, Vec<u8>, u32), Error> {
     let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
-    let (numbers, steps) = array::read_network(&body, &record.head, group_lengths(&record.layers), budget)?;
+    let mode = record.mode(payload.section)?;
+    let features = features_of(&record, mode)?;
+    let (numbers, steps) = array::read_network(&body, &record.head, group_lengths(&record.layers.0), budget)?;
     let mut rest = numbers.as_slice();
     let mut take = |count: usize| {
         let (values, after) = rest.split_at(count);
         rest = after;
         values.to_vec()
     };
-    let layers = (record.layers.iter())
+    let layers = (record.layers.0.iter())
         .map(|&LayerRecord { inputs, outputs }| Linear {
             inputs,
             outputs,
@@ -80,17 +98,42 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decode
         })
         .collect();
     let decoder = Decoder {
-        mode: match record.mode {
-            0 => DecoderMode::PerSample,
-            1 => DecoderMode::PerRay,
-            2 => DecoderMode::Residual,
-            code => return Err(Error::unsupported("DECODER mode", format!("code {code}"))),
-        },
+        mode,
         feature_frequencies: record.feature_frequencies,
         direction_frequencies: record.direction_frequencies,
         layers,
     };
-    Ok((decoder, record.head.options(payload.section)?, steps))
+    Ok((decoder, record.head.options(payload.section)?, steps, features))
+}
+
+/// P, from the widths of the layers, which must fit each other.
+fn features_of(record: &DecoderRecord, mode: DecoderMode) -> Result<u32, Error> {
+    let layers = &record.layers.0;
+    let invalid = |place: String, expected: String, found: u32| Err(Error::invalid(place, expected, found));
+    for (n, pair) in layers.windows(2).enumerate() {
+        if pair[1].inputs != pair[0].outputs {
+            let place = format!("DECODER layer {} inputs", n + 1);
+            return invalid(place, pair[0].outputs.to_string(), pair[1].inputs);
+        }
+    }
+    let (Some(first), Some(last)) = (layers.first(), layers.last()) else {
+        return invalid("DECODER layers".into(), "at least 1".into(), 0);
+    };
+    if last.outputs != 3 {
+        return invalid("DECODER outputs of the last layer".into(), "3".into(), last.outputs);
+    }
+    let (direction, of_feature) = (3 * (1 + 2 * record.direction_frequencies), 1 + 2 * record.feature_frequencies);
+    let features = first.inputs.checked_sub(direction).filter(|rest| rest % of_feature == 0);
+    let features = features.map(|rest| rest / of_feature).filter(|&p| limits::FEATURES.contains(&p.into()));
+    let Some(features) = features else {
+        let expected = format!("{direction} and a multiple of {of_feature}, for 1 to 256 features");
+        return invalid("DECODER layer 0 inputs".into(), expected, first.inputs);
+    };
+    if features < mode.min_features() {
+        let place = format!("DECODER features of the mode {}", mode.name());
+        return invalid(place, format!("at least {}", mode.min_features()), features);
+    }
+    Ok(features)
 }
 
 /// The lengths of the array's groups: each row of weights, then the bias, layer by layer.

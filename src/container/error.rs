@@ -21,13 +21,13 @@ use crate::model::BrokenInvariant;
 #[non_exhaustive]
 pub enum Error {
     /// The file does not begin with the magic.
-    #[error("not a .strivec file: it begins with {found:02x?}")]
+    #[error("not a .strivec file: it begins with {}", hex(found))]
     NotStrivec {
         /// The first bytes, at most 8.
         found: Vec<u8>,
     },
     /// The file begins with a damaged magic: a transfer as text changed it (spec 2.1).
-    #[error("damaged by a transfer as text: the file begins with {found:02x?}; transfer it as binary")]
+    #[error("damaged by a transfer as text: the file begins with {}; transfer it as binary", hex(found))]
     LineEndingDamage {
         /// The first bytes, at most 8.
         found: Vec<u8>,
@@ -69,7 +69,7 @@ pub enum Error {
         /// Its name.
         name: String,
     },
-    /// A code that this version does not define, or reserves.
+    /// A code that this version does not define, or a reserved field that is not 0.
     #[error("{place}: {found} is not supported")]
     Unsupported {
         /// The field.
@@ -154,6 +154,36 @@ pub enum Error {
 }
 
 impl Error {
+    /// The class of the error by its name in section 7 of the specification; `None` if the error is not of a file.
+    pub fn class(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::NotStrivec { .. } => "foreign",
+            Self::LineEndingDamage { .. } => "text-transfer",
+            Self::Truncated { .. } => "truncated",
+            Self::Corrupt { .. } => "corrupt",
+            Self::UnsupportedVersion { .. } => "version",
+            Self::UnknownCritical { .. } => "kind",
+            Self::Unsupported { .. } => "code",
+            Self::MissingSection { .. } => "missing",
+            Self::Limit { .. } => "limit",
+            Self::Malformed { .. } => "malformed",
+            Self::Scene(_) => "value",
+            Self::Budget { .. } => "budget",
+            Self::Source { .. } | Self::Overflow { .. } | Self::Level { .. } | Self::Compression { .. } => return None,
+        })
+    }
+
+    /// True if another reader may open the file as it is: a newer one, or one that may take more memory.
+    pub fn needs_another_reader(&self) -> bool {
+        matches!(
+            self,
+            Self::UnsupportedVersion { .. }
+                | Self::UnknownCritical { .. }
+                | Self::Unsupported { .. }
+                | Self::Budget { .. }
+        )
+    }
+
     pub(super) fn malformed(place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Malformed { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
     }
@@ -164,8 +194,22 @@ impl Error {
         Self::Scene(BrokenInvariant { place, expected, found })
     }
 
+    /// [`Error::Unsupported`]: a code of the `field` of `place` that this version does not define.
+    pub(super) fn unknown_code(place: impl Display, field: &str, code: impl Display) -> Self {
+        Self::unsupported(format!("{place} {field}"), format!("code {code}"))
+    }
+
     pub(super) fn unsupported(place: impl Display, found: impl Display) -> Self {
         Self::Unsupported { place: place.to_string(), found: found.to_string() }
+    }
+
+    /// [`Error::Unsupported`] unless the reserved `bytes` of `place` are 0: another value belongs to a later version
+    /// (spec 1).
+    pub(super) fn unless_reserved(place: impl Display, bytes: &[u8]) -> Result<(), Self> {
+        if bytes.iter().all(|&b| b == 0) {
+            return Ok(());
+        }
+        Err(Self::unsupported(format!("{place} reserved bytes"), "a value other than 0"))
     }
 
     /// [`Error::Malformed`] unless all `bytes` are 0.
@@ -180,4 +224,12 @@ impl Error {
     pub(super) fn unless_equal<T: PartialEq + Display>(place: impl Display, expected: T, found: T) -> Result<(), Self> {
         if expected == found { Ok(()) } else { Err(Self::malformed(place, expected, found)) }
     }
+}
+
+/// Bytes in hexadecimal, as in b3 53.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "nothing".into();
+    }
+    bytes.iter().map(|b| format!("{b:02x}")).collect::<Vec<_>>().join(" ")
 }

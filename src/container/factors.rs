@@ -1,5 +1,7 @@
 //! DENSITY and APPEARANCE: the factors of a chunk's tensors (spec 3.10).
 
+use std::fmt::Display;
+
 use super::array::{self, ArrayHead};
 use super::codec::adaptive::{Groups, Shape};
 use super::encoding::ArrayOptions;
@@ -15,13 +17,21 @@ const NUMBER_BYTES: u64 = 8;
 
 #[derive(Encode, BorrowDecode)]
 struct FactorsRecord {
-    /// 1 if the body lists the components that each tensor has.
+    /// 0 if all components are stored, 1 if the body lists those of each tensor.
     is_ragged: u8,
     reserved: [u8; 7],
     head: ArrayHead,
 }
 
-impl Record for FactorsRecord {}
+impl Record for FactorsRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        if self.is_ragged > 1 {
+            return Err(Error::unknown_code(place, "components", self.is_ragged));
+        }
+        Error::unless_reserved(place, &self.reserved)?;
+        self.head.check(place)
+    }
+}
 
 /// One part, density or appearance, of a scale's factors.
 pub(super) struct Part<'a> {
@@ -179,14 +189,9 @@ pub(super) fn open<'a>(
 ) -> Result<Opened<'a>, Error> {
     let name = payload.section;
     let (record, body): (FactorsRecord, _) = payload.record_and_body()?;
-    Error::unless_zero(format!("{name} reserved bytes"), &record.reserved)?;
     let options = record.head.options(name)?;
     let encoding = options.encoding;
-    let mask_bytes = match record.is_ragged {
-        0 => 0,
-        1 => rank.div_ceil(8),
-        other => return Err(Error::malformed(format!("{name} byte 0"), "0 or 1", other)),
-    };
+    let mask_bytes = if record.is_ragged == 0 { 0 } else { rank.div_ceil(8) };
     // Only the masks determine the length of the array. All components of all tensors are its maximum.
     let masks = (mask_bytes * tensors) as u64;
     let all = encoding.length((rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);

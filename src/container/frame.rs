@@ -1,5 +1,7 @@
 //! FRAME: the map from dataset space to model space, and how pictures are meant (spec 3.1).
 
+use std::fmt::Display;
+
 use glam::{DQuat, DVec3};
 
 use super::error::Error;
@@ -23,7 +25,32 @@ struct FrameRecord {
     color_space: u8,
 }
 
-impl Record for FrameRecord {}
+impl Record for FrameRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        self.up(place).and(self.color_space(place)).map(drop)
+    }
+}
+
+impl FrameRecord {
+    fn up(&self, place: &dyn Display) -> Result<UpAxis, Error> {
+        match self.up {
+            0 => Ok(UpAxis::X),
+            1 => Ok(UpAxis::Y),
+            2 => Ok(UpAxis::Z),
+            3 => Ok(UpAxis::MinusX),
+            4 => Ok(UpAxis::MinusY),
+            5 => Ok(UpAxis::MinusZ),
+            code => Err(Error::unknown_code(place, "up axis", code)),
+        }
+    }
+
+    fn color_space(&self, place: &dyn Display) -> Result<ColorSpace, Error> {
+        match self.color_space {
+            0 => Ok(ColorSpace::Srgb),
+            code => Err(Error::unknown_code(place, "color space", code)),
+        }
+    }
+}
 
 pub(super) fn write(frame: &Frame) -> Result<Vec<u8>, Error> {
     let record = FrameRecord {
@@ -58,22 +85,11 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Frame, Error> {
             rotation: DQuat::from_array(record.rotation),
             translation: DVec3::from_array(record.translation),
         },
-        up: match record.up {
-            0 => UpAxis::X,
-            1 => UpAxis::Y,
-            2 => UpAxis::Z,
-            3 => UpAxis::MinusX,
-            4 => UpAxis::MinusY,
-            5 => UpAxis::MinusZ,
-            code => return Err(Error::unsupported("FRAME up axis", format!("code {code}"))),
-        },
+        up: record.up(payload.section)?,
         meters_per_unit: (record.meters_per_unit.to_bits() != 0).then_some(record.meters_per_unit),
         near: record.near,
         far: record.far,
         background: record.background,
-        color_space: match record.color_space {
-            0 => ColorSpace::Srgb,
-            code => return Err(Error::unsupported("FRAME color space", format!("code {code}"))),
-        },
+        color_space: record.color_space(payload.section)?,
     })
 }

@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Header, Error> {
         return Err(Error::Corrupt { section: "header".into(), range: 0..LENGTH as u64, expected, found });
     }
     let header: Header = record::read_whole(&"header", &header[8..CHECKED])?;
-    Error::unless_zero("header reserved bytes", &header.reserved)?;
+    Error::unless_reserved("header", &header.reserved)?;
     Ok(header)
 }
 

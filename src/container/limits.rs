@@ -5,7 +5,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 use super::error::Error;
-use crate::model::MAX_TOP_K;
+use crate::model::{MAX_STEPS, MAX_TOP_K};
 
 /// Sections in a file, of any kind.
 pub const SECTIONS: RangeInclusive<u64> = 1..=65_536;
@@ -47,6 +47,9 @@ pub const ITEMS: RangeInclusive<u64> = 0..=65_536;
 pub const PROBE_STEPS: RangeInclusive<u64> = 0..=1 << 22;
 /// Bytes of a thumbnail.
 pub const THUMBNAIL_BYTES: RangeInclusive<u64> = 1..=1 << 22;
+
+/// Steps along the diagonal of the bounds: samples of a ray.
+pub const STEPS: RangeInclusive<u64> = 0..=MAX_STEPS;
 
 /// Bytes of a section's record: bounds what decoding one can allocate.
 pub const RECORD_BYTES: usize = 1 << 23;

@@ -21,6 +21,7 @@ struct MatrixRecord {
 
 impl Record for MatrixRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        self.head.check(place)?;
         limits::check(format!("{place} features"), limits::FEATURES, self.features)?;
         limits::check(format!("{place} rank"), limits::RANK, self.rank)
     }
@@ -40,9 +41,20 @@ pub(super) fn write(
     })
 }
 
-/// The matrix, and the step codes of its rows.
-pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(AppearanceMatrix, Vec<u8>), Error> {
+/// The matrix of a scale of this appearance `rank`, for a decoder of so many `features`, and the step codes of its rows.
+pub(super) fn read(
+    payload: &Payload<'_>,
+    features: u32,
+    rank: u32,
+    budget: &mut Budget,
+) -> Result<(AppearanceMatrix, Vec<u8>), Error> {
+    let name = payload.section;
     let (record, body): (MatrixRecord, _) = payload.record_and_body()?;
+    if record.features != features {
+        let expected = format!("{features}, as the decoder's inputs say");
+        return Err(Error::invalid(format!("{name} features"), expected, record.features));
+    }
+    Error::unless_equal(format!("{name} rank"), rank, record.rank)?;
     let rows = std::iter::repeat_n(record.rank as usize, record.features as usize);
     let (weights, steps) = array::read_network(&body, &record.head, rows, budget)?;
     Ok((AppearanceMatrix { features: record.features, rank: record.rank, weights }, steps))

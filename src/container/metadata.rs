@@ -2,6 +2,7 @@
 //! 3.18, each in its own file, and the sections of unknown kinds.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::cameras::{self, TrainingCamera};
 use super::error::Error;
@@ -37,9 +38,31 @@ pub struct Metadata {
     pub notes: BTreeMap<String, String>,
     /// Sections of kinds that this version does not define.
     pub unknown: Vec<UnknownSection>,
-    /// Messages, one for each section that was skipped because it has a code of a later version (spec 1). Writing the
-    /// scene drops such sections.
-    pub skipped: Vec<String>,
+    /// The sections that were skipped because the reader could not use them. Writing the scene drops them.
+    pub skipped: Vec<SkippedSection>,
+}
+
+/// An ancillary section that was taken as absent because the reader could not use it: it is damaged, breaks a rule, or
+/// has a code of a later version (spec 1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkippedSection {
+    /// Its kind and scale.
+    pub name: String,
+    /// Why it cannot be used.
+    pub error: Error,
+}
+
+impl SkippedSection {
+    /// True if the file follows the specification: the section only has a code of a later version.
+    pub fn is_valid(&self) -> bool {
+        matches!(self.error, Error::Unsupported { .. })
+    }
+}
+
+impl fmt::Display for SkippedSection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "section {} is skipped: {}", self.name, self.error)
+    }
 }
 
 /// A section of a kind that this version does not define, kept as it was.

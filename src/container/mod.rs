@@ -57,7 +57,7 @@ pub use encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, step, step_code};
 pub use error::Error;
 pub use header::MAGIC;
 pub use limits::Limits;
-pub use metadata::{Metadata, UnknownSection};
+pub use metadata::{Metadata, SkippedSection, UnknownSection};
 pub use part::Part;
 pub use pose::Pose;
 pub use prefix::{Prefix, first_scales};

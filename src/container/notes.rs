@@ -5,15 +5,16 @@ use std::collections::BTreeMap;
 use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
-use super::record::{self, Count, Text};
+use super::record::{self, Count, Str, Text};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::escape::escaped;
 
 pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Result<(), Error> {
     let mut body = Vec::new();
     for (key, value) in notes {
         for text in [key, value] {
-            body.extend(record::write(&"NOTES", &Text { text })?);
+            body.extend(record::write(&"NOTES", &Text { text: Str(text) })?);
         }
     }
     let record = record::write(&"NOTES", &Count { count: notes.len() as u64 })?;
@@ -34,10 +35,10 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMa
         let (key, after): (Text<'_>, _) = record::read(&place, rest)?;
         let (value, after): (Text<'_>, _) = record::read(&place, after)?;
         rest = after;
-        if notes.last_key_value().is_some_and(|(last, _)| last.as_str() >= key.text) {
-            return Err(Error::malformed(format!("{place} key"), "after the previous key", format!("{:?}", key.text)));
+        if notes.last_key_value().is_some_and(|(last, _)| last.as_str() >= key.text.0) {
+            return Err(Error::malformed(format!("{place} key"), "after the key before it", escaped(key.text.0)));
         }
-        notes.insert(key.text.into(), value.text.into());
+        notes.insert(key.text.0.into(), value.text.0.into());
     }
     Error::unless_equal(format!("{name} number of bytes after the notes"), 0, rest.len())?;
     Ok(notes)

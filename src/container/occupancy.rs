@@ -54,6 +54,10 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupan
         budget.spend(payload.section, adaptive::memory_of_occupancy(record.vertices))?;
         adaptive::decompress_occupancy(payload.section, record.vertices, bytes)
     })?;
+    let used = record.vertices.iter().map(|&v| u64::from(v)).product::<u64>() % 8;
+    if used != 0 && bits.last().is_some_and(|last| last >> used != 0) {
+        return Err(Error::malformed("OCCUPANCY unused bits", "zeros", "a set bit past the last vertex"));
+    }
     let words = bits.chunks(8).map(|bytes| {
         let mut word = [0; 8];
         word[..bytes.len()].copy_from_slice(bytes);

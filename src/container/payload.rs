@@ -49,26 +49,26 @@ impl<'a> Payload<'a> {
 
     /// The record of a section that has no body.
     pub(super) fn record<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<T, Error> {
-        self.section.check_codec()?;
+        self.section.check_entry()?;
         record::read_whole(self.section, self.bytes)
     }
 
     /// The fixed fields of the record of a section that has no body, and the rest of the record.
     pub(super) fn record_and_tail<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, &'a [u8]), Error> {
-        self.section.check_codec()?;
+        self.section.check_entry()?;
         record::read(self.section, self.bytes)
     }
 
     /// The record, and the body after it.
     pub(super) fn record_and_body<T: BorrowDecode<'a, ()> + Record>(&self) -> Result<(T, Body<'a>), Error> {
-        self.section.check_codec()?;
+        self.section.check_entry()?;
         let (record, rest) = record::read(self.section, self.bytes)?;
         Ok((record, self.body_after(self.bytes.len() - rest.len())?))
     }
 
     /// The body of a section that has no record.
     pub(super) fn body(&self) -> Result<Body<'a>, Error> {
-        self.section.check_codec()?;
+        self.section.check_entry()?;
         self.body_after(0)
     }
 

@@ -12,7 +12,8 @@ use super::payload::Payload;
 use super::scale::{Shape, covered_by, extent_of};
 use super::section::SectionKind;
 use super::writer::{Compression, Finished, Place};
-use crate::geometry::{Aabb, cell_at, index_of};
+use crate::digits::numbers;
+use crate::geometry::{cell_at, index_of};
 use crate::model::{Placement, TensorCloud};
 
 /// Bytes of the longest LEB128 integer: numbers of cells are below 2^60.
@@ -69,9 +70,11 @@ pub(super) fn read(payload: &Payload<'_>, shape: &Shape, n: usize, budget: &mut 
         let points: Vec<DVec3> = coordinates.as_chunks().0.iter().map(|&c| DVec3::from_array(c)).collect();
         (Centers::Points(points.clone()), points)
     };
-    let covered = covered_by(points.iter().copied(), shape.half_edge());
-    let text = |b: Aabb| format!("{:?} to {:?}", b.min.to_array(), b.max.to_array());
-    Error::unless_equal(format!("box of {name}"), text(covered), text(shape.covered(n)))?;
+    if let Some(t) = points.iter().position(|p| !p.is_finite()) {
+        let found = numbers(points[t].to_array());
+        return Err(Error::invalid(format!("{name} center {t}"), "finite numbers", found));
+    }
+    Error::unless_equal(format!("box of {name}"), covered_by(points.into_iter(), shape.half_edge()), shape.covered(n))?;
     Ok(centers)
 }
 
@@ -94,14 +97,14 @@ pub(super) fn merge(name: &str, shape: &Shape, chunks: Vec<Centers>) -> Result<(
     for (number, &(_, c, n)) in order.iter().enumerate() {
         numbers[c as usize][n as usize] = number as u32;
     }
-    for (c, numbers) in numbers.iter().enumerate() {
-        if !numbers.is_sorted() {
-            return Err(Error::malformed(
-                format!("centers of PLACEMENT of chunk {c} of {name}"),
-                "in ascending order",
-                "another order",
-            ));
-        }
+    if let Some(c) = numbers.iter().position(|numbers| !numbers.is_sorted()) {
+        let place = format!("centers of PLACEMENT of chunk {c} of {name}");
+        return Err(Error::malformed(place, "in ascending order", "another order"));
+    }
+    // With −0 equal to 0; the order above has −0 before 0.
+    if let Some(pair) = order.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+        let found = format!("{} after {}", backwards(pair[1].0), backwards(pair[0].0));
+        return Err(Error::malformed(format!("centers of {name}"), "strictly ascending by z, y, x", found));
     }
     let placement = if shape.record.placement == 0 {
         let mut cells = vec![UVec3::ZERO; order.len()];
@@ -115,6 +118,11 @@ pub(super) fn merge(name: &str, shape: &Shape, chunks: Vec<Centers>) -> Result<(
         Placement::Explicit { centers: order.iter().map(|&([z, y, x], ..)| DVec3::new(x, y, z)).collect() }
     };
     Ok((placement, numbers))
+}
+
+/// A center of these z, y and x as text.
+fn backwards([z, y, x]: [f64; 3]) -> String {
+    numbers([x, y, z])
 }
 
 impl Centers {

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::error::Error;
 use super::record::{BorrowDecode, Encode};
+use crate::digits::numbers;
 use crate::geometry::Camera;
 
 /// The position and rotation of a camera.
@@ -45,7 +46,7 @@ impl PoseRecord {
         if position.is_finite() && (rotation.length() - 1.0).abs() <= 1e-6 {
             return Ok(Pose { position, rotation });
         }
-        let found = format!("{position} and {rotation}");
+        let found = format!("{} and {}", numbers(self.position), numbers(self.rotation));
         Err(Error::invalid(format!("{place} pose"), "a finite position and a quaternion of length 1", found))
     }
 }

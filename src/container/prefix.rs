@@ -10,6 +10,7 @@ use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::digits::number;
 use crate::model::Scene;
 
 /// The correction that makes up for missing scales (spec 3.11).
@@ -73,6 +74,11 @@ struct PrefixRecord {
 
 impl Record for PrefixRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        self.head.check(place)?;
+        if !(self.gain.is_finite() && self.gain > 0.0 && self.offset.is_finite()) {
+            let found = format!("{} and {}", number(self.gain), number(self.offset));
+            return Err(Error::invalid(format!("{place} gain and offset"), "a positive and a finite number", found));
+        }
         limits::check(format!("{place} features"), limits::FEATURES, self.features)?;
         limits::check(format!("{place} sum of ranks"), limits::RANK_SUM, self.rank)
     }
@@ -113,10 +119,6 @@ pub(super) fn read(
     let (record, body): (PrefixRecord, _) = payload.record_and_body()?;
     Error::unless_equal(format!("{name} features"), features, record.features)?;
     Error::unless_equal(format!("{name} sum of ranks"), ranks.iter().sum(), record.rank)?;
-    if !(record.gain.is_finite() && record.gain > 0.0 && record.offset.is_finite()) {
-        let found = format!("{} and {}", record.gain, record.offset);
-        return Err(Error::invalid(format!("{name} gain and offset"), "a positive and a finite number", found));
-    }
     let rows = std::iter::repeat_n(record.rank as usize, features as usize);
     let (weights, steps) = array::read_network(&body, &record.head, rows, budget)?;
     if weights.iter().any(|w| !w.is_finite()) {

@@ -8,11 +8,14 @@ use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::digits::{number, numbers};
 use crate::geometry::Aabb;
 use crate::model::Rules;
 
 /// Bytes of a probe.
 const PROBE_BYTES: usize = 144;
+/// Where the reserved bytes of a probe begin.
+const RESERVED: usize = 128;
 
 /// Rays and their pixels, computed in f64 from the numbers after decoding, and how close others must come to them.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +66,8 @@ impl Record for ProbesRecord {
         let valid = |v: f64| v > 0.0 && v.is_finite();
         for tolerance in [self.color_tolerance, self.depth_tolerance, self.density_tolerance] {
             if !valid(tolerance) {
-                return Err(Error::invalid(format!("{place} tolerance"), "a positive finite number", tolerance));
+                let found = number(tolerance);
+                return Err(Error::invalid(format!("{place} tolerance"), "a positive finite number", found));
             }
         }
         Ok(())
@@ -72,13 +76,28 @@ impl Record for ProbesRecord {
 
 impl Record for Probe {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        let numbers = [self.origin, self.direction, self.color, self.point].into_iter().flatten();
-        let finite = numbers.chain([self.opacity, self.depth, self.density_feature, self.margin]).all(f64::is_finite);
-        let length = self.direction.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if finite && (length - 1.0).abs() <= 1e-6 {
-            return Ok(());
+        for (name, values) in [
+            ("origin", &self.origin[..]),
+            ("direction", &self.direction),
+            ("color", &self.color),
+            ("opacity", &[self.opacity]),
+            ("depth", &[self.depth]),
+            ("point", &self.point),
+            ("density feature", &[self.density_feature]),
+        ] {
+            if values.iter().any(|v| !v.is_finite()) {
+                let found = numbers(values.iter().copied());
+                return Err(Error::invalid(format!("{place} {name}"), "finite", found));
+            }
         }
-        Err(Error::invalid(place, "finite numbers and a direction of length 1", format!("{self:?}")))
+        let length = self.direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > 1e-6 {
+            return Err(Error::invalid(format!("{place} direction"), "of length 1", number(length)));
+        }
+        if !(self.margin.is_finite() && self.margin >= 0.0) {
+            return Err(Error::invalid(format!("{place} margin"), "a number of at least 0", number(self.margin)));
+        }
+        Ok(())
     }
 }
 
@@ -110,11 +129,12 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Probes,
     let length = record.count * PROBE_BYTES as u64;
     budget.spend(name, length)?;
     let bytes = body.decode(length, budget)?;
-    let probe = |(n, bytes): (usize, _)| -> Result<Probe, Error> {
-        let probe: Probe = record::read_whole(&format!("{name} probe {n}"), bytes)?;
-        Error::unless_equal(format!("{name} probe {n} reserved fields"), 0, probe.reserved[0] | probe.reserved[1])?;
-        Ok(probe)
-    };
+    // Additions of later versions come before other faults.
+    for (n, probe) in bytes.chunks_exact(PROBE_BYTES).enumerate() {
+        Error::unless_reserved(format!("{name} probe {n}"), &probe[RESERVED..])?;
+    }
+    let probe =
+        |(n, bytes): (usize, _)| -> Result<Probe, Error> { record::read_whole(&format!("{name} probe {n}"), bytes) };
     let probes = bytes.chunks_exact(PROBE_BYTES).enumerate().map(probe).collect::<Result<_, _>>()?;
     Ok(Probes {
         color_tolerance: record.color_tolerance,

@@ -5,9 +5,10 @@ use std::fmt::Display;
 use super::error::Error;
 use super::limits;
 use super::payload::Payload;
-use super::record::{self, BorrowDecode, Encode, Record};
+use super::record::{self, BorrowDecode, Encode, Record, Str};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::digits::number;
 
 /// Measurements of a scene: PSNR in dB, infinite if there is no difference, `None` if not measured.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,6 +25,9 @@ pub struct Quality {
     pub dataset: String,
 }
 
+/// The bytes of the number of prefixes in the record.
+const PREFIXES: std::ops::Range<usize> = 24..32;
+
 /// All bits of a number are set if it was not measured.
 #[derive(Encode, BorrowDecode)]
 struct QualityRecord<'a> {
@@ -31,7 +35,7 @@ struct QualityRecord<'a> {
     test: f64,
     test_before: f64,
     prefixes: Vec<f64>,
-    dataset: &'a str,
+    dataset: Str<'a, { *limits::STRING_BYTES.end() }>,
 }
 
 impl Record for QualityRecord<'_> {
@@ -46,17 +50,17 @@ impl Record for QualityRecord<'_> {
                 return Err(Error::invalid(
                     format!("{place} {name}"),
                     "a finite number, +infinity or all bits set",
-                    found,
+                    number(*found),
                 ));
             }
         }
-        limits::check(format!("{place} dataset bytes"), limits::STRING_BYTES, self.dataset.len())
+        limits::check(format!("{place} dataset bytes"), limits::STRING_BYTES, self.dataset.0.len())
     }
 }
 
 /// [`Error::Malformed`] unless there are 0 prefixes or `scales`.
-fn check_prefixes(found: usize, scales: usize) -> Result<(), Error> {
-    if found == 0 || found == scales {
+fn check_prefixes(found: u64, scales: usize) -> Result<(), Error> {
+    if found == 0 || found == scales as u64 {
         return Ok(());
     }
     Err(Error::malformed("QUALITY number of prefixes", format!("0 or {scales}, the number of scales"), found))
@@ -64,14 +68,14 @@ fn check_prefixes(found: usize, scales: usize) -> Result<(), Error> {
 
 /// `quality` of a scene of `scales` scales.
 pub(super) fn write(writer: &mut Writer, quality: &Quality, scales: usize) -> Result<(), Error> {
-    check_prefixes(quality.prefixes.len(), scales)?;
+    check_prefixes(quality.prefixes.len() as u64, scales)?;
     let unknown = f64::from_bits(u64::MAX);
     let record = QualityRecord {
         encoded: quality.encoded.unwrap_or(unknown),
         test: quality.test.unwrap_or(unknown),
         test_before: quality.test_before.unwrap_or(unknown),
         prefixes: quality.prefixes.iter().map(|p| p.unwrap_or(unknown)).collect(),
-        dataset: &quality.dataset,
+        dataset: Str(&quality.dataset),
     };
     writer.record(Place::whole(SectionKind::Quality), record::write(&"QUALITY", &record)?);
     Ok(())
@@ -79,14 +83,18 @@ pub(super) fn write(writer: &mut Writer, quality: &Quality, scales: usize) -> Re
 
 /// The measurements of a scene of `scales` scales.
 pub(super) fn read(payload: &Payload<'_>, scales: usize) -> Result<Quality, Error> {
+    payload.section.check_entry()?;
+    // Before it is used.
+    if let Some(count) = payload.bytes().get(PREFIXES).and_then(|bytes| bytes.try_into().ok()) {
+        check_prefixes(u64::from_le_bytes(count), scales)?;
+    }
     let record: QualityRecord<'_> = payload.record()?;
-    check_prefixes(record.prefixes.len(), scales)?;
     let known = |v: f64| (v.to_bits() != u64::MAX).then_some(v);
     Ok(Quality {
         encoded: known(record.encoded),
         test: known(record.test),
         test_before: known(record.test_before),
         prefixes: record.prefixes.into_iter().map(known).collect(),
-        dataset: record.dataset.into(),
+        dataset: record.dataset.0.into(),
     })
 }

@@ -5,11 +5,11 @@ use super::encoding::{ArrayOptions, Encoding};
 use super::error::Error;
 use super::fetch::{Fetched, fetch};
 use super::limits::{Budget, Limits};
-use super::metadata::{Metadata, UnknownSection};
+use super::metadata::{Metadata, SkippedSection, UnknownSection};
 use super::order::{Order, ScaleSections};
 use super::part::Part;
 use super::prefix::Prefix;
-use super::section::{Section, SectionKind};
+use super::section::{Section, SectionKind, name_of};
 use super::source::Source;
 use super::table::Contents;
 use super::{
@@ -37,7 +37,7 @@ pub struct SceneFile {
 
 /// Decodes the scene of a whole `.strivec` file (spec 2.4). The scene passes [`Scene::check`].
 ///
-/// Ancillary sections of unknown kinds, and those with codes that this version does not define, are skipped.
+/// Ancillary sections never prevent that: those that cannot be used are skipped.
 ///
 /// # Errors
 ///
@@ -131,10 +131,9 @@ impl<S: Source> Reader<S> {
         for index in 0..head.scales {
             let sections = ScaleSections::take(&mut order, index as u16, index + 1 < head.scales)?;
             if index < count {
-                scales.push(self.read_scale(&sections, region, &mut encoding, &mut budget)?);
-                let prefix = self.read_prefix(&sections, &scales, &mut budget).transpose();
-                let prefix = prefix.map(|read| unless_unsupported(read, &mut metadata.skipped)).transpose()?;
-                let (prefix, steps) = prefix.flatten().unzip();
+                scales.push(self.read_scale(&sections, region, head.features, &mut encoding, &mut budget)?);
+                let prefix = self.read_prefix(&sections, &scales, &mut metadata.skipped, &mut budget)?;
+                let (prefix, steps) = prefix.unzip();
                 metadata.prefixes.push(prefix);
                 encoding.network_steps.prefixes.push(steps.unwrap_or_default());
             }
@@ -145,8 +144,9 @@ impl<S: Source> Reader<S> {
         order.finish()?;
         if part.metadata {
             self.read_metadata(&ancillary, &unknown, head.scales, &mut metadata, &mut budget)?;
-            if let Some(probes) = &metadata.probes {
-                probes::check_steps(probes, &head.rules, &head.bounds)?;
+            if let Some(error) = metadata.probes.as_ref().and_then(|p| probes::check_steps(p, &head.rules, &head.bounds).err()) {
+                metadata.probes = None;
+                metadata.skipped.push(SkippedSection { name: SectionKind::Probes.to_string(), error });
             }
         }
 
@@ -170,7 +170,7 @@ impl<S: Source> Reader<S> {
     fn read_head(
         &self,
         sections: &HeadSections<'_>,
-        skipped: &mut Vec<String>,
+        skipped: &mut Vec<SkippedSection>,
         budget: &mut Budget,
     ) -> Result<Head, Error> {
         let &HeadSections { frame, rules, provenance, decoder, occupancy, .. } = sections;
@@ -181,17 +181,18 @@ impl<S: Source> Reader<S> {
         let (rules, bounds, scales) = rules::read(&bytes.payload(rules)?)?;
         let provenance = match provenance {
             Some(section) => {
-                unless_unsupported(provenance::read(&bytes.payload(section)?), skipped)?.unwrap_or_default()
+                let read = bytes.payload(section).and_then(|payload| provenance::read(&payload));
+                unless_skipped(section, read, skipped)?.unwrap_or_default()
             }
             None => Provenance::default(),
         };
-        let (decoder, networks, decoder_steps) = decoder::read(&bytes.payload(decoder)?, budget)?;
+        let (decoder, networks, decoder_steps, features) = decoder::read(&bytes.payload(decoder)?, budget)?;
         let occupancy = match occupancy {
             Some(section) => Some(occupancy::read(&bytes.payload(section)?, budget)?),
             None => None,
         };
         let scales = usize::from(scales);
-        Ok(Head { frame, rules, bounds, scales, provenance, decoder, networks, decoder_steps, occupancy })
+        Ok(Head { frame, rules, bounds, scales, provenance, decoder, networks, decoder_steps, features, occupancy })
     }
 
     /// The correction of the scene of `scales`, if the last of them has one, and the step codes of its rows.
@@ -199,13 +200,15 @@ impl<S: Source> Reader<S> {
         &self,
         sections: &ScaleSections<'_>,
         scales: &[Scale],
+        skipped: &mut Vec<SkippedSection>,
         budget: &mut Budget,
     ) -> Result<Option<(Prefix, Vec<u8>)>, Error> {
         let Some(section) = sections.prefix else { return Ok(None) };
         let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank).collect();
         let features = scales[0].appearance_matrix.features;
         let bytes = fetch(&self.source, &[section])?;
-        prefix::read(&bytes.payload(section)?, features, &ranks, budget).map(Some)
+        let read = bytes.payload(section).and_then(|payload| prefix::read(&payload, features, &ranks, budget));
+        unless_skipped(section, read, skipped)
     }
 
     /// Reads the `ancillary` sections of known kinds and keeps the `unknown` ones.
@@ -219,23 +222,40 @@ impl<S: Source> Reader<S> {
     ) -> Result<(), Error> {
         let bytes = fetch(&self.source, ancillary)?;
         for section in ancillary {
-            let read = metadata.read(&bytes.payload(section)?, scales, budget);
-            unless_unsupported(read, &mut metadata.skipped)?;
+            let read = bytes.payload(section).and_then(|payload| metadata.read(&payload, scales, budget));
+            unless_skipped(section, read, &mut metadata.skipped)?;
         }
         let bytes = fetch(&self.source, unknown)?;
         for &section in unknown {
-            budget.spend(section, section.length)?;
-            let payload = bytes.payload(section)?.bytes().to_vec();
-            metadata.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
+            let read = bytes.payload(section).and_then(|payload| {
+                section.check_reserved()?;
+                budget.spend(section, section.length)?;
+                Ok(payload.bytes().to_vec())
+            });
+            if let Some(payload) = unless_skipped(section, read, &mut metadata.skipped)? {
+                metadata.unknown.push(UnknownSection { section: Section { offset: 0, ..section.clone() }, payload });
+            }
         }
         Ok(())
     }
 
-    /// Reads the scale of these sections, or only its chunks that reach into `within`. Adds how it is stored to `encoding`.
+    /// Checks that the table has the sections of as many chunks as `scale`, which is SCALE, says.
+    fn check_chunks(&self, scale: &Section, found: usize, expected: usize) -> Result<(), Error> {
+        let chunk = Some(found as u32);
+        let is_there = |s: &Section| s.is_at(SectionKind::Placement, scale.scale, chunk);
+        if found < expected && !self.contents.sections.iter().any(is_there) {
+            return Err(Error::MissingSection { name: name_of(SectionKind::Placement, scale.scale, chunk) });
+        }
+        Error::unless_equal(format!("{scale} chunks"), expected, found)
+    }
+
+    /// Reads the scale of these sections, or only its chunks that reach into `within`, in a scene of so many `features`. Adds
+    /// how it is stored to `encoding`.
     fn read_scale(
         &self,
         sections: &ScaleSections<'_>,
         within: Option<Aabb>,
+        features: u32,
         encoding: &mut EncodeOptions,
         budget: &mut Budget,
     ) -> Result<Scale, Error> {
@@ -246,8 +266,9 @@ impl<S: Source> Reader<S> {
         }
         let bytes = fetch(&self.source, &wanted)?;
         let shape = scale::read(&bytes.payload(sections.scale)?, budget)?;
-        let (appearance_matrix, matrix_steps) = matrix::read(&bytes.payload(sections.matrix)?, budget)?;
-        Error::unless_equal(format!("{name} chunks"), shape.chunks.len(), sections.chunks.len())?;
+        let (appearance_matrix, matrix_steps) =
+            matrix::read(&bytes.payload(sections.matrix)?, features, shape.record.appearance_rank, budget)?;
+        self.check_chunks(name, sections.chunks.len(), shape.chunks.len())?;
         let reaches = |n: &usize| within.is_none_or(|box_| shape.covered(*n).intersection(&box_).is_solid());
         let chunks: Vec<usize> = (0..shape.chunks.len()).filter(reaches).collect();
         let more = match within {
@@ -295,14 +316,20 @@ impl<S: Source> Reader<S> {
     }
 }
 
-/// `None` if an ancillary section has a code that this version does not define (spec 1); `skipped` then lists it.
-fn unless_unsupported<T>(read: Result<T, Error>, skipped: &mut Vec<String>) -> Result<Option<T>, Error> {
+/// `None` if the ancillary `section` cannot be used (spec 1); `skipped` then lists it.
+fn unless_skipped<T>(
+    section: &Section,
+    read: Result<T, Error>,
+    skipped: &mut Vec<SkippedSection>,
+) -> Result<Option<T>, Error> {
     match read {
-        Err(error @ Error::Unsupported { .. }) => {
-            skipped.push(error.to_string());
+        // Of the whole file.
+        Err(error @ (Error::Truncated { .. } | Error::Source { .. })) => Err(error),
+        Err(error) => {
+            skipped.push(SkippedSection { name: section.to_string(), error });
             Ok(None)
         }
-        read => read.map(Some),
+        Ok(read) => Ok(Some(read)),
     }
 }
 
@@ -389,5 +416,7 @@ struct Head {
     networks: ArrayOptions,
     /// The step codes of its rows, none for floats.
     decoder_steps: Vec<u8>,
+    /// P.
+    features: u32,
     occupancy: Option<Occupancy>,
 }

@@ -6,6 +6,10 @@
 
 use std::fmt::Display;
 
+use bincode::de::BorrowDecoder;
+use bincode::de::read::BorrowReader;
+use bincode::enc::Encoder;
+use bincode::error::{DecodeError, EncodeError};
 pub(super) use bincode::{BorrowDecode, Encode};
 
 use super::error::Error;
@@ -31,11 +35,15 @@ pub(super) fn read<'a, T: BorrowDecode<'a, ()> + Record>(
     place: &dyn Display,
     bytes: &'a [u8],
 ) -> Result<(T, &'a [u8]), Error> {
-    use bincode::error::DecodeError;
     let (record, used): (T, usize) = bincode::borrow_decode_from_slice(bytes, CONFIG).map_err(|error| match error {
         DecodeError::UnexpectedEnd { additional } => {
             let expected = format!("at least {} bytes", bytes.len() + additional);
             Error::malformed(format!("{place} record"), expected, format!("{} bytes", bytes.len()))
+        }
+        // Of [`Str`] and [`List`]; records have no arrays whose length is not their type's.
+        DecodeError::ArrayLengthMismatch { required, found } => {
+            let place = format!("{place} length of a string or a list");
+            Error::Limit { place, min: 0, max: required as u64, found: found as u64 }
         }
         DecodeError::LimitExceeded => {
             let expected = format!("at most {} bytes", limits::RECORD_BYTES);
@@ -65,15 +73,59 @@ pub(super) fn write<T: Encode + Record>(place: &dyn Display, record: &T) -> Resu
         .map_err(|error| Error::malformed(format!("{place} record"), "of the specified fields", error))
 }
 
+/// A string of at most `MAX` bytes.
+#[derive(Clone, Copy)]
+pub(super) struct Str<'a, const MAX: u64>(pub(super) &'a str);
+
+/// A list of at most `MAX` items.
+pub(super) struct List<T, const MAX: u64>(pub(super) Vec<T>);
+
+/// The length before a string or a list, which is compared with its limit before anything else.
+fn length<'a, D: BorrowDecoder<'a>>(decoder: &mut D, max: u64) -> Result<usize, DecodeError> {
+    let length = u64::borrow_decode(decoder)?;
+    if length <= max {
+        return Ok(length as usize);
+    }
+    Err(DecodeError::ArrayLengthMismatch { required: max as usize, found: length.try_into().unwrap_or(usize::MAX) })
+}
+
+impl<'a, Context, const MAX: u64> BorrowDecode<'a, Context> for Str<'a, MAX> {
+    fn borrow_decode<D: BorrowDecoder<'a, Context = Context>>(decoder: &mut D) -> Result<Self, DecodeError> {
+        let length = length(decoder, MAX)?;
+        decoder.claim_bytes_read(length)?;
+        let bytes = decoder.borrow_reader().take_bytes(length)?;
+        std::str::from_utf8(bytes).map(Self).map_err(|inner| DecodeError::Utf8 { inner })
+    }
+}
+
+impl<const MAX: u64> Encode for Str<'_, MAX> {
+    fn encode<E: Encoder>(&self, encoder: &mut E) -> Result<(), EncodeError> {
+        self.0.encode(encoder)
+    }
+}
+
+impl<'a, Context, T: BorrowDecode<'a, Context>, const MAX: u64> BorrowDecode<'a, Context> for List<T, MAX> {
+    fn borrow_decode<D: BorrowDecoder<'a, Context = Context>>(decoder: &mut D) -> Result<Self, DecodeError> {
+        let length = length(decoder, MAX)?;
+        (0..length).map(|_| T::borrow_decode(decoder)).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+impl<T: Encode + 'static, const MAX: u64> Encode for List<T, MAX> {
+    fn encode<E: Encoder>(&self, encoder: &mut E) -> Result<(), EncodeError> {
+        self.0.encode(encoder)
+    }
+}
+
 /// A string that is a whole record: a license, the key or value of a note.
 #[derive(Encode, BorrowDecode)]
 pub(super) struct Text<'a> {
-    pub(super) text: &'a str,
+    pub(super) text: Str<'a, { *limits::TEXT_BYTES.end() }>,
 }
 
 impl Record for Text<'_> {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        limits::check(format!("{place} bytes of text"), limits::TEXT_BYTES, self.text.len())
+        limits::check(format!("{place} bytes of text"), limits::TEXT_BYTES, self.text.0.len())
     }
 }
 

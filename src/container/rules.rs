@@ -9,6 +9,7 @@ use super::error::Error;
 use super::limits;
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
+use crate::digits::number;
 use crate::geometry::{Aabb, Contraction};
 use crate::model::{Aggregation, Coverage, Reduction, Rules, Scene, Sky};
 
@@ -35,6 +36,18 @@ struct RulesRecord {
 
 impl Record for RulesRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        for (field, code, most) in [
+            ("coverage", self.coverage, 1),
+            ("aggregation", self.aggregation, 1),
+            ("density reduction", self.density_reduction, 1),
+            ("appearance reduction", self.appearance_reduction, 1),
+            ("contraction", self.contraction, 1),
+            ("sky", self.sky_degree, Sky::MAX_DEGREE as u8),
+        ] {
+            if code > most {
+                return Err(Error::unknown_code(place, field, code));
+            }
+        }
         limits::check(format!("{place} scales"), limits::SCALES, self.scales)
     }
 }
@@ -76,11 +89,7 @@ pub(super) fn write(scene: &Scene) -> Result<Vec<u8>, Error> {
 
 /// The sky of this degree with the coefficients in `bytes`.
 fn read_sky(degree: u8, bytes: &[u8]) -> Result<Option<Sky>, Error> {
-    let terms = match u32::from(degree) {
-        0 => 0,
-        degree @ 1..=Sky::MAX_DEGREE => Sky::terms(degree),
-        degree => return Err(Error::unsupported("RULES sky", format!("code {degree}"))),
-    };
+    let terms = if degree == 0 { 0 } else { Sky::terms(degree.into()) };
     Error::unless_equal("RULES number of bytes of the sky", 12 * terms, bytes.len())?;
     let coefficients = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     Ok((degree > 0).then_some(Sky { degree: degree.into(), coefficients }))
@@ -89,33 +98,23 @@ fn read_sky(degree: u8, bytes: &[u8]) -> Result<Option<Sky>, Error> {
 /// Rules, bounds, and the number of scales.
 pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
     let (record, tail): (RulesRecord, _) = payload.record_and_tail()?;
-    let unknown = |what: &str, code: u8| Error::unsupported(format!("RULES {what}"), format!("code {code}"));
-    let reduction = |what, code| match code {
-        0 => Ok(Reduction::Sum),
-        1 => Ok(Reduction::Mean),
-        code => Err(unknown(what, code)),
-    };
+    // No code is above 1: the record was checked.
+    let reduction = |code| if code == 0 { Reduction::Sum } else { Reduction::Mean };
     let contraction = match record.contraction {
         0 => {
-            Error::unless_equal("RULES contracted length", 0, record.contracted_length.to_bits())?;
+            if record.contracted_length.to_bits() != 0 {
+                let found = number(record.contracted_length);
+                return Err(Error::malformed("RULES shell of the contraction", "0 without a contraction", found));
+            }
             None
         }
-        1 => Some(Contraction { shell: record.contracted_length }),
-        code => return Err(unknown("contraction", code)),
+        _ => Some(Contraction { shell: record.contracted_length }),
     };
     let rules = Rules {
-        coverage: match record.coverage {
-            0 => Coverage::All,
-            1 => Coverage::Any,
-            code => return Err(unknown("coverage", code)),
-        },
-        aggregation: match record.aggregation {
-            0 => Aggregation::Normalized,
-            1 => Aggregation::Clamped,
-            code => return Err(unknown("aggregation", code)),
-        },
-        density_reduction: reduction("density reduction", record.density_reduction)?,
-        appearance_reduction: reduction("appearance reduction", record.appearance_reduction)?,
+        coverage: if record.coverage == 0 { Coverage::All } else { Coverage::Any },
+        aggregation: if record.aggregation == 0 { Aggregation::Normalized } else { Aggregation::Clamped },
+        density_reduction: reduction(record.density_reduction),
+        appearance_reduction: reduction(record.appearance_reduction),
         density_shift: record.density_shift,
         distance_scale: record.distance_scale,
         step: record.step,
@@ -125,5 +124,7 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<(Rules, Aabb, u16), Error> {
         sky: read_sky(record.sky_degree, tail)?,
     };
     let bounds = Aabb { min: DVec3::from_array(record.bounds_min), max: DVec3::from_array(record.bounds_max) };
+    rules.check(&bounds)?;
+    limits::check("RULES steps along the bounds' diagonal", limits::STEPS, rules.most_steps(&bounds).ceil() as u64)?;
     Ok((rules, bounds, record.scales))
 }

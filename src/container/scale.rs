@@ -10,6 +10,7 @@ use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::digits::numbers;
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{FactorKind, Placement, Scale};
 
@@ -38,18 +39,46 @@ pub(super) struct ScaleRecord {
 
 impl Record for ScaleRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        for (field, code, most) in [("factor kind", self.factor_kind, 0), ("placement", self.placement, 1)] {
+            if code > most {
+                return Err(Error::unknown_code(place, field, code));
+            }
+        }
+        let reserved = [&self.reserved.to_le_bytes()[..], &self.reserved_too.to_le_bytes()].concat();
+        Error::unless_reserved(place, &reserved)?;
         limits::check(format!("{place} tensors"), limits::TENSORS, self.tensors)?;
         limits::check(format!("{place} top_k"), limits::TOP_K, self.top_k)?;
+        positive(&format!("{place} half edges"), self.half_edge)?;
         for resolution in self.resolution {
             limits::check(format!("{place} resolution"), limits::RESOLUTION, resolution)?;
         }
         limits::check(format!("{place} density rank"), limits::RANK, self.density_rank)?;
         limits::check(format!("{place} appearance rank"), limits::RANK, self.appearance_rank)?;
         limits::check(format!("{place} chunks"), limits::CHUNKS, self.chunks)?;
-        // It is 0 if centers are explicit.
-        let cells = if self.placement == 1 { 0..=0 } else { limits::CELL_EXTENT };
-        self.extent.iter().try_for_each(|&e| limits::check(format!("{place} cells along an axis"), cells.clone(), e))
+        if self.placement == 1 {
+            let has_lattice = self.origin.iter().chain(&self.pitch).any(|v| v.to_bits() != 0) || self.extent != [0; 3];
+            if has_lattice {
+                let place = format!("{place} origin, pitch and extent");
+                return Err(Error::malformed(place, "zeros, as centers are explicit", "another number"));
+            }
+            return Ok(());
+        }
+        if self.origin.iter().any(|v| !v.is_finite()) {
+            return Err(Error::invalid(format!("{place} origin"), "finite numbers", numbers(self.origin)));
+        }
+        positive(&format!("{place} pitch"), self.pitch)?;
+        self.extent
+            .iter()
+            .try_for_each(|&e| limits::check(format!("{place} cells along an axis"), limits::CELL_EXTENT, e))
     }
+}
+
+/// [`Error::Scene`] unless `lengths` are positive and finite.
+fn positive(place: &str, lengths: [f64; 3]) -> Result<(), Error> {
+    if lengths.iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Ok(());
+    }
+    Err(Error::invalid(place, "positive finite numbers", numbers(lengths)))
 }
 
 /// An entry of the body of SCALE: a chunk.
@@ -103,7 +132,6 @@ pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Ve
         resolution: cloud.resolution,
         factor_kind: match scale.factors.kind {
             FactorKind::Cp => 0,
-            FactorKind::Vm => 1,
         },
         placement,
         reserved: 0,
@@ -131,19 +159,6 @@ pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Ve
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, Error> {
     let name = payload.section;
     let (record, body): (ScaleRecord, _) = payload.record_and_body()?;
-    match record.factor_kind {
-        0 => {}
-        1 => return Err(Error::unsupported(format!("{name} factor kind"), "vm")),
-        code => return Err(Error::unsupported(format!("{name} factor kind"), format!("code {code}"))),
-    }
-    if record.placement > 1 {
-        return Err(Error::unsupported(format!("{name} placement"), format!("code {}", record.placement)));
-    }
-    Error::unless_equal(format!("{name} reserved fields"), 0, u32::from(record.reserved) | record.reserved_too)?;
-    if record.placement == 1 {
-        let of_lattice = record.origin.iter().chain(&record.pitch).map(|v| v.to_bits());
-        Error::unless_equal(format!("{name} lattice of explicit centers"), 0, of_lattice.fold(0, |bits, v| bits | v))?;
-    }
     let length = u64::from(record.chunks) * CHUNK_BYTES as u64;
     budget.spend(name, length)?;
     let bytes = body.decode(length, budget)?;

@@ -1,9 +1,10 @@
 //! Sections: the parts of a file, their kinds, and their entries in the section table (spec 2.2 and 2.3).
 
 use std::fmt;
+use std::ops::Range;
 
 use super::codec::Codec;
-use super::error::Error;
+use super::error::{Error, hex};
 use super::record::{BorrowDecode, Encode, Record};
 
 /// The bit of an entry's flags that marks a critical section.
@@ -95,6 +96,17 @@ impl SectionKind {
         )
     }
 
+    /// Whether a section of this kind belongs to a scale, and to a chunk of it; `None` if the kind is unknown.
+    fn place(self) -> Option<(bool, bool)> {
+        use SectionKind as K;
+        match self {
+            K::Other(_) => None,
+            K::Scale | K::Matrix | K::Prefix => Some((true, false)),
+            K::Placement | K::Density | K::Appearance => Some((true, true)),
+            _ => Some((false, false)),
+        }
+    }
+
     /// True if the body of a section of this (known) kind may have the codec *adaptive*.
     fn is_adaptive(self) -> bool {
         use SectionKind as K;
@@ -171,6 +183,8 @@ pub struct Section {
     pub decoded_length: u64,
     /// CRC-32 of its payload as stored.
     pub checksum: u32,
+    /// A bit or byte of its entry that version 1.0 reserves is set: a later version's (spec 1).
+    pub uses_reserved: bool,
 }
 
 impl fmt::Display for Section {
@@ -215,7 +229,7 @@ impl Section {
     pub(super) fn from_entry(entry: &Entry, index: usize) -> Result<Self, Error> {
         let kind = SectionKind::from_name(entry.kind).ok_or_else(|| {
             let expected = "capital letters, digits and hyphens, then zeros";
-            Error::malformed(format!("name of section {index}"), expected, format!("{:02x?}", entry.kind))
+            Error::malformed(format!("name of section {index}"), expected, hex(&entry.kind))
         })?;
         let section = Self {
             kind,
@@ -227,23 +241,34 @@ impl Section {
             length: entry.length,
             decoded_length: entry.decoded_length,
             checksum: entry.checksum,
+            uses_reserved: entry.flags & !CRITICAL != 0
+                || entry.reserved != 0
+                || entry.reserved_too != 0
+                || entry.reserved_last != 0,
         };
-        Error::unless_equal(format!("{section} flags besides the critical bit"), 0, entry.flags & !CRITICAL)?;
-        let reserved = u64::from(entry.reserved) | u64::from(entry.reserved_too) | entry.reserved_last;
-        Error::unless_equal(format!("{section} reserved fields"), 0, reserved)?;
         if section.codec == Codec::Stored {
             Error::unless_equal(format!("{section} decoded length"), section.length, section.decoded_length)?;
         }
-        if !matches!(kind, SectionKind::Other(_)) && section.critical != kind.is_critical() {
+        let Some((has_scale, has_chunk)) = kind.place() else { return Ok(section) };
+        if section.critical != kind.is_critical() {
             let name = |critical| if critical { "critical" } else { "ancillary" };
             let place = format!("{section} flags");
             return Err(Error::malformed(place, name(kind.is_critical()), name(section.critical)));
         }
+        if (section.scale.is_some(), section.chunk.is_some()) != (has_scale, has_chunk) {
+            let expected = match (has_scale, has_chunk) {
+                (false, _) => "neither of a scale nor of a chunk",
+                (true, false) => "of a scale and of no chunk",
+                (true, true) => "of a chunk of a scale",
+            };
+            return Err(Error::malformed(format!("section {kind}"), expected, section));
+        }
         Ok(section)
     }
 
-    /// Checks that the codec is one that spec 2.3 lists for the kind.
-    pub(super) fn check_codec(&self) -> Result<(), Error> {
+    /// Checks that the entry has no reserved bit, and that its codec is one that spec 2.3 lists for the kind.
+    pub(super) fn check_entry(&self) -> Result<(), Error> {
+        self.check_reserved()?;
         match self.codec {
             Codec::Stored => Ok(()),
             Codec::Zstd if self.kind.is_compressible() => Ok(()),
@@ -254,6 +279,19 @@ impl Section {
             }
             Codec::Other(_) => Err(Error::unsupported(self, self.codec)),
         }
+    }
+
+    /// Its bytes in a file whose table was checked, and which has the length that the table says.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.offset as usize..(self.offset + self.length) as usize
+    }
+
+    /// [`Error::Unsupported`] if the entry has a reserved bit.
+    pub(super) fn check_reserved(&self) -> Result<(), Error> {
+        if !self.uses_reserved {
+            return Ok(());
+        }
+        Err(Error::unsupported(format!("{self} flags or reserved bytes"), "a value that version 1.0 does not define"))
     }
 
     pub(super) fn entry(&self) -> Entry {

@@ -23,7 +23,7 @@ pub struct Contents {
 }
 
 impl Contents {
-    /// Checks that `bytes` are the whole file and nothing else, and that no checksum differs.
+    /// Checks that `bytes` are the whole file and nothing else, and that only ancillary sections are damaged.
     pub(super) fn check_whole(&self, bytes: &[u8]) -> Result<(), Error> {
         let length = bytes.len() as u64;
         if length < self.file_length {
@@ -32,20 +32,26 @@ impl Contents {
             return Err(Error::Truncated { part, missing: length..self.file_length });
         }
         Error::unless_equal("number of bytes in the file", self.file_length, length)?;
+        let mut has_damage = false;
+        for section in &self.sections {
+            match Payload::new(section, &bytes[section.range()]) {
+                Err(_) if !section.critical => has_damage = true,
+                checked => drop(checked?),
+            }
+        }
+        // A damaged section changes the checksum of the file, too. The others of it were compared one by one.
+        let found = crc32fast::hash(&bytes[header::LENGTH..]);
+        if !has_damage && found != self.file_checksum {
+            let range = header::LENGTH as u64..length;
+            return Err(Error::Corrupt { section: "file".into(), range, expected: self.file_checksum, found });
+        }
         let mut end = table_end(self.sections.len()) as usize;
         for section in &self.sections {
-            // In range: the table was checked, and the file has the length that it says.
-            let range = section.offset as usize..(section.offset + section.length) as usize;
+            let range = section.range();
             Error::unless_zero(format!("padding before {section}"), &bytes[end..range.start])?;
             end = range.end;
-            Payload::new(section, &bytes[range])?;
         }
-        let found = crc32fast::hash(&bytes[header::LENGTH..]);
-        if found == self.file_checksum {
-            return Ok(());
-        }
-        let range = header::LENGTH as u64..length;
-        Err(Error::Corrupt { section: "file".into(), range, expected: self.file_checksum, found })
+        Ok(())
     }
 }
 

@@ -39,7 +39,18 @@ struct ThumbnailRecord {
 
 impl Record for ThumbnailRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        Error::unless_equal(format!("{place} reserved byte"), 0, self.reserved)
+        self.format(place)?;
+        Error::unless_reserved(place, &[self.reserved])
+    }
+}
+
+impl ThumbnailRecord {
+    fn format(&self, place: &dyn Display) -> Result<ThumbnailFormat, Error> {
+        match self.format {
+            0 => Ok(ThumbnailFormat::Png),
+            1 => Ok(ThumbnailFormat::Jpeg),
+            code => Err(Error::unknown_code(place, "format", code)),
+        }
     }
 }
 
@@ -58,11 +69,7 @@ pub(super) fn write(writer: &mut Writer, thumbnail: &Thumbnail) -> Result<(), Er
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Thumbnail, Error> {
     let name = payload.section;
     let (record, body): (ThumbnailRecord, _) = payload.record_and_body()?;
-    let format = match record.format {
-        0 => ThumbnailFormat::Png,
-        1 => ThumbnailFormat::Jpeg,
-        code => return Err(Error::unsupported(format!("{name} format"), format!("code {code}"))),
-    };
+    let format = record.format(name)?;
     limits::check(format!("{name} bytes"), limits::THUMBNAIL_BYTES, body.length)?;
     let file = body.decode(body.length, budget)?.into_owned();
     Ok(Thumbnail { format, size: [record.width, record.height], file })

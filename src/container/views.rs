@@ -8,9 +8,10 @@ use super::error::Error;
 use super::limits;
 use super::payload::Payload;
 use super::pose::{Pose, PoseRecord};
-use super::record::{self, BorrowDecode, Encode, Record};
+use super::record::{self, BorrowDecode, Encode, List, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
+use crate::digits::{number, numbers};
 
 /// The initial pose of a viewer, and a camera path.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,12 +38,12 @@ struct ViewsRecord {
     center: [f64; 3],
     seconds: f64,
     is_closed: u8,
-    path: Vec<PoseRecord>,
+    path: List<PoseRecord, { *limits::ITEMS.end() }>,
 }
 
 impl Record for ViewsRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        limits::check(format!("{place} poses"), limits::ITEMS, self.path.len())
+        limits::check(format!("{place} poses"), limits::ITEMS, self.path.0.len())
     }
 }
 
@@ -53,7 +54,7 @@ pub(super) fn write(writer: &mut Writer, views: &Views) -> Result<(), Error> {
         center: views.center.to_array(),
         seconds: views.seconds,
         is_closed: u8::from(views.is_closed),
-        path: views.path.iter().map(PoseRecord::from).collect(),
+        path: List(views.path.iter().map(PoseRecord::from).collect()),
     };
     writer.record(Place::whole(SectionKind::Views), record::write(&"VIEWS", &record)?);
     Ok(())
@@ -68,15 +69,14 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Views, Error> {
         other => return Err(Error::invalid(format!("{name} closed"), "0 or 1", other)),
     };
     if record.center.iter().any(|v| !v.is_finite()) {
-        let found = format!("{:?}", record.center);
-        return Err(Error::invalid(format!("{name} target"), "finite numbers", found));
+        return Err(Error::invalid(format!("{name} target"), "finite numbers", numbers(record.center)));
     }
     let valid = 0.0 < record.angle_of_view
         && record.angle_of_view < std::f64::consts::PI
         && record.seconds > 0.0
         && record.seconds.is_finite();
     if !valid {
-        let found = format!("{} and {} s", record.angle_of_view, record.seconds);
+        let found = format!("{} and {} s", number(record.angle_of_view), number(record.seconds));
         return Err(Error::invalid(
             format!("{name} angle and duration"),
             "an angle in (0, π) and positive seconds",
@@ -89,6 +89,6 @@ pub(super) fn read(payload: &Payload<'_>) -> Result<Views, Error> {
         center: DVec3::from_array(record.center),
         seconds: record.seconds,
         is_closed,
-        path: record.path.iter().map(|p| p.pose(name)).collect::<Result<_, _>>()?,
+        path: record.path.0.iter().map(|p| p.pose(name)).collect::<Result<_, _>>()?,
     })
 }

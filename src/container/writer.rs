@@ -177,7 +177,7 @@ impl<'a> Rewriter<'a> {
         write: impl FnOnce(&mut Writer) -> Result<(), Error>,
     ) -> Result<(), Error> {
         match self.section(place) {
-            Some((section, payload)) if is_same && section.check_codec().is_ok() => {
+            Some((section, payload)) if is_same && section.check_entry().is_ok() => {
                 self.writer.verbatim(section, payload);
                 Ok(())
             }
@@ -223,7 +223,18 @@ impl Finished {
         let (length, checksum) = (payload.len() as u64, crc32fast::hash(&payload));
         let critical = kind.is_critical();
         Self {
-            section: Section { kind, critical, scale, chunk, codec, offset: 0, length, decoded_length, checksum },
+            section: Section {
+                kind,
+                critical,
+                scale,
+                chunk,
+                codec,
+                offset: 0,
+                length,
+                decoded_length,
+                checksum,
+                uses_reserved: false,
+            },
             payload,
         }
     }

@@ -1,8 +1,11 @@
 //! Axis-aligned boxes.
 
+use std::fmt;
+
 use glam::DVec3;
 
 use super::Ray;
+use crate::digits::numbers;
 
 /// A closed axis-aligned box; both corners belong to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,6 +15,13 @@ pub struct Aabb {
     pub min: DVec3,
     /// The largest corner.
     pub max: DVec3,
+}
+
+/// Both corners.
+impl fmt::Display for Aabb {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", numbers(self.min.to_array()), numbers(self.max.to_array()))
+    }
 }
 
 impl Aabb {

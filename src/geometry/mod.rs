@@ -22,7 +22,7 @@ pub use camera_alignment::align_cameras;
 pub use contraction::{Contraction, MAX_SPACING, Spacing};
 pub use focus::focus_of_axes;
 pub use lattice::{Lattice, cell_at, index_of};
-pub use lens::{Distortion, Lens, Projection};
+pub use lens::{Coefficients, Distortion, Lens, Projection};
 pub use path::{CameraPath, Keyframe, PathError};
 pub use pose::{NotRigid, rigid};
 pub use ray::Ray;

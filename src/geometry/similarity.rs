@@ -35,7 +35,7 @@ impl Similarity {
         self.scale.is_finite()
             && self.scale > 0.0
             && self.rotation.is_finite()
-            && (self.rotation.length() - 1.0).abs() < 1e-6
+            && (self.rotation.length() - 1.0).abs() <= 1e-6
             && self.translation.is_finite()
     }
 }

@@ -8,8 +8,6 @@ use super::error::BrokenInvariant;
 pub enum FactorKind {
     /// CP: three vectors for each component (paper 3.1).
     Cp,
-    /// VM: a matrix and a vector for each component, as in TensoRF. Reserved by the file format; not supported.
-    Vm,
 }
 
 /// The factors of one scale's tensors.
@@ -84,13 +82,6 @@ impl Factors {
     }
 
     pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), BrokenInvariant> {
-        if self.kind != FactorKind::Cp {
-            return Err(BrokenInvariant::new(
-                format!("{place} factor kind"),
-                "cp",
-                "vm, which this version does not support",
-            ));
-        }
         let expected = |rank: u32| tensors as u128 * Self::rows(resolution) as u128 * u128::from(rank);
         for (name, rank, values) in
             [("density", self.density_rank, &self.density), ("appearance", self.appearance_rank, &self.appearance)]

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::error::BrokenInvariant;
+use crate::digits::{number, numbers};
 use crate::geometry::Similarity;
 
 /// The axis of a right-handed space that points up.
@@ -107,20 +108,22 @@ impl Frame {
 
     pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
         if !self.model_from_dataset.is_valid() {
-            let found = format!("{:?}", self.model_from_dataset);
+            let Similarity { scale, rotation, translation } = self.model_from_dataset;
+            let [rotation, translation] = [numbers(rotation.to_array()), numbers(translation.to_array())];
+            let found = format!("scale {}, rotation {rotation}, translation {translation}", number(scale));
             return Err(BrokenInvariant::new("frame model_from_dataset", "a finite similarity", found));
         }
         if !(self.near >= 0.0 && self.near < self.far && self.far.is_finite()) {
-            let found = format!("{} and {}", self.near, self.far);
+            let found = format!("{} and {}", number(self.near), number(self.far));
             return Err(BrokenInvariant::new("frame near and far", "in the order 0 <= near < far", found));
         }
         if let Some(meters) = self.meters_per_unit
             && !(meters > 0.0 && meters.is_finite())
         {
-            return Err(BrokenInvariant::new("frame meters_per_unit", "a positive number", meters));
+            return Err(BrokenInvariant::new("frame meters_per_unit", "a positive number", number(meters)));
         }
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
-            let found = format!("{:?}", self.background);
+            let found = numbers(self.background);
             return Err(BrokenInvariant::new("frame background", "three numbers in [0, 1]", found));
         }
         Ok(())

@@ -23,7 +23,7 @@ pub use frame::{ColorSpace, Frame, UpAxis};
 pub use matrix::AppearanceMatrix;
 pub use occupancy::Occupancy;
 pub use provenance::Provenance;
-pub use rules::{Aggregation, Coverage, Reduction, Rules};
+pub use rules::{Aggregation, Coverage, MAX_STEPS, Reduction, Rules};
 pub use scale::{MAX_TOP_K, Scale};
 pub use scene::Scene;
 #[cfg(feature = "render")]

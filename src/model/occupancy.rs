@@ -115,8 +115,7 @@ impl Occupancy {
 
     pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
         if !self.bounds.is_solid() {
-            let found = format!("{:?}", self.bounds);
-            return Err(BrokenInvariant::new("occupancy bounds", "a finite box of positive size", found));
+            return Err(BrokenInvariant::new("occupancy bounds", "a finite box of positive size", self.bounds));
         }
         if self.vertices.min_element() < 2 {
             return Err(BrokenInvariant::new("occupancy vertices", "at least 2 along each axis", self.vertices));

@@ -4,7 +4,11 @@ use glam::DVec3;
 
 use super::error::BrokenInvariant;
 use super::sky::Sky;
+use crate::digits::number;
 use crate::geometry::{Aabb, Contraction, MAX_SPACING};
+
+/// Most samples of a ray: with a tiny step the march would take forever.
+pub const MAX_STEPS: u64 = 1_048_576;
 
 /// The condition for a point to be in the model (spec 4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,15 +103,17 @@ impl Rules {
         if self.contraction.is_some() { 2.0 * MAX_SPACING } else { bounds.size().length() }
     }
 
-    pub(super) fn check(&self, bounds: &Aabb) -> Result<(), BrokenInvariant> {
+    pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), BrokenInvariant> {
+        if !bounds.is_solid() {
+            return Err(BrokenInvariant::new("bounds", "a finite box of positive size", bounds));
+        }
         if let Some(contraction) = self.contraction {
             if !(contraction.shell > 0.0 && contraction.shell <= 1.0) {
                 let expected = "a number more than 0, at most 1";
-                return Err(BrokenInvariant::new("rules contraction's shell", expected, contraction.shell));
+                return Err(BrokenInvariant::new("rules contraction's shell", expected, number(contraction.shell)));
             }
             if *bounds != contraction.bounds() {
-                let found = format!("{bounds:?}");
-                return Err(BrokenInvariant::new("bounds", format!("{:?}", contraction.bounds()), found));
+                return Err(BrokenInvariant::new("bounds", contraction.bounds(), bounds));
             }
         }
         self.sky.as_ref().map_or(Ok(()), Sky::check)?;
@@ -121,7 +127,7 @@ impl Rules {
             ("min_weight", self.min_weight, fraction(self.min_weight), "a number in [0, 1)"),
         ] {
             if !valid {
-                return Err(BrokenInvariant::new(format!("rules {name}"), expected, value));
+                return Err(BrokenInvariant::new(format!("rules {name}"), expected, number(value)));
             }
         }
         Ok(())

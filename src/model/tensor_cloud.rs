@@ -3,6 +3,7 @@
 use glam::{DVec3, UVec3};
 
 use super::error::BrokenInvariant;
+use crate::digits::numbers;
 use crate::geometry::{Aabb, Lattice};
 
 /// The centers, strictly ascending by (z, y, x): so ties between neighbors and the order of sums do not depend on the
@@ -82,10 +83,11 @@ impl TensorCloud {
 
     pub(super) fn check(&self, place: &str) -> Result<(), BrokenInvariant> {
         if !(self.half_edge.is_finite() && self.half_edge.min_element() > 0.0) {
-            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", self.half_edge));
+            let found = numbers(self.half_edge.to_array());
+            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", found));
         }
         if self.resolution.contains(&0) {
-            let found = format!("{:?}", self.resolution);
+            let found = numbers(self.resolution);
             return Err(BrokenInvariant::new(format!("{place} resolution"), "at least 1 cell along each axis", found));
         }
         if self.is_empty() {
@@ -93,7 +95,8 @@ impl TensorCloud {
         }
         if let Placement::Lattice { lattice, cells } = &self.placement {
             if !(lattice.origin.is_finite() && lattice.pitch.is_finite() && lattice.pitch.min_element() > 0.0) {
-                let found = format!("{lattice:?}");
+                let [origin, pitch] = [lattice.origin, lattice.pitch].map(|v| numbers(v.to_array()));
+                let found = format!("origin {origin} and pitch {pitch}");
                 return Err(BrokenInvariant::new(format!("{place} lattice"), "finite and of positive pitch", found));
             }
             if let Some(cell) = cells.iter().find(|c| c.max_element() > i32::MAX as u32) {
@@ -103,11 +106,13 @@ impl TensorCloud {
         let mut previous: Option<DVec3> = None;
         for (n, center) in self.centers().enumerate() {
             if !center.is_finite() {
-                return Err(BrokenInvariant::new(format!("{place} center {n}"), "finite numbers", center));
+                let found = numbers(center.to_array());
+                return Err(BrokenInvariant::new(format!("{place} center {n}"), "finite numbers", found));
             }
             if previous.is_some_and(|p| [p.z, p.y, p.x] >= [center.z, center.y, center.x]) {
                 let expected = "after the previous center, strictly ascending by (z, y, x)";
-                return Err(BrokenInvariant::new(format!("{place} center {n}"), expected, center));
+                let found = numbers(center.to_array());
+                return Err(BrokenInvariant::new(format!("{place} center {n}"), expected, found));
             }
             previous = Some(center);
         }

@@ -67,10 +67,17 @@ mod tests {
 
     use super::*;
     use crate::container::{Limits, Pose, decode_scene_file};
+    use crate::geometry::Lens;
 
     fn cameras() -> Vec<TrainingCamera> {
         let at = |x: f64| Pose { position: DVec3::new(x, 0.0, 3.0), rotation: DQuat::IDENTITY };
-        let camera = |x| TrainingCamera { pose: at(x), focal: [50.0; 2], principal: [20.0, 10.0], size: [40, 20] };
+        let camera = |x| TrainingCamera {
+            pose: at(x),
+            focal: [50.0; 2],
+            principal: [20.0, 10.0],
+            size: [40, 20],
+            lens: Lens::PINHOLE,
+        };
         [0.0, 1.0, 2.0].map(camera).to_vec()
     }
 

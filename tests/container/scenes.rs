@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3, UVec3};
 use strivec::container::{
     Metadata, Pose, Prefix, Probe, Probes, Quality, Thumbnail, ThumbnailFormat, TrainingCamera, Views,
 };
-use strivec::geometry::{Aabb, Lattice, Similarity};
+use strivec::geometry::{Aabb, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
     Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
     Occupancy, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
@@ -170,12 +170,18 @@ pub(crate) fn metadata() -> Metadata {
             density_tolerance: 1e-4,
             probes: vec![probe(0.0), probe(1.0)],
         }),
-        cameras: vec![TrainingCamera {
-            pose: pose(7.0),
-            focal: [100.0, 101.0],
-            principal: [32.0, 24.5],
-            size: [64, 48],
-        }],
+        cameras: [(Projection::Perspective, [-0.3, 0.1, 0.0, 0.0]), (Projection::Fisheye, [0.0; 4])]
+            .map(|(projection, radial)| TrainingCamera {
+                pose: pose(7.0),
+                focal: [100.0, 101.0],
+                principal: [32.0, 24.5],
+                size: [64, 48],
+                lens: Lens {
+                    projection,
+                    distortion: Distortion::new(radial, [0.02, 0.0, -0.01], [1e-3, 2e-3], [5e-4, -5e-4]).unwrap(),
+                },
+            })
+            .to_vec(),
         notes: [("author", "somebody"), ("place", "Zürich")].map(|(k, v)| (k.into(), v.into())).into(),
         unknown: Vec::new(),
         skipped: Vec::new(),

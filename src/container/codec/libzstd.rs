@@ -4,7 +4,7 @@ use std::fmt;
 
 use zstd::zstd_safe;
 
-use crate::container::Error;
+use crate::container::error::{Error, hex};
 
 /// `bytes` as one zstd frame.
 pub(in crate::container) fn compress(place: &dyn fmt::Display, bytes: &[u8], level: i32) -> Result<Vec<u8>, Error> {
@@ -21,8 +21,9 @@ pub(in crate::container) fn decompress(
 ) -> Result<Vec<u8>, Error> {
     // The decompressor would also take several frames, and skip frames that hold something else.
     if !bytes.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
-        return Err(Error::malformed(place, "a zstd frame", format!("{:02x?}", &bytes[..bytes.len().min(4)])));
+        return Err(Error::malformed(place, "a zstd frame", hex(&bytes[..bytes.len().min(4)])));
     }
+    super::check_window(place, bytes)?;
     let message = zstd_safe::get_error_name;
     let frame = zstd_safe::find_frame_compressed_size(bytes)
         .map_err(|code| Error::malformed(place, "a whole zstd frame", message(code)))?;

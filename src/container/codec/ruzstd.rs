@@ -6,12 +6,10 @@ use std::io::Read as _;
 
 use ::ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
-use crate::container::Error;
+use crate::container::error::{Error, hex};
 
 /// The first bytes of a frame.
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-/// The largest window that the C library takes, as a power of two.
-const MAX_WINDOW_LOG: u8 = 31;
 
 /// Always an error: nothing is written in browsers.
 #[cfg(target_arch = "wasm32")]
@@ -29,8 +27,9 @@ pub(in crate::container) fn decompress(
 ) -> Result<Vec<u8>, Error> {
     let invalid = |error: &dyn fmt::Display| Error::malformed(place, "a valid zstd frame", error);
     let Some(frame) = bytes.strip_prefix(&MAGIC) else {
-        return Err(Error::malformed(place, "a zstd frame", format!("{:02x?}", &bytes[..bytes.len().min(4)])));
+        return Err(Error::malformed(place, "a zstd frame", hex(&bytes[..bytes.len().min(4)])));
     };
+    super::check_window(place, bytes)?;
     let Some((header, mut blocks)) = Header::read(frame) else {
         return Err(Error::malformed(place, "a whole zstd frame", "a damaged header"));
     };
@@ -68,7 +67,7 @@ struct Header {
 
 impl Header {
     /// Reads the header that `frame` has after its magic number; what follows it. `None` where it is cut short, from the
-    /// future, or asks for a dictionary or for a window beyond the C library's.
+    /// future, or asks for a dictionary.
     fn read(frame: &[u8]) -> Option<(Self, &[u8])> {
         let (&descriptor, mut rest) = frame.split_first()?;
         let is_one_segment = descriptor & 0x20 != 0;
@@ -76,11 +75,7 @@ impl Header {
             return None;
         }
         if !is_one_segment {
-            let (&window, after) = rest.split_first()?;
-            if 10 + (window >> 3) > MAX_WINDOW_LOG {
-                return None;
-            }
-            rest = after;
+            rest = rest.split_first()?.1;
         }
         let (dictionary, after) = rest.split_at_checked([0, 1, 2, 4][usize::from(descriptor & 3)])?;
         if dictionary.iter().any(|&byte| byte != 0) {

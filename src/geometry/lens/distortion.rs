@@ -11,12 +11,45 @@ use glam::{DMat2, DVec2};
 /// with x to the right and y down. Its inverse is unique up to [`Distortion::max_radius`]; beyond it the picture
 /// folds over itself, and points have no inverse.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(into = "Coefficients", try_from = "Coefficients")
+)]
 pub struct Distortion {
     radial: [f64; 4],
     divisor: [f64; 3],
     tangential: [f64; 2],
     prism: [f64; 2],
     max_radius: f64,
+}
+
+/// The coefficients of a [`Distortion`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Coefficients {
+    /// a₁ to a₄.
+    pub radial: [f64; 4],
+    /// b₁ to b₃.
+    pub divisor: [f64; 3],
+    /// t₁ and t₂.
+    pub tangential: [f64; 2],
+    /// s₁ and s₂.
+    pub prism: [f64; 2],
+}
+
+impl From<Distortion> for Coefficients {
+    fn from(Distortion { radial, divisor, tangential, prism, .. }: Distortion) -> Self {
+        Self { radial, divisor, tangential, prism }
+    }
+}
+
+impl TryFrom<Coefficients> for Distortion {
+    type Error = &'static str;
+
+    fn try_from(Coefficients { radial, divisor, tangential, prism }: Coefficients) -> Result<Self, Self::Error> {
+        Self::new(radial, divisor, tangential, prism).ok_or("the coefficients of a distortion must be finite numbers")
+    }
 }
 
 /// Points farther from the axis than this, in focal lengths, have no inverse.

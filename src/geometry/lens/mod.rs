@@ -10,10 +10,11 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
-pub use distortion::Distortion;
+pub use distortion::{Coefficients, Distortion};
 
 /// How directions fall on the undistorted picture plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
 pub enum Projection {
     /// (x/z, y/z): COLMAP's SIMPLE_PINHOLE to FULL_OPENCV.
     Perspective,
@@ -25,11 +26,19 @@ pub enum Projection {
 
 /// A projection and the distortion after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Lens {
     /// The projection.
     pub projection: Projection,
     /// The distortion of the projected picture.
     pub distortion: Distortion,
+}
+
+impl Default for Lens {
+    /// [`Lens::PINHOLE`].
+    fn default() -> Self {
+        Self::PINHOLE
+    }
 }
 
 impl Lens {

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from . import limits, reader
-from .errors import StrivecError
+from .errors import StrivecError, Unsupported
 from .probes import MIN_MARGIN, check_probes
 
 USAGE_ERROR, INVALID_FILE, UNFINISHED = 2, 3, 4
@@ -35,7 +35,7 @@ def main(arguments=None):
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     command = commands.add_parser("info", help="print a summary of a scene")
     command.add_argument("files", nargs=1, metavar="FILE")
-    command.set_defaults(run=info)
+    command.set_defaults(run=info, time=None)
     command = commands.add_parser("verify", help="check structure, checksums, values and probes")
     command.add_argument("files", nargs="+", metavar="FILE")
     command.add_argument(
@@ -57,7 +57,8 @@ def escaped(text):
 def _run(options, path):
     name = escaped(path)
     try:
-        return options.run(name, reader.open(path, options.budget), options)
+        budget = limits.default_budget(os.path.getsize(path)) if options.budget is None else options.budget
+        return options.run(name, reader.open(path, budget), budget, options.time)
     except StrivecError as error:
         print(f"{name}: {escaped(error)}", file=sys.stderr)
         return error.exit_code
@@ -66,7 +67,7 @@ def _run(options, path):
         return USAGE_ERROR
 
 
-def info(path, scene, _):
+def info(path, scene, *_):
     """Prints a summary of a scene."""
     rules, decoder = scene.rules, scene.decoder
     print(f"{path}: version 1.{scene.minor_version}")
@@ -97,8 +98,8 @@ def info(path, scene, _):
         _count(len(scene.notes), "note", "notes"): bool(scene.notes),
         "unknown " + " ".join(section.kind for section in scene.unknown): bool(scene.unknown),
     }
-    for message in scene.skipped:
-        print(f"skipped a section: {escaped(message)}")
+    for skipped in scene.skipped:
+        print(f"{path}: warning: {escaped(skipped)}", file=sys.stderr)
     print("with " + (", ".join(name for name, there in metadata.items() if there) or "no metadata"))
     return 0
 
@@ -107,10 +108,14 @@ def _count(number, singular, plural):
     return f"{number} {singular if number == 1 else plural}"
 
 
-def verify(path, scene, options):
-    """Checks the probes of a scene that was read without an error, and prints the largest differences."""
-    budget = limits.default_budget(os.path.getsize(path)) if options.budget is None else options.budget
-    report = check_probes(scene, budget, options.time)
+def verify(path, scene, budget, seconds):
+    """Checks the ancillary sections and the probes of a scene that was read, and prints the largest differences."""
+    wrong = [skipped for skipped in scene.skipped if not isinstance(skipped.error, Unsupported)]
+    for skipped in scene.skipped:
+        print(f"{path}: {'' if skipped in wrong else 'warning: '}{escaped(skipped)}", file=sys.stderr)
+    if wrong:
+        return INVALID_FILE
+    report = check_probes(scene, budget, seconds)
     if report is None:
         print(f"{path}: valid, without probes")
         return 0
@@ -123,7 +128,7 @@ def verify(path, scene, options):
         print(f"{path}: probes {report.failed} are out of tolerance; {compared}; {differences}", file=sys.stderr)
         return INVALID_FILE
     if report.traced < report.probes:
-        print(f"{path}: {report.traced} of {report.probes} probes checked in {options.time} s; {compared}", file=sys.stderr)
+        print(f"{path}: {report.traced} of {report.probes} probes checked in {seconds} s; {compared}", file=sys.stderr)
         return UNFINISHED
     print(f"{path}: valid; {compared}; {differences}")
     return 0

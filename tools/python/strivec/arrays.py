@@ -9,7 +9,7 @@ from collections import namedtuple
 import numpy as np
 
 from . import adaptive
-from .errors import Malformed, InvalidScene, Unsupported
+from .errors import Malformed, InvalidScene
 
 ENCODINGS = ("f32", "f16", "grid")
 FILTERS = ("none", "planes")
@@ -34,23 +34,27 @@ def _steps():
 
 STEPS = _steps()  # [step code], float32[256]
 
-ArrayHead = namedtuple("ArrayHead", "encoding bits filter error")
+ArrayHead = namedtuple("ArrayHead", "encoding bits filter")
+
+
+def check_head(record, offset):
+    """Raises Unsupported if a code or the reserved byte of the array head at this offset belongs to a later version."""
+    record.check_codes([(offset, "encoding", range(len(ENCODINGS)))])
+    encoding = record.data[offset : offset + 1]
+    bits = BITS[ENCODINGS[encoding[0]]] if len(encoding) else ()
+    filters = range(len(FILTERS))
+    record.check_codes([(offset + 1, "bits", bits), (offset + 2, "filter", filters)], [(offset + 3, 1)])
 
 
 def read_head(record):
-    """Reads the array head at the record's position."""
+    """Reads the array head at the record's position, whose codes were checked."""
     encoding = record.code("encoding", ENCODINGS)
     bits = record.u8("bits")
-    if bits not in BITS[encoding]:
-        raise Unsupported(f"{record.place} bits of {encoding}", f"code {bits}")
     filter = record.code("filter", FILTERS)
     if filter not in FILTERS_OF[encoding]:
         raise Malformed(f"{record.place} filter", f"one of {FILTERS_OF[encoding]} for {encoding}", filter)
-    record.zeros(1)
-    error = record.f32("error")
-    record.require(np.isfinite(error) and error >= 0.0, "error", "a number of at least 0", error)
-    record.require(encoding != "f32" or error == 0.0, "error", "0 for f32", error)
-    return ArrayHead(encoding, bits, filter, error)
+    record.take(1, "reserved byte")
+    return ArrayHead(encoding, bits, filter)
 
 
 def encoded_size(head, numbers, groups):

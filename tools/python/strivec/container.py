@@ -1,7 +1,7 @@
 """Header, section table and payloads (section 2 of the format): the bytes of a file to records and bodies.
 
-A `Container` returns sections in the order of the file. It checks the length, padding and checksum of each section
-before it returns it. The module `sections` interprets records and bodies.
+A `Container` checks the length, the checksums and the padding of the file, then returns sections in the order of the
+file. The module `sections` interprets records and bodies.
 """
 
 import struct
@@ -33,10 +33,11 @@ NO_SCALE = 0xFFFF
 NO_CHUNK = 0xFFFFFFFF
 STORED, ZSTD, ADAPTIVE = 0, 1, 2
 ADAPTIVE_KINDS = ("DECODER", "OCCUPANCY", "MATRIX", "DENSITY", "APPEARANCE", "PREFIX")
+MAX_WINDOW = 1 << 27  # bytes
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 NAME_BYTES = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
-Kind = namedtuple("Kind", "critical compressible")
+Kind = namedtuple("Kind", "critical compressible of_scale of_chunk", defaults=(False, False))
 
 KINDS = {
     "FRAME": Kind(True, False),
@@ -48,19 +49,21 @@ KINDS = {
     "THUMBNAIL": Kind(False, False),
     "DECODER": Kind(True, True),
     "OCCUPANCY": Kind(True, True),
-    "SCALE": Kind(True, True),
-    "MATRIX": Kind(True, True),
-    "PLACEMENT": Kind(True, True),
-    "DENSITY": Kind(True, True),
-    "APPEARANCE": Kind(True, True),
-    "PREFIX": Kind(False, True),
+    "SCALE": Kind(True, True, True),
+    "MATRIX": Kind(True, True, True),
+    "PLACEMENT": Kind(True, True, True, True),
+    "DENSITY": Kind(True, True, True, True),
+    "APPEARANCE": Kind(True, True, True, True),
+    "PREFIX": Kind(False, True, True),
     "PROBES": Kind(False, False),
     "CAMERAS": Kind(False, True),
     "NOTES": Kind(False, True),
 }
 
 
-class Section(namedtuple("Section", "kind critical scale chunk codec checksum offset length decoded_length")):
+class Section(
+    namedtuple("Section", "kind critical scale chunk codec checksum offset length decoded_length uses_reserved")
+):
     """One entry of the table; `offset` and the lengths are in bytes."""
 
     @property
@@ -100,6 +103,7 @@ class Container:
         self.unknown = []  # ancillary sections of unknown kinds
         self._read_header()
         self._read_table()
+        self._check_bytes()
         self._next = 0  # index of the next section
         self._keys = {section.key for section in self.sections}
 
@@ -122,7 +126,7 @@ class Container:
         self.minor = minor
         self.count = limits.check(count, limits.SECTIONS, "header section count")
         if any(data[32:60]):
-            raise Malformed("header reserved", "zeros", "another byte")
+            raise Unsupported("header reserved bytes", "a value other than 0")
 
     def _read_table(self):
         end = HEADER + self.count * ENTRY.size
@@ -139,16 +143,43 @@ class Container:
             self.sections.append(section)
         if end != self.length:
             raise Malformed("header file length", end, self.length)
+        for section in self.sections:
+            if section.kind not in KINDS and section.critical:
+                raise UnknownCritical(section.name)
+
+    def _check_bytes(self):
+        """Checks length, checksums and padding. `damaged` has the errors of ancillary sections, by their entries."""
+        size = len(self.data)
+        if size < self.length:
+            cut = next(section for section in self.sections if section.end > size)
+            raise Truncated(cut.name, size, self.length)
+        if size > self.length:
+            raise Malformed("bytes in the file", self.length, size)
+        self.damaged = {}
+        for section in self.sections:
+            try:
+                _check_sum(self.data, section.offset, section.end, section.checksum, section.name)
+            except Corrupt as error:
+                if section.critical:
+                    raise
+                self.damaged[section] = error
+        if not self.damaged:
+            _check_sum(self.data, HEADER, self.length, self.file_checksum, "file")
+        end = HEADER + self.count * ENTRY.size
+        for section in self.sections:
+            if any(self.data[end : section.offset]):
+                raise Malformed(f"padding before {section.name}", "zeros", "another byte")
+            end = section.end
+
+    def check_usable(self, section):
+        """Raises the error for which an entry or its payload as a whole cannot be used."""
+        if section in self.damaged:
+            raise self.damaged[section]
+        if section.uses_reserved:
+            raise Unsupported(f"{section.name} flags or reserved bytes", "a value that version 1.0 does not define")
 
     def _pass(self):
-        """Checks the next section's length, padding and checksum, and advances past it."""
         section = self.sections[self._next]
-        before = self.sections[self._next - 1].end if self._next else HEADER + self.count * ENTRY.size
-        if section.end > len(self.data):
-            raise Truncated(section.name, max(len(self.data), section.offset), section.end)
-        if any(self.data[before : section.offset]):
-            raise Malformed(f"padding before {section.name}", "zeros", "another byte")
-        _check_sum(self.data, section.offset, section.end, section.checksum, section.name)
         self._next += 1
         return section
 
@@ -174,21 +205,23 @@ class Container:
         return payload
 
     def finish(self):
-        """Checks that no known section is left, and the end and checksum of the file."""
+        """Checks that no known section is left."""
         self._pass_unknown()
         if self._next < self.count:
             raise Malformed("next section", "of an unknown kind", self.sections[self._next].name)
-        if len(self.data) > self.length:
-            raise Malformed("bytes in the file", self.length, len(self.data))
-        _check_sum(self.data, HEADER, self.length, self.file_checksum, "file")
 
 
 class Payload:
     """A section's bytes. Read `record` first, then `body`, or call `end` if the section has no body."""
 
     def __init__(self, container, section):
+        container.check_usable(section)
         if section.codec not in (STORED, ZSTD, ADAPTIVE):
             raise Unsupported(section.name, f"codec {section.codec}")
+        if section.codec == ZSTD and not KINDS[section.kind].compressible:
+            raise Malformed(f"{section.name} codec", STORED, section.codec)
+        if section.codec == ADAPTIVE and section.kind not in ADAPTIVE_KINDS:
+            raise Malformed(f"{section.name} codec", "0 or 1", section.codec)
         self.name = section.name
         self.section = section
         self.budget = container.budget
@@ -263,23 +296,24 @@ def _read_entry(index, fields):
     letters = name.rstrip(b"\0")
     if not letters or not NAME_BYTES.issuperset(letters):
         expected = "capital letters, digits and hyphens, then zeros"
-        raise Malformed(f"name of section {index}", expected, f"[{name.hex(' ')}]")
+        raise Malformed(f"name of section {index}", expected, name.hex(" "))
     section = Section(
-        letters.decode(), bool(flags & 1), scale, chunk, codec, checksum, offset, length, decoded_length
+        letters.decode(),
+        bool(flags & 1),
+        scale,
+        chunk,
+        codec,
+        checksum,
+        offset,
+        length,
+        decoded_length,
+        flags > 1 or reserved != 0 or reserved4 != 0 or reserved8 != 0,
     )
-    if flags > 1:
-        raise Malformed(f"{section.name} flags", "0 or 1", flags)
     kind = KINDS.get(section.kind)
-    if kind is None and section.critical:
-        raise UnknownCritical(section.kind)
     if kind is not None and kind.critical != section.critical:
-        raise Malformed(f"{section.name} flags", int(kind.critical), flags)
-    if kind is not None and codec == ZSTD and not kind.compressible:
-        raise Malformed(f"{section.name} codec", STORED, codec)
-    if kind is not None and codec == ADAPTIVE and section.kind not in ADAPTIVE_KINDS:
-        raise Malformed(f"{section.name} codec", "0 or 1", codec)
-    if reserved or reserved4 or reserved8:
-        raise Malformed(f"{section.name} reserved", "zeros", "another byte")
+        raise Malformed(f"{section.name} flags", "critical" if kind.critical else "ancillary", "the other")
+    if kind is not None and (scale != NO_SCALE, chunk != NO_CHUNK) != (kind.of_scale, kind.of_chunk):
+        raise Malformed(f"section {section.kind}", "of its scale and chunk, if it has them", section.name)
     if codec == STORED and decoded_length != length:
         raise Malformed(f"{section.name} decoded length", length, decoded_length)
     return section
@@ -288,7 +322,7 @@ def _read_entry(index, fields):
 def _check_zstd_frame(frame, length, place):
     """Checks that `frame` begins a zstd frame without dictionary that declares `length` bytes of content."""
     if frame[:4] != ZSTD_MAGIC:
-        raise Malformed(place, "a zstd frame", f"[{bytes(frame[:4]).hex(' ')}]")
+        raise Malformed(place, "a zstd frame", bytes(frame[:4]).hex(" "))
     try:
         parameters = zstandard.get_frame_parameters(frame)
     except zstandard.ZstdError as error:
@@ -297,12 +331,18 @@ def _check_zstd_frame(frame, length, place):
         unknown = parameters.content_size == zstandard.CONTENTSIZE_UNKNOWN
         found = "no declared size" if unknown else parameters.content_size
         raise Malformed(f"{place} content of the zstd frame", f"{length} bytes", found)
+    is_single_segment = frame[4] & 0x20 != 0
+    if parameters.window_size > MAX_WINDOW and not is_single_segment:
+        raise Malformed(f"{place} window of the zstd frame", f"at most {MAX_WINDOW} bytes", parameters.window_size)
     if parameters.dict_id:
         raise Malformed(f"{place} dictionary of the zstd frame", "none", parameters.dict_id)
 
 
 def _decode_zstd(frame, length, place):
     """The content of one zstd frame that declares `length` bytes; never writes more than those."""
+    if length == 0:
+        # The decompressor does not look at such a frame as a whole.
+        return _decode_empty_frame(frame, place)
     try:
         # One pass into a buffer of the declared size: the frame's window takes no memory of its own.
         content = zstandard.ZstdDecompressor().decompress(frame, allow_extra_data=False)
@@ -310,4 +350,15 @@ def _decode_zstd(frame, length, place):
         raise Malformed(place, "a whole zstd frame", error) from None
     if len(content) != length:
         raise Malformed(f"{place} content of the zstd frame", f"{length} bytes", len(content))
+    return content
+
+
+def _decode_empty_frame(frame, place):
+    decompressor = zstandard.ZstdDecompressor().decompressobj()
+    try:
+        content = decompressor.decompress(bytes(frame))
+    except zstandard.ZstdError as error:
+        raise Malformed(place, "a whole zstd frame", error) from None
+    if content or not decompressor.eof or decompressor.unused_data:
+        raise Malformed(place, "one whole zstd frame of no content", f"{len(frame)} bytes")
     return content

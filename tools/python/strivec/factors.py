@@ -15,8 +15,10 @@ def read_factors(payload, rank, resolution, out):
     """
     tensors = len(out[0])
     record = payload.record
-    has_masks = record.flag("list of nonzero components")
-    record.zeros(7)
+    record.check_codes([(0, "components", range(2))], [(1, 7)])
+    arrays.check_head(record, 8)
+    has_masks = record.code("components", (False, True))
+    record.take(7, "reserved bytes")
     head = arrays.read_head(record)
     vertices = [cells + 1 for cells in resolution]
 

@@ -25,7 +25,7 @@ TEXT = (0, 1_048_576)  # bytes
 RECORD = (0, 8_388_608)  # bytes
 ITEMS = (0, 65_536)  # probes, poses, cameras, notes
 THUMBNAIL = (1, 4_194_304)  # bytes
-MARCH_STEPS = 1_048_576  # steps on the longest ray
+MARCH_STEPS = (0, 1_048_576)  # steps on the longest ray
 PROBE_STEPS = (0, 4_194_304)  # probes, times these steps
 
 

@@ -1,16 +1,15 @@
 """A file to a `Scene`: the order of sections (sections 2.3 and 2.4 of the format)."""
 
-import math
 import mmap
 import os
 
 import numpy as np
 
 from . import limits, sections
-from .container import NO_SCALE, Container
-from .errors import Unsupported
+from .container import NO_CHUNK, NO_SCALE, Container, section_name
+from .errors import StrivecError
 from .scales import read_scale
-from .scene import Provenance, Scene, UnknownSection
+from .scene import Provenance, Scene, SkippedSection, UnknownSection
 
 
 def open(path, budget=None):
@@ -43,12 +42,12 @@ def _read_scene(container):
     skipped = []
 
     def ancillary(read_section, kind, *arguments, scale=NO_SCALE):
-        """The contents of a section, or None if it is absent or has a code of a later version (section 1)."""
+        """The contents of a section, or None if it is absent or cannot be used (section 1)."""
         try:
             payload = container.find(kind, scale)
             return None if payload is None else read_section(payload, *arguments)
-        except Unsupported as error:
-            skipped.append(str(error))
+        except StrivecError as error:
+            skipped.append(SkippedSection(section_name(kind, scale, NO_CHUNK), error))
             return None
 
     provenance = ancillary(sections.read_provenance, "PROVENANCE") or Provenance()
@@ -69,13 +68,11 @@ def _read_scene(container):
             if prefix is not None:
                 prefixes[index] = prefix
 
-    probes = ancillary(sections.read_probes, "PROBES")
-    if probes is not None:
-        steps = max(math.ceil(rules.most_steps), 1) * len(probes.margins)
-        limits.check(steps, limits.PROBE_STEPS, "PROBES times the steps on the longest ray")
+    probes = ancillary(sections.read_probes, "PROBES", rules)
     cameras = ancillary(sections.read_cameras, "CAMERAS") or []
     notes = ancillary(sections.read_notes, "NOTES") or {}
     container.finish()
+    unknown = _unknown_sections(container, skipped)
     return Scene(
         container.minor,
         frame,
@@ -92,21 +89,21 @@ def _read_scene(container):
         probes,
         cameras,
         notes,
-        _unknown_sections(container),
+        unknown,
         skipped,
     )
 
 
-def _unknown_sections(container):
-    container.budget.take(sum(section.length for section in container.unknown), "sections of unknown kinds")
-    return [
-        UnknownSection(
-            section.kind,
-            section.scale,
-            section.chunk,
-            section.codec,
-            section.decoded_length,
-            bytes(container.data[section.offset : section.end]),
-        )
-        for section in container.unknown
-    ]
+def _unknown_sections(container, skipped):
+    unknown = []
+    for section in container.unknown:
+        try:
+            container.check_usable(section)
+            container.budget.take(section.length, section.name)
+        except StrivecError as error:
+            skipped.append(SkippedSection(section.name, error))
+            continue
+        data = bytes(container.data[section.offset : section.end])
+        number = section.decoded_length
+        unknown.append(UnknownSection(section.kind, section.scale, section.chunk, section.codec, number, data))
+    return unknown

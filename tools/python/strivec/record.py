@@ -108,15 +108,22 @@ class Record:
             raise Unsupported(f"{self.place} {name}", f"code {value}")
         return choices[value]
 
-    def flag(self, name):
-        """A u8 that is 0 or 1."""
-        value = self.u8(name)
-        if value > 1:
-            raise Malformed(f"{self.place} {name}", "0 or 1", value)
-        return value == 1
+    def check_codes(self, codes=(), reserved=()):
+        """Raises Unsupported if a code or a reserved byte of the record belongs to a later version.
 
-    def zeros(self, size, name="reserved"):
-        """Reserved bytes."""
+        `codes` has an offset, a name and the known codes for each code of the record, `reserved` an offset and a size.
+        Bytes that are not there are left to what reads them.
+        """
+        for offset, name, known in codes:
+            field = self.data[offset : offset + 1]
+            if len(field) and field[0] not in known:
+                raise Unsupported(f"{self.place} {name}", f"code {field[0]}")
+        for offset, size in reserved:
+            if any(self.data[offset : offset + size]):
+                raise Unsupported(f"{self.place} reserved bytes", "a value other than 0")
+
+    def zeros(self, size, name):
+        """Bytes that must be zero."""
         if any(self.take(size, name)):
             raise Malformed(f"{self.place} {name}", "zeros", "another byte")
 

@@ -6,7 +6,7 @@ from collections import namedtuple
 import numpy as np
 
 from . import limits
-from .errors import Malformed, InvalidScene, Unsupported
+from .errors import Malformed, InvalidScene
 from .factors import read_factors
 from .scene import Scale
 from .sections import read_matrix
@@ -66,18 +66,18 @@ def read_scale(container, index, features):
 
 def _read_layout(payload):
     record = payload.record
+    record.check_codes([(44, "factor kind", range(1)), (45, "placement", range(2))], [(46, 2), (60, 4)])
     tensors = record.u32("tensors", limits.TENSORS)
     top_k = record.u32("top_k", limits.TOP_K)
     half_edges = record.f64s(3, "half edges", "a positive finite number")
     resolution = record.u32s(3, "resolution", limits.RESOLUTION)
-    if record.code("factor kind", ("cp", "vm")) == "vm":
-        raise Unsupported(f"{payload.name} factor kind", "vm")
+    record.code("factor kind", ("cp",))
     placement = record.code("placement", ("lattice", "explicit"))
-    record.zeros(2)
+    record.take(2, "reserved bytes")
     density_rank = record.u32("density rank", limits.RANK)
     appearance_rank = record.u32("appearance rank", limits.RANK)
     count = record.u32("chunks", limits.CHUNKS)
-    record.zeros(4)
+    record.take(4, "reserved bytes")
     if placement == "lattice":
         origin = record.f64s(3, "origin")
         pitch = record.f64s(3, "pitch", "a positive finite number")
@@ -90,8 +90,8 @@ def _read_layout(payload):
     payload.budget.take(size, payload.name)
     with payload.body(size) as body:
         chunks = np.frombuffer(body, CHUNK).copy()
-    if not chunks["tensors"].all():
-        raise Malformed(f"{payload.name} tensors of a chunk", "at least 1", 0)
+    for found in chunks["tensors"]:
+        limits.check(int(found), limits.TENSORS, f"{payload.name} tensors of a chunk")
     total = int(chunks["tensors"].sum(dtype=np.int64))
     if total != tensors:
         raise Malformed(f"{payload.name} tensors of all chunks", tensors, total)

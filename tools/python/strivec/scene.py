@@ -175,12 +175,29 @@ class Probes:
 
 @dataclass
 class Camera:
-    """Section 3.17: focal length and principal point (x, y) and size (width, height) in pixels."""
+    """Section 3.17: focal length and principal point (x, y) and size (width, height) in pixels; a projection and the
+    coefficients of its distortion."""
 
     pose: Pose
     focal_length: Tuple[float, float]
     principal_point: Tuple[float, float]
     size: Tuple[int, int]
+    projection: str  # perspective, fisheye, equirectangular
+    radial: Tuple[float, float, float, float]  # a
+    divisor: Tuple[float, float, float]  # b
+    tangential: Tuple[float, float]  # t
+    prism: Tuple[float, float]  # s
+
+
+@dataclass
+class SkippedSection:
+    """An ancillary section that was taken as absent, and the `StrivecError` for which it cannot be used."""
+
+    name: str
+    error: Exception
+
+    def __str__(self):
+        return f"section {self.name} is skipped: {self.error}"
 
 
 @dataclass
@@ -215,4 +232,4 @@ class Scene:
     cameras: List[Camera]
     notes: Dict[str, str]
     unknown: List[UnknownSection] = field(default_factory=list)
-    skipped: List[str] = field(default_factory=list)  # messages, one for each section with a code of a later version
+    skipped: List[SkippedSection] = field(default_factory=list)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from . import adaptive, arrays, limits
-from .errors import Malformed, InvalidScene
+from .errors import InvalidScene, Malformed, Unsupported
 from .record import Record
 from .scene import (
     Camera,
@@ -26,12 +26,14 @@ from .scene import (
 UPS = ("+x", "+y", "+z", "-x", "-y", "-z")
 POSE = 56  # bytes
 PROBE = 144  # bytes
-CAMERA = 96  # bytes
+CAMERA = 192  # bytes
+PROJECTIONS = ("perspective", "fisheye", "equirectangular")
 
 
 def read_frame(payload):
     """Section 3.1."""
     record = payload.record
+    record.check_codes([(100, "up axis", range(len(UPS))), (101, "color space", range(1))])
     scale = record.f64("scale", "a positive finite number")
     rotation = record.quaternion("rotation")
     translation = record.f64s(3, "translation")
@@ -51,6 +53,8 @@ def read_frame(payload):
 def read_rules(payload):
     """Section 3.2."""
     record = payload.record
+    names = ("coverage", "aggregation", "density reduction", "appearance reduction", "contraction")
+    record.check_codes([(2 + n, name, range(2)) for n, name in enumerate(names)] + [(7, "sky", range(5))])
     scales = limits.check(record.u16("scales"), limits.SCALES, "RULES number of scales")
     coverage = record.code("coverage", ("all", "any"))
     aggregation = record.code("aggregation", ("normalized", "clamped"))
@@ -63,7 +67,7 @@ def read_rules(payload):
     distance_scale = record.f64("distance scale", "a positive finite number")
     step = record.f64("step", "a positive finite number")
     steps = (4.0 * math.sqrt(3.0) if contraction == "L∞" else math.dist(*bounds)) / step
-    record.require(steps <= limits.MARCH_STEPS, "step", f"at most {limits.MARCH_STEPS} steps on a ray", steps)
+    limits.check(steps, limits.MARCH_STEPS, "RULES steps along the bounds' diagonal")
     min_transmittance = record.f64("minimum transmittance", "a number in [0, 1)")
     min_weight = record.f64("minimum weight", "a number in [0, 1)")
     shell = None
@@ -145,8 +149,9 @@ def read_views(payload):
 def read_thumbnail(payload):
     """Section 3.14."""
     record = payload.record
+    record.check_codes([(0, "format", range(2))], [(1, 1)])
     format = record.code("format", ("PNG", "JPEG"))
-    record.zeros(1)
+    record.take(1, "reserved byte")
     width, height = record.u16("width"), record.u16("height")
     size = limits.check(payload.body_length, limits.THUMBNAIL, "THUMBNAIL bytes")
     payload.budget.take(size, payload.name)
@@ -157,6 +162,11 @@ def read_thumbnail(payload):
 def read_decoder(payload):
     """Section 3.5."""
     record = payload.record
+    record.check_codes([(0, "mode", range(3))])
+    if len(record.data) >= 17:
+        count = int.from_bytes(record.data[9:17], "little")
+        if count <= limits.LAYERS[1]:
+            arrays.check_head(record, 17 + 8 * count)
     mode = record.code("mode", ("per sample", "per ray", "residual"))
     feature_frequencies = record.u32("frequencies of features", limits.FREQUENCIES)
     direction_frequencies = record.u32("frequencies of the direction", limits.FREQUENCIES)
@@ -203,9 +213,11 @@ def read_occupancy(payload):
 def read_matrix(payload, features, rank):
     """Section 3.8: float32[P][R], with P = `features` and R = `rank`."""
     record = payload.record
-    found = record.u32("features", limits.FEATURES)
-    record.require(found == features, "features", f"{features}, by the inputs of the decoder", found)
+    arrays.check_head(record, 8)
+    found_features = record.u32("features", limits.FEATURES)
     found = record.u32("appearance rank", limits.RANK)
+    expected = f"{features}, by the inputs of the decoder"
+    record.require(found_features == features, "features", expected, found_features)
     if found != rank:
         raise Malformed(f"{payload.name} appearance rank", rank, found)
     head = arrays.read_head(record)
@@ -215,12 +227,13 @@ def read_matrix(payload, features, rank):
 def read_prefix(payload, features, ranks):
     """Section 3.11, for a prefix whose appearance ranks sum to `ranks`."""
     record = payload.record
+    arrays.check_head(record, 24)
     gain = record.f64("gain", "a positive finite number")
     offset = record.f64("offset")
-    found = record.u32("features", limits.FEATURES)
-    if found != features:
-        raise Malformed(f"{payload.name} features", features, found)
+    found_features = record.u32("features", limits.FEATURES)
     found = record.u32("sum of appearance ranks", limits.RANK_SUM)
+    if found_features != features:
+        raise Malformed(f"{payload.name} features", features, found_features)
     if found != ranks:
         raise Malformed(f"{payload.name} sum of appearance ranks", ranks, found)
     head = arrays.read_head(record)
@@ -228,8 +241,8 @@ def read_prefix(payload, features, ranks):
     return Prefix(gain, offset, matrix)
 
 
-def read_probes(payload):
-    """Section 3.16."""
+def read_probes(payload, rules):
+    """Section 3.16, in a scene of these rules."""
     record = payload.record
     rule = "a positive finite number"
     color, depth, density = (record.f64(f"tolerance of {what}", rule) for what in ("color", "depth", "density"))
@@ -238,7 +251,7 @@ def read_probes(payload):
     with payload.body(PROBE * count) as body:
         reserved = np.frombuffer(body, "<u8").reshape(count, 18)[:, 16:]
         if reserved.any():
-            raise Malformed("PROBES reserved", "zeros", "another number")
+            raise Unsupported("PROBES reserved bytes", "a value other than 0")
         rows = np.frombuffer(body, "<f8").reshape(count, 18)[:, :16].astype(np.float64)
     if not np.isfinite(rows).all():
         raise InvalidScene("PROBES", "finite numbers", "another number")
@@ -246,6 +259,11 @@ def read_probes(payload):
     wrong = np.flatnonzero(np.abs(lengths - 1.0) > 1e-6)
     if len(wrong):
         raise InvalidScene(f"PROBES direction of probe {wrong[0]}", "length 1", lengths[wrong[0]])
+    wrong = np.flatnonzero(rows[:, 15] < 0.0)
+    if len(wrong):
+        raise InvalidScene(f"PROBES margin of probe {wrong[0]}", "a number of at least 0", rows[wrong[0], 15])
+    steps = max(math.ceil(rules.most_steps), 1) * count
+    limits.check(steps, limits.PROBE_STEPS, "PROBES times the steps on the longest ray")
     return Probes(
         color,
         depth,
@@ -266,16 +284,23 @@ def read_cameras(payload):
     count = payload.record.u64("number of cameras", limits.ITEMS)
     payload.budget.take(8 * CAMERA * count, payload.name)
     with payload.body(CAMERA * count) as data:
+        for start in range(0, CAMERA * count, CAMERA):
+            camera = Record(data[start : start + CAMERA], payload.name)
+            camera.check_codes([(96, "projection", range(len(PROJECTIONS)))], [(97, 7)])
         body = Record(data, payload.name)
-        return [
-            Camera(
-                _read_pose(body),
-                body.f64s(2, "focal length", "a positive finite number"),
-                body.f64s(2, "principal point"),
-                body.u32s(2, "width and height", (1, 0xFFFFFFFF)),
-            )
-            for _ in range(count)
-        ]
+        return [_read_camera(body) for _ in range(count)]
+
+
+def _read_camera(body):
+    pose = _read_pose(body)
+    focal_length = body.f64s(2, "focal length", "a positive finite number")
+    principal_point = body.f64s(2, "principal point")
+    size = tuple(body.u32(name) for name in ("width", "height"))
+    body.require(min(size) > 0, "width and height", "at least 1", 0)
+    projection = body.code("projection", PROJECTIONS)
+    body.take(7, "reserved bytes")
+    radial, divisor, tangential, prism = (body.f64s(count, "distortion") for count in (4, 3, 2, 2))
+    return Camera(pose, focal_length, principal_point, size, projection, radial, divisor, tangential, prism)
 
 
 def read_notes(payload):
