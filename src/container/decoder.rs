@@ -23,7 +23,6 @@ struct DecoderRecord {
 
 impl Record for DecoderRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        self.mode(place)?;
         self.head.check(place)?;
         limits::check(format!("{place} feature frequencies"), limits::FREQUENCIES, self.feature_frequencies)?;
         limits::check(format!("{place} direction frequencies"), limits::FREQUENCIES, self.direction_frequencies)?;
@@ -36,14 +35,12 @@ impl Record for DecoderRecord {
     }
 }
 
-impl DecoderRecord {
-    fn mode(&self, place: &dyn Display) -> Result<DecoderMode, Error> {
-        match self.mode {
-            0 => Ok(DecoderMode::PerSample),
-            1 => Ok(DecoderMode::PerRay),
-            2 => Ok(DecoderMode::Residual),
-            code => Err(Error::unknown_code(place, "mode", code)),
-        }
+fn mode_of(code: u8) -> Result<DecoderMode, Error> {
+    match code {
+        0 => Ok(DecoderMode::PerSample),
+        1 => Ok(DecoderMode::PerRay),
+        2 => Ok(DecoderMode::Residual),
+        code => Err(Error::unknown_code("DECODER", "mode", code)),
     }
 }
 
@@ -79,8 +76,11 @@ pub(super) fn read(
     payload: &Payload<'_>,
     budget: &mut Budget,
 ) -> Result<(Decoder, ArrayOptions, Vec<u8>, u32), Error> {
+    payload.section.check_entry()?;
+    // Before the number of layers, which may be beyond its limit.
+    payload.bytes().first().map_or(Ok(()), |&code| mode_of(code).map(drop))?;
     let (record, body): (DecoderRecord, _) = payload.record_and_body()?;
-    let mode = record.mode(payload.section)?;
+    let mode = mode_of(record.mode)?;
     let features = features_of(&record, mode)?;
     let (numbers, steps) = array::read_network(&body, &record.head, group_lengths(&record.layers.0), budget)?;
     let mut rest = numbers.as_slice();

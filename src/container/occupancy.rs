@@ -23,12 +23,22 @@ struct OccupancyRecord {
 
 impl Record for OccupancyRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        let bounds = self.bounds();
+        if !bounds.is_solid() {
+            return Err(Error::invalid(format!("{place} box"), "finite and of positive size", bounds));
+        }
         for vertices in self.vertices {
             limits::check(format!("{place} vertices of an axis"), limits::OCCUPANCY_AXIS, vertices)?;
         }
         // At most 2^36 after the check above.
         let vertices = self.vertices.iter().map(|&v| u64::from(v)).product::<u64>();
         limits::check(format!("{place} vertices"), limits::OCCUPANCY_VERTICES, vertices)
+    }
+}
+
+impl OccupancyRecord {
+    fn bounds(&self) -> Aabb {
+        Aabb { min: DVec3::from_array(self.bounds_min), max: DVec3::from_array(self.bounds_max) }
     }
 }
 
@@ -63,11 +73,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Occupan
         word[..bytes.len()].copy_from_slice(bytes);
         u64::from_le_bytes(word)
     });
-    Ok(Occupancy {
-        bounds: Aabb { min: DVec3::from_array(record.bounds_min), max: DVec3::from_array(record.bounds_max) },
-        vertices: UVec3::from_array(record.vertices),
-        words: words.collect(),
-    })
+    Ok(Occupancy { bounds: record.bounds(), vertices: UVec3::from_array(record.vertices), words: words.collect() })
 }
 
 /// Bytes of one bit for each vertex; the numbers are within the limits, so their product is below 2^31.

@@ -34,9 +34,11 @@ impl Contents {
         Error::unless_equal("number of bytes in the file", self.file_length, length)?;
         let mut has_damage = false;
         for section in &self.sections {
-            match Payload::new(section, &bytes[section.range()]) {
-                Err(_) if !section.critical => has_damage = true,
-                checked => drop(checked?),
+            if let Err(error) = Payload::new(section, &bytes[section.range()]) {
+                if section.critical {
+                    return Err(error);
+                }
+                has_damage = true;
             }
         }
         // A damaged section changes the checksum of the file, too. The others of it were compared one by one.

@@ -235,6 +235,7 @@ fn codes_that_this_version_does_not_define() {
     unsupported(patched("RULES", 0, &[0, 0, 2]), "coverage");
     unsupported(refused(|f| f.part("SCALE").set([&[0; 44][..], &[1; 80]].concat())), "factor kind");
     unsupported(patched("DECODER", 0, &[3, 99]), "mode");
+    unsupported(patched("DECODER", 0, &[3, 0, 0, 0, 0, 0, 0, 0, 0, 99]), "mode");
     unsupported(refused(|f| f.part("MATRIX").set([&[0; 8][..], &[0, 0, 2, 0]].concat())), "filter");
     for (kind, head) in [("DECODER", 33), ("MATRIX", 8), ("DENSITY", 8), ("APPEARANCE", 8)] {
         unsupported(patched(kind, head, &[4]), "encoding");
@@ -368,7 +369,11 @@ fn numbers_beyond_the_limits() {
     }
     limit(patched("DECODER", 1, &most), "feature frequencies");
     limit(patched("DECODER", 5, &most), "direction frequencies");
-    limit(patched("DECODER", 9, &[0]), "layers");
+    let without_layers = |f: &mut File| {
+        let decoder = f.part("DECODER");
+        decoder.set([&decoder.payload[..9], &[0; 12]].concat());
+    };
+    limit(refused(without_layers), "layers");
     limit(patched("DECODER", 9, &[17]), "DECODER");
     limit(patched("DECODER", 9, &u64::MAX.to_le_bytes()), "DECODER");
     limit(patched("RULES", 72, &1e-9_f64.to_le_bytes()), "steps");

@@ -56,6 +56,8 @@ def read_rules(payload):
     names = ("coverage", "aggregation", "density reduction", "appearance reduction", "contraction")
     record.check_codes([(2 + n, name, range(2)) for n, name in enumerate(names)] + [(7, "sky", range(5))])
     scales = limits.check(record.u16("scales"), limits.SCALES, "RULES number of scales")
+    if record.data[6:7] == b"\0":
+        Record(record.data[96:104], record.place).zeros(8, "shell of the contraction")
     coverage = record.code("coverage", ("all", "any"))
     aggregation = record.code("aggregation", ("normalized", "clamped"))
     density_reduction = record.code("density reduction", ("sum", "mean"))
@@ -72,7 +74,7 @@ def read_rules(payload):
     min_weight = record.f64("minimum weight", "a number in [0, 1)")
     shell = None
     if contraction == "none":
-        record.zeros(8, "shell of the contraction")
+        record.take(8, "shell of the contraction")
     else:
         shell = record.f64("shell of the contraction")
         record.require(0.0 < shell <= 1.0, "shell of the contraction", "a number above 0, at most 1", shell)
