@@ -317,6 +317,21 @@ fn all_inputs_are_reported_and_the_worst_error_is_the_exit_code() {
 }
 
 #[test]
+fn a_damaged_thumbnail_closes_no_scene() {
+    let folder = folder_with_scene();
+    let damaged = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/skipped/damaged-thumbnail.strivec");
+    let arguments = ["render", damaged, "--out", "out", "--orbit", "1", "--size", "8x8"];
+    for arguments in [&["info", damaged][..], &arguments] {
+        let output = run(folder.path(), arguments);
+        let messages = text(&output.stderr);
+        assert_eq!(code(&output), 0, "{messages}");
+        assert!(messages.contains("warning: ") && messages.contains("section THUMBNAIL is skipped"), "{messages}");
+    }
+    let newer = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hostile/major-2.strivec");
+    assert_eq!([code(&run(folder.path(), &["info", newer])), packed(folder.path(), &["info", newer]).2], [5, 5]);
+}
+
+#[test]
 fn info_reads_standard_input() {
     let folder = folder_with_scene();
     let input = fs::File::open(folder.path().join("scene.strivec")).unwrap();

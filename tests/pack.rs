@@ -380,6 +380,18 @@ fn damage_and_what_is_not_supported_have_codes_of_their_own() {
     assert_eq!(code(&output), 3);
     conforms(&serde_json::from_slice(&output.stdout).unwrap(), "verify");
     fail(folder.path(), &["info", "damaged.strivec"], 3, "damaged.strivec");
+    let damaged = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/skipped/damaged-thumbnail.strivec");
+    let output = run(folder.path(), &["--json", "verify", damaged.to_str().unwrap()]);
+    assert_eq!(code(&output), 3);
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    conforms(&rows, "verify");
+    assert_eq!((&rows[0]["skipped"][0]["class"], &rows[0]["class"]), (&"corrupt".into(), &Value::Null));
+    let output = run(folder.path(), &["info", damaged.to_str().unwrap()]);
+    let warning = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(code(&output), 0);
+    assert!(warning.contains("section THUMBNAIL is skipped: corrupt"), "{warning}");
+    let newer = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/v1/newer-codes.strivec");
+    assert_eq!(code(&run(folder.path(), &["verify", newer.to_str().unwrap()])), 0);
     fail(folder.path(), &["verify", "--strict", "scene.strivec"], 3, "probes");
     fail(folder.path(), &["info", "missing.strivec"], 2, "missing.strivec");
     let hostile = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/hostile");

@@ -24,7 +24,7 @@ pub enum Error {
     /// Anything else. Exit code 4.
     #[error("{0}")]
     Runtime(String),
-    /// A file of another version, or that needs what this build lacks. Exit code 5.
+    /// A file of another version, or that needs what this build lacks or more memory than it may take. Exit code 5.
     #[error("{0}")]
     Unsupported(String),
     /// Two things that were compared are not the same. Exit code 7.
@@ -68,9 +68,7 @@ impl Error {
             _ => format!("{}: {error}", path.display()),
         };
         match error {
-            container::Error::Unsupported { .. }
-            | container::Error::UnknownCritical { .. }
-            | container::Error::UnsupportedVersion { .. } => Self::Unsupported(message),
+            error if error.needs_another_reader() => Self::Unsupported(message),
             container::Error::Source { .. } => Self::Io(message),
             container::Error::Overflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
             container::Error::Level { .. } => Self::Usage(message),

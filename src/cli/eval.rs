@@ -88,7 +88,7 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (scene_file, bytes) = scene_file::read_scene_file(&args.file)?;
+    let (scene_file, bytes) = scene_file::read(&args.file, &session.console)?;
     let bytes = bytes.len() as u64;
     let options = args.selection.options(args.downscale);
     let Dataset { name, mut views, .. } = dataset::load(&args.dataset, &args.split, &options)?;

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::scale_table::ScaleRow;
 use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
-use crate::container::{self, Contents};
+use crate::container::{self, Contents, SceneFile};
 use crate::digits::grouped;
 use crate::escape::{escaped, escaped_path};
-use crate::model::{Coverage, Scene};
+use crate::model::Coverage;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -61,14 +61,16 @@ pub(super) struct Info {
     tool: String,
     /// What the file holds, and how many bytes each takes.
     sections: Vec<(String, u64)>,
+    /// The sections that were skipped because the reader could not use them, and why.
+    warnings: Vec<String>,
 }
 
 /// Prints the contents of the files, then the errors.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let one = |path: &PathBuf| {
-        let (scene, bytes) = scene_file::read(path)?;
+        let (scene_file, bytes) = scene_file::read(path, &session.console)?;
         let contents = container::sections(&bytes).map_err(|e| Error::container(path, e))?;
-        Ok(Info::new(path.clone(), bytes.len() as u64, &scene, &contents))
+        Ok(Info::new(path.clone(), bytes.len() as u64, &scene_file, &contents))
     };
     let (infos, errors): (Vec<_>, Vec<_>) = args.files.iter().map(one).partition(Result::is_ok);
     let infos: Vec<Info> = infos.into_iter().flatten().collect();
@@ -83,7 +85,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 impl Info {
-    pub(super) fn new(file: PathBuf, bytes: u64, scene: &Scene, contents: &Contents) -> Self {
+    pub(super) fn new(file: PathBuf, bytes: u64, scene_file: &SceneFile, contents: &Contents) -> Self {
+        let scene = &scene_file.scene;
         let provenance = scene.provenance.clone();
         Self {
             file,
@@ -111,6 +114,7 @@ impl Info {
             seed: provenance.seed,
             tool: provenance.tool,
             sections: contents.sections.iter().map(|s| (s.to_string(), s.length)).collect(),
+            warnings: scene_file.metadata.skipped.iter().map(ToString::to_string).collect(),
         }
     }
 

@@ -55,7 +55,7 @@ pub use output::{check_output, write_atomically};
 use session::{Globals, Session, run_command};
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file.
+Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file or too little memory.
 
 Results go to standard output, progress and messages to standard error.";
 

@@ -124,7 +124,7 @@ fn depth_code(scene: &Scene) -> DepthCode {
 /// Renders every viewpoint.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (scene_file, _) = scene_file::read_scene_file(&args.file)?;
+    let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
     let (scene, metadata) = (&scene_file.scene, &scene_file.metadata);
     let turn = Turntable::of(scene, metadata.views.as_ref(), &metadata.cameras);
     let mut cameras = args.viewpoints.cameras(&scene.frame, &scene.bounds, turn.as_ref())?;

@@ -5,16 +5,10 @@ use std::path::Path;
 use std::{fs, io};
 
 use super::Error;
+use super::console::Console;
 use crate::container::{self, Limits, Metadata, SceneFile};
 use crate::model::Scene;
 use crate::render::Approximation;
-
-/// The scene in the file `path`, and the file's bytes.
-pub(super) fn read(path: &Path) -> Result<(Scene, Vec<u8>), Error> {
-    let bytes = read_bytes(path)?;
-    let scene = container::decode(&bytes).map_err(|e| Error::container(path, e))?;
-    Ok((scene, bytes))
-}
 
 /// The bytes of the file `path`, or of standard input for `-`.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
@@ -26,12 +20,20 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     read.map(|_| bytes).map_err(|e| Error::Io(format!("cannot read standard input: {e}")))
 }
 
-/// The scene and metadata of the file `path`, and its bytes.
-pub(super) fn read_scene_file(path: &Path) -> Result<(SceneFile, Vec<u8>), Error> {
+/// The scene and metadata of the file `path`, and its bytes. Warns of the sections that were skipped.
+pub(super) fn read(path: &Path, console: &Console) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = read_bytes(path)?;
     let scene_file = container::decode_scene_file(&bytes, Limits::of_file(bytes.len() as u64))
         .map_err(|e| Error::container(path, e))?;
+    warn_of_skipped(path, &scene_file.metadata, console);
     Ok((scene_file, bytes))
+}
+
+/// Prints which sections of the file `path` the reader could not use, and why.
+pub(super) fn warn_of_skipped(path: &Path, metadata: &Metadata, console: &Console) {
+    for skipped in &metadata.skipped {
+        console.say(&format!("warning: {}: {skipped}", path.display()));
+    }
 }
 
 /// The mean squared error of the scene's pictures to photographs: the file's, else that of a typical scene. Errors of

@@ -66,6 +66,7 @@ pub fn facts(file: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
             facts.push(fact(name, value));
         }
     }
+    facts.extend(file.metadata.skipped.iter().map(|skipped| fact("warning", skipped.to_string())));
     facts
 }
 

@@ -62,7 +62,7 @@ impl Args {
 
 /// Measures on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
-    let (scene, subject) = render::subject(args.file.as_ref())?;
+    let (scene, subject) = render::subject(args.file.as_ref(), &session.console)?;
     let folder = TempDir::new().map_err(|e| Error::Io(format!("cannot make a temporary folder: {e}")))?;
     let rows = args.repeats.in_each_pool(|| {
         session.console.say(&format!("bench: files, {}", plural(rayon::current_num_threads(), "thread")));

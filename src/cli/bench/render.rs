@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
+use crate::cli::console::Console;
 use crate::cli::table::plural;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, picture_size, scene_file};
@@ -50,9 +51,9 @@ impl Args {
 }
 
 /// `file`'s scene or the ball, and its name.
-pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> {
+pub(super) fn subject(file: Option<&PathBuf>, console: &Console) -> Result<(Scene, String), Error> {
     if let Some(file) = file {
-        return Ok((scene_file::read(file)?.0, file.display().to_string()));
+        return Ok((scene_file::read(file, console)?.0.scene, file.display().to_string()));
     }
     let config = TrainConfig::preset(BALL_PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
     Ok((ball(&config, config.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))
@@ -60,7 +61,7 @@ pub(super) fn subject(file: Option<&PathBuf>) -> Result<(Scene, String), Error> 
 
 /// Measures on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
-    let (scene, name) = subject(args.file.as_ref())?;
+    let (scene, name) = subject(args.file.as_ref(), &session.console)?;
     let camera = Viewpoints::first_of_orbit(&scene, args.size);
     let measured = args.repeats.on_each_pool(session, |peak| {
         session.console.say("bench: rendering");

@@ -115,7 +115,8 @@ impl Args {
 
 /// Measures all points on all numbers of threads.
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
-    let scene = args.start.scene.as_deref().map(scene_file::read).transpose()?.map(|(scene, _)| scene);
+    let scene = args.start.scene.as_deref().map(|path| scene_file::read(path, &session.console)).transpose()?;
+    let scene = scene.map(|(scene_file, _)| scene_file.scene);
     let of_scene = scene.as_ref().map(|scene| scene.provenance.preset.as_str());
     let of_scene =
         of_scene.filter(|name| TrainConfig::PRESETS.iter().any(|known| known == name)).unwrap_or(Preset::P24.name());

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, Inputs, LimitArgs};
+use crate::cli::console::Console;
 use crate::cli::info::Info;
 use crate::cli::table::Table;
-use crate::cli::{Error, Session};
+use crate::cli::{Error, Session, scene_file};
 use crate::container::{self, Metadata};
 use crate::digits::grouped;
 use crate::escape::escaped;
@@ -49,7 +50,7 @@ pub(super) struct Row {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
-        match Row::read(path, args.inputs.limits) {
+        match Row::read(path.clone(), args.inputs.limits, &session.console) {
             Ok(row) => rows.push(row),
             Err(error) => errors.push(error),
         }
@@ -61,8 +62,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 impl Row {
-    fn read(path: PathBuf, limits: LimitArgs) -> Result<Self, Error> {
+    fn read(path: PathBuf, limits: LimitArgs, console: &Console) -> Result<Self, Error> {
         let (document, bytes) = input::read(&path, limits)?;
+        scene_file::warn_of_skipped(&path, &document.metadata, console);
         let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
         Ok(Self::new(path, bytes.len() as u64, document, &contents))
     }
@@ -75,7 +77,7 @@ impl Row {
             entry.0 += section.length;
             entry.1 += section.length as f64 / bytes as f64;
         }
-        let info = Info::new(path, bytes, &document.scene, contents);
+        let info = Info::new(path, bytes, &document, contents);
         let Metadata { license, quality, probes, cameras, notes, unknown, .. } = document.metadata;
         let quality = quality.unwrap_or_default();
         Self {

@@ -25,7 +25,7 @@ use super::session::{Globals, run_command};
 use crate::version::version;
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 any other failure, 5 unsupported file, 7 files differ.
+Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 any other failure, 5 unsupported file or too little memory, 7 files differ.
 
 INPUT may be a pattern such as 'scenes/*.strivec', or - for standard input. OUTPUT may be - for standard output, and is a \
 folder for a pattern or several inputs.

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::input::{self, Inputs, LimitArgs};
-use crate::cli::{Error, Session};
-use crate::container::SceneFile;
+use super::input::{Inputs, LimitArgs};
+use crate::cli::{Error, Session, scene_file};
+use crate::container::{self, SceneFile};
 use crate::escape::{escaped, escaped_path};
 use crate::measure::{CheckedProbes, ProbeLimits, ProbeReport, check_probes_within};
 
@@ -35,8 +35,22 @@ pub(super) struct Row {
     file: PathBuf,
     /// The first error, if any.
     error: Option<String>,
+    /// The class of the error that refused the file, as section 7 of the specification names it.
+    class: Option<&'static str>,
+    /// The sections that were skipped because the reader could not use them.
+    skipped: Vec<SkippedRow>,
     warnings: Vec<String>,
     renderers: Vec<RendererRow>,
+}
+
+/// An ancillary section that the reader could not use.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "SkippedSection")]
+struct SkippedRow {
+    section: String,
+    /// The class of its error, as section 7 of the specification names it.
+    class: Option<&'static str>,
+    error: String,
 }
 
 /// How a renderer compares with the probes.
@@ -65,9 +79,23 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 fn verify(path: &Path, args: &Args, limits: LimitArgs) -> (Row, Option<Error>) {
     let start = Instant::now();
-    let mut row = Row { file: path.into(), error: None, warnings: Vec::new(), renderers: Vec::new() };
-    let (document, length) = match input::read(path, limits) {
-        Ok((document, bytes)) => (document, bytes.len()),
+    let mut row = Row {
+        file: path.into(),
+        error: None,
+        class: None,
+        skipped: Vec::new(),
+        warnings: Vec::new(),
+        renderers: Vec::new(),
+    };
+    let read = scene_file::read_bytes(path).and_then(|bytes| {
+        let document = container::decode_scene_file(&bytes, limits.of_file(bytes.len())).map_err(|error| {
+            row.class = error.class();
+            Error::container(path, error)
+        });
+        Ok((document?, bytes.len()))
+    });
+    let (document, length) = match read {
+        Ok(read) => read,
         Err(error) => {
             row.error = Some(error.to_string());
             return (row, Some(error));
@@ -75,6 +103,13 @@ fn verify(path: &Path, args: &Args, limits: LimitArgs) -> (Row, Option<Error>) {
     };
     row.warnings = warnings(&document);
     let mut failed = Vec::new();
+    for skipped in &document.metadata.skipped {
+        let (section, error) = (skipped.name.clone(), skipped.error.to_string());
+        row.skipped.push(SkippedRow { section, class: skipped.error.class(), error });
+        if !skipped.is_valid() {
+            failed.push(skipped.to_string());
+        }
+    }
     if args.render
         && let Some(probes) = &document.metadata.probes
     {
@@ -130,8 +165,10 @@ fn verify(path: &Path, args: &Args, limits: LimitArgs) -> (Row, Option<Error>) {
     if args.strict {
         failed.append(&mut row.warnings);
     }
-    let Some(message) = failed.into_iter().next() else { return (row, None) };
-    row.error = Some(format!("{}: {message}", path.display()));
+    if failed.is_empty() {
+        return (row, None);
+    }
+    row.error = Some(format!("{}: {}", path.display(), failed.join("; ")));
     let error = row.error.clone().map(Error::Malformed);
     (row, error)
 }
@@ -153,7 +190,7 @@ fn warnings(document: &SceneFile) -> Vec<String> {
     if document.scene.occupancy.is_none() {
         warnings.push("no occupancy: rendering will be slow".into());
     }
-    warnings.extend(metadata.skipped.iter().map(|message| format!("skipped a section: {message}")));
+    warnings.extend(metadata.skipped.iter().filter(|skipped| skipped.is_valid()).map(ToString::to_string));
     warnings.extend(metadata.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));
     warnings
 }

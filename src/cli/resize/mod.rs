@@ -272,7 +272,7 @@ impl Common {
             check_output(path, session.force)?;
         }
         let state = StateFile::new(self.checkpoint.as_deref(), &self.output, self.resume, session)?;
-        let (document, _) = scene_file::read_scene_file(&self.file)?;
+        let (document, _) = scene_file::read(&self.file, &session.console)?;
         let interrupted = interrupts()?;
         let dataset = dataset::load(&self.dataset, "train", &self.basics.photographs(&self.dataset, None, session)?)?;
         let start = Instant::now();

@@ -129,7 +129,7 @@ fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
 /// Measures render settings of the scene in `file`, reports, and stores the front if asked to.
 fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
     let console = &session.console;
-    let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(file)?;
+    let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(file, console)?;
     let views = match &args.data {
         Some(folder) => {
             let options = args.dataset.load_options(args.downscale);
@@ -190,7 +190,7 @@ fn sources(
 ) -> Result<(Vec<Source>, Vec<u32>), Error> {
     let (mut sources, mut checksums) = (vec![own], vec![checksum]);
     for path in &args.also {
-        let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read_scene_file(path)?;
+        let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(path, &session.console)?;
         checksums.push(crc32fast::hash(&bytes));
         let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });

@@ -233,6 +233,11 @@ impl App {
         {
             self.say_error(text);
         }
+        if !opening.is_shown
+            && let Some(skipped) = step.file.metadata.skipped.first()
+        {
+            self.say_error(format!("{}: {skipped}", opening.place));
+        }
         let (is_whole, scales) = (step.is_whole, step.scales);
         if let Err(error) = self.session.take(step, opening.is_shown, slot) {
             return self.say_error(format!("{}: {error}", opening.place));

@@ -13,7 +13,8 @@ Examples:
 
 Files and folders can be dropped on the window. H shows the keys.
 
-Exit codes: 0 closed, 1 usage, 2 unreadable file, 3 malformed file, 4 anything else.";
+Exit codes: 0 closed, 1 usage, 2 unreadable file, 3 malformed file, 4 anything else, 5 unsupported file or too \
+little memory.";
 
 /// Show .strivec scenes in a window
 #[derive(Debug, Default, clap::Parser)]

@@ -26,7 +26,7 @@ pub(super) enum OpeningEvent {
 pub(super) struct OpeningError {
     /// Text of the error; begins with the path or the URL.
     pub(super) text: String,
-    /// Exit code of the process: 2 if the file cannot be read, 3 if it is malformed.
+    /// Exit code of the process: 2 if the file cannot be read, 3 if it is malformed, 5 if it needs another reader.
     pub(super) exit_code: u8,
 }
 
@@ -60,7 +60,7 @@ pub(super) fn check(path: &str) -> Result<(), OpeningError> {
 fn failure(place: &str, error: &Error) -> OpeningError {
     let (text, exit_code) = match error {
         Error::Source { message, .. } => (message.clone(), 2),
-        error => (error.to_string(), 3),
+        error => (error.to_string(), if error.needs_another_reader() { 5 } else { 3 }),
     };
     OpeningError { text: format!("{place}: {text}"), exit_code }
 }
