@@ -240,7 +240,7 @@ fn around_zero() -> Scene {
 fn framed(section: &mut Section, window: u8) {
     let body = section.payload.split_off(64);
     let length = body.len() as u32;
-    assert_eq!((section.codec, body.len() < 1 << 17), (0, true));
+    assert_eq!((section.codec, body.len() < 1 << 17), (0, true), "a stored body of one block");
     section.payload.extend([0x28, 0xB5, 0x2F, 0xFD, 0x80, window]);
     section.payload.extend(length.to_le_bytes());
     section.payload.extend(&(length << 3 | 1).to_le_bytes()[..3]);

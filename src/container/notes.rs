@@ -33,11 +33,11 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMa
     for n in 0..record.count {
         let place = format!("{name} note {n}");
         let (key, after): (Text<'_>, _) = record::read(&place, rest)?;
-        let (value, after): (Text<'_>, _) = record::read(&place, after)?;
-        rest = after;
         if notes.last_key_value().is_some_and(|(last, _)| last.as_str() >= key.text.0) {
             return Err(Error::malformed(format!("{place} key"), "after the key before it", escaped(key.text.0)));
         }
+        let (value, after): (Text<'_>, _) = record::read(&place, after)?;
+        rest = after;
         notes.insert(key.text.0.into(), value.text.0.into());
     }
     Error::unless_equal(format!("{name} number of bytes after the notes"), 0, rest.len())?;

@@ -5,7 +5,6 @@ use std::fmt;
 use glam::DVec3;
 
 use super::Ray;
-use crate::digits::numbers;
 
 /// A closed axis-aligned box; both corners belong to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +19,9 @@ pub struct Aabb {
 /// Both corners.
 impl fmt::Display for Aabb {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} to {}", numbers(self.min.to_array()), numbers(self.max.to_array()))
+        // The debug format of a number has an exponent where it would have many digits.
+        let corner = |[x, y, z]: [f64; 3]| format!("({x:?}, {y:?}, {z:?})");
+        write!(f, "{} to {}", corner(self.min.to_array()), corner(self.max.to_array()))
     }
 }
 

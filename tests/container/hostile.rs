@@ -399,7 +399,7 @@ fn skipped(kind: &str, change: impl FnOnce(&mut Part)) -> Error {
     if kind == "PROVENANCE" {
         whole.provenance = Provenance::default();
     }
-    assert_eq!(read.scene, whole);
+    assert_eq!(read.scene, whole, "{kind}");
     let [skipped] = read.metadata.skipped.try_into().expect("one section is skipped");
     let SkippedSection { name, error } = skipped;
     assert!(name.starts_with(kind), "{name}");
@@ -587,7 +587,7 @@ fn centers(first: [f64; 3], second: [f64; 3]) -> Option<Error> {
     last.set(both.map(bytes).concat());
     let read = decode(&file.bytes());
     if let Ok(read) = &read {
-        assert_eq!(read.scales[1].cloud.placement, scene.scales[1].cloud.placement);
+        assert_eq!(read.scales[1].cloud.placement, scene.scales[1].cloud.placement, "centers");
     }
     read.err()
 }
