@@ -35,6 +35,7 @@ fn evil_scene(folder: &Path) {
         length,
         decoded_length: length,
         checksum: crc32fast::hash(&payload),
+        uses_reserved: false,
     };
     let metadata = Metadata {
         license: Some(EVIL.into()),

@@ -72,10 +72,7 @@ pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: (ArrayOptio
 }
 
 /// The decoder, the encoding and step codes of its numbers, and P, the number of features that it takes.
-pub(super) fn read(
-    payload: &Payload<'_>,
-    budget: &mut Budget,
-) -> Result<(Decoder, ArrayOptions, Vec<u8>, u32), Error> {
+pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<(Decoder, ArrayOptions, Vec<u8>, u32), Error> {
     payload.section.check_entry()?;
     // Before the number of layers, which may be beyond its limit.
     payload.bytes().first().map_or(Ok(()), |&code| mode_of(code).map(drop))?;

@@ -144,7 +144,9 @@ impl<S: Source> Reader<S> {
         order.finish()?;
         if part.metadata {
             self.read_metadata(&ancillary, &unknown, head.scales, &mut metadata, &mut budget)?;
-            if let Some(error) = metadata.probes.as_ref().and_then(|p| probes::check_steps(p, &head.rules, &head.bounds).err()) {
+            if let Some(error) =
+                metadata.probes.as_ref().and_then(|p| probes::check_steps(p, &head.rules, &head.bounds).err())
+            {
                 metadata.probes = None;
                 metadata.skipped.push(SkippedSection { name: SectionKind::Probes.to_string(), error });
             }

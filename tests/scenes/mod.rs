@@ -92,7 +92,7 @@ pub(crate) fn camera(size: u32, angle: f64) -> Camera {
 pub(crate) fn training_camera() -> TrainingCamera {
     let Camera { world_from_camera, position, focal, principal, width, height, .. } = camera(64, 0.4);
     let pose = Pose { position, rotation: DQuat::from_mat3(&world_from_camera) };
-    TrainingCamera { pose, focal, principal, size: [width, height] }
+    TrainingCamera { pose, focal, principal, size: [width, height], lens: Lens::PINHOLE }
 }
 
 /// The same with a lens that bends rays so much that its picture ends within 0.3 focal lengths of the middle.

@@ -30,9 +30,10 @@ pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], shared: u64
     (scales.iter().map(of_scale).sum::<f64>() + network + FILE_BYTES) as u64
 }
 
-/// Bytes of a file of `tensors` without components, with `shared` parameters of network and sky.
+/// Bytes of a file of a training for its size, of `tensors` without components, with `shared` parameters of network and sky,
+/// which are integers of 8 bits.
 pub(super) fn bytes_besides_factors(tensors: u64, shared: u64) -> u64 {
-    (shared as f64 * size_of::<f32>() as f64 + tensors as f64 * TENSOR_BYTES + FILE_BYTES) as u64
+    (shared as f64 + tensors as f64 * TENSOR_BYTES + FILE_BYTES) as u64
 }
 
 /// The number of factors that `bytes` hold after a training for that size.
