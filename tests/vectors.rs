@@ -298,6 +298,13 @@ fn skipped() -> BTreeMap<String, Vec<u8>> {
         }),
         ("probes-margin-negative", patched("PROBES", 64 + 120, &f64s(-1.0))),
         ("probes-margin-infinite", patched("PROBES", 64 + 120, &f64s(f64::INFINITY))),
+        ("probes-steps", {
+            // A hundred thousand steps on the diagonal, of 64 probes.
+            let mut file = File::of(&file(&ball(), Metadata::default(), &plain));
+            let step = 1e-5 * ball().bounds.size().length();
+            file.part("RULES").patch(72, &step.to_le_bytes());
+            file.bytes()
+        }),
         ("probes-reserved", patched("PROBES", 64 + 143, &[1])),
         ("probes-codec", changed(&|f| f.part("PROBES").compress(64))),
         ("thumbnail-codec", changed(&|f| f.part("THUMBNAIL").compress(64))),
@@ -405,13 +412,6 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         ("limit-tensors", patched("SCALE", 0, &(1u32 << 22 | 1).to_le_bytes())),
         ("limit-layer", patched("DECODER", 21, &1025u32.to_le_bytes())),
         ("limit-occupancy", patched("OCCUPANCY", 48, &[1024u32, 1024, 257].map(u32::to_le_bytes).concat())),
-        ("limit-probe-steps", {
-            // A hundred thousand steps on the diagonal, of 64 probes.
-            let mut file = File::of(&file(&ball(), Metadata::default(), &plain));
-            let step = 1e-5 * ball().bounds.size().length();
-            file.part("RULES").patch(72, &step.to_le_bytes());
-            file.bytes()
-        }),
         ("limit-sections", {
             let mut bytes = base.clone();
             bytes[12..16].copy_from_slice(&most);
