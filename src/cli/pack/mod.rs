@@ -1,5 +1,6 @@
 //! The command `strivec-pack`: compress, inspect, verify, compare and edit scene files.
 
+mod conform;
 mod convert;
 mod diff;
 mod edit;
@@ -50,6 +51,8 @@ enum Command {
     Info(info::Args),
     /// Check that files are complete, undamaged and valid, and that renderers reproduce their probes
     Verify(verify::Args),
+    /// Print the error or the numbers that files have for this reader, as the format's conformance suite asks
+    Conform(conform::Args),
     /// Compare two files and their pictures
     Diff(diff::Args),
     /// Write files in another encoding, compression, or division into chunks
@@ -84,6 +87,7 @@ pub fn main() -> ExitCode {
             Command::Pack(args) => package::run(args, session),
             Command::Info(args) => info::run(args, session),
             Command::Verify(args) => verify::run(args, session),
+            Command::Conform(args) => conform::run(args, session),
             Command::Diff(args) => diff::run(args, session),
             Command::Convert(args) => convert::run(args, session),
             Command::Prune(args) => edit::prune(args, session),

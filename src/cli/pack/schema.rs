@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
-use super::{convert::Written, diff::Difference, info, package, verify};
+use super::{conform, convert::Written, diff::Difference, info, package, verify};
 use crate::cli::{Error, Session};
 
 /// Prints the schema, with and without `--json`.
@@ -22,6 +22,7 @@ fn schema() -> Value {
         ("pack", generator.subschema_for::<Vec<package::Row>>()),
         ("info", generator.subschema_for::<Vec<info::Row>>()),
         ("verify", generator.subschema_for::<Vec<verify::Row>>()),
+        ("conform", generator.subschema_for::<Vec<conform::Row>>()),
         ("diff", generator.subschema_for::<Difference>()),
         ("convert", written.clone()),
         ("prune", written.clone()),

@@ -6,6 +6,7 @@ code is returned.
 """
 
 import argparse
+import json
 import os
 import re
 import sys
@@ -13,6 +14,7 @@ import sys
 import numpy as np
 
 from . import limits, reader
+from .conform import conform
 from .errors import StrivecError, Unsupported
 from .probes import MIN_MARGIN, check_probes
 
@@ -45,7 +47,13 @@ def main(arguments=None):
         help="time limit for a file's probes in seconds (default: none)",
     )
     command.set_defaults(run=verify)
+    command = commands.add_parser("conform", help="print what the format's conformance suite asks for, as JSON")
+    command.add_argument("files", nargs="+", metavar="FILE")
+    command.set_defaults(run=None)
     options = parser.parse_args(arguments)
+    if options.run is None:
+        print(json.dumps(conform(options.files, options.budget)))
+        return 0
     return max(_run(options, path) for path in options.files)
 
 

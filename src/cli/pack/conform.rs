@@ -1,0 +1,168 @@
+//! `strivec-pack conform`: what this reader makes of files, for the conformance suite (`format-spec/conformance`).
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::input::{Inputs, LimitArgs};
+use crate::cli::{Error, Session, scene_file};
+use crate::container::{self, Probe, SceneFile};
+use crate::geometry::Ray;
+use crate::measure::PROBE_MARGIN;
+use crate::model::{Occupancy, ReferenceField, Scale, Scene};
+use crate::render::ReferenceRenderer;
+
+/// Rays of a file that are traced, at most.
+const TRACED: usize = 4;
+
+/// Arguments of `strivec-pack conform`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    inputs: Inputs,
+}
+
+/// What a reader makes of a file.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+#[schemars(rename = "ReadFile")]
+pub(super) struct Row {
+    file: PathBuf,
+    /// The class of the error, as section 7 of the specification names it, if the file is refused.
+    class: Option<&'static str>,
+    /// The sections that the reader could not use, and the classes of their errors.
+    skipped: Vec<[String; 2]>,
+    /// The numbers of the scene, if the file is accepted.
+    numbers: Option<Numbers>,
+}
+
+/// The numbers of a scene. Checksums are those of section 1, of little-endian numbers.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+struct Numbers {
+    /// The corners.
+    bounds: [[f64; 3]; 2],
+    step: f64,
+    scales: Vec<ScaleNumbers>,
+    /// Of the f32 weights, then the bias, of layer after layer.
+    decoder: u32,
+    /// Of the bits, as section 3.6 packs them.
+    occupancy: Option<u32>,
+    /// The first probes with a margin that no reader's rounding reaches.
+    probes: Vec<Traced>,
+}
+
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+struct ScaleNumbers {
+    tensors: usize,
+    resolution: [u32; 3],
+    /// Of density and of appearance.
+    ranks: [u32; 2],
+    /// Of the f64 centers, tensor after tensor.
+    centers: u32,
+    /// Of the f32 factors, [tensor][axis][vertex][component], 0 for components that are not stored.
+    density: u32,
+    /// The same.
+    appearance: u32,
+    /// Of the f32 matrix, [feature][component].
+    matrix: u32,
+}
+
+/// A ray as the reader traces it, and the density feature at the probe's point.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+struct Traced {
+    probe: usize,
+    color: [f64; 3],
+    opacity: f64,
+    depth: f64,
+    feature: f64,
+}
+
+/// Prints what this reader makes of the files.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let rows: Result<Vec<Row>, Error> =
+        args.inputs.paths()?.into_iter().map(|path| Row::read(path, args.inputs.limits)).collect();
+    let rows = rows?;
+    session.console.result(&rows, |rows| rows.iter().map(Row::text).collect())
+}
+
+impl Row {
+    fn read(path: PathBuf, limits: LimitArgs) -> Result<Self, Error> {
+        let bytes = scene_file::read_bytes(&path)?;
+        let refused = |error: container::Error| match error.class() {
+            Some(class) => Ok(class),
+            None => Err(Error::container(&path, error)),
+        };
+        Ok(match container::decode_scene_file(&bytes, limits.of_file(bytes.len())) {
+            Err(error) => Self { class: Some(refused(error)?), skipped: Vec::new(), numbers: None, file: path },
+            Ok(SceneFile { scene, metadata, .. }) => {
+                let of_section =
+                    |s: &container::SkippedSection| [s.name.clone(), s.error.class().unwrap_or_default().to_owned()];
+                let probes = metadata.probes.as_ref().map_or(&[][..], |probes| &probes.probes);
+                Self {
+                    class: None,
+                    skipped: metadata.skipped.iter().map(of_section).collect(),
+                    numbers: Some(Numbers::of(&scene, probes)),
+                    file: path,
+                }
+            }
+        })
+    }
+
+    fn text(&self) -> String {
+        let file = crate::escape::escaped_path(&self.file);
+        match self.class {
+            Some(class) => format!("{file}: refused, {class}\n"),
+            None => format!("{file}: accepted, {} sections skipped\n", self.skipped.len()),
+        }
+    }
+}
+
+impl Numbers {
+    fn of(scene: &Scene, probes: &[Probe]) -> Self {
+        let (renderer, field) = (ReferenceRenderer::new(scene), ReferenceField::new(scene));
+        let traced = |(n, probe): (usize, &Probe)| {
+            let [origin, direction] = [probe.origin, probe.direction].map(DVec3::from_array);
+            let trace = renderer.trace_while(&Ray { origin, direction }, || true)?;
+            let feature = field.density_feature(&field.locate(DVec3::from_array(probe.point))).feature;
+            Some(Traced { probe: n, color: trace.color, opacity: trace.opacity, depth: trace.depth, feature })
+        };
+        let clear = probes.iter().enumerate().filter(|(_, probe)| probe.margin > 100.0 * PROBE_MARGIN);
+        let layers = scene.decoder.layers.iter().flat_map(|layer| [&layer.weights, &layer.bias]);
+        Self {
+            bounds: [scene.bounds.min, scene.bounds.max].map(|corner| corner.to_array()),
+            step: scene.rules.step,
+            scales: scene.scales.iter().map(ScaleNumbers::of).collect(),
+            decoder: checksum(layers.flatten().map(|v| v.to_le_bytes())),
+            occupancy: scene.occupancy.as_ref().map(of_bits),
+            probes: clear.take(TRACED).filter_map(traced).collect(),
+        }
+    }
+}
+
+impl ScaleNumbers {
+    fn of(scale: &Scale) -> Self {
+        let of_factors = |values: &[f32]| checksum(values.iter().map(|v| v.to_le_bytes()));
+        let centers = (0..scale.cloud.len()).flat_map(|n| scale.cloud.center(n).to_array());
+        Self {
+            tensors: scale.cloud.len(),
+            resolution: scale.cloud.resolution,
+            ranks: [scale.factors.density_rank, scale.factors.appearance_rank],
+            centers: checksum(centers.map(f64::to_le_bytes)),
+            density: of_factors(&scale.factors.density),
+            appearance: of_factors(&scale.factors.appearance),
+            matrix: of_factors(&scale.appearance_matrix.weights),
+        }
+    }
+}
+
+fn checksum<const N: usize>(numbers: impl Iterator<Item = [u8; N]>) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    numbers.for_each(|bytes| hasher.update(&bytes));
+    hasher.finalize()
+}
+
+fn of_bits(occupancy: &Occupancy) -> u32 {
+    let bytes: Vec<u8> = occupancy.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let vertices = occupancy.vertices.as_u64vec3().element_product() as usize;
+    crc32fast::hash(&bytes[..vertices.div_ceil(8)])
+}
