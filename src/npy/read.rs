@@ -83,7 +83,11 @@ impl Header {
 
     fn parse(text: &str) -> Result<Self, NpyError> {
         let whole = || {
-            malformed("header", "NumPy's descr, fortran_order and shape", text.chars().take(200).collect::<String>())
+            malformed(
+                "header",
+                "NumPy's descr, fortran_order and shape",
+                text.trim().chars().take(200).collect::<String>(),
+            )
         };
         let inner = text.trim().strip_prefix('{').and_then(|t| t.strip_suffix('}')).ok_or_else(whole)?;
         let (mut descr, mut fortran, mut shape) = (None, None, None);

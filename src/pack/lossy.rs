@@ -18,6 +18,8 @@ use crate::train::{FactorImportance, PartImportance};
 
 /// Bits of a factor's integer, at most; what they take in a file depends on the steps.
 const BITS: u8 = 16;
+/// The most steps of a number: half of what its bits allow, so that training may still move it.
+const MOST_STEPS: f64 = 16_384.0;
 /// Bits of the numbers of matrices and decoder.
 const NETWORK_BITS: u8 = 8;
 
@@ -116,7 +118,9 @@ fn choose(
     let rows = axes.iter().map(Range::len).sum::<usize>() as f64;
     // Larger steps than this quantize every entry to zero, which loses no more.
     let largest = (squares.iter().sum::<f64>() / rows).sqrt().max(f64::from(f32::MIN_POSITIVE));
-    let code = step_code((loss.sqrt() / size).min(8.0 * largest) as f32).max(1);
+    let peak =
+        axes.iter().flat_map(|axis| entries(axis, rank, c)).map(|at| f64::from(values[at].abs())).fold(0.0, f64::max);
+    let code = step_code((loss.sqrt() / size).min(8.0 * largest).max(peak / MOST_STEPS) as f32).max(1);
     let step = f64::from(step(code));
     let of_vector = |(axis, squares): (&Range<usize>, f64)| (axis.len() as f64 * step * step / 12.0).min(squares);
     let coded = size * size * axes.iter().zip(squares).map(of_vector).sum::<f64>();

@@ -78,7 +78,7 @@ pub fn initial_scene(
     let provenance = Provenance {
         dataset: dataset.into(),
         preset: config.preset.clone(),
-        steps: config.steps,
+        steps: 0,
         seed: config.seed,
         tool: concat!("strivec ", env!("CARGO_PKG_VERSION")).into(),
     };
