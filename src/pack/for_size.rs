@@ -4,13 +4,13 @@
 //! scene is trained with rounded factors, and what a bit costs in the loss is steered so that the file reaches its goal.
 
 use super::lossy::options_of;
-use super::{Candidate, Distortion, Goal, prune, search};
+use super::{Candidate, Distortion, Goal, search};
 use crate::container::{EncodeOptions, Error, Metadata, encode_scene_file};
 use crate::model::Scene;
 use crate::train::{FactorImportance, Rounding, Trainer};
 
-/// The file at the start, in goals. Training takes bytes away: with the loss of a bit below about a tenth.
-const START: f64 = 1.12;
+/// The file at the start, in goals. Training takes bytes away: with the loss of a bit below, up to a tenth.
+const START: f64 = 1.03;
 /// The loss of a bit at the start, relative to that at which a coarser step would be as good. Larger ones also keep training
 /// from fitting the training views alone; from 20 to 160, pictures of other views are equally good for their bytes.
 const BIT: f64 = 60.0;
@@ -21,13 +21,9 @@ const REACHED: f64 = 0.8;
 const AIM: f64 = 0.99;
 /// The exponent of a correction: bits follow their loss slowly.
 const GAIN: f64 = 6.0;
-/// The largest correction at once.
+/// The largest correction at once, and of all together: larger losses of bits spoil pictures.
 const LARGEST: f64 = 2.0;
-/// log₁₀ of the smallest and largest error at which components are dropped to reach the goal, and number of halvings of the
-/// interval.
-const DROPPED: [f64; 2] = [-17.0, -1.0];
-const HALVINGS: usize = 14;
-
+const LARGEST_IN_ALL: f64 = 8.0;
 /// Begins the last `steps` of `trainer` with `scene`, of the same photographs: for a file of at most `goal` bytes without
 /// metadata. Returns false if no encoding of the scene is so small. `tried` is called with every candidate for the start.
 ///
@@ -73,51 +69,38 @@ pub fn steer_to_size(trainer: &mut Trainer<'_>) -> Result<(), Error> {
     let expected = start as f64 + along * (AIM * goal as f64 - start as f64);
     let correction = (bytes / expected).powf(GAIN).clamp(1.0 / LARGEST, LARGEST);
     if let Some(rounding) = trainer.rounding_mut() {
-        rounding.bit *= correction;
+        let first = rounding.first_bit;
+        rounding.bit = (correction * rounding.bit).clamp(first / LARGEST_IN_ALL, first * LARGEST_IN_ALL);
     }
     Ok(())
 }
 
 /// The scene of `trainer`, whose factors are rounded, and its encoding.
-pub fn rounded(trainer: &Trainer<'_>) -> (Scene, EncodeOptions) {
+fn rounded(trainer: &Trainer<'_>) -> (Scene, EncodeOptions) {
     let (density, appearance) =
         trainer.step_codes().into_iter().map(|[density, appearance]| (density, appearance)).unzip();
     (trainer.scene(), options_of(density, appearance))
 }
 
-/// Drops the components of `scene` whose absence costs least until its file, encoded as `options` say, has at most `most`
-/// bytes without metadata. Returns false if that is not possible.
+/// The scene of `trainer` and its encoding, of at most `most` bytes without metadata: its rounded factors; if their file is
+/// larger, its unrounded ones with coarser steps. `None` if no encoding is so small.
 ///
 /// # Errors
 ///
 /// If the scene cannot be encoded.
-pub fn drop_to_size(
-    scene: &mut Scene,
-    options: &EncodeOptions,
+pub fn rounded_to_size(
+    trainer: &Trainer<'_>,
     importance: impl FnOnce(&Scene) -> FactorImportance,
     most: u64,
-) -> Result<bool, Error> {
-    if size(scene, options)? <= most {
-        return Ok(true);
+) -> Result<Option<(Scene, EncodeOptions)>, Error> {
+    let (scene, options) = rounded(trainer);
+    if size(&scene, &options)? <= most {
+        return Ok(Some((scene, options)));
     }
-    let importance = importance(scene);
-    let [mut low, mut high] = DROPPED;
-    let mut smaller = None;
-    for _ in 0..HALVINGS {
-        let error = 0.5 * (low + high);
-        let mut pruned = scene.clone();
-        prune(&mut pruned, &importance, 10f64.powf(error));
-        if size(&pruned, options)? <= most {
-            (high, smaller) = (error, Some(pruned));
-        } else {
-            low = error;
-        }
-    }
-    let is_possible = smaller.is_some();
-    if let Some(smaller) = smaller {
-        *scene = smaller;
-    }
-    Ok(is_possible)
+    let scene = trainer.unrounded_scene();
+    let found =
+        search(&scene, &importance(&scene), &Distortion::of_nothing(), Goal::Bytes(most), 0, &mut |_: &Candidate| {})?;
+    Ok(found.map(|candidate| (candidate.scene, candidate.options)))
 }
 
 /// Bytes of the file of `scene`, encoded as `options` say, without metadata.

@@ -19,7 +19,7 @@ mod views;
 pub use balance::{balance, balance_part};
 pub use crop::{crop, keep_scales};
 pub use distortion::Distortion;
-pub use for_size::{begin_for_size, drop_to_size, rounded, size, steer_to_size};
+pub use for_size::{begin_for_size, rounded_to_size, size, steer_to_size};
 pub use lossless::lossless;
 pub use lossy::{Lossy, lossy};
 pub use prefix::fit_prefix;

@@ -17,7 +17,7 @@ use crate::geometry::Camera;
 /// The names of the parts of a scale's factors.
 const PARTS: [&str; 2] = ["density", "appearance"];
 /// The metadata of the numbers of [`Rounding`].
-const ROUNDING: [&str; 3] = ["bit", "file_bytes_goal", "file_bytes_at_start"];
+const ROUNDING: [&str; 4] = ["bit", "first_bit", "file_bytes_goal", "file_bytes_at_start"];
 
 /// Optimizer state and counters. Resolutions and occupancy are in the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -193,8 +193,8 @@ impl Checkpoint {
         if let Some(psnr) = self.psnr_at_start {
             metadata.insert("psnr_at_start".to_string(), psnr.to_string());
         }
-        if let Some(Rounding { bit, goal, start, .. }) = &self.rounding {
-            let numbers = [bit.to_string(), goal.to_string(), start.to_string()];
+        if let Some(Rounding { bit, first_bit, goal, start, .. }) = &self.rounding {
+            let numbers = [bit.to_string(), first_bit.to_string(), goal.to_string(), start.to_string()];
             metadata.extend(ROUNDING.map(str::to_string).into_iter().zip(numbers));
         }
         let views = tensors.iter().map(|(name, dtype, bytes)| {
@@ -275,10 +275,11 @@ impl Checkpoint {
             Ok([density?.to_vec(), appearance?.to_vec()])
         };
         let rounding = if metadata.contains_key(ROUNDING[0]) {
-            let [bit, goal, start] = ROUNDING;
+            let [bit, first_bit, goal, start] = ROUNDING;
             Some(Rounding {
                 codes: (0..config.scales.len()).map(codes_of).collect::<Result<_, _>>()?,
                 bit: number(bit, text(bit)?)?,
+                first_bit: number(first_bit, text(first_bit)?)?,
                 goal: number(goal, text(goal)?)?,
                 start: number(start, text(start)?)?,
             })

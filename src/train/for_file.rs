@@ -32,7 +32,7 @@ impl Trainer<'_> {
         };
         let codes: Vec<_> = self.field.scales.iter().zip(codes).map(of_scale).collect();
         self.unrounded = Some(Unrounded::taking(&mut self.field, &codes));
-        self.checkpoint.rounding = Some(Rounding { codes, bit, goal, start });
+        self.checkpoint.rounding = Some(Rounding { codes, bit, first_bit: bit, goal, start });
     }
 
     /// How factors are rounded, if they are.

@@ -28,6 +28,8 @@ pub struct Rounding {
     pub(super) codes: Vec<Parts<Vec<u8>>>,
     /// The loss of a bit, in mean squared error.
     pub bit: f64,
+    /// That at the start.
+    pub first_bit: f64,
     /// The bytes that the scene should have, without metadata.
     pub goal: u64,
     /// Those that it had at the start.

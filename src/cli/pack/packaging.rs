@@ -23,6 +23,7 @@ pub(in crate::cli) const JUDGED: (usize, u32) = (12, 320);
 pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 /// Steps of fitting a prefix, at the usual effort.
 const PREFIX_STEPS: usize = 150;
+const LEAST_EFFORT: f64 = 1e-3;
 /// Probe rays, if no other number is given.
 const PROBES: u32 = 64;
 /// Bytes that are kept free, because padding and compression differ a little from one encoding of a scene to another.
@@ -57,7 +58,7 @@ pub(in crate::cli) struct Extras {
 
 fn effort(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
+        Ok(value) if (LEAST_EFFORT..=100.0).contains(&value) => Ok(value),
         _ => Err("not a number from 0.001 to 100".into()),
     }
 }
@@ -166,7 +167,9 @@ impl<'a> Packing<'a> {
         let pack::Lossy { scene, options, .. } = pack::lossy(&self.scene, importance, TYPICAL_LOSS);
         let bare = pack::size(&scene, &options).map_err(|e| Error::container(path, e))?;
         let candidate = Candidate { decoded: scene.clone(), scene, options, bytes: bare, error: 0.0, loss: 0.0 };
-        let (bytes, _) = self.finish(&candidate, path)?;
+        // Bytes hardly depend on how well corrections fit.
+        let quick = Extras { effort: LEAST_EFFORT, ..self.extras.clone() };
+        let (bytes, _) = self.finish_with(&quick, &candidate, path)?;
         Ok((bytes.len() as u64).saturating_sub(bare))
     }
 
@@ -177,15 +180,16 @@ impl<'a> Packing<'a> {
         target: u64,
         path: &Path,
     ) -> Result<(Scene, Vec<u8>, Quality), Error> {
-        let (mut scene, options) = pack::rounded(trainer);
         let mut most = trainer.rounding().map_or(target, |rounding| rounding.goal + SLACK_BYTES);
         loop {
-            let fits = pack::drop_to_size(&mut scene, &options, |scene| self.importance(scene), most);
-            if !fits.map_err(|e| Error::container(path, e))? {
+            let found = pack::rounded_to_size(trainer, |scene| self.importance(scene), most);
+            let Some((mut scene, options)) = found.map_err(|e| Error::container(path, e))? else {
                 let target = grouped(target);
                 return Err(Error::Runtime(format!("{}: {target} bytes cannot be reached", path.display())));
-            }
-            let candidate = Candidate::new(scene.clone(), options.clone(), &Distortion::of_nothing());
+            };
+            // A training may have another background than its file.
+            scene.frame.background = self.scene.frame.background;
+            let candidate = Candidate::new(scene, options, &Distortion::of_nothing());
             let candidate = candidate.map_err(|e| Error::container(path, e))?;
             let (bytes, quality) = self.finish(&candidate, path)?;
             match (bytes.len() as u64).saturating_sub(target) {
@@ -197,14 +201,18 @@ impl<'a> Packing<'a> {
 
     /// The file of `candidate` with everything that belongs to it.
     pub(super) fn finish(&self, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
+        self.finish_with(self.extras, candidate, path)
+    }
+
+    fn finish_with(&self, extras: &Extras, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
         let Candidate { scene, decoded, options, .. } = candidate;
-        let Extras { layout, probes, seed, .. } = self.extras;
+        let Extras { layout, probes, seed, .. } = extras;
         let options = layout.for_new(options.clone())?;
         let mut metadata = self.metadata.clone();
-        let prefix_psnrs = self.fit_prefixes(decoded, &mut metadata);
+        let prefix_psnrs = self.fit_prefixes(extras, decoded, &mut metadata);
         metadata.probes = (*probes > 0).then(|| make_probes(decoded, *probes as usize, *seed));
-        metadata.license = self.extras.license.clone().or(metadata.license);
-        if !self.extras.no_views {
+        metadata.license = extras.license.clone().or(metadata.license);
+        if !extras.no_views {
             let views = metadata.views.take().unwrap_or_else(|| default_views(decoded, &self.cameras));
             metadata.thumbnail = Some(thumbnail(decoded, &views)?);
             metadata.views = Some(views);
@@ -225,20 +233,20 @@ impl<'a> Packing<'a> {
 
     /// Fits the corrections of prefixes of `decoded` into `metadata`; \[scale\] the PSNR of their pictures, nothing for
     /// the last.
-    fn fit_prefixes(&self, decoded: &Scene, metadata: &mut Metadata) -> Vec<Option<f64>> {
+    fn fit_prefixes(&self, extras: &Extras, decoded: &Scene, metadata: &mut Metadata) -> Vec<Option<f64>> {
         metadata.prefixes.clear();
         let scales = decoded.scales.len();
-        if self.extras.no_prefixes || scales == 1 {
+        if extras.no_prefixes || scales == 1 {
             return Vec::new();
         }
-        let width = self.extras.judged_width();
+        let width = extras.judged_width();
         let views = probe_views(decoded, metadata.views.as_ref(), &self.cameras, 4, width);
         let distortion = Distortion::from_own_pictures(decoded, views);
         let progress = Progress::start(self.console, "prefixes", scales as u64 - 1);
         let mut psnrs = Vec::new();
         for count in 1..scales {
-            let steps = self.extras.as_many(PREFIX_STEPS);
-            let prefix = fit_prefix(decoded, count, &self.views, steps, self.extras.seed);
+            let steps = extras.as_many(PREFIX_STEPS);
+            let prefix = fit_prefix(decoded, count, &self.views, steps, extras.seed);
             let mut part = container::first_scales(decoded.clone(), &[], Some(count as u32));
             prefix.apply(&mut part);
             let psnr = psnr_of_mse(distortion.mse(&part));
