@@ -2,6 +2,8 @@
 
 use std::fmt::Display;
 
+use glam::DVec3;
+
 use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
@@ -9,7 +11,7 @@ use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
 use crate::digits::{number, numbers};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Ray};
 use crate::model::Rules;
 
 /// Bytes of a probe.
@@ -51,6 +53,13 @@ pub struct Probe {
     pub margin: f64,
     /// Zeros.
     pub reserved: [u64; 2],
+}
+
+impl Probe {
+    /// The ray.
+    pub fn ray(&self) -> Ray {
+        Ray { origin: DVec3::from_array(self.origin), direction: DVec3::from_array(self.direction) }
+    }
 }
 
 #[derive(Encode, BorrowDecode)]

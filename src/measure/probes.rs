@@ -105,7 +105,7 @@ fn candidate(
 
 /// Compares `renderer` with `probes`.
 pub fn check_probes(renderer: &dyn Renderer, probes: &Probes) -> ProbeReport {
-    let rays: Vec<Ray> = probes.probes.iter().map(ray_of).collect();
+    let rays: Vec<Ray> = probes.probes.iter().map(Probe::ray).collect();
     compare(probes, renderer.trace(&rays).into_iter().map(Some))
 }
 
@@ -158,7 +158,7 @@ pub fn check_probes_within(scene: &Scene, probes: &Probes, limits: ProbeLimits) 
     unless_over("the reference renderer", ReferenceField::memory(scene), limits.memory)?;
     let reference = ReferenceRenderer::new(scene);
     let mut references: Vec<Option<Pixel>> = (probes.probes.par_iter())
-        .map(|probe| Some(reference.trace_while(&ray_of(probe), || is_before(half))?.pixel()))
+        .map(|probe| Some(reference.trace_while(&probe.ray(), || is_before(half))?.pixel()))
         .collect();
     let field = ReferenceField::new(scene);
     let mut density_error = 0.0;
@@ -180,7 +180,7 @@ pub fn check_probes_within(scene: &Scene, probes: &Probes, limits: ProbeLimits) 
     let mut pixels = vec![None; probes.probes.len()];
     let traced: Vec<usize> = (0..pixels.len()).filter(|&n| references[n].is_some()).collect();
     for some in traced.chunks(together).take_while(|_| is_before(limits.deadline)) {
-        let rays: Vec<Ray> = some.iter().map(|&n| ray_of(&probes.probes[n])).collect();
+        let rays: Vec<Ray> = some.iter().map(|&n| probes.probes[n].ray()).collect();
         for (&n, pixel) in some.iter().zip(renderer.trace(&rays)) {
             pixels[n] = Some(pixel);
         }
@@ -191,10 +191,6 @@ pub fn check_probes_within(scene: &Scene, probes: &Probes, limits: ProbeLimits) 
         cpu: compare(probes, pixels.into_iter()),
         density_error,
     })
-}
-
-fn ray_of(probe: &Probe) -> Ray {
-    Ray { origin: DVec3::from_array(probe.origin), direction: DVec3::from_array(probe.direction) }
 }
 
 /// Compares `pixels` with those of `probes`, where there is one.

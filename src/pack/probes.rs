@@ -19,7 +19,7 @@ pub fn true_probes(scene: &Scene, probes: &Probes) -> Vec<Probe> {
     let (renderer, field) = (ReferenceRenderer::new(scene), ReferenceField::new(scene));
     let is_near = |found: f64, stored: f64| (found - stored).abs() <= TOLERANCE * stored.abs().max(1.0);
     let kept = |probe: &&Probe| -> Option<Probe> {
-        let trace = renderer.trace_one(&ray(probe));
+        let trace = renderer.trace_one(&probe.ray());
         let seen = field.locate(DVec3::from_array(probe.point));
         let pixel = trace
             .color
@@ -33,15 +33,11 @@ pub fn true_probes(scene: &Scene, probes: &Probes) -> Vec<Probe> {
     let mut left = MAX_SAMPLES;
     let traced: Vec<&Probe> = (probes.probes.iter())
         .take_while(|probe| {
-            left -= samples(scene, &ray(probe));
+            left -= samples(scene, &probe.ray());
             left >= 0.0
         })
         .collect();
     traced.par_iter().filter_map(kept).collect()
-}
-
-fn ray(probe: &Probe) -> Ray {
-    Ray { origin: DVec3::from_array(probe.origin), direction: DVec3::from_array(probe.direction) }
 }
 
 /// The samples of a ray, at most.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::input::{Inputs, LimitArgs};
 use crate::cli::{Error, Session, scene_file};
 use crate::container::{self, Probe, SceneFile};
-use crate::geometry::Ray;
+use crate::escape::escaped_path;
 use crate::measure::PROBE_MARGIN;
 use crate::model::{Occupancy, ReferenceField, Scale, Scene};
 use crate::render::ReferenceRenderer;
@@ -23,7 +23,7 @@ pub(super) struct Args {
     inputs: Inputs,
 }
 
-/// What a reader makes of a file.
+/// The error or the numbers that a file has for this reader.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 #[schemars(rename = "ReadFile")]
 pub(super) struct Row {
@@ -39,13 +39,13 @@ pub(super) struct Row {
 /// The numbers of a scene. Checksums are those of section 1, of little-endian numbers.
 #[derive(Debug, Serialize, schemars::JsonSchema)]
 struct Numbers {
-    /// The corners.
+    /// Smallest and largest corner.
     bounds: [[f64; 3]; 2],
     step: f64,
     scales: Vec<ScaleNumbers>,
-    /// Of the f32 weights, then the bias, of layer after layer.
+    /// Checksum of the f32 weights, then the bias, layer after layer.
     decoder: u32,
-    /// Of the bits, as section 3.6 packs them.
+    /// Checksum of the bits, packed as in section 3.6.
     occupancy: Option<u32>,
     /// The first probes with a margin that no reader's rounding reaches.
     probes: Vec<Traced>,
@@ -55,15 +55,15 @@ struct Numbers {
 struct ScaleNumbers {
     tensors: usize,
     resolution: [u32; 3],
-    /// Of density and of appearance.
+    /// Ranks of density and appearance.
     ranks: [u32; 2],
-    /// Of the f64 centers, tensor after tensor.
+    /// Checksum of the f64 centers, tensor after tensor.
     centers: u32,
-    /// Of the f32 factors, [tensor][axis][vertex][component], 0 for components that are not stored.
+    /// Checksum of the f32 density factors, [tensor][axis][vertex][component], 0 for components that are not stored.
     density: u32,
-    /// The same.
+    /// Checksum of the appearance factors, laid out alike.
     appearance: u32,
-    /// Of the f32 matrix, [feature][component].
+    /// Checksum of the f32 matrix, [feature][component].
     matrix: u32,
 }
 
@@ -109,7 +109,7 @@ impl Row {
     }
 
     fn text(&self) -> String {
-        let file = crate::escape::escaped_path(&self.file);
+        let file = escaped_path(&self.file);
         match self.class {
             Some(class) => format!("{file}: refused, {class}\n"),
             None => format!("{file}: accepted, {} sections skipped\n", self.skipped.len()),
@@ -121,10 +121,9 @@ impl Numbers {
     fn of(scene: &Scene, probes: &[Probe]) -> Self {
         let (renderer, field) = (ReferenceRenderer::new(scene), ReferenceField::new(scene));
         let traced = |(n, probe): (usize, &Probe)| {
-            let [origin, direction] = [probe.origin, probe.direction].map(DVec3::from_array);
-            let trace = renderer.trace_while(&Ray { origin, direction }, || true)?;
+            let trace = renderer.trace_one(&probe.ray());
             let feature = field.density_feature(&field.locate(DVec3::from_array(probe.point))).feature;
-            Some(Traced { probe: n, color: trace.color, opacity: trace.opacity, depth: trace.depth, feature })
+            Traced { probe: n, color: trace.color, opacity: trace.opacity, depth: trace.depth, feature }
         };
         let clear = probes.iter().enumerate().filter(|(_, probe)| probe.margin > 100.0 * PROBE_MARGIN);
         let layers = scene.decoder.layers.iter().flat_map(|layer| [&layer.weights, &layer.bias]);
@@ -134,7 +133,7 @@ impl Numbers {
             scales: scene.scales.iter().map(ScaleNumbers::of).collect(),
             decoder: checksum(layers.flatten().map(|v| v.to_le_bytes())),
             occupancy: scene.occupancy.as_ref().map(of_bits),
-            probes: clear.take(TRACED).filter_map(traced).collect(),
+            probes: clear.take(TRACED).map(traced).collect(),
         }
     }
 }
