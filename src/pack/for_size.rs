@@ -24,6 +24,7 @@ const GAIN: f64 = 6.0;
 /// The largest correction at once, and of all together: larger losses of bits spoil pictures.
 const LARGEST: f64 = 2.0;
 const LARGEST_IN_ALL: f64 = 8.0;
+
 /// Begins the last `steps` of `trainer` with `scene`, of the same photographs: for a file of at most `goal` bytes without
 /// metadata. Returns false if no encoding of the scene is so small. `tried` is called with every candidate for the start.
 ///

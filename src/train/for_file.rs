@@ -1,5 +1,6 @@
 //! The end of a run for a file that holds integers (`train/rounding.rs`).
 
+use super::lean::Parts;
 use super::resize::tuned;
 use super::rounding::Unrounded;
 use super::{Rounding, Trainer};
@@ -8,9 +9,6 @@ use crate::model::Scene;
 
 /// The share of the steps at the end over which learning rates fall to 0.
 const COOLDOWN: f64 = 0.5;
-
-/// Values for density and appearance.
-type Parts<V> = [V; 2];
 
 impl Trainer<'_> {
     /// Continues with `scene`, of the same photographs, for `steps` more in which factors are rounded: \[scale\] `codes` are

@@ -28,8 +28,8 @@ const CELLS_EVERY: u32 = 4;
 const CELLS_KEPT: f64 = 0.85;
 const MIN_CELLS: u32 = 2;
 
-/// The components of density and of appearance that the tensors of a scale hold.
-type Parts<V> = [V; 2];
+/// Values for density and for appearance.
+pub(super) type Parts<V> = [V; 2];
 
 /// Sums over steps, for the worth of components.
 #[derive(Clone, Debug, Default, PartialEq)]

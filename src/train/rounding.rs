@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::lean::Parts;
 use crate::container::step;
 use crate::field::{Field, HeldComponents};
 
@@ -16,9 +17,6 @@ const PREDICTED: f32 = 0.8;
 
 /// The largest integer of a file.
 const LARGEST: f32 = i16::MAX as f32;
-
-/// Values for density and appearance.
-type Parts<V> = [V; 2];
 
 /// What factors are rounded to, and the file that they are rounded for.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,20 +95,21 @@ impl Unrounded {
 }
 
 impl UnroundedTensor<'_> {
-    /// Adds the derivative of the bits times `bit` to `gradients`, `moves` the unrounded factors by them, and writes the
-    /// rounded ones to `rounded`. \[axis\] `axes` are the tensor's rows.
+    /// Lets `optimizer` move the `factors` of a tensor by `gradients`. If they are rounded ones of `unrounded`, these are moved,
+    /// also by the derivative of the bits times `bit`, and rounded anew. \[axis\] `axes` are the tensor's rows.
     #[inline(always)]
     pub(super) fn update(
-        &mut self,
+        unrounded: Option<Self>,
         bit: f32,
         axes: &[Range<usize>; 3],
         gradients: &mut [f32],
-        rounded: &mut [f32],
-        moves: impl FnOnce(&mut [f32], &[f32]),
+        factors: &mut [f32],
+        optimizer: impl FnOnce(&mut [f32], &[f32]),
     ) {
-        self.add_bits(bit, axes, gradients);
-        moves(self.factors, gradients);
-        self.round(rounded);
+        let Some(unrounded) = unrounded else { return optimizer(factors, gradients) };
+        unrounded.add_bits(bit, axes, gradients);
+        optimizer(unrounded.factors, gradients);
+        unrounded.round(factors);
     }
 
     #[inline(always)]

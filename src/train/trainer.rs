@@ -9,7 +9,7 @@ use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::lean::{self, Worth, add_squares};
 use super::ray_errors::RayErrors;
-use super::rounding::Unrounded;
+use super::rounding::{Unrounded, UnroundedTensor};
 use super::{
     BatchRoulette, Checkpoint, CheckpointError, DeadComponents, Exposures, RayBatch, RaySampler, TrainConfig,
     TrainError, network_parts, prune_dead_components,
@@ -345,23 +345,25 @@ impl<'a> Trainer<'a> {
                                 }
                                 l1.add(density, &mut gradient.density);
                                 let (of_density, of_appearance) = unrounded;
-                                let mut moves =
-                                    |v: &mut [f32], g: &[f32]| adam.update::<false>(v, d_first, d_second, g);
-                                match of_density {
-                                    Some(mut tensor) => {
-                                        tensor.update(bit, &axes, &mut gradient.density, density, moves);
-                                    }
-                                    None => moves(density, &gradient.density),
-                                }
+                                UnroundedTensor::update(
+                                    of_density,
+                                    bit,
+                                    &axes,
+                                    &mut gradient.density,
+                                    density,
+                                    #[inline(always)]
+                                    |v, g| adam.update::<false>(v, d_first, d_second, g),
+                                );
                                 if gradient.has_appearance {
-                                    let mut moves =
-                                        |v: &mut [f32], g: &[f32]| adam.update::<true>(v, a_first, a_second, g);
-                                    match of_appearance {
-                                        Some(mut tensor) => {
-                                            tensor.update(bit, &axes, &mut gradient.appearance, appearance, moves);
-                                        }
-                                        None => moves(appearance, &gradient.appearance),
-                                    }
+                                    UnroundedTensor::update(
+                                        of_appearance,
+                                        bit,
+                                        &axes,
+                                        &mut gradient.appearance,
+                                        appearance,
+                                        #[inline(always)]
+                                        |v, g| adam.update::<true>(v, a_first, a_second, g),
+                                    );
                                 }
                             },
                         );
