@@ -134,22 +134,24 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let mut run = Run { args, session, files: &files, held_out: &held_out, watch, curve: Vec::new() };
     run.train(&mut trainer, &interrupted)?;
 
-    let cameras = model_cameras(&dataset, &trainer.scene().frame);
+    let mut scene = trainer.unrounded_scene();
+    let cameras = model_cameras(&dataset, &scene.frame);
     let extras = Extras::usual(trainer.config().seed);
     let packing = |scene| Packing::new(scene, Metadata::default(), cameras.clone(), None, &extras, &session.console);
     let max_bytes = trainer.config().max_file_bytes;
     let is_free = trainer.config().background == TrainConfig::default().background;
-    let in_room = |scene: &Scene| is_free && scene.rules.sky.is_none() && is_opaque(&dataset);
+    let with_background = |mut scene: Scene| {
+        if is_free && scene.rules.sky.is_none() && is_opaque(&dataset) {
+            // Where no tensor is, training had a color for which no wall passes.
+            scene.frame.background = background_of(&scene, &dataset.views);
+        }
+        scene
+    };
     let mut dead_components = None;
     let mut finished = None;
     if trainer.rounding().is_none() {
-        let mut scene = trainer.scene();
         dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
-        let mut seen = scene.clone();
-        if in_room(&scene) {
-            // Where no tensor is, training had a color for which no wall passes.
-            seen.frame.background = background_of(&scene, &dataset.views);
-        }
+        let seen = with_background(scene.clone());
         let bytes = encode_with_views(&seen, &cameras, args.encoding.factors(), output)?;
         match max_bytes.filter(|&most| bytes.len() as u64 > most) {
             None => finished = Some((seen, bytes)),
@@ -163,10 +165,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some(finished) => finished,
         None => {
             run.train(&mut trainer, &interrupted)?;
-            let mut scene = trainer.unrounded_scene();
-            if in_room(&scene) {
-                scene.frame.background = background_of(&scene, &dataset.views);
-            }
+            let scene = with_background(trainer.unrounded_scene());
             let (scene, bytes, _) = packing(scene).finish_for_size(&trainer, max_bytes.unwrap_or(u64::MAX), output)?;
             (scene, bytes)
         }

@@ -23,6 +23,7 @@ pub(in crate::cli) const JUDGED: (usize, u32) = (12, 320);
 pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 /// Steps of fitting a prefix, at the usual effort.
 const PREFIX_STEPS: usize = 150;
+/// The least effort.
 const LEAST_EFFORT: f64 = 1e-3;
 /// Probe rays, if no other number is given.
 const PROBES: u32 = 64;
