@@ -248,15 +248,18 @@ fn framed(section: &mut Section, window: u8) {
     section.codec = 1;
 }
 
+/// The file `base` after a `change`.
+fn changed(base: &[u8], change: &dyn Fn(&mut File)) -> Vec<u8> {
+    let mut file = File::of(base);
+    change(&mut file);
+    file.bytes()
+}
+
 /// Name and bytes of files that open without some ancillary sections, which cannot be used.
 fn skipped() -> BTreeMap<String, Vec<u8>> {
     let plain = in_arrays(Encoding::F32, Filter::None);
     let base = encode_scene_file(&made::two_scales(), &made::metadata(), &plain).unwrap();
-    let changed = |change: &dyn Fn(&mut File)| {
-        let mut file = File::of(&base);
-        change(&mut file);
-        file.bytes()
-    };
+    let changed = |change: &dyn Fn(&mut File)| changed(&base, change);
     let patched = |kind: &str, at: usize, bytes: &[u8]| changed(&|f| f.part(kind).patch(at, bytes));
     let damaged = |base: &[u8], kinds: &[&str]| {
         let mut bytes = base.to_vec();
@@ -345,11 +348,7 @@ fn shell(bounds: Aabb) -> Occupancy {
 fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     let plain = in_arrays(Encoding::F32, Filter::None);
     let base = encode_scene_file(&made::two_scales(), &made::metadata(), &plain).unwrap();
-    let changed = |change: &dyn Fn(&mut File)| {
-        let mut file = File::of(&base);
-        change(&mut file);
-        file.bytes()
-    };
+    let changed = |change: &dyn Fn(&mut File)| changed(&base, change);
     let patched = |kind: &str, at: usize, bytes: &[u8]| changed(&|f| f.part(kind).patch(at, bytes));
     let flipped = |at: usize| {
         let mut bytes = base.clone();
