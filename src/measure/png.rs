@@ -10,7 +10,7 @@ use super::Error;
 use crate::color::byte;
 
 /// Quality of JPEG files, of 100.
-const JPEG_QUALITY: u8 = 85;
+const JPEG_QUALITY: u8 = 60;
 
 /// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up. Values outside are clamped; NaN is 0.
 fn quantized(value: f64, full: f64) -> f64 {

@@ -66,6 +66,36 @@ impl Occupancy {
         })
     }
 
+    /// With what lies between set vertices: all but the vertices of cubes of `2·radius + 1` vertices along each edge, some perhaps
+    /// beyond the bounds, without a set one (morphological closing).
+    pub fn closed(&self, radius: u32) -> Self {
+        let margin = UVec3::splat(radius);
+        // Behind a margin, words may be shifted as a whole: what passes from one row into the next stays in the margins.
+        let mut wide = Self::empty(self.bounds, self.vertices + 2 * margin);
+        self.iter().for_each(|vertex| wide.set(vertex + margin));
+        wide.join_around(radius, |a, b| a | b);
+        wide.join_around(radius, |a, b| a & b);
+        let mut closed = Self::empty(self.bounds, self.vertices);
+        let within = wide.iter().filter_map(|vertex| vertex.checked_sub(margin));
+        within.filter(|vertex| vertex.cmplt(self.vertices).all()).for_each(|vertex| closed.set(vertex));
+        closed
+    }
+
+    /// Replaces each bit by all those of the cube of this `radius` around it, joined by `join`.
+    fn join_around(&mut self, radius: u32, join: impl Fn(u64, u64) -> u64) {
+        let strides = [1, self.vertices.x, self.vertices.x * self.vertices.y].map(i64::from);
+        for stride in strides {
+            let bits_at = |bit: i64| {
+                let word = |at: i64| usize::try_from(at).ok().and_then(|at| self.words.get(at)).copied().unwrap_or(0);
+                let (first, shift) = (bit.div_euclid(64), bit.rem_euclid(64));
+                word(first) >> shift | word(first + 1) << 1 << (63 - shift)
+            };
+            let offsets = || -i64::from(radius)..=i64::from(radius);
+            let around = |word: usize| offsets().map(|n| bits_at(64 * word as i64 + n * stride)).reduce(&join);
+            self.words = (0..self.words.len()).map(|word| around(word).unwrap_or(0)).collect();
+        }
+    }
+
     /// The vertices of a row from `first` on, which is within the grid, from the lowest bit on; zeros beyond the row.
     pub fn row_from(&self, first: UVec3) -> u64 {
         let [columns, rows] = [self.vertices.x, self.vertices.y].map(u64::from);
@@ -140,7 +170,10 @@ fn corners() -> impl Iterator<Item = UVec3> {
 
 #[cfg(test)]
 mod tests {
+    use glam::IVec3;
+
     use super::*;
+    use crate::random::Random;
 
     fn one_vertex() -> Occupancy {
         let mut grid = Occupancy::empty(Aabb { min: DVec3::ZERO, max: DVec3::splat(4.0) }, UVec3::splat(5));
@@ -192,6 +225,33 @@ mod tests {
         grid.set(UVec3::new(4, 0, 4));
         assert_eq!(grid.iter().collect::<Vec<_>>(), [UVec3::new(2, 2, 2), UVec3::new(4, 0, 4)]);
         assert_eq!(grid.count(), 2);
+    }
+
+    #[test]
+    fn closing_fills_all_that_no_empty_cube_covers() {
+        let vertices = UVec3::new(13, 9, 11);
+        let random = Random::new(5, "occupancy to close");
+        let mut grid = Occupancy { vertices, ..one_vertex() };
+        grid.words = vec![0; (13 * 9 * 11_usize).div_ceil(64)];
+        let all = || (0..13 * 9 * 11).map(|n| cell_at(n, vertices));
+        all().zip(0..).filter(|&(_, n)| random.below(n, 12) == 0).for_each(|(vertex, _)| grid.set(vertex));
+        let is_set =
+            |at: IVec3| at.cmpge(IVec3::ZERO).all() && at.cmplt(vertices.as_ivec3()).all() && grid.get(at.as_uvec3());
+        let around = |radius: i32| {
+            let offsets = move || -radius..=radius;
+            offsets().flat_map(move |z| offsets().flat_map(move |y| offsets().map(move |x| IVec3::new(x, y, z))))
+        };
+        for radius in 0..3 {
+            let closed = grid.closed(radius);
+            closed.check().unwrap();
+            for vertex in all() {
+                let is_covered = |center: IVec3| around(radius as i32).any(|offset| is_set(center + offset));
+                let expected = around(radius as i32).all(|offset| is_covered(vertex.as_ivec3() + offset));
+                assert_eq!(closed.get(vertex), expected, "{vertex}, {radius}");
+            }
+            assert_eq!(closed.closed(radius), closed);
+            assert_eq!(radius == 0, closed == grid);
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod distortion;
 mod for_size;
 mod lossless;
 mod lossy;
+mod occupancy;
 mod prefix;
 mod probes;
 mod prune;

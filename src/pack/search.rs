@@ -1,5 +1,6 @@
 //! Search for the loss parameter that meets a bound on distortion or bytes.
 
+use super::occupancy::without_gaps;
 use super::{Distortion, Lossy, lossy};
 use crate::container::{EncodeOptions, Error, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
@@ -39,9 +40,10 @@ pub struct Candidate {
 /// log₁₀ of the smallest and the largest loss that is tried.
 const RANGE: [f64; 2] = [-17.0, -8.0];
 /// The search ends if the interval of log₁₀ losses is no longer than this.
-const MIN_INTERVAL: f64 = 0.01;
-/// The search ends if a candidate leaves at most this share of the goal unused.
-const SLACK: f64 = 0.02;
+const MIN_INTERVAL: f64 = 0.002;
+/// The search ends if a candidate leaves at most this share of an error, or of bytes, unused.
+const ERROR_SLACK: f64 = 0.02;
+const BYTES_SLACK: f64 = 0.003;
 /// The most losses that [`search`] tries.
 pub const MAX_TRIED: usize = 12;
 /// The zstd level if the number of bytes does not matter.
@@ -82,9 +84,18 @@ impl Goal {
     /// The distance to aim at: the goal is met, and little is left unused.
     fn aim(self) -> f64 {
         match self {
-            Self::Error { .. } => -0.5 * SLACK,
-            Self::Bytes(_) => 0.5 * SLACK,
+            Self::Error { .. } => -0.5 * ERROR_SLACK,
+            Self::Bytes(_) => 0.5 * BYTES_SLACK,
         }
+    }
+
+    /// True if a candidate at this distance leaves little unused.
+    fn is_near(self, beyond: f64) -> bool {
+        let slack = match self {
+            Self::Error { .. } => ERROR_SLACK,
+            Self::Bytes(_) => BYTES_SLACK,
+        };
+        beyond.abs() <= slack
     }
 
     /// log₁₀ of the first loss to try.
@@ -98,7 +109,7 @@ impl Goal {
 }
 
 /// Searches the loss for `scene` that meets `goal` best, with `reserved` bytes kept free for metadata. Returns `None`
-/// if even the largest loss misses the goal. `on_candidate` is called with every candidate. If the goal is an error,
+/// if even the largest loss misses the goal. Gaps of the occupancy are closed if bytes matter. `on_candidate` is called with every candidate. If the goal is an error,
 /// candidates are compressed at a low level: compression does not change the error.
 ///
 /// # Errors
@@ -112,6 +123,8 @@ pub fn search(
     reserved: u64,
     on_candidate: &mut dyn FnMut(&Candidate),
 ) -> Result<Option<Candidate>, Error> {
+    let simpler = matches!(goal, Goal::Bytes(_)).then(|| without_gaps(scene));
+    let scene = simpler.as_ref().unwrap_or(scene);
     let [mut low, mut high] = RANGE;
     let mut next = goal.first_guess(scene).clamp(low + MIN_INTERVAL, high - MIN_INTERVAL);
     let mut before: Option<[f64; 2]> = None;
@@ -136,7 +149,7 @@ pub fn search(
             if best.as_ref().is_none_or(|(other, _)| beyond.abs() < other.abs()) {
                 best = Some((beyond, candidate));
             }
-            if beyond.abs() <= SLACK {
+            if goal.is_near(beyond) {
                 break;
             }
         }

@@ -24,9 +24,6 @@ use crate::pack::{self, Candidate, Goal, MAX_TRIED, search};
 use crate::psnr::psnr_of_mse;
 use crate::train::{FactorImportance, TrainConfig, Trainer};
 
-/// A first guess at what is beside the scene: probes, prefixes, a thumbnail.
-const EXTRAS_BYTES: u64 = 40_000;
-
 /// Arguments of `strivec-pack pack`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -230,7 +227,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let (bytes, quality) = match (lossless, &interrupted) {
             (Some(options), _) => {
                 let (scene, decoded) = (packing.scene.clone(), packing.scene.clone());
-                packing.finish(&Candidate { scene, decoded, options, bytes: 0, error: 0.0, loss: 0.0 }, path)?
+                packing
+                    .finish(&Candidate { scene, decoded, options, bytes: bytes_before, error: 0.0, loss: 0.0 }, path)?
             }
             (None, Some(interrupted)) => {
                 let state = state.insert(StateFile::new(None, &outputs.path_of(path), args.tuning.resume, session)?);
@@ -288,13 +286,13 @@ fn measured<'a>(
 /// The file without training, and what was measured of it.
 fn pack(packing: &Packing<'_>, args: &Args, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
     let importance = packing.importance(&packing.scene);
-    let mut reserved = args.goal.target_size.map_or(0, |target| EXTRAS_BYTES.min(target / 4));
+    let beside = |target| packing.bytes_beside(&importance, target, path);
+    let mut reserved = args.goal.target_size.map_or(Ok(0), beside)?;
     loop {
         let candidate = find(packing, &args.goal, &importance, reserved, path)?;
         let (bytes, quality) = packing.finish(&candidate, path)?;
         match args.goal.target_size.map(|target| bytes.len() as u64 - target.min(bytes.len() as u64)) {
-            // What is beside the scene is known now.
-            Some(excess) if excess > 0 => reserved += excess + EXTRAS_BYTES / 64,
+            Some(excess) if excess > 0 => reserved += excess,
             _ => return Ok((bytes, quality)),
         }
     }

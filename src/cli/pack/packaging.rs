@@ -25,8 +25,8 @@ pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 const PREFIX_STEPS: usize = 150;
 /// The least effort.
 const LEAST_EFFORT: f64 = 1e-3;
-/// Probe rays, if no other number is given.
-const PROBES: u32 = 64;
+/// Probe rays, if no other number is given: in files whose scene has fewer bytes than the first of a pair, the second.
+const PROBES: [(u64, u32); 2] = [(1_000_000, 16), (u64::MAX, 64)];
 /// Bytes that are kept free, because padding and compression differ a little from one encoding of a scene to another.
 const SLACK_BYTES: u64 = 1024;
 /// A loss at which scenes lose about as much as in a small file.
@@ -37,9 +37,9 @@ const TYPICAL_LOSS: f64 = 1e-10;
 pub(in crate::cli) struct Extras {
     #[command(flatten)]
     pub(super) layout: LayoutArgs,
-    /// Number of probe rays stored for `verify --render`; 0 stores none
-    #[arg(long, value_name = "N", default_value_t = PROBES, value_parser = clap::value_parser!(u32).range(0..=65_536))]
-    probes: u32,
+    /// Number of probe rays stored for `verify --render`; 0 stores none [default: 64; 16 in files below 1 MB]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    probes: Option<u32>,
     /// Fit no corrections for scenes of which only the coarser scales are loaded
     #[arg(long)]
     no_prefixes: bool,
@@ -69,13 +69,19 @@ impl Extras {
     pub(in crate::cli) fn usual(seed: u64) -> Self {
         Self {
             layout: LayoutArgs::default(),
-            probes: PROBES,
+            probes: None,
             no_prefixes: false,
             no_views: false,
             license: None,
             effort: 1.0,
             seed,
         }
+    }
+
+    /// The number of probe rays of a file whose scene has this many `bytes`.
+    fn probes(&self, bytes: u64) -> u32 {
+        let usual = || PROBES.into_iter().find(|&(most, _)| bytes < most).map_or(0, |(_, count)| count);
+        self.probes.unwrap_or_else(usual)
     }
 
     /// Width of the pictures that a scene is judged by.
@@ -145,7 +151,7 @@ impl<'a> Packing<'a> {
         path: &Path,
     ) -> Result<(), Error> {
         let importance = self.importance(&self.scene);
-        let beside = self.bytes_beside(&importance, path)?;
+        let beside = self.bytes_beside(&importance, target, path)?;
         let progress = Progress::start(self.console, "encodings", MAX_TRIED as u64);
         let (mut count, mut smallest) = (0, u64::MAX);
         let mut tried = |candidate: &Candidate| {
@@ -153,8 +159,8 @@ impl<'a> Packing<'a> {
             smallest = smallest.min(candidate.bytes);
             progress.set(count, || format!("{} bytes", grouped(candidate.bytes)));
         };
-        let goal = target.saturating_sub(beside + SLACK_BYTES);
-        let begun = pack::begin_for_size(trainer, &self.scene, &importance, goal, steps, &mut tried);
+        let begun =
+            pack::begin_for_size(trainer, &self.scene, &importance, target.saturating_sub(beside), steps, &mut tried);
         if begun.map_err(|e| Error::container(path, e))? {
             return Ok(());
         }
@@ -163,15 +169,16 @@ impl<'a> Packing<'a> {
         Err(Error::Runtime(format!("{}: {message}", path.display())))
     }
 
-    /// Bytes of what is beside the scene in its file, the same for about every encoding with integers.
-    fn bytes_beside(&self, importance: &FactorImportance, path: &Path) -> Result<u64, Error> {
+    /// Bytes to keep free in a file of at most `target` bytes, for what is beside the scene: the same for about every encoding
+    /// with integers.
+    pub(super) fn bytes_beside(&self, importance: &FactorImportance, target: u64, path: &Path) -> Result<u64, Error> {
         let pack::Lossy { scene, options, .. } = pack::lossy(&self.scene, importance, TYPICAL_LOSS);
         let bare = pack::size(&scene, &options).map_err(|e| Error::container(path, e))?;
-        let candidate = Candidate { decoded: scene.clone(), scene, options, bytes: bare, error: 0.0, loss: 0.0 };
+        let candidate = Candidate { decoded: scene.clone(), scene, options, bytes: target, error: 0.0, loss: 0.0 };
         // Bytes hardly depend on how well corrections fit.
         let quick = Extras { effort: LEAST_EFFORT, ..self.extras.clone() };
         let (bytes, _) = self.finish_with(&quick, &candidate, path)?;
-        Ok((bytes.len() as u64).saturating_sub(bare))
+        Ok((bytes.len() as u64).saturating_sub(bare) + SLACK_BYTES)
     }
 
     /// The file of the scene that `trainer` has trained for `target` bytes, and what was measured of it.
@@ -206,12 +213,13 @@ impl<'a> Packing<'a> {
     }
 
     fn finish_with(&self, extras: &Extras, candidate: &Candidate, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
-        let Candidate { scene, decoded, options, .. } = candidate;
-        let Extras { layout, probes, seed, .. } = extras;
+        let Candidate { scene, decoded, options, bytes, .. } = candidate;
+        let Extras { layout, seed, .. } = extras;
         let options = layout.for_new(options.clone())?;
         let mut metadata = self.metadata.clone();
         let prefix_psnrs = self.fit_prefixes(extras, decoded, &mut metadata);
-        metadata.probes = (*probes > 0).then(|| make_probes(decoded, *probes as usize, *seed));
+        let probes = extras.probes(*bytes);
+        metadata.probes = (probes > 0).then(|| make_probes(decoded, probes as usize, *seed));
         metadata.license = extras.license.clone().or(metadata.license);
         if !extras.no_views {
             let views = metadata.views.take().unwrap_or_else(|| default_views(decoded, &self.cameras));
