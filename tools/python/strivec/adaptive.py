@@ -77,27 +77,21 @@ def occupancy(data, vertices, name):
     decoder = Decoder(data, name)
     blocks = _blocks(decoder, [-(-n // BLOCK) for n in vertices])
     width, height, depth = vertices
-    near, whole = defaultdict(Counter), defaultdict(Counter)
+    counters = [defaultdict(Counter) for _ in range(3)]
     # Rows of vertices, x from the lowest bit on, by (y, z).
     rows = {}
     for z in range(depth):
         for y in range(height):
-            rows[y, z] = row = 0
+            rows[y, z] = 0
             at = {(dy, dz): rows.get((y + dy, z + dz), 0) << 2 for dy, dz in NEIGHBOR_ROWS}
-            for x in range(width):
+            for x in range(0, width, BLOCK):
                 block = blocks[x // BLOCK, y // BLOCK, z // BLOCK]
-                bit = block == FULL
-                if block == MIXED:
-                    at[0, 0] = row << 2
-                    context = 0
-                    for k, (dx, dy, dz) in enumerate(NEIGHBORS):
-                        context |= (at[dy, dz] >> (x + dx + 2) & 1) << k
-                    counters = near[context & 0xFFF], whole[context]
-                    bit = decoder.bit(counters[counters[1].n >= ENOUGH].probability)
-                    for counter in counters:
-                        counter.learn(bit)
-                row |= bit << x
-            rows[y, z] = row
+                end = min(x + BLOCK, width)
+                if block == FULL:
+                    at[0, 0] |= (1 << end) - (1 << x) << 2
+                elif block == MIXED:
+                    _run(decoder, at, x, end, *counters)
+            rows[y, z] = at[0, 0] >> 2
     decoder.finish()
     bits = 0
     for z in reversed(range(depth)):
@@ -106,6 +100,28 @@ def occupancy(data, vertices, name):
     return bits.to_bytes(-(-width * height * depth // 8), "little")
 
 
+def _run(decoder, at, first, end, near, whole, differs):
+    """The vertices `first` to `end` - 1 of a row, set in `at`: rows by their offsets, from bit 2 on."""
+    around = [_context(at, x) >> OWN for x in range(first, end)] + [at[0, 0] >> first & 3]
+    for value, all_bits in [(0, [0] * len(around)), (1, [0xFFFF] * (end - first) + [3])]:
+        if around == all_bits and not decoder.bit_in(differs[value]):
+            at[0, 0] |= value * ((1 << end) - (1 << first)) << 2
+            return
+    for x in range(first, end):
+        context = _context(at, x)
+        counters = near[context & 0xFFF], whole[context]
+        bit = decoder.bit(counters[counters[1].n >= ENOUGH].probability)
+        for counter in counters:
+            counter.learn(bit)
+        at[0, 0] |= bit << x + 2
+
+
+def _context(at, x):
+    """The whole context of vertex `x`."""
+    return sum((at[dy, dz] >> (x + dx + 2) & 1) << k for k, (dx, dy, dz) in enumerate(NEIGHBORS))
+
+
+OWN = 2  # the first bits of a context, of the vertices before one in its row
 # The vertices before one that are its context, and their rows.
 NEIGHBORS = [
     (-2, 0, 0),

@@ -94,8 +94,7 @@ pub(in crate::container) fn decompress(
 fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
     let counts = grid.vertices.map(|n| n.div_ceil(BLOCK));
     let blocks = code_blocks(coder, grid, counts);
-    let mut near = vec![Counter::default(); 1 << NEAR];
-    let mut all = vec![Counter::default(); 1 << ALL];
+    let mut contexts = Contexts::new();
     let mut occupied = Vec::with_capacity(counts[0]);
     let [_, y_count, z_count] = grid.vertices;
     for z in 0..z_count {
@@ -113,7 +112,7 @@ fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
             for &(x, block) in &occupied {
                 let row = match block {
                     Block::Full => grid.mask(x),
-                    _ => code_row(coder, grid.windows(x, &rows), grid.count(x), &mut near, &mut all),
+                    _ => contexts.code_row(coder, grid.windows(x, &rows), grid.count(x)),
                 };
                 if C::DECODES {
                     grid.set(x, grid.row(y, z), row);
@@ -152,36 +151,57 @@ fn code_blocks<C: Coder>(coder: &mut C, grid: &Grid, counts: [usize; 3]) -> Vec<
     blocks
 }
 
-/// Codes `count` vertices that are beside each other in a row; bit 8 + i of `windows` is at the x of vertex i. Returns their
-/// bits.
-#[inline(always)]
-fn code_row(
-    coder: &mut impl Coder,
-    windows: [u32; ROWS.len()],
-    count: usize,
-    near: &mut [Counter],
-    all: &mut [Counter],
-) -> u8 {
-    // Byte i of these holds bits 2 to 9, and bits 10 to 17, of the context of vertex i.
-    let mut others = [0u64; 2];
-    for (all, neighbors) in others.iter_mut().zip(&NEIGHBORS) {
-        for (bit, &(row, x)) in neighbors.iter().enumerate() {
-            *all |= SPREAD[(windows[row] >> (8 + x) & 0xff) as usize] << bit;
+/// The counters of vertices.
+struct Contexts {
+    /// By the near neighbors, and by all.
+    near: Vec<Counter>,
+    all: Vec<Counter>,
+    /// Whether a row differs from what is around it: from nothing that is set, and from nothing that is not.
+    differs: [Counter; 2],
+}
+
+impl Contexts {
+    fn new() -> Self {
+        let counters = |bits: u32| vec![Counter::default(); 1 << bits];
+        Self { near: counters(NEAR), all: counters(ALL), differs: Default::default() }
+    }
+
+    /// Codes `count` vertices that are beside each other in a row; bit 8 + i of `windows` is at the x of vertex i. Returns
+    /// their bits.
+    #[inline(always)]
+    fn code_row(&mut self, coder: &mut impl Coder, windows: [u32; ROWS.len()], count: usize) -> u8 {
+        // Byte i of these holds bits 2 to 9, and bits 10 to 17, of the context of vertex i.
+        let mut others = [0u64; 2];
+        for (all, neighbors) in others.iter_mut().zip(&NEIGHBORS) {
+            for (bit, &(row, x)) in neighbors.iter().enumerate() {
+                *all |= SPREAD[(windows[row] >> (8 + x) & 0xff) as usize] << bit;
+            }
         }
+        // The two vertices before.
+        let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
+        let beyond = u64::MAX.checked_shl(8 * count as u32).unwrap_or(0);
+        let is_empty = own == 0 && (others[0] | others[1]) & !beyond == 0;
+        let is_full = own == (1 << OWN) - 1 && others[0] & others[1] | beyond == u64::MAX;
+        if is_empty || is_full {
+            let mask = u8::MAX >> (BLOCK - count);
+            let around = if is_full { mask } else { 0 };
+            let differs = (windows[0] >> 8) as u8 & mask != around;
+            if !coder.code_in(differs, &mut self.differs[usize::from(is_full)]) {
+                return around;
+            }
+        }
+        let mut row = 0;
+        for i in 0..count {
+            let [low, high] = others.map(|others| (others >> (8 * i)) as usize & 0xff);
+            let context = (high << 8 | low) << OWN | own;
+            let (near, all) = (&mut self.near[context % (1 << NEAR)], &mut self.all[context]);
+            let probability = select_unpredictable(all.seen() < ENOUGH, near.probability(), all.probability());
+            let bit = coder.code(windows[0] >> (8 + i) & 1 != 0, probability, [near, all]);
+            own = own >> 1 | usize::from(bit) << (OWN - 1);
+            row |= u8::from(bit) << i;
+        }
+        row
     }
-    // The two vertices before.
-    let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
-    let mut row = 0;
-    for i in 0..count {
-        let [low, high] = others.map(|others| (others >> (8 * i)) as usize & 0xff);
-        let context = (high << 8 | low) << OWN | own;
-        let (near, all) = (&mut near[context % (1 << NEAR)], &mut all[context]);
-        let probability = select_unpredictable(all.seen() < ENOUGH, near.probability(), all.probability());
-        let bit = coder.code(windows[0] >> (8 + i) & 1 != 0, probability, [near, all]);
-        own = own >> 1 | usize::from(bit) << (OWN - 1);
-        row |= u8::from(bit) << i;
-    }
-    row
 }
 
 impl Grid {
