@@ -39,14 +39,15 @@ done
 target=${CARGO_TARGET_DIR:-target}
 [[ $target == /* ]] || target=$PWD/$target
 venv=$target/python
-python_packages=(numpy zstandard python-xlib)
+python_packages=(numpy zstandard python-xlib kaitaistruct==0.11)
 # The library that the player's window opens at run time, and the package that holds it.
 window_libraries=(
     libX11-xcb.so.1:libx11-xcb1 libXcursor.so.1:libxcursor1 libXi.so.6:libxi6 libxkbcommon-x11.so.0:libxkbcommon-x11-0
 )
 
 has() { command -v "$1" >/dev/null; }
-has_python_packages() { "$1" -c 'import numpy, zstandard, Xlib' 2>/dev/null; }
+has_python_packages() { "$1" -c 'import kaitaistruct, numpy, zstandard, Xlib' 2>/dev/null; }
+has_npm_packages() { [[ tools/web/node_modules/.package-lock.json -nt tools/web/package-lock.json ]]; }
 can_make_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 has_wasm() { compgen -G "$(rustc --print target-libdir --target wasm32-unknown-unknown)/libstd-*.rlib" >/dev/null; }
 has_vulkan() { [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] || compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
@@ -86,7 +87,7 @@ find_missing() {
     fi
     [[ -x $target/web-tools/debian/rustc ]] || has_wasm || page+=("Rust for wasm32-unknown-unknown (rustup's or Debian's)")
     has wasm-bindgen || [[ -x $target/web-tools/bin/wasm-bindgen ]] || page+=("wasm-bindgen, built from source")
-    [[ -e tools/web/node_modules/.package-lock.json ]] || page+=("npm packages in tools/web/node_modules")
+    has_npm_packages || page+=("npm packages in tools/web/node_modules")
 }
 
 # Runs a command as root.
@@ -128,7 +129,7 @@ set_up() {
     tools/web/node-version.sh
     if ((${#page[@]})); then
         tools/web/toolchain.sh >/dev/null
-        [[ -e tools/web/node_modules/.package-lock.json ]] || npm --prefix tools/web ci --no-audit --no-fund
+        has_npm_packages || npm --prefix tools/web ci --no-audit --no-fund
     fi
 }
 
