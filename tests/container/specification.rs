@@ -64,6 +64,6 @@ fn the_limits_are_those_of_the_code() {
     assert_eq!(section.lines().filter(|line| line.starts_with('|')).count(), rows.len() + 2);
     for (what, range) in rows {
         let row = format!("| {what} | {} | {} |", grouped(*range.start()), grouped(*range.end()));
-        assert!(section.lines().any(|line| line == row), "{row}");
+        assert!(section.lines().any(|line| line.starts_with(&row)), "{row}");
     }
 }

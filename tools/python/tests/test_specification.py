@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import strivec
-from strivec import field
+from strivec import field, limits
 from strivec.scales import _ascends, _total_order
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -54,6 +54,15 @@ class Example(unittest.TestCase):
         np.testing.assert_allclose(row("color"), rays.colors[0], atol=1e-9)
         np.testing.assert_allclose(row("opacity"), rays.opacities, atol=1e-9)
         np.testing.assert_allclose(row("depth"), rays.depths, atol=1e-9)
+
+
+class Limits(unittest.TestCase):
+    def test_they_are_those_of_the_table(self):
+        section = TEXT.split("\n## 5. Limits\n")[1].split("\n## 6.")[0]
+        rows = re.findall(r"^\| [^|]+ \| ([\d ]+) \| ([\d ]+) \|", section, re.MULTILINE)
+        found = sorted(tuple(int(number.replace(" ", "")) for number in row) for row in rows)
+        expected = [value for name, value in vars(limits).items() if name.isupper()]
+        self.assertEqual(found, sorted(expected))
 
 
 class Sky(unittest.TestCase):
