@@ -164,7 +164,7 @@ fn packing_loses_what_was_asked_for_and_says_so() {
     let document =
         decode_scene_file(&fs::read(folder.path().join("small.strivec")).unwrap(), Limits::default()).unwrap();
     let metadata = document.metadata;
-    assert_eq!(metadata.probes.as_ref().map(|p| p.probes.len()), Some(64));
+    assert_eq!(metadata.probes.as_ref().map(|p| p.probes.len()), Some(16));
     assert_eq!(metadata.prefixes.iter().flatten().count(), scene.scales.len() - 1);
     assert_eq!(metadata.quality.unwrap().encoded, Some(psnr));
     assert_eq!(metadata.views.unwrap().path.len(), 36);

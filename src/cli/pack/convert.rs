@@ -118,7 +118,7 @@ pub(super) fn rewrite(
     let outputs = Outputs::new(&paths, inputs.are_several(), output, dry_run, session)?;
     let mut rows = Vec::new();
     for path in &paths {
-        let (document, before) = input::read(path, inputs.limits)?;
+        let (document, before) = input::read(path, inputs.limits, &session.console)?;
         let bytes = change(document, &before, path)?;
         let written = outputs.write(path, &bytes)?;
         warn_of_growth(path, before.len(), bytes.len(), session);

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::input::{self, LimitArgs};
 use super::packaging::JUDGED;
-use crate::cli::{Error, Session, scene_file};
+use crate::cli::{Error, Session};
 use crate::container;
 use crate::model::Scene;
 use crate::pack::{Distortion, probe_views};
@@ -41,12 +41,8 @@ pub(super) struct Difference {
 
 /// Compares two files; fails where they differ.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let limits = args.limits;
-    let (before, before_bytes) = input::read(&args.before, limits)?;
-    let (after, after_bytes) = input::read(&args.after, limits)?;
-    for (path, file) in [(&args.before, &before), (&args.after, &after)] {
-        scene_file::warn_of_skipped(path, &file.metadata, &session.console);
-    }
+    let read = |path| input::read(path, args.limits, &session.console);
+    let ((before, before_bytes), (after, after_bytes)) = (read(&args.before)?, read(&args.after)?);
     let same_bytes = before_bytes == after_bytes;
     let mut sections = Vec::new();
     if !same_bytes {

@@ -12,7 +12,7 @@ use super::convert::Written;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::table::plural;
-use crate::cli::{Error, Session, scene_file};
+use crate::cli::{Error, Session};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
 use crate::escape::escaped_path;
 use crate::geometry::{Aabb, Lattice};
@@ -110,8 +110,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
         let message = format!("{}: exists; name a new folder", args.output.display());
         return Err(Error::Usage(message));
     }
-    let (document, _) = input::read(&args.input, args.limits)?;
-    scene_file::warn_of_skipped(&args.input, &document.metadata, &session.console);
+    let (document, _) = input::read(&args.input, args.limits, &session.console)?;
     // The folder is written under another name and then renamed, so that it is complete.
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let partial = tempfile::tempdir_in(parent).map_err(Error::io("make a folder in", parent))?;

@@ -9,7 +9,7 @@ use super::input::{self, Inputs, LimitArgs};
 use crate::cli::console::Console;
 use crate::cli::info::Info;
 use crate::cli::table::Table;
-use crate::cli::{Error, Session, scene_file};
+use crate::cli::{Error, Session};
 use crate::container::{self, Metadata};
 use crate::digits::grouped;
 use crate::escape::escaped;
@@ -63,8 +63,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 impl Row {
     fn read(path: PathBuf, limits: LimitArgs, console: &Console) -> Result<Self, Error> {
-        let (document, bytes) = input::read(&path, limits)?;
-        scene_file::warn_of_skipped(&path, &document.metadata, console);
+        let (document, bytes) = input::read(&path, limits, console)?;
         let contents = container::sections(&bytes).map_err(|e| Error::container(&path, e))?;
         Ok(Self::new(path, bytes.len() as u64, document, &contents))
     }

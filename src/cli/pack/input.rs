@@ -3,6 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
+use crate::cli::console::Console;
 use crate::cli::output::check_scene_name;
 use crate::cli::{Error, Session, check_output, scene_file, write_atomically};
 use crate::container::{self, Limits, SceneFile};
@@ -70,11 +71,12 @@ fn is_pattern(input: &str) -> bool {
     input != STANDARD && !Path::new(input).exists() && input.contains(['*', '?', '['])
 }
 
-/// The content of a file, and its bytes.
-pub(super) fn read(path: &Path, limits: LimitArgs) -> Result<(SceneFile, Vec<u8>), Error> {
+/// The content of a file, and its bytes. Warns of the sections that were skipped.
+pub(super) fn read(path: &Path, limits: LimitArgs, console: &Console) -> Result<(SceneFile, Vec<u8>), Error> {
     let bytes = scene_file::read_bytes(path)?;
     let document =
         container::decode_scene_file(&bytes, limits.of_file(bytes.len())).map_err(|e| Error::container(path, e))?;
+    scene_file::warn_of_skipped(path, &document.metadata, console);
     Ok((document, bytes))
 }
 

@@ -34,7 +34,7 @@ fn note(text: &str) -> Result<(String, String), String> {
 
 /// Prints notes, or writes a file with others; no other byte of it changes but offsets and checksums.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let (document, bytes) = input::read(&args.input, args.limits)?;
+    let (document, bytes) = input::read(&args.input, args.limits, &session.console)?;
     let mut notes = document.metadata.notes;
     let Some(output) = &args.output else {
         let text = |notes: &BTreeMap<String, String>| {

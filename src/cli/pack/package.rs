@@ -214,7 +214,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let photographs = args.data.load()?;
     let mut rows = Vec::new();
     for path in &paths {
-        let (document, bytes_before) = read_trained(path, args.inputs.limits)?;
+        let (document, bytes_before) = read_trained(path, args.inputs.limits, session)?;
         let raw = 4 * document.scene.parameter_count();
         let lossless = args.goal.lossless.then(|| pack::lossless(&document)).transpose();
         let mut lossless = lossless.map_err(|e| Error::container(path, e))?;
@@ -254,14 +254,14 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// What a scene file or a training state holds, and its bytes.
-fn read_trained(path: &Path, limits: LimitArgs) -> Result<(SceneFile, u64), Error> {
+fn read_trained(path: &Path, limits: LimitArgs, session: &Session) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
         let (_, scene) = read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
         let encoding = EncodeOptions::lossless(&scene);
         return Ok((SceneFile { scene, metadata: Metadata::default(), encoding }, bytes));
     }
-    let (document, bytes) = input::read(path, limits)?;
+    let (document, bytes) = input::read(path, limits, &session.console)?;
     Ok((document, bytes.len() as u64))
 }
 

@@ -179,8 +179,8 @@ fn warnings(document: &SceneFile) -> Vec<String> {
     let mut warnings = Vec::new();
     match &metadata.probes {
         None => warnings.push("no probes: pictures cannot be checked".into()),
-        Some(probes) if probes.probes.len() < 64 => {
-            warnings.push(format!("{} probes; 64 are usual", probes.probes.len()));
+        Some(probes) if probes.probes.len() < 16 => {
+            warnings.push(format!("{} probes; at least 16 are usual", probes.probes.len()));
         }
         Some(_) => {}
     }
