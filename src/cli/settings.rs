@@ -197,7 +197,8 @@ pub(super) struct Fitting {
     /// reduce resolution, then components, then fine scales [default: no limit]
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
-    /// The same, until the file is estimated to be at most SIZE, as in 2MB or 700kB [default: no limit]
+    /// Train for a packaged file of at most SIZE, as in 2MB or 700kB: give up components until the rest fits with 3 bits for
+    /// each number, then train a quarter of the steps more with numbers rounded as in the file [default: no limit]
     #[arg(long, value_name = "SIZE", value_parser = quantity::size)]
     max_size: Option<u64>,
 }
