@@ -522,7 +522,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
         change(&mut file.part("OCCUPANCY").payload);
         file.bytes()
     };
-    files.push(("malformed-adaptive-short", adaptive(&|payload| payload.truncate(payload.len() - 1))));
+    files.push(("malformed-adaptive-short", adaptive(&|payload| payload.truncate(payload.len() - 2))));
     files.push(("malformed-adaptive-long", adaptive(&|payload| payload.push(0))));
     files.push(("malformed-adaptive-last", adaptive(&|payload| *payload.last_mut().unwrap() ^= 1)));
     let integers = |change: &dyn Fn(&mut Vec<u8>)| {

@@ -23,7 +23,7 @@ class Counter:
     @property
     def probability(self):
         """In units of 1/65536."""
-        return min(max(self.p >> 6, 32), 65_504)
+        return self.p >> 6
 
     def learn(self, bit):
         rate = RATES[self.n]

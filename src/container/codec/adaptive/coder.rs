@@ -6,9 +6,6 @@ use crate::container::Error;
 
 /// Bits of a counter's probability.
 const PRECISION: u32 = 22;
-/// The least and the most probability, in 1/65536: every bit can be coded.
-const LEAST: u32 = 32;
-const MOST: u32 = 65536 - LEAST;
 /// The most bits that a counter has seen: from then on it forgets the oldest.
 const MEMORY: u32 = 255;
 
@@ -40,10 +37,10 @@ impl Default for Counter {
 }
 
 impl Counter {
-    /// The probability of a 1, in 1/65536.
+    /// The probability of a 1, in 1/65536: from 3 to 65 532, since a counter that has seen all its bits moves by 2⁻⁸ of the way.
     #[inline(always)]
     pub(super) fn probability(self) -> u32 {
-        (self.0 >> (SEEN_BITS + PRECISION - 16)).clamp(LEAST, MOST)
+        self.0 >> (SEEN_BITS + PRECISION - 16)
     }
 
     /// Bits seen.
@@ -262,6 +259,15 @@ mod tests {
         // 0.5436 bits each.
         let bytes = encoded(&bits(50_000), 1);
         assert!((3350..3480).contains(&bytes.len()), "{} bytes", bytes.len());
+    }
+
+    #[test]
+    fn every_bit_can_be_coded() {
+        for bit in [false, true] {
+            let mut counter = Counter::default();
+            (0..100_000).for_each(|_| counter.learn(bit));
+            assert_eq!(counter.probability(), if bit { 65_532 } else { 3 });
+        }
     }
 
     #[test]

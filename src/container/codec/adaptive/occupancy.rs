@@ -25,6 +25,9 @@ const NEIGHBORS: [[(usize, i32); 8]; 2] = [
     [(5, 0), (6, 0), (1, -2), (1, 2), (5, -1), (5, 1), (6, -1), (6, 1)],
 ];
 
+/// \[row of [`ROWS`]\] the largest offset on x of [`NEIGHBORS`] there.
+const REACH: [u32; ROWS.len()] = [0, 2, 1, 0, 0, 1, 1];
+
 /// \[byte\] its bits, from the lowest on, each in the lowest bit of a byte.
 const SPREAD: [u64; 256] = {
     let mut spread = [0; 256];
@@ -170,24 +173,20 @@ impl Contexts {
     /// their bits.
     #[inline(always)]
     fn code_row(&mut self, coder: &mut impl Coder, windows: [u32; ROWS.len()], count: usize) -> u8 {
+        // The two vertices before.
+        let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
+        if let Some(around) = alike_around(&windows, own, count) {
+            let row = if around { u8::MAX >> (BLOCK - count) } else { 0 };
+            let differs = (windows[0] >> 8) as u8 & u8::MAX >> (BLOCK - count) != row;
+            if !coder.code_in(differs, &mut self.differs[usize::from(around)]) {
+                return row;
+            }
+        }
         // Byte i of these holds bits 2 to 9, and bits 10 to 17, of the context of vertex i.
         let mut others = [0u64; 2];
         for (all, neighbors) in others.iter_mut().zip(&NEIGHBORS) {
             for (bit, &(row, x)) in neighbors.iter().enumerate() {
                 *all |= SPREAD[(windows[row] >> (8 + x) & 0xff) as usize] << bit;
-            }
-        }
-        // The two vertices before.
-        let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
-        let beyond = u64::MAX.checked_shl(8 * count as u32).unwrap_or(0);
-        let is_empty = own == 0 && (others[0] | others[1]) & !beyond == 0;
-        let is_full = own == (1 << OWN) - 1 && others[0] & others[1] | beyond == u64::MAX;
-        if is_empty || is_full {
-            let mask = u8::MAX >> (BLOCK - count);
-            let around = if is_full { mask } else { 0 };
-            let differs = (windows[0] >> 8) as u8 & mask != around;
-            if !coder.code_in(differs, &mut self.differs[usize::from(is_full)]) {
-                return around;
             }
         }
         let mut row = 0;
@@ -202,6 +201,19 @@ impl Contexts {
         }
         row
     }
+}
+
+/// What all vertices around `count` in a row are, the two before them `own` and the others in `windows`; `None` if not all
+/// are alike.
+#[inline(always)]
+fn alike_around(windows: &[u32; ROWS.len()], own: usize, count: usize) -> Option<bool> {
+    let (mut set, mut unset) = (own as u32, own as u32 ^ ((1 << OWN) - 1));
+    for (window, reach) in windows.iter().zip(REACH).skip(1) {
+        let mask = ((1 << (count as u32 + 2 * reach)) - 1) << (8 - reach);
+        set |= window & mask;
+        unset |= !window & mask;
+    }
+    if set == 0 { Some(false) } else { (unset == 0).then_some(true) }
 }
 
 impl Grid {
