@@ -84,18 +84,17 @@ impl Goal {
     /// The distance to aim at: the goal is met, and little is left unused.
     fn aim(self) -> f64 {
         match self {
-            Self::Error { .. } => -0.5 * ERROR_SLACK,
-            Self::Bytes(_) => 0.5 * BYTES_SLACK,
+            Self::Error { .. } => -0.5 * self.slack(),
+            Self::Bytes(_) => 0.5 * self.slack(),
         }
     }
 
-    /// True if a candidate at this distance leaves little unused.
-    fn is_near(self, beyond: f64) -> bool {
-        let slack = match self {
+    /// The distance that leaves little unused.
+    fn slack(self) -> f64 {
+        match self {
             Self::Error { .. } => ERROR_SLACK,
             Self::Bytes(_) => BYTES_SLACK,
-        };
-        beyond.abs() <= slack
+        }
     }
 
     /// log₁₀ of the first loss to try.
@@ -108,9 +107,9 @@ impl Goal {
     }
 }
 
-/// Searches the loss for `scene` that meets `goal` best, with `reserved` bytes kept free for metadata. Returns `None`
-/// if even the largest loss misses the goal. Gaps of the occupancy are closed if bytes matter. `on_candidate` is called with every candidate. If the goal is an error,
-/// candidates are compressed at a low level: compression does not change the error.
+/// Searches the loss for `scene` that meets `goal` best, with `reserved` bytes kept free for metadata; where bytes matter, without
+/// the gaps of its occupancy. Returns `None` if even the largest loss misses the goal. `on_candidate` is called with every
+/// candidate. If the goal is an error, candidates are compressed at a low level: compression does not change the error.
 ///
 /// # Errors
 ///
@@ -149,7 +148,7 @@ pub fn search(
             if best.as_ref().is_none_or(|(other, _)| beyond.abs() < other.abs()) {
                 best = Some((beyond, candidate));
             }
-            if goal.is_near(beyond) {
+            if beyond.abs() <= goal.slack() {
                 break;
             }
         }

@@ -25,8 +25,11 @@ pub(in crate::cli) const PROBED: (usize, usize) = (64, 48);
 const PREFIX_STEPS: usize = 150;
 /// The least effort.
 const LEAST_EFFORT: f64 = 1e-3;
-/// Probe rays, if no other number is given: in files whose scene has fewer bytes than the first of a pair, the second.
-const PROBES: [(u64, u32); 2] = [(1_000_000, 16), (u64::MAX, 64)];
+/// Probe rays, if no other number is given, and those of a small file.
+const PROBES: u32 = 64;
+const FEW_PROBES: u32 = 16;
+/// Bytes from which on a file is not small.
+const SMALL: u64 = 1_000_000;
 /// Bytes that are kept free, because padding and compression differ a little from one encoding of a scene to another.
 const SLACK_BYTES: u64 = 1024;
 /// A loss at which scenes lose about as much as in a small file.
@@ -80,8 +83,7 @@ impl Extras {
 
     /// The number of probe rays of a file whose scene has this many `bytes`.
     fn probes(&self, bytes: u64) -> u32 {
-        let usual = || PROBES.into_iter().find(|&(most, _)| bytes < most).map_or(0, |(_, count)| count);
-        self.probes.unwrap_or_else(usual)
+        self.probes.unwrap_or(if bytes < SMALL { FEW_PROBES } else { PROBES })
     }
 
     /// Width of the pictures that a scene is judged by.

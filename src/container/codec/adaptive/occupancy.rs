@@ -176,8 +176,9 @@ impl Contexts {
         // The two vertices before.
         let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
         if let Some(around) = alike_around(&windows, own, count) {
-            let row = if around { u8::MAX >> (BLOCK - count) } else { 0 };
-            let differs = (windows[0] >> 8) as u8 & u8::MAX >> (BLOCK - count) != row;
+            let mask = u8::MAX >> (BLOCK - count);
+            let row = if around { mask } else { 0 };
+            let differs = (windows[0] >> 8) as u8 & mask != row;
             if !coder.code_in(differs, &mut self.differs[usize::from(around)]) {
                 return row;
             }
