@@ -159,7 +159,7 @@ struct Contexts {
     /// By the near neighbors, and by all.
     near: Vec<Counter>,
     all: Vec<Counter>,
-    /// Whether a row differs from what is around it: from nothing that is set, and from nothing that is not.
+    /// \[surroundings unset, set\] the counter of the bit that says that a row differs from its surroundings.
     differs: [Counter; 2],
 }
 
@@ -204,8 +204,8 @@ impl Contexts {
     }
 }
 
-/// What all vertices around `count` in a row are, the two before them `own` and the others in `windows`; `None` if not all
-/// are alike.
+/// The state that all vertices around a row of `count` have: the two before it, `own`, and the others in `windows`. `None` if
+/// they differ.
 #[inline(always)]
 fn alike_around(windows: &[u32; ROWS.len()], own: usize, count: usize) -> Option<bool> {
     let (mut set, mut unset) = (own as u32, own as u32 ^ ((1 << OWN) - 1));
