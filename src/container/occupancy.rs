@@ -49,8 +49,7 @@ pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Er
         vertices: occupancy.vertices.to_array(),
     };
     let record_bytes = record::write(&"OCCUPANCY", &record)?;
-    let mut bits: Vec<u8> = occupancy.words.iter().flat_map(|w| w.to_le_bytes()).collect();
-    bits.truncate(byte_count(record.vertices) as usize);
+    let bits = occupancy.bytes();
     writer.adaptive(Place::whole(SectionKind::Occupancy), record_bytes, &bits, || {
         adaptive::compress_occupancy(record.vertices, &bits)
     })

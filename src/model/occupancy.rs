@@ -26,6 +26,13 @@ impl Occupancy {
         Self { bounds, vertices, words: vec![0; bits.div_ceil(64)] }
     }
 
+    /// The bits in bytes, least significant first; unused bits of the last one are 0.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes: Vec<u8> = self.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        bytes.truncate(self.vertices.as_u64vec3().element_product().div_ceil(8) as usize);
+        bytes
+    }
+
     /// The bit number of `vertex`.
     pub fn index(&self, vertex: UVec3) -> usize {
         index_of(vertex, self.vertices) as usize

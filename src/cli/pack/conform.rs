@@ -10,7 +10,7 @@ use crate::cli::{Error, Session, scene_file};
 use crate::container::{self, Probe, SceneFile};
 use crate::escape::escaped_path;
 use crate::measure::PROBE_MARGIN;
-use crate::model::{Occupancy, ReferenceField, Scale, Scene};
+use crate::model::{ReferenceField, Scale, Scene};
 use crate::render::ReferenceRenderer;
 
 /// Rays of a file that are traced, at most.
@@ -132,7 +132,7 @@ impl Numbers {
             step: scene.rules.step,
             scales: scene.scales.iter().map(ScaleNumbers::of).collect(),
             decoder: checksum(layers.flatten().map(|v| v.to_le_bytes())),
-            occupancy: scene.occupancy.as_ref().map(of_bits),
+            occupancy: scene.occupancy.as_ref().map(|occupancy| crc32fast::hash(&occupancy.bytes())),
             probes: clear.take(TRACED).map(traced).collect(),
         }
     }
@@ -158,10 +158,4 @@ fn checksum<const N: usize>(numbers: impl Iterator<Item = [u8; N]>) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     numbers.for_each(|bytes| hasher.update(&bytes));
     hasher.finalize()
-}
-
-fn of_bits(occupancy: &Occupancy) -> u32 {
-    let bytes: Vec<u8> = occupancy.words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let vertices = occupancy.vertices.as_u64vec3().element_product() as usize;
-    crc32fast::hash(&bytes[..vertices.div_ceil(8)])
 }
