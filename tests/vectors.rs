@@ -270,7 +270,7 @@ fn skipped() -> BTreeMap<String, Vec<u8>> {
         bytes
     };
     let unknown = changed(&|f| f.sections.insert(2, Section::ancillary("X-FUTURE", b"something")));
-    let all = ["PROVENANCE", "LICENCE", "QUALITY", "VIEWS", "THUMBNAIL", "PREFIX", "PROBES", "CAMERAS", "NOTES"];
+    let all = ["PROVENANCE", "LICENCE", "QUALITY", "VIEWS", "PREFIX", "PROBES", "CAMERAS", "THUMBNAIL", "NOTES"];
     let f64s = |v: f64| v.to_le_bytes();
     let files = [
         ("damaged-thumbnail", damaged(&base, &["THUMBNAIL"])),

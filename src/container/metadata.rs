@@ -90,10 +90,6 @@ impl Metadata {
             let same = is_same(&|b| b.views == self.views);
             out.put(Place::whole(SectionKind::Views), same, |writer| views::write(writer, views))?;
         }
-        if let Some(thumbnail) = &self.thumbnail {
-            let same = is_same(&|b| b.thumbnail == self.thumbnail);
-            out.put(Place::whole(SectionKind::Thumbnail), same, |writer| thumbnail::write(writer, thumbnail))?;
-        }
         Ok(())
     }
 
@@ -107,6 +103,10 @@ impl Metadata {
         if !self.cameras.is_empty() {
             let same = is_same(&|b| b.cameras == self.cameras);
             out.put(Place::whole(SectionKind::Cameras), same, |writer| cameras::write(writer, &self.cameras))?;
+        }
+        if let Some(thumbnail) = &self.thumbnail {
+            let same = is_same(&|b| b.thumbnail == self.thumbnail);
+            out.put(Place::whole(SectionKind::Thumbnail), same, |writer| thumbnail::write(writer, thumbnail))?;
         }
         if !self.notes.is_empty() {
             let same = is_same(&|b| b.notes == self.notes);
@@ -124,9 +124,9 @@ impl Metadata {
             SectionKind::License => self.license = Some(license::read(payload)?),
             SectionKind::Quality => self.quality = Some(quality::read(payload, scales)?),
             SectionKind::Views => self.views = Some(views::read(payload)?),
-            SectionKind::Thumbnail => self.thumbnail = Some(thumbnail::read(payload, budget)?),
             SectionKind::Probes => self.probes = Some(probes::read(payload, budget)?),
             SectionKind::Cameras => self.cameras = cameras::read(payload, budget)?,
+            SectionKind::Thumbnail => self.thumbnail = Some(thumbnail::read(payload, budget)?),
             SectionKind::Notes => self.notes = notes::read(payload, budget)?,
             _ => {}
         }

@@ -138,7 +138,7 @@ impl<S: Source> Reader<S> {
                 encoding.network_steps.prefixes.push(steps.unwrap_or_default());
             }
         }
-        let tail = [SectionKind::Probes, SectionKind::Cameras, SectionKind::Notes];
+        let tail = [SectionKind::Probes, SectionKind::Cameras, SectionKind::Thumbnail, SectionKind::Notes];
         let mut ancillary = head_sections.ancillary;
         ancillary.extend(tail.into_iter().filter_map(|kind| order.take_whole_if(kind)));
         order.finish()?;
@@ -388,7 +388,7 @@ struct HeadSections<'a> {
     provenance: Option<&'a Section>,
     decoder: &'a Section,
     occupancy: Option<&'a Section>,
-    /// LICENCE, QUALITY, VIEWS and THUMBNAIL, as far as the file has them.
+    /// LICENCE, QUALITY and VIEWS, as far as the file has them.
     ancillary: Vec<&'a Section>,
 }
 
@@ -397,7 +397,7 @@ impl<'a> HeadSections<'a> {
         let frame = order.take_whole(SectionKind::Frame)?;
         let rules = order.take_whole(SectionKind::Rules)?;
         let provenance = order.take_whole_if(SectionKind::Provenance);
-        let ancillary = [SectionKind::License, SectionKind::Quality, SectionKind::Views, SectionKind::Thumbnail];
+        let ancillary = [SectionKind::License, SectionKind::Quality, SectionKind::Views];
         let ancillary = ancillary.into_iter().filter_map(|kind| order.take_whole_if(kind)).collect();
         let decoder = order.take_whole(SectionKind::Decoder)?;
         let occupancy = order.take_whole_if(SectionKind::Occupancy);

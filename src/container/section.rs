@@ -29,8 +29,6 @@ pub enum SectionKind {
     Quality,
     /// The initial pose of a viewer, and a camera path.
     Views,
-    /// A small picture.
-    Thumbnail,
     /// The MLP.
     Decoder,
     /// The occupancy grid; a scene may have none.
@@ -51,6 +49,8 @@ pub enum SectionKind {
     Probes,
     /// The cameras of the training photographs.
     Cameras,
+    /// A small picture.
+    Thumbnail,
     /// Keys and values.
     Notes,
     /// A kind that this version does not define, by its name padded with zeros.
@@ -65,7 +65,6 @@ impl SectionKind {
         (Self::License, "LICENCE"),
         (Self::Quality, "QUALITY"),
         (Self::Views, "VIEWS"),
-        (Self::Thumbnail, "THUMBNAIL"),
         (Self::Decoder, "DECODER"),
         (Self::Occupancy, "OCCUPANCY"),
         (Self::Scale, "SCALE"),
@@ -76,6 +75,7 @@ impl SectionKind {
         (Self::Prefix, "PREFIX"),
         (Self::Probes, "PROBES"),
         (Self::Cameras, "CAMERAS"),
+        (Self::Thumbnail, "THUMBNAIL"),
         (Self::Notes, "NOTES"),
     ];
 
@@ -88,10 +88,10 @@ impl SectionKind {
                 | K::License
                 | K::Quality
                 | K::Views
-                | K::Thumbnail
                 | K::Prefix
                 | K::Probes
                 | K::Cameras
+                | K::Thumbnail
                 | K::Notes
         )
     }

@@ -408,7 +408,7 @@ fn skipped(kind: &str, change: impl FnOnce(&mut Part)) -> Error {
 
 #[test]
 fn ancillary_sections_that_cannot_be_used() {
-    for kind in ["PROVENANCE", "LICENCE", "QUALITY", "VIEWS", "THUMBNAIL", "PREFIX", "PROBES", "CAMERAS", "NOTES"] {
+    for kind in ["PROVENANCE", "LICENCE", "QUALITY", "VIEWS", "PREFIX", "PROBES", "CAMERAS", "THUMBNAIL", "NOTES"] {
         unsupported(skipped(kind, |p| p.codec = 3), kind);
         unsupported(skipped(kind, |p| p.flags = 2), kind);
         unsupported(skipped(kind, |p| p.reserved = 1), kind);

@@ -46,7 +46,6 @@ KINDS = {
     "LICENCE": Kind(False, False),
     "QUALITY": Kind(False, False),
     "VIEWS": Kind(False, False),
-    "THUMBNAIL": Kind(False, False),
     "DECODER": Kind(True, True),
     "OCCUPANCY": Kind(True, True),
     "SCALE": Kind(True, True, True),
@@ -57,6 +56,7 @@ KINDS = {
     "PREFIX": Kind(False, True, True),
     "PROBES": Kind(False, False),
     "CAMERAS": Kind(False, True),
+    "THUMBNAIL": Kind(False, False),
     "NOTES": Kind(False, True),
 }
 

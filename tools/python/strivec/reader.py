@@ -54,7 +54,6 @@ def _read_scene(container):
     license = ancillary(sections.read_license, "LICENCE")
     quality = ancillary(sections.read_quality, "QUALITY", rules.scales)
     views = ancillary(sections.read_views, "VIEWS")
-    thumbnail = ancillary(sections.read_thumbnail, "THUMBNAIL")
     decoder = sections.read_decoder(container.require("DECODER"))
     payload = container.find("OCCUPANCY")
     occupancy = None if payload is None else sections.read_occupancy(payload)
@@ -70,6 +69,7 @@ def _read_scene(container):
 
     probes = ancillary(sections.read_probes, "PROBES", rules)
     cameras = ancillary(sections.read_cameras, "CAMERAS") or []
+    thumbnail = ancillary(sections.read_thumbnail, "THUMBNAIL")
     notes = ancillary(sections.read_notes, "NOTES") or {}
     container.finish()
     unknown = _unknown_sections(container, skipped)

@@ -121,8 +121,8 @@ class ValidVectors(unittest.TestCase):
             [str(skipped.error) for skipped in scene.skipped],
             [
                 "PROVENANCE: codec 3 is not supported",
-                "THUMBNAIL format: code 7 is not supported",
                 "PREFIX of scale 0 encoding: code 9 is not supported",
+                "THUMBNAIL format: code 7 is not supported",
                 "NOTES: codec 3 is not supported",
             ],
         )
