@@ -525,6 +525,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     files.push(("malformed-adaptive-short", adaptive(&|payload| payload.truncate(payload.len() - 2))));
     files.push(("malformed-adaptive-long", adaptive(&|payload| payload.push(0))));
     files.push(("malformed-adaptive-last", adaptive(&|payload| *payload.last_mut().unwrap() ^= 1)));
+    files.push(("malformed-adaptive-ones", adaptive(&|payload| payload[64..72].fill(0xff))));
     let integers = |change: &dyn Fn(&mut Vec<u8>)| {
         let steps = Some(vec![step_code(0.1); 1 << 14]);
         let factors = vec![FactorOptions { array: ArrayOptions::best(Encoding::Grid(16)), steps }];

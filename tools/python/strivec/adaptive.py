@@ -40,23 +40,28 @@ class Decoder:
     def __init__(self, data, name):
         self.data = bytes(data)
         self.name = name
-        self.low, self.high = 0, 0xFFFFFFFF
         self.taken = 0
-        self.number = int.from_bytes(self.data[:4].ljust(4, b"\0"), "big")
+        self.width, self.offset = 2**64 - 1, self._take(8)
+        if self.offset == self.width:
+            raise Malformed(f"{name} first 8 bytes of the codec adaptive", "not all 255", "all 255")
+
+    def _take(self, count):
+        """The number that the next bytes are; those behind the end are zeros."""
+        taken = self.data[self.taken : self.taken + count]
+        self.taken += count
+        return int.from_bytes(taken.ljust(count, b"\0"), "big")
 
     def bit(self, probability):
-        middle = self.low + ((self.high - self.low) * probability >> 16)
-        bit = self.number <= middle
+        ones = (self.width >> 16) * probability
+        bit = self.offset < ones
         if bit:
-            self.high = middle
+            self.width = ones
         else:
-            self.low = middle + 1
-        while self.low >> 24 == self.high >> 24:
-            self.low = self.low << 8 & 0xFFFFFFFF
-            self.high = self.high << 8 & 0xFFFFFFFF | 0xFF
-            at = self.taken + 4
-            self.number = self.number << 8 & 0xFFFFFFFF | (self.data[at] if at < len(self.data) else 0)
-            self.taken += 1
+            self.width -= ones
+            self.offset -= ones
+        if self.width < 2**32:
+            self.width <<= 32
+            self.offset = self.offset << 32 | self._take(4)
         return bit
 
     def bit_in(self, counter):
@@ -65,11 +70,13 @@ class Decoder:
         return bit
 
     def finish(self):
-        """Checks the length and the last byte."""
-        if len(self.data) != self.taken + 1:
-            raise Malformed(f"{self.name} bytes of the codec adaptive", self.taken + 1, len(self.data))
-        if self.data[-1] != self.high >> 24:
-            raise Malformed(f"{self.name} last byte of the codec adaptive", self.high >> 24, self.data[-1])
+        """Checks the length and the last bytes."""
+        if len(self.data) != self.taken - 4:
+            raise Malformed(f"{self.name} bytes of the codec adaptive", self.taken - 4, len(self.data))
+        more = self.width - 1 - self.offset >> 32
+        if more:
+            found = int.from_bytes(self.data[-4:], "big")
+            raise Malformed(f"{self.name} last 4 bytes of the codec adaptive", found + more, found)
 
 
 def occupancy(data, vertices, name):

@@ -1,6 +1,7 @@
-//! A binary range coder without carries, and the counters that adapt its probabilities (spec 2.5).
+//! A binary range coder, and the counters that adapt its probabilities (spec 2.5).
 
 use std::fmt;
+use std::hint::select_unpredictable;
 
 use crate::container::Error;
 
@@ -58,6 +59,16 @@ impl Counter {
         let moved = if bit { self.0 + part((1 << PRECISION) - probability) } else { self.0 - part(probability) };
         self.0 = moved + u32::from(seen < MEMORY - 1);
     }
+
+    /// As [`Counter::learn`], without a branch.
+    #[inline(always)]
+    fn learn_even(&mut self, bit: bool) {
+        let (probability, seen) = (self.0 >> SEEN_BITS, self.seen());
+        let way = select_unpredictable(bit, (1 << PRECISION) - probability, probability);
+        let part = ((u64::from(way) * u64::from(RATES[seen as usize])) >> 16 << SEEN_BITS) as u32;
+        self.0 =
+            self.0.wrapping_add(select_unpredictable(bit, part, part.wrapping_neg())) + u32::from(seen < MEMORY - 1);
+    }
 }
 
 /// An encoder or a decoder: one description of a model serves both.
@@ -68,6 +79,9 @@ pub(super) trait Coder {
     /// The next bit, whose probability to be 1 is `probability`, in 1/65536. An encoder writes `bit` and returns it. The
     /// `counters` learn it.
     fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool;
+
+    /// As [`Coder::code_in`], for a bit that no processor can expect: a decoder does not branch on it.
+    fn code_even(&mut self, bit: bool, counter: &mut Counter) -> bool;
 
     /// True for a decoder that is behind the end of its bytes: what it would still read does not matter.
     fn is_over(&self) -> bool {
@@ -81,64 +95,65 @@ pub(super) trait Coder {
     }
 }
 
-/// The numbers that the next bytes may be: `low` to `low + span`.
-#[derive(Clone, Copy, Debug)]
-struct Interval {
-    low: u32,
-    span: u32,
+/// Bits that leave an interval, or enter it, together.
+const WORD_BITS: u32 = 32;
+const WORD_BYTES: usize = WORD_BITS as usize / 8;
+
+/// How many numbers an interval has at first: all of 64 bits but the last.
+const WHOLE: u64 = u64::MAX;
+
+/// The numbers of a 1, the lower ones of `width`.
+#[inline(always)]
+fn width_of_one(width: u64, probability: u32) -> u64 {
+    (width >> 16) * u64::from(probability)
 }
 
-impl Interval {
-    const WHOLE: Self = Self { low: 0, span: u32::MAX };
-
-    /// Numbers but one in the part of a 1, the lower one.
-    #[inline(always)]
-    fn span_of_one(self, probability: u32) -> u32 {
-        ((u64::from(self.span) * u64::from(probability)) >> 16) as u32
-    }
-
-    /// Narrows it to the part of `bit`.
-    #[inline(always)]
-    fn narrow(&mut self, bit: bool, span_of_one: u32) {
-        if bit {
-            self.span = span_of_one;
-        } else {
-            self.low += span_of_one + 1;
-            self.span -= span_of_one + 1;
-        }
-    }
-
-    /// The first byte of its last number.
-    #[inline(always)]
-    fn last_byte(self) -> u8 {
-        ((self.low + self.span) >> 24) as u8
-    }
-
-    /// Drops the first byte if all its numbers have the same.
-    #[inline(always)]
-    fn take_byte(&mut self) -> Option<u8> {
-        let byte = self.last_byte();
-        ((self.low >> 24) as u8 == byte).then(|| {
-            (self.low, self.span) = (self.low << 8, self.span << 8 | 0xff);
-            byte
-        })
-    }
+/// True if an interval has fewer numbers than a word more would tell apart.
+#[inline(always)]
+fn is_narrow(width: u64) -> bool {
+    width >> WORD_BITS == 0
 }
 
 /// Codes bits into bytes.
 pub(super) struct Encoder {
-    interval: Interval,
+    /// The interval: its first number, and how many it has.
+    low: u64,
+    width: u64,
+    /// The digits before `low`.
     bytes: Vec<u8>,
 }
 
 impl Encoder {
     pub(super) fn new() -> Self {
-        Self { interval: Interval::WHOLE, bytes: Vec::new() }
+        Self { low: 0, width: WHOLE, bytes: Vec::new() }
     }
 
-    /// All bytes. The last one is the first of the interval's last number, since the bytes that are not there count as zeros.
+    /// Makes the interval's first number larger.
+    #[inline(always)]
+    fn advance(&mut self, by: u64) {
+        let (low, carries) = self.low.overflowing_add(by);
+        self.low = low;
+        if carries {
+            for byte in self.bytes.iter_mut().rev() {
+                *byte = byte.wrapping_add(1);
+                if *byte != 0 {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The first word of `low` becomes digits.
+    #[inline(always)]
+    fn put_word(&mut self) {
+        self.bytes.extend(&self.low.to_be_bytes()[..WORD_BYTES]);
+        self.low <<= WORD_BITS;
+    }
+
+    /// All bytes. They end with the interval's largest number of one word, since the bytes that are not there count as zeros.
     pub(super) fn finish(mut self) -> Vec<u8> {
-        self.bytes.push(self.interval.last_byte());
+        self.advance(self.width - 1);
+        self.put_word();
         self.bytes
     }
 }
@@ -148,44 +163,75 @@ impl Coder for Encoder {
 
     #[inline(always)]
     fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool {
-        self.interval.narrow(bit, self.interval.span_of_one(probability));
+        let of_one = width_of_one(self.width, probability);
+        if bit {
+            self.width = of_one;
+        } else {
+            self.advance(of_one);
+            self.width -= of_one;
+        }
         counters.into_iter().for_each(|counter| counter.learn(bit));
-        while let Some(byte) = self.interval.take_byte() {
-            self.bytes.push(byte);
+        if is_narrow(self.width) {
+            self.put_word();
+            self.width <<= WORD_BITS;
         }
         bit
+    }
+
+    #[inline(always)]
+    fn code_even(&mut self, bit: bool, counter: &mut Counter) -> bool {
+        self.code_in(bit, counter)
     }
 }
 
 /// Reads bits from bytes, and zeros behind them.
 pub(super) struct Decoder<'a> {
-    interval: Interval,
-    /// The number, less the interval's low end.
-    offset: u32,
+    /// How many numbers the interval has.
+    width: u64,
+    /// The number, less the interval's first one.
+    offset: u64,
     bytes: &'a [u8],
-    /// Bytes that the interval has dropped.
-    dropped: usize,
+    /// Bytes that have been read, counting those behind the end.
+    read: usize,
 }
 
 impl<'a> Decoder<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
-        let mut decoder = Self { interval: Interval::WHOLE, offset: 0, bytes, dropped: 0 };
-        for at in 0..4 {
-            decoder.offset = decoder.offset << 8 | decoder.byte(at);
+    /// `place` is that of the bytes.
+    pub(super) fn new(bytes: &'a [u8], place: &dyn fmt::Display) -> Result<Self, Error> {
+        let mut decoder = Self { width: WHOLE, offset: 0, bytes, read: 0 };
+        decoder.take_word();
+        decoder.take_word();
+        if decoder.offset == WHOLE {
+            let place = format!("{place} first 8 bytes of the codec adaptive");
+            return Err(Error::malformed(place, "not all 255", "all 255"));
         }
-        decoder
+        Ok(decoder)
     }
 
     #[inline(always)]
-    fn byte(&self, at: usize) -> u32 {
-        u32::from(self.bytes.get(at).copied().unwrap_or(0))
+    fn take_word(&mut self) {
+        let word = match self.bytes.get(self.read..).and_then(<[u8]>::first_chunk) {
+            Some(&word) => u32::from_be_bytes(word),
+            None => self.last_word(),
+        };
+        self.offset = self.offset << WORD_BITS | u64::from(word);
+        self.read += WORD_BYTES;
+    }
+
+    /// The bytes from `read` on that are there, then zeros.
+    #[cold]
+    fn last_word(&self) -> u32 {
+        let byte = |at| u32::from(self.bytes.get(at).copied().unwrap_or(0));
+        (self.read..self.read + WORD_BYTES).fold(0, |word, at| word << 8 | byte(at))
     }
 
     /// Checks that the bytes are those that an encoder writes for the bits that were read. `place` is theirs.
     pub(super) fn finish(self, place: &dyn fmt::Display) -> Result<(), Error> {
-        Error::unless_equal(format!("{place} bytes of the codec adaptive"), self.dropped + 1, self.bytes.len())?;
-        let last = u32::from(self.interval.last_byte());
-        Error::unless_equal(format!("{place} last byte of the codec adaptive"), last, self.byte(self.dropped))
+        let expected = self.read - WORD_BYTES;
+        Error::unless_equal(format!("{place} bytes of the codec adaptive"), expected, self.bytes.len())?;
+        let found = self.bytes.last_chunk().map_or(0, |&word| u32::from_be_bytes(word));
+        let expected = u64::from(found) + ((self.width - 1 - self.offset) >> WORD_BITS);
+        Error::unless_equal(format!("{place} last 4 bytes of the codec adaptive"), expected, found.into())
     }
 }
 
@@ -194,31 +240,45 @@ impl Coder for Decoder<'_> {
 
     #[inline(always)]
     fn code<const N: usize>(&mut self, _: bool, probability: u32, counters: [&mut Counter; N]) -> bool {
-        let span_of_one = self.interval.span_of_one(probability);
-        let bit = self.offset <= span_of_one;
+        let of_one = width_of_one(self.width, probability);
+        let bit = self.offset < of_one;
         // Most bits are what a processor expects. All that depends on one is within the branch, so that nothing waits for it.
         if bit {
-            self.interval.narrow(true, span_of_one);
+            self.width = of_one;
             for counter in counters {
                 counter.learn(true);
             }
         } else {
-            self.offset -= span_of_one + 1;
-            self.interval.narrow(false, span_of_one);
+            self.offset -= of_one;
+            self.width -= of_one;
             for counter in counters {
                 counter.learn(false);
             }
         }
-        while self.interval.take_byte().is_some() {
-            self.offset = self.offset << 8 | self.byte(self.dropped + 4);
-            self.dropped += 1;
+        if is_narrow(self.width) {
+            self.width <<= WORD_BITS;
+            self.take_word();
+        }
+        bit
+    }
+
+    #[inline(always)]
+    fn code_even(&mut self, _: bool, counter: &mut Counter) -> bool {
+        let of_one = width_of_one(self.width, counter.probability());
+        let bit = self.offset < of_one;
+        self.width = select_unpredictable(bit, of_one, self.width - of_one);
+        self.offset -= select_unpredictable(bit, 0, of_one);
+        counter.learn_even(bit);
+        if is_narrow(self.width) {
+            self.width <<= WORD_BITS;
+            self.take_word();
         }
         bit
     }
 
     #[inline(always)]
     fn is_over(&self) -> bool {
-        self.dropped > self.bytes.len()
+        self.read > self.bytes.len() + WORD_BYTES
     }
 }
 
@@ -243,7 +303,7 @@ mod tests {
     }
 
     fn decoded(bytes: &[u8], count: usize, contexts: usize) -> Result<Vec<bool>, Error> {
-        let (mut decoder, mut counters) = (Decoder::new(bytes), vec![Counter::default(); contexts]);
+        let (mut decoder, mut counters) = (Decoder::new(bytes, &"X")?, vec![Counter::default(); contexts]);
         let bits = (0..count).map(|n| decoder.code_in(false, &mut counters[n % contexts])).collect();
         decoder.finish(&"X")?;
         Ok(bits)

@@ -1,6 +1,7 @@
 //! The body of an array in the encoding grid: masks of components, step codes, and integers, each by those near it (spec 2.5).
 
 use std::fmt;
+use std::hint::select_unpredictable;
 
 use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
@@ -17,8 +18,8 @@ const PLACES: usize = 18;
 const STEP_CONTEXTS: usize = 64;
 /// Bits that say that a remainder is larger than 0, 1, 2, …; larger ones are a number behind those.
 const UNARY: usize = 18;
-/// The counters of these bits in a context. They are beside each other, since the first few are used most.
-type Larger = [Counter; UNARY];
+/// The first of these bits, which are most of all bits: their counters are in tables of their own, which fit a near cache.
+const FIRST: usize = 4;
 /// Most bits of that number but its first.
 const LONGEST: u32 = 17;
 
@@ -102,7 +103,7 @@ pub(in crate::container) fn decompress(
     if length < mask_bytes {
         return Err(Error::malformed(format!("{place} body length"), format!("at least {mask_bytes}"), length));
     }
-    let mut decoder = Decoder::new(bytes);
+    let mut decoder = Decoder::new(bytes, place)?;
     let mut body = vec![0; mask_bytes];
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut decoder, rank, &mut body);
@@ -251,13 +252,41 @@ struct TooLarge {
     group: usize,
 }
 
+/// \[context\]\[n\] the counters of the bits that say whether a remainder is larger than n.
+struct Larger {
+    first: Vec<[Counter; FIRST]>,
+    other: Vec<[Counter; UNARY - FIRST]>,
+}
+
+impl Larger {
+    fn new(contexts: usize) -> Self {
+        Self { first: vec![Default::default(); contexts], other: vec![Default::default(); contexts] }
+    }
+}
+
+/// Codes how many of the bits that say whether a remainder of this `magnitude` is larger than n are 1, for n from `from` on,
+/// each by a counter of both.
+#[inline(always)]
+fn code_unary(coder: &mut impl Coder, magnitude: i32, from: usize, by: [&mut [Counter]; 2]) -> usize {
+    let [by_place, by_step] = by;
+    let mut found = 0;
+    for (place, step) in by_place.iter_mut().zip(by_step) {
+        let probability = (place.probability() + step.probability()) / 2;
+        if !coder.code(magnitude > (from + found) as i32, probability, [place, step]) {
+            break;
+        }
+        found += 1;
+    }
+    found
+}
+
 /// The contexts of numbers.
 struct Numbers {
     predictor: Predictor,
     largest: i32,
-    /// \[class\]\[place\]\[n\], and \[class\]\[step\]\[n\]: whether a remainder is larger than n.
-    by_place: Vec<Larger>,
-    by_step: Vec<Larger>,
+    /// \[place\]\[class\], and \[step\]\[class\].
+    by_place: Larger,
+    by_step: Larger,
     /// \[where in a step the prediction lies\]\[sign of the last remainder\].
     signs: [[Counter; 3]; 3],
     /// \[vertex of all vectors of a group\] how large remainders were there lately, in 1/16.
@@ -273,8 +302,8 @@ impl Numbers {
         Self {
             predictor,
             largest: largest(shape.bits) as i32,
-            by_place: vec![Default::default(); CLASSES * PLACES],
-            by_step: vec![Default::default(); CLASSES * STEP_CONTEXTS],
+            by_place: Larger::new(CLASSES * PLACES),
+            by_step: Larger::new(CLASSES * STEP_CONTEXTS),
             signs: Default::default(),
             sizes: vec![0; longest],
         }
@@ -305,7 +334,9 @@ impl Numbers {
     }
 
     /// Codes a vector whose vertices begin at `first`; `None` if a number is too large.
-    #[inline(always)]
+    ///
+    /// Not inlined: a browser compiles a function better only for the calls after that.
+    #[inline(never)]
     fn code_vector(&mut self, coder: &mut impl Coder, step: usize, first: usize, vector: &mut [i16]) -> Option<()> {
         let sizes = &mut self.sizes[first..first + vector.len()];
         let mut near = sizes.first().copied().unwrap_or(0);
@@ -320,30 +351,24 @@ impl Numbers {
             let class = class_of((3 * near + ((3 * sizes[i] + next) >> 2)) >> 2);
             let large = prediction.unsigned_abs();
             let large = usize::from(large > 0) + usize::from(large > 2);
-            let place = (class * 3 + third) * 6 + 3 * usize::from(last_remainder == 0) + large;
-            let step = class * STEP_CONTEXTS + step;
+            let place = (3 * (2 * third + usize::from(last_remainder == 0)) + large) * CLASSES + class;
+            let step = step * CLASSES + class;
             let remainder = i32::from(*number) - prediction;
             let magnitude = remainder.abs();
-            let (by_place, by_step) = (&mut self.by_place[place], &mut self.by_step[step]);
-            let mut found = 0;
-            while found < UNARY {
-                let (place, step) = (&mut by_place[found], &mut by_step[found]);
-                let probability = (place.probability() + step.probability()) / 2;
-                if !coder.code(magnitude > found as i32, probability, [place, step]) {
-                    break;
-                }
-                found += 1;
+            let by: [&mut [Counter]; 2] = [&mut self.by_place.first[place], &mut self.by_step.first[step]];
+            let mut found = code_unary(coder, magnitude, 0, by);
+            if found == FIRST {
+                let by: [&mut [Counter]; 2] = [&mut self.by_place.other[place], &mut self.by_step.other[step]];
+                found += code_unary(coder, magnitude, FIRST, by);
             }
             let mut remainder_found = found as i32;
             if found > 0 {
                 let sign = &mut self.signs[third][(last_remainder.signum() + 1) as usize];
-                let is_negative = coder.code_in(remainder < 0, sign);
+                let is_negative = coder.code_even(remainder < 0, sign);
                 if found == UNARY {
                     remainder_found += code_large(coder, (magnitude - UNARY as i32) as u32)? as i32;
                 }
-                if is_negative {
-                    remainder_found = -remainder_found;
-                }
+                remainder_found = select_unpredictable(is_negative, -remainder_found, remainder_found);
             }
             let found = prediction + remainder_found;
             if found.abs() > self.largest {

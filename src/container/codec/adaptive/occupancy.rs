@@ -85,7 +85,7 @@ pub(in crate::container) fn decompress(
     bytes: &[u8],
 ) -> Result<Vec<u8>, Error> {
     let mut grid = Grid::empty(vertices);
-    let mut decoder = Decoder::new(bytes);
+    let mut decoder = Decoder::new(bytes, place)?;
     code(&mut decoder, &mut grid);
     decoder.finish(place)?;
     grid.bits.truncate(grid.bits.len() - BEHIND);
@@ -112,11 +112,20 @@ fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
                 occupied.extend(row.filter(|&(_, block)| block != Block::Empty));
             }
             let rows = grid.rows_around(y, z);
+            let mut last = (0, 0);
             for &(x, block) in &occupied {
                 let row = match block {
                     Block::Full => grid.mask(x),
-                    _ => contexts.code_row(coder, grid.windows(x, &rows), grid.count(x)),
+                    _ => {
+                        let mut windows = grid.windows(x, &rows);
+                        if C::DECODES {
+                            // Nothing behind it is known, and reading what has just been written takes long.
+                            windows[0] = if last.0 + 1 == x { u32::from(last.1) } else { 0 };
+                        }
+                        contexts.code_row(coder, windows, grid.count(x))
+                    }
                 };
+                last = (x, row);
                 if C::DECODES {
                     grid.set(x, grid.row(y, z), row);
                 }
@@ -170,8 +179,8 @@ impl Contexts {
     }
 
     /// Codes `count` vertices that are beside each other in a row; bit 8 + i of `windows` is at the x of vertex i. Returns
-    /// their bits.
-    #[inline(always)]
+    /// their bits. Not inlined: a browser compiles a function better only for the calls after that.
+    #[inline(never)]
     fn code_row(&mut self, coder: &mut impl Coder, windows: [u32; ROWS.len()], count: usize) -> u8 {
         // The two vertices before.
         let mut own = (windows[0] >> (8 - OWN)) as usize % (1 << OWN);
@@ -209,10 +218,11 @@ impl Contexts {
 #[inline(always)]
 fn alike_around(windows: &[u32; ROWS.len()], own: usize, count: usize) -> Option<bool> {
     let (mut set, mut unset) = (own as u32, own as u32 ^ ((1 << OWN) - 1));
-    for (window, reach) in windows.iter().zip(REACH).skip(1) {
-        let mask = ((1 << (count as u32 + 2 * reach)) - 1) << (8 - reach);
-        set |= window & mask;
-        unset |= !window & mask;
+    // By index: an iterator over both copies `windows`, and waits for them.
+    for row in 1..ROWS.len() {
+        let mask = ((1 << (count as u32 + 2 * REACH[row])) - 1) << (8 - REACH[row]);
+        set |= windows[row] & mask;
+        unset |= !windows[row] & mask;
     }
     if set == 0 { Some(false) } else { (unset == 0).then_some(true) }
 }
