@@ -191,13 +191,12 @@ pub(super) fn read(
                 let (group, after) = rest.split_at(width * length);
                 rest = after;
                 let step = step(code);
-                for q in integers(group, width) {
-                    if q.unsigned_abs() > most.unsigned_abs() || (code == 0 && q != 0) {
-                        let expected = if code == 0 { "0".into() } else { format!("-{most} to {most}") };
-                        return Err(Error::malformed(format!("{place} integer of group {n}"), expected, q));
-                    }
-                    values.push(step * f32::from(q));
+                let is_allowed = |q: i16| q.unsigned_abs() <= most.unsigned_abs() && (code != 0 || q == 0);
+                if let Some(q) = integers(group, width).find(|&q| !is_allowed(q)) {
+                    let expected = if code == 0 { "0".into() } else { format!("-{most} to {most}") };
+                    return Err(Error::malformed(format!("{place} integer of group {n}"), expected, q));
                 }
+                values.extend(integers(group, width).map(|q| step * f32::from(q)));
             }
         }
     }

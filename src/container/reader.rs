@@ -164,7 +164,9 @@ impl<S: Source> Reader<S> {
         if let Some(within) = part.within {
             scene.bounds = scene.rules.cropped_bounds(&scene.bounds, &within);
         }
-        scene.check()?;
+        // Integers times steps are finite.
+        let is_integers = |options: &FactorOptions| options.array.encoding.is_by_group();
+        scene.check_given(encoding.density.iter().chain(&encoding.appearance).all(is_integers))?;
         Ok(SceneFile { scene, metadata, encoding })
     }
 

@@ -90,8 +90,13 @@ impl Factors {
                 return Err(BrokenInvariant::new(format!("{place} {name} rank"), "at least 1", rank));
             }
             BrokenInvariant::unless_equal(|| format!("{place} {name} factors"), expected(rank), values.len() as u128)?;
-            BrokenInvariant::unless_finite(|| format!("{place} {name} factors"), values)?;
         }
         Ok(())
+    }
+
+    /// Checks that all are finite.
+    pub(super) fn check_numbers(&self, place: &str) -> Result<(), BrokenInvariant> {
+        BrokenInvariant::unless_finite(|| format!("{place} density factors"), &self.density)?;
+        BrokenInvariant::unless_finite(|| format!("{place} appearance factors"), &self.appearance)
     }
 }

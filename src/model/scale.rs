@@ -39,13 +39,16 @@ impl Scale {
         self.cloud.keep_tensors(kept);
     }
 
-    pub(super) fn check(&self, place: &str, features: u32) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, place: &str, features: u32, has_finite_factors: bool) -> Result<(), BrokenInvariant> {
         self.cloud.check(place)?;
         if !(1..=MAX_TOP_K).contains(&self.top_k) {
             let expected = format!("1 to {MAX_TOP_K}");
             return Err(BrokenInvariant::new(format!("{place} top_k"), expected, self.top_k));
         }
         self.factors.check(place, self.cloud.len(), self.cloud.resolution)?;
+        if !has_finite_factors {
+            self.factors.check_numbers(place)?;
+        }
         self.appearance_matrix.check(place, features, self.factors.appearance_rank)
     }
 }

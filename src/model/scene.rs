@@ -78,6 +78,11 @@ impl Scene {
     /// # Ok::<(), strivec::container::Error>(())
     /// ```
     pub fn check(&self) -> Result<(), BrokenInvariant> {
+        self.check_given(false)
+    }
+
+    /// As [`Scene::check`]. If `has_finite_factors` is true, they are not searched for other numbers, which takes long.
+    pub(crate) fn check_given(&self, has_finite_factors: bool) -> Result<(), BrokenInvariant> {
         self.frame.check()?;
         self.rules.check(&self.bounds)?;
         let steps = self.rules.most_steps(&self.bounds);
@@ -89,7 +94,7 @@ impl Scene {
             return Err(BrokenInvariant::new("number of scales", "at least 1", 0));
         }
         for (i, scale) in self.scales.iter().enumerate() {
-            scale.check(&format!("scale {i}"), self.features())?;
+            scale.check(&format!("scale {i}"), self.features(), has_finite_factors)?;
         }
         self.decoder.check(self.features())?;
         self.occupancy.as_ref().map_or(Ok(()), Occupancy::check)
