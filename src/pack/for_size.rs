@@ -1,7 +1,7 @@
 //! Training a scene for a file of a given size.
 //!
 //! The steps of components come from the search of [`super::search`], for a file a little larger than the goal. Then the
-//! scene is trained with rounded factors, and what a bit costs in the loss is steered so that the file reaches its goal.
+//! scene is trained with rounded factors, at last with rounded matrices and decoder too, and what a bit costs in the loss is steered so that the file reaches its goal.
 
 use super::lossy::options_of;
 use super::{Candidate, Distortion, Goal, search};
@@ -76,11 +76,12 @@ pub fn steer_to_size(trainer: &mut Trainer<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// The scene of `trainer`, whose factors are rounded, and its encoding.
+/// The rounded scene of `trainer`, and its encoding.
 fn rounded(trainer: &Trainer<'_>) -> (Scene, EncodeOptions) {
     let (density, appearance) =
         trainer.step_codes().into_iter().map(|[density, appearance]| (density, appearance)).unzip();
-    (trainer.scene(), options_of(density, appearance))
+    let options = EncodeOptions { network_steps: trainer.network_steps(), ..options_of(density, appearance) };
+    (trainer.scene(), options)
 }
 
 /// The scene of `trainer` and its encoding, of at most `most` bytes without metadata: its rounded factors; if their file is

@@ -14,14 +14,12 @@ use rayon::prelude::*;
 use super::balance::{entries, scale_vectors};
 use crate::container::{ArrayOptions, EncodeOptions, Encoding, FactorOptions, step, step_code};
 use crate::model::{Factors, Scene};
-use crate::train::{FactorImportance, PartImportance};
+use crate::train::{FactorImportance, NETWORK_BITS, PartImportance};
 
 /// Bits of a factor's integer, at most; what they take in a file depends on the steps.
 const BITS: u8 = 16;
 /// The most steps of a number: half of what its bits allow, so that training may still move it.
 const MOST_STEPS: f64 = 16_384.0;
-/// Bits of the numbers of matrices and decoder.
-const NETWORK_BITS: u8 = 8;
 
 /// A scene without the components that are not worth their bytes, and its encoding.
 #[derive(Clone, Debug)]

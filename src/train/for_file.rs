@@ -1,14 +1,25 @@
 //! The end of a run for a file that holds integers (`train/rounding.rs`).
 
 use super::lean::Parts;
+use super::network_rounding::UnroundedNetworks;
 use super::resize::tuned;
 use super::rounding::Unrounded;
-use super::{Rounding, Trainer};
+use super::{Checkpoint, Rounding, Trainer};
+use crate::container::NetworkSteps;
 use crate::field::FieldScale;
 use crate::model::Scene;
 
 /// The share of the steps at the end over which learning rates fall to 0.
 const COOLDOWN: f64 = 0.5;
+/// The share of the steps after which matrices and decoder are rounded too.
+const NETWORKS_FROM: f64 = 0.5;
+
+impl Checkpoint {
+    /// True while matrices and decoder are rounded.
+    pub(super) fn rounds_networks(&self) -> bool {
+        self.rounding.is_some() && self.step as f64 >= NETWORKS_FROM * self.config.steps as f64
+    }
+}
 
 impl Trainer<'_> {
     /// Continues with `scene`, of the same photographs, for `steps` more in which factors are rounded: \[scale\] `codes` are
@@ -52,9 +63,18 @@ impl Trainer<'_> {
         self.field.scales.iter().zip(codes).map(of_scale).collect()
     }
 
-    /// The scene that a checkpoint holds: [`Trainer::scene`] before its factors are rounded.
+    /// The codes of the steps of matrices and decoder; none if they are not rounded.
+    pub fn network_steps(&self) -> NetworkSteps {
+        self.unrounded_networks.as_ref().map(UnroundedNetworks::steps).unwrap_or_default()
+    }
+
+    /// The scene that a checkpoint holds: [`Trainer::scene`] before its factors, matrices and decoder are rounded.
     pub fn unrounded_scene(&self) -> Scene {
-        let mut scene = self.scene();
+        let mut decoder = self.field.decoder.clone();
+        if let Some(networks) = &self.unrounded_networks {
+            networks.write(&mut decoder);
+        }
+        let mut scene = self.scene_with(&decoder);
         let factors = self.unrounded.iter().flat_map(|unrounded| unrounded.factors());
         for ((scale, trained), [density, appearance]) in scene.scales.iter_mut().zip(&self.field.scales).zip(factors) {
             scale.factors.density = trained.density.held().dense(density);

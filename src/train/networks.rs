@@ -1,7 +1,8 @@
 //! The shared weights as one flat vector: appearance matrices, each layer's weights and bias, the sky's coefficients.
 //! Gradients and optimizer state have the same layout.
 
-use crate::field::{Field, Real};
+use crate::field::{Field, FieldDecoder, Real};
+use crate::model::Scene;
 
 /// Layout of the flat vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +50,28 @@ impl NetworkLayout {
 /// The parts of `field`'s shared weights in the order of the flat vector.
 pub fn network_parts<T: Real>(field: &mut Field<T>) -> impl Iterator<Item = &mut [T]> {
     let Field { decoder, sky, .. } = field;
+    decoder_parts(decoder).chain(sky.iter_mut().map(|sky| sky.coefficients.as_mut_slice()))
+}
+
+/// Those of matrices and layers.
+pub(super) fn decoder_parts<T>(decoder: &mut FieldDecoder<T>) -> impl Iterator<Item = &mut [T]> {
     std::iter::once(decoder.appearance.as_mut_slice())
         .chain(decoder.layers.iter_mut().flat_map(|l| [l.weights.as_mut_slice(), l.bias.as_mut_slice()]))
-        .chain(sky.iter_mut().map(|sky| sky.coefficients.as_mut_slice()))
+}
+
+/// Writes matrices and layers into `scene`.
+pub(super) fn put_decoder(decoder: &FieldDecoder<f32>, scene: &mut Scene) {
+    let width = decoder.appearance.len() / decoder.features.max(1);
+    let mut first = 0;
+    for matrix in scene.scales.iter_mut().map(|scale| &mut scale.appearance_matrix) {
+        let rank = matrix.rank as usize;
+        for (p, row) in matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
+            row.copy_from_slice(&decoder.appearance[p * width + first..][..rank]);
+        }
+        first += rank;
+    }
+    for (layer, trained) in scene.decoder.layers.iter_mut().zip(&decoder.layers) {
+        layer.weights.clone_from(&trained.weights);
+        layer.bias.clone_from(&trained.bias);
+    }
 }

@@ -8,6 +8,8 @@ use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{ScaleGeometry, TensorGradient};
 use super::lean::{self, Worth, add_squares};
+use super::network_rounding::UnroundedNetworks;
+use super::networks::put_decoder;
 use super::ray_errors::RayErrors;
 use super::rounding::{Unrounded, UnroundedTensor};
 use super::{
@@ -15,7 +17,9 @@ use super::{
     TrainError, network_parts, prune_dead_components,
 };
 use crate::dataset::View;
-use crate::field::{Field, FieldFactors, FieldScale, Pool, Roulette, Stage, StageClock, Work, vectorized};
+use crate::field::{
+    Field, FieldDecoder, FieldFactors, FieldScale, Pool, Roulette, Stage, StageClock, Work, vectorized,
+};
 use crate::geometry::{Camera, Ray};
 use crate::model::{Factors, Scene};
 use crate::random::Random;
@@ -39,6 +43,8 @@ pub struct Trainer<'a> {
     monitor: DivergenceMonitor,
     /// While factors are rounded.
     pub(super) unrounded: Option<Unrounded>,
+    /// While matrices and decoder are rounded.
+    pub(super) unrounded_networks: Option<UnroundedNetworks>,
 }
 
 /// The result of one step.
@@ -91,6 +97,7 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self, TrainError> {
         check_active_rays(&sampler)?;
         let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::taking(&mut field, &r.codes));
+        let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::taking(&mut field));
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
             last_step: config.steps,
@@ -104,6 +111,7 @@ impl<'a> Trainer<'a> {
             checkpoint,
             monitor: DivergenceMonitor::default(),
             unrounded,
+            unrounded_networks,
         })
     }
 
@@ -181,24 +189,18 @@ impl<'a> Trainer<'a> {
 
     /// The current scene.
     pub fn scene(&self) -> Scene {
+        self.scene_with(&self.field.decoder)
+    }
+
+    /// The current scene, with the matrices and layers of `decoder`.
+    pub(super) fn scene_with(&self, decoder: &FieldDecoder<f32>) -> Scene {
         let mut scene = self.scene.clone();
-        let matrices = &self.field.decoder.appearance;
-        let width = self.field.component_count();
-        let mut first = 0;
         for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
             scale.cloud.resolution = trained.resolution;
             scale.factors.density = trained.density.held().dense(trained.density.values());
             scale.factors.appearance = trained.appearance.held().dense(trained.appearance.values());
-            let rank = trained.appearance.held().rank();
-            for (p, row) in scale.appearance_matrix.weights.chunks_exact_mut(rank.max(1)).enumerate() {
-                row.copy_from_slice(&matrices[p * width + first..][..rank]);
-            }
-            first += rank;
         }
-        for (layer, trained) in scene.decoder.layers.iter_mut().zip(&self.field.decoder.layers) {
-            layer.weights.clone_from(&trained.weights);
-            layer.bias.clone_from(&trained.bias);
-        }
+        put_decoder(decoder, &mut scene);
         if let (Some(sky), Some(trained)) = (&mut scene.rules.sky, &self.field.sky) {
             sky.coefficients.clone_from(&trained.coefficients);
         }
@@ -292,13 +294,22 @@ impl<'a> Trainer<'a> {
         let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
+        let mut unrounded = self.unrounded_networks.as_mut().map_or(&mut [][..], UnroundedNetworks::values_mut);
         let Moments { first, second } = &mut self.checkpoint.networks;
         let mut at = 0;
         for part in network_parts(&mut self.field) {
             let range = at..at + part.len();
             at = range.end;
             let adam = if range.start >= sky_at { &of_sky } else { &of_networks };
-            adam.update::<false>(part, &mut first[range.clone()], &mut second[range.clone()], &gradients[range]);
+            let moved = unrounded.split_off_mut(..part.len()).unwrap_or(part);
+            adam.update::<false>(moved, &mut first[range.clone()], &mut second[range.clone()], &gradients[range]);
+        }
+        match &self.unrounded_networks {
+            Some(networks) => networks.round(&mut self.field),
+            None if self.checkpoint.rounds_networks() => {
+                self.unrounded_networks = Some(UnroundedNetworks::taking(&mut self.field));
+            }
+            None => {}
         }
     }
 
