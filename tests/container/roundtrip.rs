@@ -266,7 +266,7 @@ fn grids_lose_half_a_step_at_most() {
 #[test]
 fn integers_come_back_within_their_steps_stored_and_coded() {
     let scene = two_scales();
-    for code in [110, 130, 160] {
+    for code in [110, 130, 160, 180] {
         let options = |scale: usize| FactorOptions {
             array: ArrayOptions::best(Encoding::Grid(16)),
             steps: Some(vec![code; 3 * scene.scales[scale].cloud.len()]),
@@ -275,7 +275,9 @@ fn integers_come_back_within_their_steps_stored_and_coded() {
         let options = EncodeOptions { density: of_scales.clone(), appearance: of_scales, ..f32() };
         let stored = encode(&scene, &options).unwrap();
         let coded = encode(&scene, &EncodeOptions { zstd_level: Some(1), ..options }).unwrap();
-        assert!(sections(&coded).unwrap().sections.iter().any(|s| s.codec == Codec::Adaptive));
+        // Bodies here have a hundred bytes. Noise in small steps is stored: it has nothing to save.
+        let is_coded = sections(&coded).unwrap().sections.iter().any(|s| s.codec == Codec::Adaptive);
+        assert_eq!(is_coded, code >= 160, "{code}");
         let decoded = decode(&stored).unwrap();
         assert_eq!(decode(&coded).unwrap(), decoded);
         let found = largest_difference(&scene, &decoded);
