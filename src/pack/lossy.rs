@@ -34,13 +34,14 @@ pub struct Lossy {
     pub dropped: f64,
 }
 
-/// Chooses the quantization steps at which h·step² is `loss` for every component of `scene`, scales their vectors, and drops
-/// components.
-pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64) -> Lossy {
+/// Chooses the quantization steps at which h·step² is `loss` for every component of `scene`, `of_first` times that for those of
+/// the first scale, scales their vectors, and drops components.
+pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64, of_first: f64) -> Lossy {
     let mut scene = scene.clone();
     let [mut density, mut appearance] = [Vec::new(), Vec::new()];
     let (mut expected_error, mut dropped, mut all) = (0.0, 0u64, 0u64);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
+        let loss = if s == 0 { of_first * loss } else { loss };
         let resolution = scale.cloud.resolution;
         let factors = &mut scale.factors;
         for (values, rank, importance, codes) in [

@@ -227,8 +227,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         let (bytes, quality) = match (lossless, &interrupted) {
             (Some(options), _) => {
                 let (scene, decoded) = (packing.scene.clone(), packing.scene.clone());
-                packing
-                    .finish(&Candidate { scene, decoded, options, bytes: bytes_before, error: 0.0, loss: 0.0 }, path)?
+                packing.finish(&Candidate::unmeasured(scene, decoded, options, bytes_before), path)?
             }
             (None, Some(interrupted)) => {
                 let state = state.insert(StateFile::new(None, &outputs.path_of(path), args.tuning.resume, session)?);

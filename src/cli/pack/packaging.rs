@@ -174,9 +174,9 @@ impl<'a> Packing<'a> {
     /// Bytes to keep free in a file of at most `target` bytes, for what is beside the scene: the same for about every encoding
     /// with integers.
     pub(super) fn bytes_beside(&self, importance: &FactorImportance, target: u64, path: &Path) -> Result<u64, Error> {
-        let pack::Lossy { scene, options, .. } = pack::lossy(&self.scene, importance, TYPICAL_LOSS);
+        let pack::Lossy { scene, options, .. } = pack::lossy(&self.scene, importance, TYPICAL_LOSS, 1.0);
         let bare = pack::size(&scene, &options).map_err(|e| Error::container(path, e))?;
-        let candidate = Candidate { decoded: scene.clone(), scene, options, bytes: target, error: 0.0, loss: 0.0 };
+        let candidate = Candidate::unmeasured(scene.clone(), scene, options, target);
         // Bytes hardly depend on how well corrections fit.
         let quick = Extras { effort: LEAST_EFFORT, ..self.extras.clone() };
         let (bytes, _) = self.finish_with(&quick, &candidate, path)?;
