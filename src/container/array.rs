@@ -6,7 +6,7 @@ use std::fmt::Display;
 use half::f16;
 
 use super::codec::adaptive::{self, Groups, Shape};
-use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, integers, largest, put_integers, step, step_code};
+use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, integers, largest, step, step_code, write_integers};
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::Body;
@@ -70,7 +70,10 @@ pub(super) fn write(
             let width = encoding.width();
             for (group, &code) in groups_of(values, lengths.clone()).zip(steps) {
                 let step = step(code);
-                put_integers(&mut body, group.iter().map(|&v| rounded(v, step, largest(bits))), width);
+                let integers: Vec<i16> = group.iter().map(|&v| rounded(v, step, largest(bits))).collect();
+                let first = body.len();
+                body.resize(first + width * integers.len(), 0);
+                write_integers(&mut body[first..], &integers, width);
             }
         }
     }

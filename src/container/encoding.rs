@@ -82,15 +82,11 @@ pub(super) fn integers(bytes: &[u8], width: usize) -> impl Iterator<Item = i16> 
     })
 }
 
-/// The inverse of [`integers`], at the end of `bytes`. Integers of one byte are from −128 to 127.
-pub(super) fn put_integers(bytes: &mut Vec<u8>, integers: impl ExactSizeIterator<Item = i16>, width: usize) {
+/// The inverse of [`integers`], into `bytes` of this many. Integers of one byte are from −128 to 127.
+pub(super) fn write_integers(bytes: &mut [u8], integers: &[i16], width: usize) {
     match width {
-        1 => bytes.extend(integers.map(|q| q as u8)),
-        _ => {
-            let first = bytes.len();
-            bytes.resize(first + 2 * integers.len(), 0);
-            bytes[first..].as_chunks_mut().0.iter_mut().zip(integers).for_each(|(bytes, q)| *bytes = q.to_le_bytes());
-        }
+        1 => bytes.iter_mut().zip(integers).for_each(|(byte, &q)| *byte = q as u8),
+        _ => bytes.as_chunks_mut().0.iter_mut().zip(integers).for_each(|(bytes, q)| *bytes = q.to_le_bytes()),
     }
 }
 

@@ -5,7 +5,7 @@ use std::hint::select_unpredictable;
 
 use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
-use crate::container::encoding::{Encoding, integers, largest, put_integers};
+use crate::container::encoding::{Encoding, integers, largest, write_integers};
 
 /// Sizes of remainders that contexts tell apart: four to an octave.
 const CLASSES: usize = 48;
@@ -78,21 +78,22 @@ pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
     let (masks, rest) = body.split_at(shape.mask_bytes());
     let [groups, _] = shape.count(masks);
     let (steps, numbers) = rest.split_at(groups);
-    let mut numbers: Vec<i16> = integers(numbers, shape.width()).collect();
     let mut encoder = Encoder::new();
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut encoder, rank, &mut masks.to_vec());
     }
     code_steps(&mut encoder, &mut steps.to_vec());
-    let mut predictor = Predictor::of(shape.vectors(groups), &numbers);
+    let all: Vec<i16> = integers(numbers, shape.width()).collect();
+    let mut predictor = Predictor::of(shape.vectors(groups), &all);
     predictor.code(&mut encoder);
     // Only a decoder finds a number that is too large.
-    let _ = Numbers::new(predictor, shape).code(&mut encoder, shape.vectors(groups), steps, &mut numbers);
+    let mut model = Numbers::new(predictor, shape);
+    let _ = model.code(&mut encoder, shape.vectors(groups), steps, &mut numbers.to_vec(), shape.width());
     encoder.finish()
 }
 
-/// The inverse of [`compress`]: a body of `length` bytes. Takes at most three times that, and less than 1 MiB for contexts; the
-/// caller has checked that there is so much.
+/// The inverse of [`compress`]: a body of `length` bytes. Takes that, and less than 1 MiB for contexts; the caller has checked that
+/// there is so much.
 pub(in crate::container) fn decompress(
     place: &dyn fmt::Display,
     shape: &Shape,
@@ -104,20 +105,20 @@ pub(in crate::container) fn decompress(
         return Err(Error::malformed(format!("{place} body length"), format!("at least {mask_bytes}"), length));
     }
     let mut decoder = Decoder::new(bytes, place)?;
-    let mut body = vec![0; mask_bytes];
+    let mut body = vec![0; length];
+    let (masks, rest) = body.split_at_mut(mask_bytes);
     if let Some([_, rank]) = shape.masks {
-        code_masks(&mut decoder, rank, &mut body);
+        code_masks(&mut decoder, rank, masks);
     }
-    let [groups, numbers] = shape.count(&body);
+    let [groups, numbers] = shape.count(masks);
     let implied = shape.width().saturating_mul(numbers).saturating_add(groups).saturating_add(mask_bytes);
     Error::unless_equal(format!("{place} body length"), implied, length)?;
-    body.resize(mask_bytes + groups, 0);
-    let steps = &mut body[mask_bytes..];
+    let (steps, numbers) = rest.split_at_mut(groups);
     code_steps(&mut decoder, steps);
     let mut predictor = Predictor::default();
     predictor.code(&mut decoder);
-    let mut numbers = vec![0; numbers];
-    let result = Numbers::new(predictor, shape).code(&mut decoder, shape.vectors(groups), steps, &mut numbers);
+    let mut model = Numbers::new(predictor, shape);
+    let result = model.code(&mut decoder, shape.vectors(groups), steps, numbers, shape.width());
     result.map_err(|TooLarge { largest, group }| {
         Error::malformed(
             format!("{place} integer of group {group}"),
@@ -126,7 +127,6 @@ pub(in crate::container) fn decompress(
         )
     })?;
     decoder.finish(place)?;
-    put_integers(&mut body, numbers.iter().copied(), shape.width());
     Ok(body)
 }
 
@@ -309,24 +309,34 @@ impl Numbers {
         }
     }
 
-    fn code<'a>(
+    /// Codes the integers of `bytes`, of `width` bytes each. An encoder finds them there, a decoder writes them there.
+    fn code<'a, C: Coder>(
         &mut self,
-        coder: &mut impl Coder,
+        coder: &mut C,
         groups: impl Iterator<Item = &'a [usize]>,
         steps: &[u8],
-        integers: &mut [i16],
+        bytes: &mut [u8],
+        width: usize,
     ) -> Result<(), TooLarge> {
-        let mut rest = integers;
+        let mut rest = bytes;
+        let mut vector = vec![0; self.sizes.len()];
         for (group, (vectors, &step)) in groups.zip(steps).enumerate() {
             if coder.is_over() {
                 break;
             }
             let mut first = 0;
             for &length in vectors {
-                let (vector, after) = rest.split_at_mut(length);
+                let (bytes, after) = rest.split_at_mut(width * length);
                 rest = after;
+                let vector = &mut vector[..length];
+                if !C::DECODES {
+                    vector.iter_mut().zip(integers(bytes, width)).for_each(|(number, q)| *number = q);
+                }
                 self.code_vector(coder, usize::from(step >> 2), first, vector)
                     .ok_or(TooLarge { largest: self.largest, group })?;
+                if C::DECODES {
+                    write_integers(bytes, vector, width);
+                }
                 first += length;
             }
         }
