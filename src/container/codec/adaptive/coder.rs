@@ -218,6 +218,15 @@ impl<'a> Decoder<'a> {
         self.read += WORD_BYTES;
     }
 
+    /// Takes a word if the interval is narrow.
+    #[inline(always)]
+    fn widen(&mut self) {
+        if is_narrow(self.width) {
+            self.width <<= WORD_BITS;
+            self.take_word();
+        }
+    }
+
     /// The bytes from `read` on that are there, then zeros.
     #[cold]
     fn last_word(&self) -> u32 {
@@ -255,10 +264,7 @@ impl Coder for Decoder<'_> {
                 counter.learn(false);
             }
         }
-        if is_narrow(self.width) {
-            self.width <<= WORD_BITS;
-            self.take_word();
-        }
+        self.widen();
         bit
     }
 
@@ -269,10 +275,7 @@ impl Coder for Decoder<'_> {
         self.width = select_unpredictable(bit, of_one, self.width - of_one);
         self.offset -= select_unpredictable(bit, 0, of_one);
         counter.learn_even(bit);
-        if is_narrow(self.width) {
-            self.width <<= WORD_BITS;
-            self.take_word();
-        }
+        self.widen();
         bit
     }
 
