@@ -129,7 +129,7 @@ impl Goal {
 }
 
 /// Searches the loss for `scene` that meets `goal` best, with `reserved` bytes kept free for metadata; where bytes matter, without
-/// the gaps of its occupancy, and with coarser steps of the first scale if it takes more than [`FIRST_SCALE`] of the file. Returns
+/// the gaps of its occupancy, and with coarser steps of the first scale if it takes more than two fifths of the file. Returns
 /// `None` if even the largest loss misses the goal. `on_candidate` is called with every candidate. If the goal is an error,
 /// candidates are compressed at a low level: compression does not change the error.
 ///
