@@ -34,7 +34,7 @@ enums:
   encoding: {0: f32, 1: f16, 2: grid}
   filter: {0: none, 1: planes}
   decoder_mode: {0: per_sample, 1: per_ray, 2: residual}
-  factor_kind: {0: cp}
+  factor_kind: {0: cp, 1: vm}
   placement_kind: {0: lattice, 1: explicit}
   components: {0: all, 1: listed}
   thumbnail_format: {0: png, 1: jpeg}
@@ -295,13 +295,17 @@ types:
       - {id: origin, type: vec3, doc: 'Lattice: minimum corner of cell (0, 0, 0)'}
       - {id: pitch, type: vec3, doc: 'Lattice: edge lengths of a cell'}
       - {id: extent, type: counts3, doc: 'Lattice: one more than the largest coordinate of an occupied cell'}
+      - {id: density_axis_ranks, type: counts3, if: factor_kind == factor_kind::vm,
+         doc: Density components whose vectors lie along each axis}
+      - {id: appearance_axis_ranks, type: counts3, if: factor_kind == factor_kind::vm,
+         doc: Appearance components whose vectors lie along each axis}
       - {id: padding, type: zeros, size: -_io.pos % 64, doc: Zeros up to the body}
       - {id: chunks, type: chunk, repeat: expr, repeat-expr: chunk_count, if: _parent.is_stored, doc: Chunks}
       - {id: encoded, size-eos: true, if: not _parent.is_stored, doc: Body in the codec of the entry}
     instances:
       group_length:
         value: resolution.x + resolution.y + resolution.z + 3
-        doc: Numbers of a component, those of its three vectors
+        doc: Numbers of a component of kind cp, those of its three vectors
   chunk:
     doc-ref: v1.md#37-scale
     seq:
@@ -370,11 +374,13 @@ types:
         if: has_numbers
         doc: Components that are stored, tensor after tensor
       - {id: encoded, size-eos: true, if: not has_numbers,
-         doc: 'Body in the codec of the entry, or after a compressed SCALE'}
+         doc: 'Body in the codec of the entry, or after a compressed SCALE, or of kind vm'}
     instances:
       has_numbers:
-        value: _parent.is_stored and (components == components::all or _root.table[_parent.scale_index].is_stored)
-        doc: The body is stored, and the number of its masks is known
+        value: >-
+          _parent.is_stored and _parent.scale_record.factor_kind == factor_kind::cp
+          and (components == components::all or _root.table[_parent.scale_index].is_stored)
+        doc: The body is stored, and the numbers of its masks and of each group are known
       rank:
         value: '_parent.kind == "DENSITY" ? _parent.scale_record.density_rank : _parent.scale_record.appearance_rank'
         doc: Components that a tensor can have

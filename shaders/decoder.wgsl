@@ -7,7 +7,7 @@
 const ROW_QUADS: u32 = ROWS / 4u;
 
 var<workgroup> tile: array<Kept, TILE_QUADS>;
-// [row][scale][neighbor], nearest first; a weight of 0 ends a list.
+// [row][scale][neighbor][block], nearest first; a weight of 0 ends a list.
 var<workgroup> sites: array<InterpolationSite, SITES>;
 // [row][scale] 1 if the scale covers the row's sample, else 0.
 var<workgroup> covering: array<f32, ROWS * SCALES>;
@@ -37,11 +37,15 @@ fn find_sites(lane: u32) {
         }
         covering[item] = select(0.0, 1.0, nearest.count > 0u);
         for (var k = 0u; k < TOP_K; k += 1u) {
-            if k < nearest.count {
-                sites[item * TOP_K + k] = locate(s, nearest.candidates[k], nearest.weights[k], position, APPEARANCE);
-            } else {
-                sites[item * TOP_K + k].weight = 0.0;
+            let first = (item * TOP_K + k) * BLOCKS;
+            if k >= nearest.count {
+                for (var b = 0u; b < BLOCKS; b += 1u) {
+                    sites[first + b].weight = 0.0;
+                }
                 break;
+            }
+            for (var b = 0u; b < BLOCKS; b += 1u) {
+                sites[first + b] = locate(s, b, nearest.candidates[k], nearest.weights[k], position, APPEARANCE);
             }
         }
     }
@@ -50,18 +54,25 @@ fn find_sites(lane: u32) {
 // Four aggregated appearance components of the tile's row `r`.
 fn components_of(r: u32, component: u32) -> vec4<f32> {
     var s = SCALES - 1u;
-    while component < scene.scales[s].first_quad {
+    while component < scene.scales[s].first_quads.x {
         s -= 1u;
     }
-    let q = component - scene.scales[s].first_quad;
+    var b = 0u;
+    var q = component - scene.scales[s].first_quads.x;
+    if BLOCKS > 1u {
+        while b + 1u < BLOCKS && component >= scene.scales[s].first_quads[b + 1u] {
+            b += 1u;
+        }
+        q = component - scene.scales[s].first_quads[b];
+    }
     var sum = vec4(0.0);
     for (var k = 0u; k < TOP_K; k += 1u) {
-        let site = sites[(r * SCALES + s) * TOP_K + k];
+        let site = sites[((r * SCALES + s) * TOP_K + k) * BLOCKS + b];
         if site.weight == 0.0 {
             break;
         }
         if q < site.quads {
-            sum += product(q, site);
+            sum += product(s, q, site);
         }
     }
     if APPEARANCE_IS_MEAN {

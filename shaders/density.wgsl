@@ -26,9 +26,11 @@ fn density_feature(position: vec3<f32>) -> Density {
             if k >= nearest.count {
                 break;
             }
-            let site = locate(s, nearest.candidates[k], nearest.weights[k], position, DENSITY);
-            for (var q = 0u; q < site.quads; q += 1u) {
-                sum += product(q, site);
+            for (var b = 0u; b < BLOCKS; b += 1u) {
+                let site = locate(s, b, nearest.candidates[k], nearest.weights[k], position, DENSITY);
+                for (var q = 0u; q < site.quads; q += 1u) {
+                    sum += product(s, q, site);
+                }
             }
         }
         found.feature += sum.x + sum.y + sum.z + sum.w;

@@ -16,16 +16,19 @@ struct Scale {
     half_edge: vec3<f32>,
     // The quad of the first candidate: its center, and its tensor's index in the scale.
     candidates: u32,
-    // By axis: a tensor's cells per model unit, the index of its last cell, and its first row.
+    // By axis: a tensor's cells per model unit, the index of its last cell, and the first row of its vector.
     factor_cells_per_unit: vec3<f32>,
-    // The quad of the first tensor's factors: for density, then for appearance, the first factor quad, and the quads of a
-    // row, the last one padded with zeros.
+    // The quad of the first tensor's factors, BLOCKS quads a tensor: for density, then for appearance, the first factor
+    // quad, and the quads of a row, the last one padded with zeros.
     tensors: u32,
     last_cell: vec3<u32>,
-    // The scale's first appearance component over all scales, in quads.
-    first_quad: u32,
+    // 1 if block b has components of a vector along axis b and a matrix; 0 if block 0 has components of three vectors.
+    has_matrices: u32,
     first_row: vec3<u32>,
-    padding: u32,
+    padding1: u32,
+    // By block: its first appearance component over all scales, in quads.
+    first_quads: vec3<u32>,
+    padding2: u32,
 }
 
 // A fully connected layer: the first quads of its weights, [input][output], and of its bias; outputs are padded to

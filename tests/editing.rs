@@ -14,7 +14,7 @@ use strivec::container::{
     encode_scene_file, first_scales, sections,
 };
 use strivec::measure::{check_probes, probe_density_error};
-use strivec::model::{Factors, Scale};
+use strivec::model::{Block, Scale};
 use strivec::render::ReferenceRenderer;
 use tempfile::TempDir;
 
@@ -190,14 +190,14 @@ fn a_crop_of_everything_and_a_conversion_to_the_same_copy_every_section() {
 
 /// The factors of a scale's tensors by the bits of their centers.
 fn tensors(scale: &Scale) -> std::collections::BTreeMap<[u64; 3], (Vec<u32>, Vec<u32>)> {
-    let (rows, factors) = (Factors::rows(scale.cloud.resolution), &scale.factors);
-    let of = |values: &[f32], rank: u32, n: usize| -> Vec<u32> {
-        let length = rows * rank as usize;
-        values[n * length..][..length].iter().map(|v| v.to_bits()).collect()
+    let factors = &scale.factors;
+    let of = |block: &Block, n: usize| -> Vec<u32> {
+        let length = block.tensor_len(scale.cloud.resolution);
+        block.values[n * length..][..length].iter().map(|v| v.to_bits()).collect()
     };
     let tensor = |n: usize| {
         let key = scale.cloud.center(n).to_array().map(f64::to_bits);
-        (key, (of(&factors.density, factors.density_rank, n), of(&factors.appearance, factors.appearance_rank, n)))
+        (key, (of(&factors.density[0], n), of(&factors.appearance[0], n)))
     };
     (0..scale.cloud.len()).map(tensor).collect()
 }
@@ -216,8 +216,8 @@ fn a_crop_keeps_the_numbers_and_encodings_of_what_is_left() {
         assert_eq!(arrays(&before), arrays(&after));
         // Steps are those of the tensors that are left.
         let steps = |file: &SceneFile, scale: &Scale| {
-            let steps = file.encoding.density[s].steps.clone().expect("integers");
-            let rank = scale.factors.density_rank as usize;
+            let steps = file.encoding.density[s].steps.clone().expect("integers").concat();
+            let rank = scale.factors.density_rank() as usize;
             let of =
                 |n: usize| (scale.cloud.center(n).to_array().map(f64::to_bits), steps[n * rank..][..rank].to_vec());
             (0..scale.cloud.len()).map(of).collect::<std::collections::BTreeMap<_, _>>()
@@ -367,7 +367,7 @@ fn pruning_changes_the_chunks_that_lose_components() {
     let (after, pruned) = open(&folder.path().join("pruned.strivec"));
     assert!(pruned.len() < bytes.len());
     for (before, after) in before.scene.scales.iter().zip(&after.scene.scales) {
-        let pairs = before.factors.density.iter().zip(&after.factors.density);
+        let pairs = before.factors.density[0].values.iter().zip(&after.factors.density[0].values);
         assert!(pairs.into_iter().all(|(b, a)| a == b || *a == 0.0));
     }
     let arrays = |file: &SceneFile| file.encoding.density.iter().map(|f| f.array).collect::<Vec<_>>();
@@ -390,7 +390,7 @@ fn corrections_of_fewer_scales_hold_for_the_corrected_scene() {
     assert!((expected.rules.density_shift - found.rules.density_shift).abs() < 1e-12);
     let (expected, found) = (&expected.scales[0], &found.scales[0]);
     assert_eq!(expected.appearance_matrix, found.appearance_matrix);
-    for (e, f) in expected.factors.density.iter().zip(&found.factors.density) {
+    for (e, f) in expected.factors.density[0].values.iter().zip(&found.factors.density[0].values) {
         assert!((e - f).abs() <= 1e-6 * e.abs(), "{e} and {f}");
     }
     // What the correction does not change stays as integers.

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use strivec::color_map::ColorMap;
 use strivec::field::{Activations, Field, Real, Roulette, Samples};
 use strivec::geometry::Ray;
-use strivec::model::{Aggregation, Coverage, DecoderMode, Reduction, Scene};
+use strivec::model::{Aggregation, Coverage, DecoderMode, FactorKind, Reduction, Scene};
 use strivec::random::Random;
 use strivec::render::ReferenceRenderer;
 use strivec::train::{Backward, BatchRoulette, Gradients, Target, TrainConfig, network_parts};
@@ -98,21 +98,18 @@ fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, R
     let mut groups: Vec<(String, Vec<f64>, Reach)> = Vec::new();
     let mut field = Field::<f64>::new(scene);
     for (s, scale) in scene.scales.iter().enumerate() {
-        for (axis, rows) in strivec::model::Factors::axis_ranges(scale.cloud.resolution).into_iter().enumerate() {
-            for (name, factors, values) in [
-                ("density", &field.scales[s].density, &gradients.density[s]),
-                ("appearance", &field.scales[s].appearance, &gradients.appearance[s]),
-            ] {
-                let held = factors.held();
+        for (b, (block, values)) in field.scales[s].blocks().zip(&gradients.factors[s]).enumerate() {
+            for (factor, rows) in block.form().factors(scale.cloud.resolution).into_iter().enumerate() {
+                let held = block.held();
                 let of_tensor = |n| held.values(n).skip(rows.start * held.count(n)).take(rows.len() * held.count(n));
                 let places: Vec<usize> = (0..held.tensors()).flat_map(of_tensor).collect();
-                let of_axis = places.iter().map(|&i| values[i]).collect();
-                let density = name == "density";
+                let of_factor = places.iter().map(|&i| values[i]).collect();
                 let reach: Reach = Box::new(move |field, i| {
-                    let scale = &mut field.scales[s];
-                    &mut (if density { &mut scale.density } else { &mut scale.appearance }).values_mut()[places[i]]
+                    let block = field.scales[s].blocks_mut().nth(b).expect("a block");
+                    &mut block.values_mut()[places[i]]
                 });
-                groups.push((format!("scale {s} {name} axis {axis}"), of_axis, reach));
+                let name = if b < scale.factors.density.len() { "density" } else { "appearance" };
+                groups.push((format!("scale {s} {name} {:?} factor {factor}", block.form()), of_factor, reach));
             }
         }
     }
@@ -210,7 +207,7 @@ fn scene(config: &TrainConfig) -> Scene {
     let mut scene = scenes::scene(config);
     for scale in &mut scene.scales {
         scale.appearance_matrix.weights.iter_mut().for_each(|w| *w *= 4.0);
-        let factors = scale.factors.density.iter_mut().chain(&mut scale.factors.appearance);
+        let factors = scale.factors.blocks_mut().flat_map(|block| &mut block.values);
         factors.for_each(|v| *v = 0.3 + 0.4 * v.abs());
     }
     let hidden = scene.decoder.layers.len() - 1;
@@ -273,6 +270,10 @@ fn cases() -> Vec<Scene> {
         scene.rules.sky = Some(scenes::sky(degree));
         cases.push(scene);
     }
+    let matrices = scenes::with_kinds(configs()[0].clone(), &[FactorKind::Vm, FactorKind::Cp, FactorKind::Vm]);
+    for mode in [DecoderMode::PerSample, DecoderMode::Residual] {
+        cases.push(case(&matrices, mode));
+    }
     cases
 }
 
@@ -312,6 +313,11 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
     }
 }
 
+fn in_f64(factors: &[Vec<Vec<f32>>]) -> Vec<Vec<Vec<f64>>> {
+    let block = |values: &Vec<f32>| values.iter().map(|v| v.f64()).collect();
+    factors.iter().map(|blocks| blocks.iter().map(block).collect()).collect()
+}
+
 #[test]
 fn gradients_in_f32_match_those_in_f64() {
     for scene in cases() {
@@ -323,8 +329,7 @@ fn gradients_in_f32_match_those_in_f64() {
         let single = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
         let single = Gradients {
             loss: single.loss.f64(),
-            density: single.density.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
-            appearance: single.appearance.iter().map(|v| v.iter().map(|g| g.f64()).collect()).collect(),
+            factors: in_f64(&single.factors),
             networks: single.networks.iter().map(|g| g.f64()).collect(),
         };
         let pairs = groups(&scene, &exact).into_iter().zip(groups(&scene, &single));
@@ -371,7 +376,7 @@ fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
 
 #[test]
 fn a_sky_can_learn_from_rays_without_samples_alone() {
-    let scene = cases().pop().unwrap();
+    let scene = cases().into_iter().rfind(|scene| scene.rules.sky.is_some()).unwrap();
     let field = Field::<f64>::new(&scene);
     let inside = rays_far_from_decisions(&scene, 16);
     let outside: Vec<Ray> = inside.iter().map(|ray| Ray { origin: ray.origin + 100.0 * DVec3::Z, ..*ray }).collect();
@@ -401,13 +406,23 @@ fn thinned_density_gradients_are_right_on_average() {
     let targets = targets(rays.len());
     let field = Field::<f64>::new(scene);
     let mut backward = Backward::new(&field);
-    let exact = backward.gradients(&field, &rays, &targets, BatchRoulette::default()).density.concat();
+    let exact = backward
+        .gradients(&field, &rays, &targets, BatchRoulette::default())
+        .factors
+        .into_iter()
+        .flat_map(|mut blocks| blocks.swap_remove(0))
+        .collect::<Vec<f64>>();
     let mut mean = vec![0.0; exact.len()];
     let mut dropped = 0;
     for draw in 0..DRAWS {
         let roulette = Roulette { below: 1.0, random: Random::new(0, "test").substream(draw), first_ray: 0 };
         let roulette = BatchRoulette { density: Some(roulette), ..BatchRoulette::default() };
-        let thinned = backward.gradients(&field, &rays, &targets, roulette).density.concat();
+        let thinned = backward
+            .gradients(&field, &rays, &targets, roulette)
+            .factors
+            .into_iter()
+            .flat_map(|mut blocks| blocks.swap_remove(0))
+            .collect::<Vec<f64>>();
         dropped += thinned.iter().zip(&exact).filter(|(t, e)| **t == 0.0 && **e != 0.0).count();
         mean.iter_mut().zip(&thinned).for_each(|(m, t)| *m += t / DRAWS as f64);
     }

@@ -410,12 +410,13 @@ fn balanced_vectors_have_the_same_products() {
     strivec::pack::balance(&mut balanced);
     assert_ne!(balanced, scene);
     for (before, after) in scene.scales.iter().zip(&balanced.scales) {
-        let rows = strivec::model::Factors::rows(before.cloud.resolution);
-        let axes = strivec::model::Factors::axis_ranges(before.cloud.resolution);
-        let rank = before.factors.appearance_rank as usize;
+        let rows = strivec::model::Form::Cp.rows(before.cloud.resolution);
+        let axes = strivec::model::Form::Cp.factors(before.cloud.resolution);
+        let rank = before.factors.appearance_rank() as usize;
         let tensors =
             |values: &Vec<f32>| -> Vec<Vec<f32>> { values.chunks(rows * rank).map(<[f32]>::to_vec).collect() };
-        let pairs = tensors(&before.factors.appearance).into_iter().zip(tensors(&after.factors.appearance));
+        let pairs =
+            tensors(&before.factors.appearance[0].values).into_iter().zip(tensors(&after.factors.appearance[0].values));
         for (before, after) in pairs {
             for c in 0..rank {
                 let largest = |values: &[f32], axis: usize| {

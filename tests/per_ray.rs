@@ -7,7 +7,7 @@ mod scenes;
 use glam::{DVec3, UVec3};
 use strivec::geometry::{Aabb, Lattice, Ray, Similarity};
 use strivec::model::{
-    Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
+    Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Frame, Linear,
     Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis, sigmoid,
 };
 use strivec::render::{ReferenceRenderer, Trace};
@@ -36,11 +36,8 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
         },
         top_k: 4,
         factors: Factors {
-            kind: FactorKind::Cp,
-            density_rank: 1,
-            appearance_rank: 1,
-            density: vec![0.0; 6],
-            appearance: vec![1.0, 1.0, 1.0, 1.0, appearance_z[0], appearance_z[1]],
+            density: vec![Block::cp(1, vec![0.0; 6])],
+            appearance: vec![Block::cp(1, vec![1.0, 1.0, 1.0, 1.0, appearance_z[0], appearance_z[1]])],
         },
         appearance_matrix: AppearanceMatrix {
             features,

@@ -8,7 +8,7 @@ use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
 use strivec::geometry::Ray;
-use strivec::model::{Coverage, Factors, Occupancy, Placement, Scale, Scene};
+use strivec::model::{Coverage, Form, Occupancy, Placement, Scale, Scene};
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
 use strivec::train::{MAX_LOSS, RaySampler, TrainConfig, TrainError, prune_dead_components, prune_unoccupied};
@@ -60,10 +60,11 @@ fn pruned_tensors_were_in_no_picture() {
         for ((before, after), kept) in scene.scales.iter().zip(&pruned.scales).zip(&kept) {
             println!("{} of {} tensors stay", after.cloud.len(), before.cloud.len());
             assert_eq!(after.cloud.len(), kept.len());
-            let rows = Factors::rows(before.cloud.resolution) * before.factors.appearance_rank as usize;
+            let rows = Form::Cp.rows(before.cloud.resolution) * before.factors.appearance_rank() as usize;
             for (n, &was) in kept.iter().enumerate() {
                 assert_eq!(after.cloud.center(n), before.cloud.center(was));
-                let of = |scale: &Scale, n: usize| scale.factors.appearance[n * rows..(n + 1) * rows].to_vec();
+                let of =
+                    |scale: &Scale, n: usize| scale.factors.appearance[0].values[n * rows..(n + 1) * rows].to_vec();
                 assert_eq!(of(after, n), of(before, was));
             }
         }
@@ -111,12 +112,12 @@ fn config() -> TrainConfig {
 
 /// Sets the density feature of each tensor of `scale` to `feature` of its center, constant in the box.
 fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
-    let rank = scale.factors.density_rank as usize;
-    let rows = Factors::rows(scale.cloud.resolution);
+    let rank = scale.factors.density_rank() as usize;
+    let rows = Form::Cp.rows(scale.cloud.resolution);
     let of_x = scale.cloud.resolution[0] as usize + 1;
     for n in 0..scale.cloud.len() {
         let value = feature(scale.cloud.center(n)) / rank as f64;
-        let tensor = &mut scale.factors.density[n * rows * rank..(n + 1) * rows * rank];
+        let tensor = &mut scale.factors.density[0].values[n * rows * rank..(n + 1) * rows * rank];
         tensor.fill(1.0);
         tensor[..of_x * rank].fill(value as f32);
     }
@@ -148,7 +149,7 @@ fn prune_dead(scene: &mut Scene) -> strivec::train::DeadComponents {
 /// True if all density, or all appearance, of tensor `n` is exactly zero.
 fn is_clear(scale: &Scale, n: usize) -> [bool; 2] {
     let tensors = scale.cloud.len();
-    [&scale.factors.density, &scale.factors.appearance].map(|values| {
+    [&scale.factors.density[0].values, &scale.factors.appearance[0].values].map(|values| {
         let len = values.len() / tensors;
         values[n * len..(n + 1) * len].iter().all(|v| v.to_bits() == 0)
     })
@@ -167,10 +168,10 @@ fn tensors_of_empty_space_are_cleared_and_others_are_not() {
     assert!(dead.tensors_dropped > 10 && dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
     let (mut tensors, mut components, mut numbers) = (0, 0, 0);
     for (scale, was) in scene.scales.iter().zip(&before.scales) {
-        let rows = Factors::rows(scale.cloud.resolution) as u64;
+        let rows = Form::Cp.rows(scale.cloud.resolution) as u64;
         for n in 0..scale.cloud.len() {
             let [density, appearance] = is_clear(scale, n);
-            let ranks = [scale.factors.density_rank, scale.factors.appearance_rank].map(u64::from);
+            let ranks = [scale.factors.density_rank(), scale.factors.appearance_rank()].map(u64::from);
             tensors += u64::from(density && appearance);
             components += u64::from(density) * ranks[0] + u64::from(appearance) * ranks[1];
             numbers += rows * (u64::from(density) * ranks[0] + u64::from(appearance) * ranks[1]);
@@ -216,8 +217,8 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
     let mut scene = scenes::scene(&config());
     for scale in &mut scene.scales {
         set_features(scale, |_| 12.0);
-        let rank = scale.factors.appearance_rank as usize;
-        scale.factors.appearance.iter_mut().step_by(rank).for_each(|v| *v *= 0.02);
+        let rank = scale.factors.appearance_rank() as usize;
+        scale.factors.appearance[0].values.iter_mut().step_by(rank).for_each(|v| *v *= 0.02);
     }
     let mut amplified = scene.clone();
     let dead = prune_dead(&mut scene);
@@ -225,11 +226,12 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
     assert!(dead.psnr_after >= dead.psnr_before - MAX_LOSS, "{dead:?}");
     let small = |scene: &Scene| {
         let scale = &scene.scales[0];
-        let len = scale.factors.appearance.len() / scale.cloud.len();
-        let rank = scale.factors.appearance_rank as usize;
+        let len = scale.factors.appearance[0].values.len() / scale.cloud.len();
+        let rank = scale.factors.appearance_rank() as usize;
         let used: Vec<usize> = (0..scale.cloud.len()).filter(|&n| !is_clear(scale, n)[1]).collect();
-        let clear =
-            |n: &&usize| scale.factors.appearance[**n * len..(**n + 1) * len].iter().step_by(rank).all(|&v| v == 0.0);
+        let clear = |n: &&usize| {
+            scale.factors.appearance[0].values[**n * len..(**n + 1) * len].iter().step_by(rank).all(|&v| v == 0.0)
+        };
         (used.iter().filter(clear).count(), used.len())
     };
     let (cleared, used) = small(&scene);
@@ -237,8 +239,13 @@ fn components_too_small_to_matter_are_cleared_unless_they_do_matter() {
 
     // A network for which they are everything.
     for scale in &mut amplified.scales {
-        let rank = scale.factors.appearance_rank as usize;
-        scale.factors.appearance.iter_mut().enumerate().filter(|(i, _)| i % rank > 0).for_each(|(_, v)| *v = 0.0);
+        let rank = scale.factors.appearance_rank() as usize;
+        scale.factors.appearance[0]
+            .values
+            .iter_mut()
+            .enumerate()
+            .filter(|(i, _)| i % rank > 0)
+            .for_each(|(_, v)| *v = 0.0);
     }
     let features = amplified.features() as usize;
     let first = &mut amplified.decoder.layers[0];

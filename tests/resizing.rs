@@ -7,7 +7,7 @@ use glam::UVec3;
 use strivec::dataset::{Pixels, View};
 use strivec::geometry::Ray;
 use strivec::measure::{Cell, CellMap};
-use strivec::model::{Factors, Occupancy, Scale, Scene};
+use strivec::model::{Block, Form, Occupancy, Scale, Scene};
 use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
@@ -58,16 +58,16 @@ fn with_idle_components(scene: &Scene, more: usize) -> Scene {
     };
     for scale in &mut scene.scales {
         let factors = &mut scale.factors;
-        factors.density = widened(&factors.density, factors.density_rank as usize);
-        factors.appearance = widened(&factors.appearance, factors.appearance_rank as usize);
+        for block in factors.blocks_mut() {
+            block.values = widened(&block.values, block.rank as usize);
+            block.rank += more as u32;
+        }
         let matrix = &mut scale.appearance_matrix;
         matrix.weights = matrix
             .weights
             .chunks_exact(matrix.rank as usize)
             .flat_map(|row| std::iter::repeat_n(0.3, more).chain(row.iter().copied()))
             .collect();
-        factors.density_rank += more as u32;
-        factors.appearance_rank += more as u32;
         matrix.rank += more as u32;
     }
     scene.check().unwrap();
@@ -135,7 +135,7 @@ fn psnr(scene: &Scene, views: &[View]) -> f64 {
 }
 
 fn ranks(scale: &Scale) -> [u32; 2] {
-    [scale.factors.density_rank, scale.factors.appearance_rank]
+    [scale.factors.density_rank(), scale.factors.appearance_rank()]
 }
 
 /// Parameters of the appearance matrices.
@@ -182,9 +182,8 @@ fn training_gives_up_what_does_nothing() {
         lean.check().unwrap();
         for scale in &lean.scales {
             // A tensor has the first components of the scale's order.
-            let rows = Factors::rows(scale.cloud.resolution);
-            let rank = scale.factors.appearance_rank as usize;
-            let nonzero = Factors::nonzero_components(&scale.factors.appearance, rows, rank);
+            let block = &scale.factors.appearance[0];
+            let (rank, nonzero) = (block.rank as usize, block.nonzero_components(scale.cloud.resolution));
             assert!(nonzero.chunks_exact(rank).all(|of_tensor| of_tensor.is_sorted_by(|a, b| a >= b)));
         }
         (lean.nonzero_parameter_count(), psnr(&lean, &views))
@@ -220,12 +219,9 @@ fn training_makes_up_for_what_was_given_up() {
     // Training must not restore a removed component by itself.
     let held: usize = (small.scales.iter())
         .map(|s| {
-            let rows = Factors::rows(s.cloud.resolution);
-            let of = |values: &[f32], rank: u32| {
-                Factors::nonzero_components(values, rows, rank as usize).iter().filter(|h| **h).count()
-            };
-            rows * (of(&s.factors.density, s.factors.density_rank)
-                + of(&s.factors.appearance, s.factors.appearance_rank))
+            let resolution = s.cloud.resolution;
+            let of = |block: &Block| block.nonzero_components(resolution).iter().filter(|h| **h).count();
+            Form::Cp.rows(resolution) * s.factors.blocks().map(of).sum::<usize>()
         })
         .sum();
     let shared = matrix_parameters(&small) + small.decoder.parameter_count();
@@ -259,8 +255,9 @@ fn resolution_goes_where_cells_are_finer_than_what_is_there() {
     let scale = &mut fine.scales[1];
     let (from, to) = (scale.cloud.resolution, scale.cloud.resolution.map(|d| 6 * d));
     let factors = &mut scale.factors;
-    factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
-    factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+    for block in factors.blocks_mut() {
+        block.values = upsample(block.form, &block.values, block.rank as usize, from, to);
+    }
     scale.cloud.resolution = to;
     fine.check().unwrap();
     let goal = ShrinkGoal::Parameters(fine.nonzero_parameter_count() / 2);
@@ -280,7 +277,7 @@ fn a_scene_grows_where_its_error_is() {
     for scale in &mut small.scales {
         let (tensors, bare): (usize, Vec<bool>) =
             (scale.cloud.len(), scale.cloud.centers().map(|c| c.x < 0.0).collect());
-        for values in [&mut scale.factors.density, &mut scale.factors.appearance] {
+        for values in [&mut scale.factors.density[0].values, &mut scale.factors.appearance[0].values] {
             let len = values.len() / tensors;
             for (tensor, _) in values.chunks_exact_mut(len).zip(&bare).filter(|(_, bare)| **bare) {
                 tensor.fill(0.0);
@@ -297,16 +294,15 @@ fn a_scene_grows_where_its_error_is() {
     // The new components are mostly on the side that lacked them.
     let held = |scene: &Scene, is_bare: bool| -> usize {
         let of_scale = |s: &Scale| {
-            let rows = Factors::rows(s.cloud.resolution);
-            let of = |values: &[f32], rank: u32| {
-                let held = Factors::nonzero_components(values, rows, rank as usize);
+            let resolution = s.cloud.resolution;
+            let of = |block: &Block| {
+                let held = block.nonzero_components(resolution);
                 let of_tensor = |(n, held): (usize, &[bool])| {
                     if (s.cloud.center(n).x < 0.0) == is_bare { held.iter().filter(|h| **h).count() } else { 0 }
                 };
-                held.chunks_exact(rank as usize).enumerate().map(of_tensor).sum::<usize>()
+                held.chunks_exact(block.rank as usize).enumerate().map(of_tensor).sum::<usize>()
             };
-            let f = &s.factors;
-            rows * (of(&f.density, f.density_rank) + of(&f.appearance, f.appearance_rank))
+            Form::Cp.rows(resolution) * s.factors.blocks().map(of).sum::<usize>()
         };
         scene.scales.iter().map(of_scale).sum()
     };
@@ -322,8 +318,9 @@ fn cells_that_are_too_coarse_become_finer() {
     for scale in &mut coarse.scales {
         let (from, factors) = (scale.cloud.resolution, &mut scale.factors);
         let to = from.map(|cells| cells.div_ceil(2));
-        factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
-        factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+        for block in factors.blocks_mut() {
+            block.values = upsample(block.form, &block.values, block.rank as usize, from, to);
+        }
         scale.cloud.resolution = to;
     }
     let grown = grown(&coarse, &views, 3 * coarse.nonzero_parameter_count(), 40);
@@ -460,7 +457,7 @@ fn cells_hold_all_parameters_and_only_where_something_is_seen() {
     assert!((front.iter().flatten().sum::<f64>() - seen).abs() < 1e-9 * seen);
 
     let mut other = scene.clone();
-    other.scales[0].factors.appearance.fill(0.0);
+    other.scales[0].factors.appearance[0].values.fill(0.0);
     let fewer = CellMap::new(&other, &scene.bounds, &batch, 16);
     let left = sum(&fewer, |c| c.parameters) + fewer.unseen_parameters;
     assert!(left < all - 1.0 && (left - held(&other)).abs() < 1e-6 * all, "{left}");

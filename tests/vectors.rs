@@ -22,7 +22,7 @@ use strivec::container::{
 };
 use strivec::geometry::Aabb;
 use strivec::measure::{check_probes, make_probes, probe_density_error};
-use strivec::model::{Aggregation, Coverage, DecoderMode, Occupancy, Placement, Reduction, Scene, UpAxis};
+use strivec::model::{Aggregation, Coverage, DecoderMode, FactorKind, Occupancy, Placement, Reduction, Scene, UpAxis};
 use strivec::render::{CpuRenderer, ReferenceRenderer};
 use strivec::train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
 use surgery::{File, Part as Section, name, seal, seal_header};
@@ -33,10 +33,17 @@ fn folder(name: &str) -> PathBuf {
 
 /// A ball of two scales, partly opaque, small as a file.
 fn ball() -> Scene {
+    ball_of(FactorKind::Cp)
+}
+
+/// The same with components of this kind.
+fn ball_of(factors: FactorKind) -> Scene {
     let scale = |pitch: f64, resolution, density_rank, appearance_rank| ScaleConfig {
+        whole_scene: false,
         pitch: [pitch, 0.9 * pitch, 1.1 * pitch],
         edge: [1.5 * pitch; 3],
         resolutions: vec![resolution],
+        factors,
         density_rank,
         appearance_rank,
         top_k: 4,
@@ -54,6 +61,22 @@ fn ball() -> Scene {
     scene.bounds = scene.bounds.grown(glam::DVec3::splat(0.0123));
     // Between the nearest and the farthest probes.
     (scene.frame.near, scene.frame.far) = (1.2, 2.4);
+    scene
+}
+
+/// `scene` without some components: tensor 3 loses all, others some.
+fn made_ragged(mut scene: Scene) -> Scene {
+    for scale in &mut scene.scales {
+        for block in scale.factors.blocks_mut() {
+            let (rank, len) = (block.rank as usize, block.tensor_len(scale.cloud.resolution));
+            for (n, v) in block.values.iter_mut().enumerate() {
+                let (tensor, component) = (n / len, n % rank);
+                if tensor == 3 || (tensor + component).is_multiple_of(3) {
+                    *v = 0.0;
+                }
+            }
+        }
+    }
     scene
 }
 
@@ -105,33 +128,26 @@ fn valid() -> BTreeMap<String, Vec<u8>> {
     add("networks-grid", file(&ball(), Metadata::default(), &network(Encoding::Grid(8))));
     add("zstd", file(&ball(), Metadata::default(), &EncodeOptions { zstd_level: Some(19), ..plain.clone() }));
 
-    let mut ragged = ball();
-    for scale in &mut ragged.scales {
-        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
-        let factors = &mut scale.factors;
-        for (values, rank) in
-            [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)]
-        {
-            for (n, v) in values.iter_mut().enumerate() {
-                let (tensor, component) = (n / (rows * rank as usize), n % rank as usize);
-                // Tensor 3 loses all components, others some.
-                if tensor == 3 || (tensor + component).is_multiple_of(3) {
-                    *v = 0.0;
-                }
-            }
-        }
-    }
+    // Two density components of the second scale: none has its vector along z.
+    let matrices = ball_of(FactorKind::Vm);
+    add("vm", file(&matrices, Metadata::default(), &plain));
+    add("vm-f16-planes", file(&matrices, Metadata::default(), &in_arrays(Encoding::F16, Filter::Planes)));
+    add("vm-grid-8", file(&matrices, Metadata::default(), &in_arrays(Encoding::Grid(8), Filter::None)));
+
+    let [ragged, ragged_matrices] = [ball(), matrices].map(made_ragged);
     for (name, options) in [("ragged-f32", plain.clone()), ("ragged-grid", in_arrays(Encoding::Grid(6), Filter::None))]
     {
         add(name, file(&ragged, Metadata::default(), &options));
+        add(&format!("vm-{name}"), file(&ragged_matrices, Metadata::default(), &options));
     }
     // Steps as a packed file has them, and the finest, whose integers are the largest.
-    let coarse = vec![step_code(0.1); 1 << 14];
+    let coarse = vec![vec![step_code(0.1); 1 << 14]];
     for (name, scene, bits, steps) in [
         ("integers-adaptive", &ball(), 16, Some(coarse.clone())),
         ("integers-adaptive-finest", &ball(), 16, None),
         ("integers-adaptive-3", &ball(), 3, None),
         ("integers-adaptive-ragged", &ragged, 16, Some(coarse)),
+        ("vm-integers-adaptive", &ragged_matrices, 16, Some(vec![vec![step_code(0.1); 1 << 14]; 3])),
     ] {
         let factors = vec![FactorOptions { array: ArrayOptions::best(Encoding::Grid(bits)), steps }];
         let options = EncodeOptions {
@@ -388,7 +404,14 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
             "unknown-critical",
             changed(&|f| f.sections.push(Section { flags: 1, ..Section::ancillary("WAVELETS", b"") })),
         ),
-        ("unsupported-factor-kind", patched("SCALE", 44, &[1])),
+        ("unsupported-factor-kind", patched("SCALE", 44, &[2])),
+        ("malformed-axis-ranks", {
+            let matrices = ball_of(FactorKind::Vm);
+            let options = in_arrays(Encoding::F32, Filter::None);
+            let mut file = File::of(&encode_scene_file(&matrices, &Metadata::default(), &options).unwrap());
+            file.part("SCALE").patch(124, &[2]);
+            file.bytes()
+        }),
         ("unsupported-placement", patched("SCALE", 45, &[17])),
         ("unsupported-components", patched("DENSITY", 0, &[2])),
         ("unsupported-codec-rules", changed(&|f| f.part("RULES").codec = 7)),
@@ -527,7 +550,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
     files.push(("malformed-adaptive-last", adaptive(&|payload| *payload.last_mut().unwrap() ^= 1)));
     files.push(("malformed-adaptive-ones", adaptive(&|payload| payload[64..72].fill(0xff))));
     let integers = |change: &dyn Fn(&mut Vec<u8>)| {
-        let steps = Some(vec![step_code(0.1); 1 << 14]);
+        let steps = Some(vec![vec![step_code(0.1); 1 << 14]]);
         let factors = vec![FactorOptions { array: ArrayOptions::best(Encoding::Grid(16)), steps }];
         let options =
             EncodeOptions { density: factors.clone(), appearance: factors, zstd_level: Some(19), ..plain.clone() };

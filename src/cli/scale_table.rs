@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::table::{Table, short};
 use crate::digits::grouped;
-use crate::model::{Placement, Scale, Scene};
+use crate::model::{FactorKind, Placement, Scale, Scene};
 use crate::train::{Plan, ScalePlan};
 
 /// One scale.
@@ -18,6 +18,8 @@ pub(super) struct ScaleRow {
     pub(super) edges: [f64; 3],
     /// Cells per axis.
     pub(super) resolution: [u32; 3],
+    /// `cp` or `vm`.
+    pub(super) factors: &'static str,
     pub(super) density_rank: u32,
     pub(super) appearance_rank: u32,
     pub(super) top_k: u32,
@@ -37,8 +39,9 @@ pub(super) fn rows(scene: &Scene) -> Vec<ScaleRow> {
         },
         edges: (2.0 * scale.cloud.half_edge).to_array(),
         resolution: scale.cloud.resolution,
-        density_rank: scale.factors.density_rank,
-        appearance_rank: scale.factors.appearance_rank,
+        factors: name(scale.factors.kind()),
+        density_rank: scale.factors.density_rank(),
+        appearance_rank: scale.factors.appearance_rank(),
         top_k: scale.top_k,
         parameters: scale.nonzero_parameter_count(),
         bytes: 4 * scale.nonzero_parameter_count(),
@@ -53,6 +56,7 @@ pub(super) fn planned(plan: &Plan) -> Vec<ScaleRow> {
         placement: "lattice",
         edges: scale.edge,
         resolution: scale.resolution,
+        factors: name(scale.factors),
         density_rank: scale.density_rank,
         appearance_rank: scale.appearance_rank,
         top_k: scale.top_k,
@@ -65,7 +69,7 @@ pub(super) fn planned(plan: &Plan) -> Vec<ScaleRow> {
 /// `rows` as text.
 pub(super) fn text(rows: &[ScaleRow]) -> String {
     let mut table =
-        Table::new(["scale", "tensors", "placement", "edges", "resolution", "ranks", "parameters", "bytes"]);
+        Table::new(["scale", "tensors", "placement", "edges", "resolution", "factors", "ranks", "parameters", "bytes"]);
     for (n, row) in rows.iter().enumerate() {
         table.row([
             n.to_string(),
@@ -73,12 +77,20 @@ pub(super) fn text(rows: &[ScaleRow]) -> String {
             row.placement.to_owned(),
             per_axis(row.edges.map(short)),
             per_axis(row.resolution),
+            row.factors.to_owned(),
             format!("{}+{}", row.density_rank, row.appearance_rank),
             grouped(row.parameters),
             grouped(row.bytes),
         ]);
     }
     table.text()
+}
+
+fn name(kind: FactorKind) -> &'static str {
+    match kind {
+        FactorKind::Cp => "cp",
+        FactorKind::Vm => "vm",
+    }
 }
 
 /// One number if all axes are equal, else three.

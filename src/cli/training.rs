@@ -132,6 +132,7 @@ pub(super) fn place<'a>(
     occupied: &VoxelBoxes,
     session: &Session,
 ) -> Result<Trainer<'a>, Error> {
+    let config = config.fitted(occupied).map_err(train::PrepareError::from)?;
     let scene = train::place_scene(&config, dataset, occupied)?;
     let trainer = Trainer::new(config, scene, &dataset.views)?;
     session.console.say(&format!(

@@ -14,7 +14,7 @@ use super::{
     chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules,
     scale, table,
 };
-use crate::model::{Factors, Placement, Scale, Scene};
+use crate::model::{Block, Factors, Form, Placement, Scale, Scene};
 
 /// Choices of the writer; the same scene with the same choices gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,9 +64,9 @@ pub struct Original<'a> {
 pub struct FactorOptions {
     /// As floats or integers, and in which arrangement.
     pub array: ArrayOptions,
-    /// \[tensor\]\[component\] step codes for grids ([`super::step`]); `None` for the finest steps that reach every
+    /// \[block\]\[tensor\]\[component\] step codes for grids ([`super::step`]); `None` for the finest steps that reach every
     /// number. A reader returns them with floats if a scale's chunks differ in their encodings.
-    pub steps: Option<Vec<u8>>,
+    pub steps: Option<Vec<Vec<u8>>>,
 }
 
 impl FactorOptions {
@@ -82,7 +82,7 @@ impl FactorOptions {
 
     /// Drops the step codes of all but the `kept` of a scale's `tensors`.
     fn keep_tensors(&mut self, kept: &[usize], tensors: usize) {
-        if let Some(steps) = &mut self.steps {
+        for steps in self.steps.iter_mut().flatten() {
             let of_tensor = steps.len() / tensors.max(1);
             *steps = kept.iter().flat_map(|n| &steps[n * of_tensor..][..of_tensor]).copied().collect();
         }
@@ -110,7 +110,7 @@ impl EncodeOptions {
 
     /// Floats: 16 bits where that loses nothing of `scene`, else 32 bits.
     pub fn lossless(scene: &Scene) -> Self {
-        let factors = scene.scales.iter().flat_map(|scale| [&scale.factors.density, &scale.factors.appearance]);
+        let factors = scene.scales.iter().flat_map(|scale| scale.factors.blocks().map(|block| &block.values));
         let is_half = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
         Self::uniform(if factors.flatten().all(is_half) { Encoding::F16 } else { Encoding::F32 })
     }
@@ -267,7 +267,7 @@ fn write_scale(
             None => placement::write(compression, index, chunk, &scale.cloud, tensors)?,
         };
         let factors = |kind, part: usize| {
-            let (values, rank) = parts(&scale.factors)[part];
+            let blocks = parts(&scale.factors)[part];
             let of_scales = [&options.density, &options.appearance][part];
             let no_options =
                 || Error::malformed("`EncodeOptions::density` and `appearance`", "at least one entry each", "none");
@@ -285,7 +285,7 @@ fn write_scale(
             let codec = out.codec(Place::in_chunk(kind, index, if chunk_of.is_some() { number } else { 0 }));
             let compression =
                 if keeps_encoding && codec == Some(Codec::Zstd) { compression.by_zstd() } else { compression };
-            let part = factors::Part { values, rank, resolution: scale.cloud.resolution };
+            let part = factors::Part { blocks, resolution: scale.cloud.resolution };
             factors::write(compression, place(kind), &part, tensors, wanted.array, wanted.steps.as_deref())
         };
         Ok([placement, factors(SectionKind::Density, 0)?, factors(SectionKind::Appearance, 1)?])
@@ -297,10 +297,9 @@ fn write_scale(
     Ok(())
 }
 
-/// The numbers and the rank of density and of appearance.
-fn parts(factors: &Factors) -> [(&[f32], usize); 2] {
-    let Factors { density, appearance, density_rank, appearance_rank, .. } = factors;
-    [(density, *density_rank as usize), (appearance, *appearance_rank as usize)]
+/// The blocks of density and of appearance.
+fn parts(factors: &Factors) -> [&[Block]; 2] {
+    [&factors.density, &factors.appearance]
 }
 
 /// A scale before and after an edit that keeps its division into chunks.
@@ -332,7 +331,8 @@ impl<'a> KeptChunks<'a> {
     /// True if nothing of the scale changed that is in SCALE.
     fn is_whole(&self, chunks: &[Vec<u32>]) -> bool {
         let Self { before, after, .. } = self;
-        let ranks = |scale: &Scale| (scale.factors.kind, scale.factors.density_rank, scale.factors.appearance_rank);
+        let ranks =
+            |scale: &Scale| parts(&scale.factors).map(|blocks| blocks.iter().map(Self::shape).collect::<Vec<_>>());
         before.cloud == after.cloud
             && (before.top_k, ranks(before)) == (after.top_k, ranks(after))
             && self.chunks.values().eq(chunks)
@@ -350,9 +350,19 @@ impl<'a> KeptChunks<'a> {
 
     /// True if the tensors `before` had the same numbers, bit for bit, as the tensors `after` have in this part.
     fn same_numbers(&self, part: usize, before: &[u32], after: &[u32]) -> bool {
-        let ((old, old_rank), (new, rank)) = (parts(&self.before.factors)[part], parts(&self.after.factors)[part]);
-        let length = Factors::rows(self.after.cloud.resolution) * rank;
-        let of = |values: &'a [f32], n: u32| values[n as usize * length..][..length].iter().map(|v| v.to_bits());
-        rank == old_rank && before.iter().zip(after).all(|(&b, &a)| of(old, b).eq(of(new, a)))
+        let [old, new] = [self.before, self.after].map(|scale| parts(&scale.factors)[part]);
+        old.len() == new.len()
+            && old.iter().zip(new).all(|(old, new)| {
+                let length = new.tensor_len(self.after.cloud.resolution);
+                let of = |block: &'a Block, n: u32| {
+                    block.values[n as usize * length..][..length].iter().map(|v| v.to_bits())
+                };
+                Self::shape(old) == Self::shape(new)
+                    && before.iter().zip(after).all(|(&b, &a)| of(old, b).eq(of(new, a)))
+            })
+    }
+
+    fn shape(block: &Block) -> (Form, u32) {
+        (block.form, block.rank)
     }
 }

@@ -10,7 +10,7 @@ use super::limits::Budget;
 use super::payload::{Body, Payload};
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::writer::{Compression, Finished, Place};
-use crate::model::Factors;
+use crate::model::{Block, Form};
 
 /// Bytes that a number takes while it is read: itself, and its integer in another arrangement.
 const NUMBER_BYTES: u64 = 8;
@@ -35,14 +35,20 @@ impl Record for FactorsRecord {
 
 /// One part, density or appearance, of a scale's factors.
 pub(super) struct Part<'a> {
-    /// \[tensor\]\[axis\]\[vertex\]\[component\], of all the scale's tensors.
-    pub(super) values: &'a [f32],
-    pub(super) rank: usize,
+    pub(super) blocks: &'a [Block],
     pub(super) resolution: [u32; 3],
 }
 
+/// A block without its numbers: its form and its rank.
+pub(super) type BlockShape = (Form, usize);
+
 /// How a chunk's numbers are laid out in a scene's and in a file's order.
 struct Layout {
+    blocks: Vec<BlockLayout>,
+}
+
+/// [`Layout`] of a block.
+struct BlockLayout {
     rank: usize,
     /// Rows of a tensor.
     rows: usize,
@@ -51,16 +57,31 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(rank: usize, resolution: [u32; 3], components: Vec<Vec<usize>>) -> Self {
-        Self { rank, rows: Factors::rows(resolution), components }
+    /// For tensors that have these `components` of all blocks together.
+    fn new(shapes: &[BlockShape], resolution: [u32; 3], components: &[Vec<usize>]) -> Self {
+        let mut first = 0;
+        let block = |&(form, rank): &BlockShape| {
+            let range = first..first + rank;
+            first = range.end;
+            let of_block =
+                |all: &Vec<usize>| all.iter().filter(|c| range.contains(c)).map(|c| c - range.start).collect();
+            BlockLayout { rank, rows: form.rows(resolution), components: components.iter().map(of_block).collect() }
+        };
+        Self { blocks: shapes.iter().map(block).collect() }
     }
 
+    /// The lengths of the array's groups.
+    fn group_lengths(&self) -> impl Iterator<Item = usize> + Clone {
+        self.blocks.iter().flat_map(BlockLayout::group_lengths)
+    }
+}
+
+impl BlockLayout {
     /// Entries of a tensor in a scene.
     fn tensor_len(&self) -> usize {
         self.rows * self.rank
     }
 
-    /// The lengths of the array's groups.
     fn group_lengths(&self) -> impl Iterator<Item = usize> + Clone {
         std::iter::repeat_n(self.rows, self.components.iter().map(Vec::len).sum())
     }
@@ -85,29 +106,49 @@ impl Layout {
     }
 }
 
+/// The components of all blocks together.
+fn rank_of(shapes: &[BlockShape]) -> usize {
+    shapes.iter().map(|(_, rank)| rank).sum()
+}
+
 /// The shape of the factors of so many `tensors`. Masks come first if the section `is_ragged`.
-fn shape(tensors: usize, rank: usize, resolution: [u32; 3], is_ragged: bool, bits: u8) -> Shape {
-    let groups = Groups::Components { count: tensors * rank, vertices: resolution.map(|d| d as usize + 1) };
-    Shape { bits, masks: is_ragged.then_some([tensors, rank]), groups }
+fn shape(tensors: usize, shapes: &[BlockShape], resolution: [u32; 3], is_ragged: bool, bits: u8) -> Shape {
+    let blocks = shapes.iter().map(|&(form, rank)| (rank, form.vectors(resolution))).collect();
+    Shape {
+        bits,
+        masks: is_ragged.then_some([tensors, rank_of(shapes)]),
+        groups: Groups::Components { tensors, blocks },
+    }
 }
 
 /// The section of the factors of `tensors`. `steps` has a step code for each component of each tensor of the scale:
-/// \[tensor\]\[component\].
+/// \[block\]\[tensor\]\[component\].
 pub(super) fn write(
     compression: Compression,
     place: Place,
     part: &Part<'_>,
     tensors: &[u32],
     options: ArrayOptions,
-    steps: Option<&[u8]>,
+    steps: Option<&[Vec<u8>]>,
 ) -> Result<Finished, Error> {
     let name = place.kind.to_string();
-    let rank = part.rank;
-    let rows = Factors::rows(part.resolution);
-    let of_tensor = |n: u32| &part.values[n as usize * rows * rank..][..rows * rank];
+    let resolution = part.resolution;
+    let shapes: Vec<BlockShape> = part.blocks.iter().map(|block| (block.form, block.rank as usize)).collect();
+    let rank = rank_of(&shapes);
+    let of_tensor = |block: &'_ Block, n: u32| {
+        let len = block.tensor_len(resolution);
+        n as usize * len..(n as usize + 1) * len
+    };
     // −0 counts as stored.
-    let has = |n: u32, c: usize| of_tensor(n)[c..].iter().step_by(rank).any(|v| v.to_bits() != 0);
-    let components: Vec<Vec<usize>> = tensors.iter().map(|&n| (0..rank).filter(|&c| has(n, c)).collect()).collect();
+    let components_of = |&n: &u32| {
+        let of_block = |block: &Block| {
+            let (values, rank) = (&block.values[of_tensor(block, n)], block.rank as usize);
+            (0..rank).map(|c| values[c..].iter().step_by(rank).any(|v| v.to_bits() != 0)).collect::<Vec<_>>()
+        };
+        let has: Vec<bool> = part.blocks.iter().flat_map(of_block).collect();
+        (0..rank).filter(|&c| has[c]).collect()
+    };
+    let components: Vec<Vec<usize>> = tensors.iter().map(components_of).collect();
     let is_ragged = components.iter().any(|c| c.len() < rank);
     let mut body = Vec::new();
     if is_ragged {
@@ -117,20 +158,27 @@ pub(super) fn write(
             body.extend(mask);
         }
     }
+    let layout = Layout::new(&shapes, resolution, &components);
     let chosen: Option<Vec<u8>> = steps.map(|steps| {
-        let of_tensor = |(t, components): (&u32, &Vec<usize>)| {
-            let first = *t as usize * rank;
-            components.iter().map(|c| steps[first + c]).collect::<Vec<_>>()
+        let of_block = |(block, steps): (&'_ BlockLayout, &'_ Vec<u8>)| {
+            let of_tensor = |(&t, components): (&u32, &Vec<usize>)| {
+                let first = t as usize * block.rank;
+                components.iter().map(|c| steps[first + c]).collect::<Vec<_>>()
+            };
+            tensors.iter().zip(&block.components).flat_map(of_tensor).collect::<Vec<_>>()
         };
-        tensors.iter().zip(&components).flat_map(of_tensor).collect()
+        layout.blocks.iter().zip(steps).flat_map(of_block).collect()
     });
-    let layout = Layout::new(rank, part.resolution, components);
-    let mut values = Vec::with_capacity(tensors.len() * layout.tensor_len());
-    layout.for_each(options.encoding.is_by_group(), |t, at| values.push(of_tensor(tensors[t])[at]));
+    let mut values = Vec::new();
+    for (block, layout) in part.blocks.iter().zip(&layout.blocks) {
+        layout.for_each(options.encoding.is_by_group(), |t, at| {
+            values.push(block.values[of_tensor(block, tensors[t])][at]);
+        });
+    }
     let written = array::write(&name, &values, layout.group_lengths(), options, chosen.as_deref())?;
     body.extend(written.body);
     let record = FactorsRecord { is_ragged: u8::from(is_ragged), reserved: [0; 7], head: written.head };
-    let shape = |bits| shape(tensors.len(), rank, part.resolution, is_ragged, bits);
+    let shape = |bits| shape(tensors.len(), &shapes, resolution, is_ragged, bits);
     array::finished(compression, place, record::write(&name, &record)?, &body, options.encoding, shape)
 }
 
@@ -145,20 +193,22 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Copies the numbers into `values`, the factors of the scale, and the step codes into `steps`,
-    /// \[tensor\]\[component\]; `places` are the numbers of the chunk's tensors in the scale.
-    pub(super) fn put(self, places: &[u32], values: &mut [f32], steps: &mut [u8]) {
+    /// Copies the numbers into `blocks`, the factors of the scale, and the step codes into `steps`,
+    /// \[block\]\[tensor\]\[component\]; `places` are the numbers of the chunk's tensors in the scale.
+    pub(super) fn put(self, places: &[u32], blocks: &mut [Block], steps: &mut [Vec<u8>]) {
         let Self { layout, options, steps: codes, numbers } = self;
-        let mut next = numbers.into_iter();
-        let tensor_len = layout.tensor_len();
-        layout.for_each(options.encoding.is_by_group(), |t, at| {
-            if let Some(value) = next.next() {
-                values[places[t] as usize * tensor_len + at] = value;
+        let (mut next, mut codes) = (numbers.into_iter(), codes.into_iter());
+        for ((layout, block), steps) in layout.blocks.iter().zip(blocks).zip(steps) {
+            let tensor_len = layout.tensor_len();
+            layout.for_each(options.encoding.is_by_group(), |t, at| {
+                if let Some(value) = next.next() {
+                    block.values[places[t] as usize * tensor_len + at] = value;
+                }
+            });
+            let components = layout.components.iter().enumerate().flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)));
+            for ((t, c), code) in components.zip(&mut codes) {
+                steps[places[t] as usize * layout.rank + c] = code;
             }
-        });
-        let components = layout.components.iter().enumerate().flat_map(|(t, cs)| cs.iter().map(move |&c| (t, c)));
-        for ((t, c), code) in components.zip(codes) {
-            steps[places[t] as usize * layout.rank + c] = code;
         }
     }
 
@@ -175,7 +225,7 @@ pub(super) struct Opened<'a> {
     options: ArrayOptions,
     /// Bytes of a tensor's mask of components.
     mask_bytes: usize,
-    rank: usize,
+    shapes: Vec<BlockShape>,
     resolution: [u32; 3],
     tensors: usize,
 }
@@ -183,7 +233,7 @@ pub(super) struct Opened<'a> {
 /// Reads the record of the factors of a chunk of `tensors`, and checks how long the body may be.
 pub(super) fn open<'a>(
     payload: &Payload<'a>,
-    rank: usize,
+    shapes: &[BlockShape],
     resolution: [u32; 3],
     tensors: usize,
 ) -> Result<Opened<'a>, Error> {
@@ -191,15 +241,17 @@ pub(super) fn open<'a>(
     let (record, body): (FactorsRecord, _) = payload.record_and_body()?;
     let options = record.head.options(name)?;
     let encoding = options.encoding;
+    let rank = rank_of(shapes);
     let mask_bytes = if record.is_ragged == 0 { 0 } else { rank.div_ceil(8) };
     // Only the masks determine the length of the array. All components of all tensors are its maximum.
     let masks = (mask_bytes * tensors) as u64;
-    let all = encoding.length((rank * tensors) as u64, (Factors::rows(resolution) * rank * tensors) as u64);
+    let numbers: u64 = shapes.iter().map(|(form, rank)| (form.rows(resolution) * rank * tensors) as u64).sum();
+    let all = encoding.length((rank * tensors) as u64, numbers);
     if !(masks..=masks + all).contains(&body.length) {
         let expected = format!("{masks} to {}", masks + all);
         return Err(Error::malformed(format!("{name} body length"), expected, body.length));
     }
-    Ok(Opened { head: record.head, body, options, mask_bytes, rank, resolution, tensors })
+    Ok(Opened { head: record.head, body, options, mask_bytes, shapes: shapes.to_vec(), resolution, tensors })
 }
 
 impl Opened<'_> {
@@ -211,10 +263,11 @@ impl Opened<'_> {
 
     /// Reads the factors.
     pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
-        let &Self { ref head, ref body, options, mask_bytes, rank, resolution, tensors } = self;
+        let &Self { ref head, ref body, options, mask_bytes, ref shapes, resolution, tensors } = self;
+        let rank = rank_of(shapes);
         let encoding = options.encoding;
         let name = body.section;
-        let shape = |bits| shape(tensors, rank, resolution, mask_bytes > 0, bits);
+        let shape = |bits| shape(tensors, shapes, resolution, mask_bytes > 0, bits);
         let bytes = array::decode(body, body.length, encoding, budget, shape)?;
         let (masks, array) = bytes.split_at(mask_bytes * tensors);
         let components: Vec<Vec<usize>> = match mask_bytes {
@@ -223,7 +276,7 @@ impl Opened<'_> {
                 masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?
             }
         };
-        let layout = Layout::new(rank, resolution, components);
+        let layout = Layout::new(shapes, resolution, &components);
         let (groups, numbers) = array::count(layout.group_lengths());
         let length = encoding.length(groups, numbers);
         Error::unless_equal(format!("{name} number of bytes of the array"), length, array.len() as u64)?;

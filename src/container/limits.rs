@@ -20,7 +20,7 @@ pub const TOP_K: RangeInclusive<u64> = 1..=MAX_TOP_K as u64;
 /// Cells of a factor, per axis.
 pub const RESOLUTION: RangeInclusive<u64> = 1..=1024;
 /// Density or appearance components of a tensor.
-pub const RANK: RangeInclusive<u64> = 1..=256;
+pub const RANK: RangeInclusive<u64> = 1..=512;
 /// P, the length of the appearance feature vector.
 pub const FEATURES: RangeInclusive<u64> = 1..=256;
 /// Frequencies of a positional encoding.
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn both_ends_of_a_range_belong_to_it() {
-        assert!(check("rank", RANK, 1u32).is_ok() && check("rank", RANK, 256u32).is_ok());
-        assert!(check("rank", RANK, 0u32).is_err() && check("rank", RANK, 257u32).is_err());
+        assert!(check("rank", RANK, 1u32).is_ok() && check("rank", RANK, 512u32).is_ok());
+        assert!(check("rank", RANK, 0u32).is_err() && check("rank", RANK, 513u32).is_err());
     }
 }

@@ -38,14 +38,15 @@ impl Prefix {
         scene.rules.density_shift += self.offset;
         for (scale, matrix) in scene.scales.iter_mut().zip(&self.matrices) {
             scale.appearance_matrix.weights.clone_from(matrix);
-            // Density is linear in each axis's vectors.
-            let rank = scale.factors.density_rank as usize;
-            let rows = crate::model::Factors::rows(scale.cloud.resolution);
-            let first = (scale.cloud.resolution[0] as usize + 1) * rank;
-            for tensor in scale.factors.density.chunks_exact_mut(rows * rank) {
-                // Clamped, as a large gain must not make a factor infinite.
-                let gained = |v: f32| (f64::from(v) * self.gain).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
-                tensor[..first].iter_mut().for_each(|v| *v = gained(*v));
+            // Density is linear in each factor of a component.
+            let resolution = scale.cloud.resolution;
+            for block in &mut scale.factors.density {
+                let first = block.form.factors(resolution).first().map_or(0, |rows| rows.len() * block.rank as usize);
+                for tensor in block.values.chunks_exact_mut(block.form.rows(resolution) * block.rank as usize) {
+                    // Clamped, as a large gain must not make a factor infinite.
+                    let gained = |v: f32| (f64::from(v) * self.gain).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+                    tensor[..first].iter_mut().for_each(|v| *v = gained(*v));
+                }
             }
         }
     }

@@ -3,6 +3,7 @@
 use super::encode::{EncodeOptions, FactorOptions};
 use super::encoding::{ArrayOptions, Encoding};
 use super::error::Error;
+use super::factors::BlockShape;
 use super::fetch::{Fetched, fetch};
 use super::limits::{Budget, Limits};
 use super::metadata::{Metadata, SkippedSection, UnknownSection};
@@ -16,7 +17,7 @@ use super::{
     decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules, scale, table,
 };
 use crate::geometry::Aabb;
-use crate::model::{Decoder, FactorKind, Factors, Frame, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud};
+use crate::model::{Decoder, Factors, Form, Frame, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud};
 
 /// Bytes of the first request: header and table of most files.
 const FIRST_READ: u64 = 16 << 10;
@@ -208,7 +209,7 @@ impl<S: Source> Reader<S> {
         budget: &mut Budget,
     ) -> Result<Option<(Prefix, Vec<u8>)>, Error> {
         let Some(section) = sections.prefix else { return Ok(None) };
-        let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank).collect();
+        let ranks: Vec<u32> = scales.iter().map(|s| s.factors.appearance_rank()).collect();
         let features = scales[0].appearance_matrix.features;
         let bytes = fetch(&self.source, &[section])?;
         let read = bytes.payload(section).and_then(|payload| prefix::read(&payload, features, &ranks, budget));
@@ -283,13 +284,13 @@ impl<S: Source> Reader<S> {
 
         let record = &shape.record;
         let tensors: u64 = chunks.iter().map(|&n| u64::from(shape.chunks[n].tensors)).sum();
-        let rows = Factors::rows(record.resolution) as u64;
-        // Within the limits: 2^22 tensors, 2^12 rows, 2^9 components.
-        let [density, appearance] =
-            [record.density_rank, record.appearance_rank].map(|rank| tensors * rows * u64::from(rank));
+        let forms = shape.forms();
+        // Within the limits: 2^22 tensors, 2^21 rows, 2^9 components.
+        let numbers_of = |(form, rank): &(Form, u32)| tensors * form.rows(record.resolution) as u64 * u64::from(*rank);
+        let numbers: u64 = forms.iter().flatten().map(numbers_of).sum();
         // Step codes, and the chunk of each tensor.
         let step_codes = tensors * (4 + u64::from(record.density_rank) + u64::from(record.appearance_rank));
-        budget.spend(name, 4 * (density + appearance) + step_codes + 64 * tensors)?;
+        budget.spend(name, 4 * numbers + step_codes + 64 * tensors)?;
         let mut centers = Vec::with_capacity(chunks.len());
         for &n in &chunks {
             centers.push(placement::read(&bytes.payload(sections.chunks[n][0])?, &shape, n, budget)?);
@@ -298,13 +299,7 @@ impl<S: Source> Reader<S> {
         if within.is_none() {
             scale::check_extent(&name.to_string(), &shape, &placement)?;
         }
-        let mut factors = Factors {
-            kind: FactorKind::Cp,
-            density_rank: record.density_rank,
-            appearance_rank: record.appearance_rank,
-            density: vec![0.0; density as usize],
-            appearance: vec![0.0; appearance as usize],
-        };
+        let mut factors = Factors::zeros(tensors as usize, record.resolution, forms.each_ref().map(Vec::as_slice));
         let [of_density, of_appearance] =
             read_factors(bytes, sections, &chunks, &numbers, &mut factors, record.resolution, budget)?;
         encoding.density.push(of_density);
@@ -348,18 +343,20 @@ fn read_factors(
     resolution: [u32; 3],
     budget: &mut Budget,
 ) -> Result<[FactorOptions; 2], Error> {
-    let ranks = [factors.density_rank, factors.appearance_rank].map(|rank| rank as usize);
+    let shapes = [&factors.density, &factors.appearance]
+        .map(|blocks| blocks.iter().map(|block| (block.form, block.rank as usize)).collect::<Vec<BlockShape>>());
     let all: Vec<_> = chunks.iter().zip(numbers).collect();
     let tensors: usize = numbers.iter().map(Vec::len).sum();
-    let mut steps = ranks.map(|rank| vec![0; tensors * rank]);
+    let mut steps =
+        shapes.each_ref().map(|shapes| shapes.iter().map(|(_, rank)| vec![0; tensors * rank]).collect::<Vec<_>>());
     let mut options: [Option<ArrayOptions>; 2] = [None; 2];
     let mut are_mixed = [false; 2];
     for some in all.chunks(PARALLEL_CHUNKS) {
         // In the order of the file, so that the first error does not depend on threads.
         let mut parts = Vec::with_capacity(2 * some.len());
         for &(&n, numbers) in some {
-            for (section, rank) in sections.chunks[n][1..].iter().zip(ranks) {
-                let part = factors::open(&bytes.payload(section)?, rank, resolution, numbers.len())?;
+            for (section, shapes) in sections.chunks[n][1..].iter().zip(&shapes) {
+                let part = factors::open(&bytes.payload(section)?, shapes, resolution, numbers.len())?;
                 let reserved = budget.set_aside(section, part.max_memory())?;
                 parts.push((part, reserved));
             }
@@ -368,10 +365,10 @@ fn read_factors(
         let mut read = read.into_iter();
         for (_, numbers) in some {
             let parts = [&mut factors.density, &mut factors.appearance].into_iter().zip(&mut steps);
-            for (part, ((values, steps), chunk)) in parts.zip(&mut read).enumerate() {
+            for (part, ((blocks, steps), chunk)) in parts.zip(&mut read).enumerate() {
                 let chunk = chunk?;
                 are_mixed[part] |= *options[part].get_or_insert(chunk.options()) != chunk.options();
-                chunk.put(numbers, values, steps);
+                chunk.put(numbers, blocks, steps);
             }
         }
     }

@@ -117,6 +117,36 @@ impl<T: Encode + 'static, const MAX: u64> Encode for List<T, MAX> {
     }
 }
 
+/// Fields that follow in the record if `first` says so.
+pub(super) struct Optional<A, B> {
+    pub(super) first: A,
+    pub(super) more: Option<B>,
+}
+
+/// Fields that say whether more follow.
+pub(super) trait HasMore {
+    fn has_more(&self) -> bool;
+}
+
+impl<'a, Context, A, B> BorrowDecode<'a, Context> for Optional<A, B>
+where
+    A: BorrowDecode<'a, Context> + HasMore,
+    B: BorrowDecode<'a, Context>,
+{
+    fn borrow_decode<D: BorrowDecoder<'a, Context = Context>>(decoder: &mut D) -> Result<Self, DecodeError> {
+        let first = A::borrow_decode(decoder)?;
+        let more = first.has_more().then(|| B::borrow_decode(decoder)).transpose()?;
+        Ok(Self { first, more })
+    }
+}
+
+impl<A: Encode, B: Encode> Encode for Optional<A, B> {
+    fn encode<E: Encoder>(&self, encoder: &mut E) -> Result<(), EncodeError> {
+        self.first.encode(encoder)?;
+        self.more.iter().try_for_each(|more| more.encode(encoder))
+    }
+}
+
 /// A string that is a whole record: a license, the key or value of a note.
 #[derive(Encode, BorrowDecode)]
 pub(super) struct Text<'a> {

@@ -7,12 +7,12 @@ use glam::{DVec3, UVec3};
 use super::error::Error;
 use super::limits::{self, Budget};
 use super::payload::Payload;
-use super::record::{self, BorrowDecode, Encode, Record};
+use super::record::{self, BorrowDecode, Encode, Optional, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
 use crate::digits::numbers;
 use crate::geometry::{Aabb, Lattice};
-use crate::model::{FactorKind, Placement, Scale};
+use crate::model::{Block, Form, Placement, Scale};
 
 /// Bytes of a chunk's entry in the body.
 const CHUNK_BYTES: usize = 52;
@@ -37,9 +37,40 @@ pub(super) struct ScaleRecord {
     pub(super) extent: [u32; 3],
 }
 
+/// The components along each axis, of the factor kind vm.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
+pub(super) struct AxisRanks {
+    density: [u32; 3],
+    appearance: [u32; 3],
+}
+
+/// The record of SCALE.
+pub(super) type WholeRecord = Optional<ScaleRecord, AxisRanks>;
+
+impl record::HasMore for ScaleRecord {
+    fn has_more(&self) -> bool {
+        self.factor_kind == 1
+    }
+}
+
+impl Record for WholeRecord {
+    fn check(&self, place: &dyn Display) -> Result<(), Error> {
+        let Self { first, more } = self;
+        first.check(place)?;
+        let Some(AxisRanks { density, appearance }) = more else { return Ok(()) };
+        for (name, rank, of_axes) in
+            [("density", first.density_rank, density), ("appearance", first.appearance_rank, appearance)]
+        {
+            let sum: u64 = of_axes.iter().map(|&rank| u64::from(rank)).sum();
+            Error::unless_equal(format!("{place} {name} components along all axes"), u64::from(rank), sum)?;
+        }
+        Ok(())
+    }
+}
+
 impl Record for ScaleRecord {
     fn check(&self, place: &dyn Display) -> Result<(), Error> {
-        for (field, code, most) in [("factor kind", self.factor_kind, 0), ("placement", self.placement, 1)] {
+        for (field, code, most) in [("factor kind", self.factor_kind, 1), ("placement", self.placement, 1)] {
             if code > most {
                 return Err(Error::unknown_code(place, field, code));
             }
@@ -98,10 +129,19 @@ impl Record for ChunkRecord {
 /// SCALE: the shape of a scale and its chunks.
 pub(super) struct Shape {
     pub(super) record: ScaleRecord,
+    axis_ranks: Option<AxisRanks>,
     pub(super) chunks: Vec<ChunkRecord>,
 }
 
 impl Shape {
+    /// The forms of density and of appearance components, each with its rank.
+    pub(super) fn forms(&self) -> [Vec<(Form, u32)>; 2] {
+        let Some(AxisRanks { density, appearance }) = self.axis_ranks else {
+            return [self.record.density_rank, self.record.appearance_rank].map(|rank| vec![(Form::Cp, rank)]);
+        };
+        [density, appearance].map(|ranks| (0..3).map(|axis| (Form::Vm(axis), ranks[axis])).collect())
+    }
+
     /// Half edges of the tensors, in model units.
     pub(super) fn half_edge(&self) -> DVec3 {
         DVec3::from_array(self.record.half_edge)
@@ -118,6 +158,21 @@ impl Shape {
     }
 }
 
+/// The components of `scale` along each axis, if they are of the kind vm.
+fn axis_ranks(scale: &Scale) -> Option<AxisRanks> {
+    let of = |blocks: &[Block]| {
+        let mut ranks = [0; 3];
+        for block in blocks {
+            match block.form {
+                Form::Cp => return None,
+                Form::Vm(axis) => ranks[axis] = block.rank,
+            }
+        }
+        Some(ranks)
+    };
+    Some(AxisRanks { density: of(&scale.factors.density)?, appearance: of(&scale.factors.appearance)? })
+}
+
 pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Vec<u32>]) -> Result<(), Error> {
     let name = format!("SCALE of scale {index}");
     let cloud = &scale.cloud;
@@ -125,24 +180,24 @@ pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Ve
         Placement::Lattice { lattice, cells } => (0, *lattice, extent_of(cells)),
         Placement::Explicit { .. } => (1, Lattice { origin: DVec3::ZERO, pitch: DVec3::ZERO }, UVec3::ZERO),
     };
+    let axis_ranks = axis_ranks(scale);
     let record = ScaleRecord {
         tensors: cloud.len().try_into().unwrap_or(u32::MAX),
         top_k: scale.top_k,
         half_edge: cloud.half_edge.to_array(),
         resolution: cloud.resolution,
-        factor_kind: match scale.factors.kind {
-            FactorKind::Cp => 0,
-        },
+        factor_kind: axis_ranks.is_some().into(),
         placement,
         reserved: 0,
-        density_rank: scale.factors.density_rank,
-        appearance_rank: scale.factors.appearance_rank,
+        density_rank: scale.factors.density_rank(),
+        appearance_rank: scale.factors.appearance_rank(),
         chunks: chunks.len().try_into().unwrap_or(u32::MAX),
         reserved_too: 0,
         origin: lattice.origin.to_array(),
         pitch: lattice.pitch.to_array(),
         extent: extent.to_array(),
     };
+    let record = WholeRecord { first: record, more: axis_ranks };
     let mut body = Vec::new();
     for tensors in chunks {
         let covered = covered_by(tensors.iter().map(|&n| cloud.center(n as usize)), cloud.half_edge);
@@ -158,7 +213,7 @@ pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Ve
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, Error> {
     let name = payload.section;
-    let (record, body): (ScaleRecord, _) = payload.record_and_body()?;
+    let (WholeRecord { first: record, more: axis_ranks }, body) = payload.record_and_body()?;
     let length = u64::from(record.chunks) * CHUNK_BYTES as u64;
     budget.spend(name, length)?;
     let bytes = body.decode(length, budget)?;
@@ -170,7 +225,7 @@ pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, 
         chunks.push(chunk);
     }
     Error::unless_equal(format!("{name} sum of the tensors of all chunks"), u64::from(record.tensors), tensors)?;
-    Ok(Shape { record, chunks })
+    Ok(Shape { record, axis_ranks, chunks })
 }
 
 /// Checks that `placement`, of all chunks, fills the extent of SCALE.

@@ -273,7 +273,7 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
                 for (s, scale) in field.scales.iter().enumerate() {
                     let contributions = samples.contributions_of(slot, s, scales);
                     scale.appearance_of(simd, contributions, &mut row[first..], &mut count);
-                    first += scale.appearance.held().rank();
+                    first += scale.appearance_rank();
                 }
                 let row = &mut row[..width];
                 if field.rules.appearance_reduction == Reduction::Mean {

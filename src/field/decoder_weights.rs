@@ -41,7 +41,7 @@ impl<T: Real> FieldDecoder<T> {
         let mut appearance = Vec::new();
         for p in 0..features {
             for scale in &scene.scales {
-                let rank = scale.factors.appearance_rank as usize;
+                let rank = scale.factors.appearance_rank() as usize;
                 appearance.extend(convert(&scale.appearance_matrix.weights[p * rank..(p + 1) * rank]));
             }
         }

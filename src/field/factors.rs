@@ -10,15 +10,19 @@ use pulp::Simd;
 
 use super::Real;
 use super::vector::MAX_LANES;
+use crate::model::{Block, Form};
 
-/// The factors of density, or of appearance, of a scale's tensors. A tensor holds some components of the scale, and has
+/// The factors of the components of one form, of density or of appearance, of a scale's tensors. A tensor holds some components of the scale, and has
 /// none of the others, which are zero: they cost neither memory nor time. Density components are those that are not zero.
 /// Appearance components are the first of the scale up to the last that is not zero, so that a register of them has its
 /// place in the rows that the appearance matrix multiplies.
 #[derive(Clone, Debug)]
 pub struct FieldFactors<T> {
+    form: Form,
+    /// Vertices along each axis.
+    vertices: [u32; 3],
     held: HeldComponents,
-    /// \[tensor\]\[axis\]\[vertex\]\[held component\]; then a register of zeros, as kernels read whole registers.
+    /// \[tensor\]\[row\]\[held component\]; then a register of zeros, as kernels read whole registers.
     values: AVec<T>,
 }
 
@@ -27,7 +31,7 @@ pub struct FieldFactors<T> {
 pub struct HeldComponents {
     /// Components of the scale.
     rank: usize,
-    /// Rows (vertices of all three axes) of a tensor.
+    /// Rows (vertices of all factors) of a tensor.
     rows: usize,
     /// \[tensor\] the index in `components` of its first; then their number.
     starts: Vec<u32>,
@@ -76,7 +80,7 @@ impl HeldComponents {
         self.components.len() * self.rows
     }
 
-    /// `values`, laid out as the factors, as \[tensor\]\[axis\]\[vertex\]\[component\] with zeros for the components that
+    /// `values`, laid out as the factors, as \[tensor\]\[row\]\[component\] with zeros for the components that
     /// tensors do not hold.
     #[cfg(any(feature = "toolkit", test))]
     pub fn dense<T: Real>(&self, values: &[T]) -> Vec<T> {
@@ -156,9 +160,9 @@ impl HeldComponents {
 pub struct Contribution<T> {
     /// The tensor's index over all scales.
     pub tensor: u32,
-    /// The lower of the two rows on each axis, an index over the tensor's rows.
-    pub rows: [u32; 3],
-    /// The fraction of the way to the next row, per axis, in [0, 1].
+    /// The lower of two vertices on each axis.
+    pub lower: [u32; 3],
+    /// The fraction of the way to the next vertex, per axis, in [0, 1].
     pub fractions: [T; 3],
     /// The weight w of the tensor in its scale.
     pub weight: T,
@@ -174,21 +178,20 @@ pub(crate) enum Holding {
 }
 
 impl<T: Real> FieldFactors<T> {
-    /// From `dense`, \[tensor\]\[row\]\[component\] of tensors of `rows` rows and `rank` components, those that `holding`
-    /// says.
-    pub(super) fn new(holding: Holding, dense: &[f32], rows: usize, rank: usize) -> Self {
-        Self::without(holding, dense, rows, rank, |_, _| false)
+    /// The components of `block`, of tensors of `resolution` cells, that `holding` says.
+    pub(super) fn new(holding: Holding, block: &Block, resolution: [u32; 3]) -> Self {
+        Self::without(holding, block, resolution, |_, _| false)
     }
 
     /// As [`FieldFactors::new`]; the components of a tensor for which `is_zero`(tensor, component) count as zero.
     pub(crate) fn without(
         holding: Holding,
-        dense: &[f32],
-        rows: usize,
-        rank: usize,
+        block: &Block,
+        resolution: [u32; 3],
         is_zero: impl Fn(usize, usize) -> bool,
     ) -> Self {
-        let tensors = || dense.chunks_exact((rows * rank).max(1));
+        let (form, rank, rows) = (block.form, block.rank as usize, block.form.rows(resolution));
+        let tensors = || block.values.chunks_exact((rows * rank).max(1));
         let mut held = HeldComponents { rank, rows, starts: vec![0], components: Vec::new() };
         for (n, tensor) in tensors().enumerate() {
             let is_nonzero = |c: &usize| !is_zero(n, *c) && tensor.iter().skip(*c).step_by(rank).any(|v| *v != 0.0);
@@ -209,7 +212,26 @@ impl<T: Real> FieldFactors<T> {
             }
         }
         values.resize(values.len() + MAX_LANES, T::zero());
-        Self { held, values }
+        Self { form, vertices: resolution.map(|cells| cells + 1), held, values }
+    }
+
+    /// The form of the components.
+    #[inline(always)]
+    pub fn form(&self) -> Form {
+        self.form
+    }
+
+    /// Cells along each axis.
+    pub fn resolution(&self) -> [u32; 3] {
+        self.vertices.map(|vertices| vertices - 1)
+    }
+
+    /// The number of rows of the first factor.
+    pub fn first_factor_rows(&self) -> usize {
+        match self.form {
+            Form::Cp => self.vertices[0] as usize,
+            Form::Vm(axis) => self.vertices[axis] as usize,
+        }
     }
 
     /// The components that tensors hold.
@@ -218,7 +240,7 @@ impl<T: Real> FieldFactors<T> {
         &self.held
     }
 
-    /// \[tensor\]\[axis\]\[vertex\]\[held component\] the factors.
+    /// \[tensor\]\[row\]\[held component\] the factors.
     pub fn values(&self) -> &[T] {
         &self.values[..self.held.value_count()]
     }
@@ -236,32 +258,89 @@ impl<T: Real> FieldFactors<T> {
         (&self.held, &mut self.values[..count])
     }
 
-    /// The rows of `tensor`, a scale's, that `contribution` is between.
+    /// The vectors of `tensor`, a scale's, at `contribution`. The form is [`Form::Cp`].
     ///
     /// # Panics
     ///
     /// If the tensor has no such rows.
     #[inline(always)]
-    pub(super) fn rows_of<S: Simd>(
+    pub(super) fn vectors_of<S: Simd>(
         &self,
         simd: S,
         tensor: usize,
         contribution: &Contribution<T>,
-    ) -> RowPairs<'_, T, S> {
-        let Self { held, values } = self;
+    ) -> Rows<'_, T, S, Vectors<T, S>> {
+        let Contribution { lower: [x, y, z], fractions, .. } = *contribution;
+        let [along_x, along_y, _] = self.vertices;
+        let [y, z] = [along_x + y, along_x + along_y + z];
+        self.rows_of(
+            simd,
+            tensor,
+            contribution,
+            x.max(y).max(z) + 1,
+            #[inline(always)]
+            |rows| Vectors {
+                lower: [rows.at(x), rows.at(y), rows.at(z)],
+                fractions: [T::splat(simd, fractions[0]), T::splat(simd, fractions[1]), T::splat(simd, fractions[2])],
+            },
+        )
+    }
+
+    /// The vector along `axis` and the matrix of `tensor`, a scale's, at `contribution`. The form is [`Form::Vm`] of `axis`.
+    ///
+    /// # Panics
+    ///
+    /// If the tensor has no such rows.
+    #[inline(always)]
+    pub(super) fn vector_and_matrix_of<S: Simd>(
+        &self,
+        simd: S,
+        axis: usize,
+        tensor: usize,
+        contribution: &Contribution<T>,
+    ) -> Rows<'_, T, S, VectorAndMatrix<T, S>> {
+        let Contribution { lower, fractions, .. } = *contribution;
+        let [first, second] = Form::matrix_axes(axis);
+        let row_len = self.vertices[first];
+        let corner = self.vertices[axis] + lower[second] * row_len + lower[first];
+        self.rows_of(
+            simd,
+            tensor,
+            contribution,
+            (corner + row_len).max(lower[axis]) + 1,
+            #[inline(always)]
+            |rows| VectorAndMatrix {
+                lower: [rows.at(lower[axis]), rows.at(corner), rows.at(corner + row_len)],
+                fractions: [
+                    T::splat(simd, fractions[axis]),
+                    T::splat(simd, fractions[first]),
+                    T::splat(simd, fractions[second]),
+                ],
+            },
+        )
+    }
+
+    /// The rows of `tensor` up to `last` that `factors` takes, by the place of the first number of a row.
+    #[inline(always)]
+    fn rows_of<S: Simd, F>(
+        &self,
+        simd: S,
+        tensor: usize,
+        contribution: &Contribution<T>,
+        last: u32,
+        factors: impl FnOnce(RowPlaces<T>) -> F,
+    ) -> Rows<'_, T, S, F> {
+        let Self { held, values, .. } = self;
         let std::ops::Range { start, end } = held.range(tensor);
-        let Contribution { rows: [x, y, z], fractions, weight, .. } = *contribution;
-        let last = x.max(y).max(z);
-        assert!((last as usize) + 1 < held.rows, "a row of a tensor");
+        assert!((last as usize) < held.rows, "a row of a tensor");
         let rank = end - start;
         // `values` has `rows` rows for each of the components before `end`, and a register more.
         let first = values.as_ptr().wrapping_add(start * held.rows);
-        RowPairs {
-            lower: [x, y, z].map(|row| first.wrapping_add(row as usize * rank)),
+        Rows {
+            factors: factors(RowPlaces { first, rank }),
             rank,
-            fractions: [T::splat(simd, fractions[0]), T::splat(simd, fractions[1]), T::splat(simd, fractions[2])],
-            weight: T::splat(simd, weight),
-            factors: std::marker::PhantomData,
+            weight: T::splat(simd, contribution.weight),
+            values: std::marker::PhantomData,
         }
     }
 
@@ -271,42 +350,134 @@ impl<T: Real> FieldFactors<T> {
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
         values.extend_from_slice(&self.held.rearranged(self.values(), &held, order));
         values.resize(values.len() + MAX_LANES, T::zero());
-        *self = Self { held, values };
+        (self.held, self.values) = (held, values);
     }
 
-    /// Gives tensors `rows` rows: `resampled` returns a tensor's new factors from the old ones and their number of
-    /// components.
-    pub(super) fn resample(&mut self, rows: usize, resampled: impl Fn(&[T], usize) -> Vec<T>) {
+    /// Gives tensors `resolution` cells: `resampled` returns a tensor's new factors from their form, the old ones and their
+    /// number of components.
+    pub(super) fn resample(&mut self, resolution: [u32; 3], resampled: impl Fn(Form, &[T], usize) -> Vec<T>) {
+        let rows = self.form.rows(resolution);
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, self.held.components() * rows + MAX_LANES);
-        for (tensor, new) in self.held.resampled(&self.values, resampled).enumerate() {
+        for (tensor, new) in
+            self.held.resampled(&self.values, |values, rank| resampled(self.form, values, rank)).enumerate()
+        {
             assert_eq!(new.len(), self.held.count(tensor) * rows, "factors of tensor {tensor}");
             values.extend_from_slice(&new);
         }
         values.resize(values.len() + MAX_LANES, T::zero());
         self.values = values;
         self.held.rows = rows;
+        self.vertices = resolution.map(|cells| cells + 1);
     }
 }
 
-/// The rows of a tensor that a sample is between, two on each axis, for registers of `S`.
-pub(super) struct RowPairs<'a, T: Real, S: Simd> {
-    /// \[axis\] the lower row, which is not the tensor's last: at least twice `rank` factors, and a register.
-    lower: [*const T; 3],
-    /// The number of components that the tensor holds.
+/// Where the rows of a tensor are.
+struct RowPlaces<T> {
+    first: *const T,
     rank: usize,
-    fractions: [T::Register<S>; 3],
-    weight: T::Register<S>,
-    factors: std::marker::PhantomData<&'a [T]>,
 }
 
-impl<T: Real, S: Simd> RowPairs<'_, T, S> {
+impl<T> RowPlaces<T> {
+    #[inline(always)]
+    fn at(&self, row: u32) -> *const T {
+        self.first.wrapping_add(row as usize * self.rank)
+    }
+}
+
+/// The rows of a tensor that a sample is between, for registers of `S`.
+pub(super) struct Rows<'a, T: Real, S: Simd, F> {
+    factors: F,
+    /// The number of components that the tensor holds.
+    rank: usize,
+    weight: T::Register<S>,
+    values: std::marker::PhantomData<&'a [T]>,
+}
+
+/// What a component is the product of, at a sample.
+pub(super) trait Factorized<T: Real, S: Simd> {
+    /// `weight` times the product for a register of components from `first` on, of a tensor that holds `rank`.
+    ///
+    /// # Safety
+    ///
+    /// `first` is less than `rank`, and the rows belong to a tensor whose factors at least a register follows.
+    unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S>;
+}
+
+/// Three vectors.
+pub(super) struct Vectors<T: Real, S: Simd> {
+    /// \[axis\] the lower of two rows.
+    lower: [*const T; 3],
+    fractions: [T::Register<S>; 3],
+}
+
+/// A vector and a matrix.
+pub(super) struct VectorAndMatrix<T: Real, S: Simd> {
+    /// The lower of two rows of the vector, and of those of the matrix at the lower and the upper vertex of its second axis.
+    lower: [*const T; 3],
+    /// Those of the vector and of the axes of the matrix.
+    fractions: [T::Register<S>; 3],
+}
+
+/// A register of the numbers from `first` on between the row `lower` and the next, which begins `rank` numbers later.
+///
+/// # Safety
+///
+/// Both registers are within one allocation.
+#[inline(always)]
+unsafe fn between<T: Real, S: Simd>(
+    simd: S,
+    lower: *const T,
+    rank: usize,
+    first: usize,
+    fraction: T::Register<S>,
+) -> T::Register<S> {
+    let lower = lower.wrapping_add(first);
+    // SAFETY: The caller says so.
+    let (lower, upper) = unsafe {
+        let upper = lower.wrapping_add(rank);
+        (lower.cast::<T::Register<S>>().read_unaligned(), upper.cast::<T::Register<S>>().read_unaligned())
+    };
+    T::times_plus(simd, fraction, T::minus(simd, upper, lower), lower)
+}
+
+impl<T: Real, S: Simd> Factorized<T, S> for Vectors<T, S> {
+    #[inline(always)]
+    unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
+        let mut product = weight;
+        for a in 0..3 {
+            // SAFETY: The caller says so.
+            let value = unsafe { between(simd, self.lower[a], rank, first, self.fractions[a]) };
+            product = T::times(simd, product, value);
+        }
+        product
+    }
+}
+
+impl<T: Real, S: Simd> Factorized<T, S> for VectorAndMatrix<T, S> {
+    #[inline(always)]
+    unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
+        let [of_vector, of_first, of_second] = self.fractions;
+        // SAFETY: The caller says so.
+        let (vector, lower, upper) = unsafe {
+            (
+                between(simd, self.lower[0], rank, first, of_vector),
+                between(simd, self.lower[1], rank, first, of_first),
+                between(simd, self.lower[2], rank, first, of_first),
+            )
+        };
+        let matrix = T::times_plus(simd, of_second, T::minus(simd, upper, lower), lower);
+        T::times(simd, T::times(simd, weight, vector), matrix)
+    }
+}
+
+impl<T: Real, S: Simd, F: Factorized<T, S>> Rows<'_, T, S, F> {
     /// The number of components that the tensor holds.
     #[inline(always)]
     pub(super) fn rank(&self) -> usize {
         self.rank
     }
 
-    /// `sums` plus weight·x·y·z of all components, in registers.
+    /// `sums` plus weight·component of all components, in registers.
     #[inline(always)]
     pub(super) fn add_all(&self, simd: S, mut sums: T::Register<S>) -> T::Register<S> {
         for first in (0..self.rank).step_by(T::lanes::<S>()) {
@@ -315,24 +486,15 @@ impl<T: Real, S: Simd> RowPairs<'_, T, S> {
         sums
     }
 
-    /// `sums` plus weight·x·y·z of a register of components from `first` on; no more, behind the last component.
+    /// `sums` plus weight·component of a register of components from `first` on; no more, behind the last component.
     #[inline(always)]
     pub(super) fn add(&self, simd: S, first: usize, sums: T::Register<S>) -> T::Register<S> {
         if first >= self.rank {
             return sums;
         }
-        let mut products = self.weight;
-        for a in 0..3 {
-            let lower = self.lower[a].wrapping_add(first);
-            // SAFETY: The lower row is not the tensor's last and component `first` is held, so both registers begin within
-            // the tensor's factors, which at least a register of other numbers follows.
-            let (lower, upper) = unsafe {
-                let upper = lower.wrapping_add(self.rank);
-                (lower.cast::<T::Register<S>>().read_unaligned(), upper.cast::<T::Register<S>>().read_unaligned())
-            };
-            let value = T::times_plus(simd, self.fractions[a], T::minus(simd, upper, lower), lower);
-            products = T::times(simd, products, value);
-        }
+        // SAFETY: Component `first` is held, and the rows are within the tensor's factors, which at least a register of other
+        // numbers follows.
+        let mut products = unsafe { self.factors.times(simd, self.rank, first, self.weight) };
         let count = self.rank - first;
         if count < T::lanes::<S>() {
             // The register ends with numbers of the next rows.
@@ -348,39 +510,54 @@ impl<T: Real, S: Simd> RowPairs<'_, T, S> {
 mod tests {
     use super::*;
 
-    /// Two tensors of three rows and three components: of the first the middle component is zero, of the second the last.
-    const DENSE: [f32; 18] = [1., 0., 2., 3., 0., 4., 5., 0., 0., 6., 7., 0., 0., 8., 0., 9., 0., 0.];
+    /// Two tensors of one cell and three components: of the first the middle component is zero, of the second the last.
+    fn dense() -> Block {
+        let row = |values: [f32; 3], other: [f32; 3]| [values, other, other, other, other, other].concat();
+        Block::cp(3, [row([1., 0., 2.], [3., 0., 0.]), row([6., 7., 0.], [0., 8., 0.])].concat())
+    }
 
     #[test]
     fn tensors_hold_the_components_that_are_not_zero_and_give_them_back() {
-        let factors = FieldFactors::<f64>::new(Holding::Nonzero, &DENSE, 3, 3);
+        let factors = FieldFactors::<f64>::new(Holding::Nonzero, &dense(), [1; 3]);
         let held = factors.held();
         assert_eq!([held.of(0), held.of(1)], [&[0, 2], &[0, 1]]);
-        assert_eq!(factors.values(), [1., 2., 3., 4., 5., 0., 6., 7., 0., 8., 9., 0.]);
-        assert_eq!(held.dense(factors.values()), DENSE.map(f64::from));
+        assert_eq!(factors.values()[..4], [1., 2., 3., 0.]);
+        assert_eq!(factors.values()[12..16], [6., 7., 0., 8.]);
+        assert!(held.dense(factors.values()).into_iter().eq(dense().values.into_iter().map(f64::from)));
     }
 
     #[test]
     fn up_to_the_last_component_zeros_between_are_held() {
-        let factors = FieldFactors::<f32>::new(Holding::UpToLast, &DENSE, 3, 3);
+        let factors = FieldFactors::<f32>::new(Holding::UpToLast, &dense(), [1; 3]);
         assert_eq!([factors.held().of(0), factors.held().of(1)], [&[0, 1, 2][..], &[0, 1]]);
-        assert_eq!(factors.held().dense(factors.values()), DENSE);
+        assert_eq!(factors.held().dense(factors.values()), dense().values);
     }
 
     #[test]
     fn components_that_count_as_zero_are_left_out() {
-        let factors = FieldFactors::<f32>::without(Holding::UpToLast, &DENSE, 3, 3, |n, c| n == 1 || c == 2);
+        let without = |is_zero: fn(usize, usize) -> bool| {
+            FieldFactors::<f32>::without(Holding::UpToLast, &dense(), [1; 3], is_zero)
+        };
+        let factors = without(|n, c| n == 1 || c == 2);
         assert_eq!([factors.held().of(0), factors.held().of(1)], [&[0][..], &[]]);
-        assert_eq!(factors.values(), [1., 3., 5.]);
-        let hole = FieldFactors::<f32>::without(Holding::UpToLast, &DENSE, 3, 3, |n, c| n == 0 && c == 0);
-        assert_eq!(hole.values()[..9], [0., 0., 2., 0., 0., 4., 0., 0., 0.]);
+        assert_eq!(factors.values(), [1., 3., 3., 3., 3., 3.]);
+        assert_eq!(without(|n, c| n == 0 && c == 0).values()[..6], [0., 0., 2., 0., 0., 0.]);
     }
 
     #[test]
     #[should_panic = "a row of a tensor"]
     fn rows_that_a_tensor_lacks_are_refused() {
-        let factors = FieldFactors::<f32>::new(Holding::Nonzero, &DENSE, 3, 3);
-        let contribution = Contribution { rows: [0, 1, 2], ..Contribution::default() };
-        factors.rows_of(pulp::Scalar, 0, &contribution);
+        let factors = FieldFactors::<f32>::new(Holding::Nonzero, &dense(), [1; 3]);
+        let contribution = Contribution { lower: [0, 0, 1], ..Contribution::default() };
+        factors.vectors_of(pulp::Scalar, 0, &contribution);
+    }
+
+    #[test]
+    #[should_panic = "a row of a tensor"]
+    fn rows_that_a_matrix_lacks_are_refused() {
+        let block = Block { form: Form::Vm(0), rank: 1, values: vec![1.0; 2 + 6] };
+        let factors = FieldFactors::<f32>::new(Holding::Nonzero, &block, [1, 1, 2]);
+        let contribution = Contribution { lower: [0, 0, 2], ..Contribution::default() };
+        factors.vector_and_matrix_of(pulp::Scalar, 0, 0, &contribution);
     }
 }

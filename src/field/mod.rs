@@ -41,7 +41,7 @@ pub(crate) use pool::Pool;
 pub use ray_marcher::RayMarcher;
 pub use real::{Real, add_compensated};
 pub use samples::Samples;
-pub use scale::{FieldScale, TensorRows};
+pub use scale::{FieldScale, TensorVertices};
 #[cfg(feature = "toolkit")]
 pub(crate) use scale::{Interpolation, offset};
 pub use sky::FieldSky;
@@ -53,7 +53,7 @@ pub use vector::Vector;
 use glam::DVec3;
 
 use crate::geometry::{Aabb, MAX_SPACING, Ray};
-use crate::model::{Coverage, Factors, Rules, Scale, Scene};
+use crate::model::{Block, Coverage, Rules, Scale, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
 /// only if they are inlined into `work`.
@@ -63,12 +63,11 @@ pub fn vectorized<R>(work: impl FnOnce() -> R) -> R {
 }
 
 /// The density and the appearance factors of `scale`.
-fn held_factors<T: Real>(scale: &Scale) -> [FieldFactors<T>; 2] {
-    let (factors, rows) = (&scale.factors, Factors::rows(scale.cloud.resolution));
-    [
-        FieldFactors::new(Holding::Nonzero, &factors.density, rows, factors.density_rank as usize),
-        FieldFactors::new(Holding::UpToLast, &factors.appearance, rows, factors.appearance_rank as usize),
-    ]
+fn held_factors<T: Real>(scale: &Scale) -> [Vec<FieldFactors<T>>; 2] {
+    let held = |blocks: &[Block], holding| {
+        blocks.iter().map(|block| FieldFactors::new(holding, block, scale.cloud.resolution)).collect()
+    };
+    [held(&scale.factors.density, Holding::Nonzero), held(&scale.factors.appearance, Holding::UpToLast)]
 }
 
 /// A scene, prepared for fast evaluation.
@@ -118,8 +117,8 @@ impl<T: Real> Field<T> {
             bytes += occupancy.vertices.as_u64vec3().element_product() / 4;
         }
         for scale in &scene.scales {
-            let values = scale.factors.density.len() + scale.factors.appearance.len();
-            bytes += ((scalar + 1) * values + TENSOR_BYTES * scale.cloud.len()) as u64;
+            let values = scale.factors.parameter_count();
+            bytes += (scalar as u64 + 1) * values + (TENSOR_BYTES * scale.cloud.len()) as u64;
             let index = CellIndex::<T>::within(&scale.cloud, scene.bounds.center(), most.checked_sub(bytes)?)?;
             bytes += 2 * index.memory();
         }
@@ -143,7 +142,7 @@ impl<T: Real> Field<T> {
     pub fn taking(scene: &mut Scene) -> Self {
         let taken = |scale: &mut Scale| {
             let factors = held_factors(scale);
-            (scale.factors.density, scale.factors.appearance) = (Vec::new(), Vec::new());
+            scale.factors.blocks_mut().for_each(|block| block.values = Vec::new());
             factors
         };
         let factors = scene.scales.iter_mut().map(taken).collect();
@@ -159,7 +158,7 @@ impl<T: Real> Field<T> {
     }
 
     /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].
-    fn with_factors(scene: &Scene, factors: Vec<[FieldFactors<T>; 2]>) -> Self {
+    fn with_factors(scene: &Scene, factors: Vec<[Vec<FieldFactors<T>>; 2]>) -> Self {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
         let scales: Vec<FieldScale<T>> = (scene.scales.iter().zip(factors))
@@ -233,7 +232,7 @@ impl<T: Real> Field<T> {
 
     /// Bytes of the factors, appearance matrices, decoder layers and sky.
     pub fn parameter_bytes(&self) -> u64 {
-        let factors = self.scales.iter().map(|s| s.density.values().len() + s.appearance.values().len()).sum::<usize>();
+        let factors = self.scales.iter().map(FieldScale::value_count).sum::<usize>();
         let layers = self.decoder.layers.iter().map(|l| l.weights.len() + l.bias.len()).sum::<usize>();
         let sky = self.sky.as_ref().map_or(0, |sky| sky.coefficients.len());
         ((factors + layers + sky + self.decoder.appearance.len()) * size_of::<T>()) as u64
@@ -241,6 +240,6 @@ impl<T: Real> Field<T> {
 
     /// ΣR, the number of appearance components over all scales.
     pub fn component_count(&self) -> usize {
-        self.scales.iter().map(|s| s.appearance.held().rank()).sum()
+        self.scales.iter().map(FieldScale::appearance_rank).sum()
     }
 }

@@ -49,7 +49,7 @@ struct Covering<T> {
     counts: [T; MAX_LANES],
     /// Weights; 0 if the candidate is no neighbor of the lane's sample.
     weights: [[T; MAX_LANES]; BLOCK],
-    rows: [[[u32; MAX_LANES]; 3]; BLOCK],
+    lower: [[[u32; MAX_LANES]; 3]; BLOCK],
     fractions: [[[T; MAX_LANES]; 3]; BLOCK],
 }
 
@@ -64,7 +64,7 @@ impl<'a, T: Real> Neighbors<'a, T> {
             tensors: [0; BLOCK],
             counts: [T::zero(); MAX_LANES],
             weights: [[T::zero(); MAX_LANES]; BLOCK],
-            rows: [[[0; MAX_LANES]; 3]; BLOCK],
+            lower: [[[0; MAX_LANES]; 3]; BLOCK],
             fractions: [[[T::zero(); MAX_LANES]; 3]; BLOCK],
         };
         Self { aggregation, contributions, neighborhoods, covering, lists: Vec::new() }
@@ -200,14 +200,13 @@ impl<T: Real> FieldScale<T> {
             squares[found.count] = square;
             found.tensors[found.count] = block.tensors[c];
             for a in 0..3 {
-                let (lower, fraction) = self.rows().on_axis_of_many(simd, a, offsets[a]);
+                let (lower, fraction) = self.vertices().on_axis_of_many(simd, a, offsets[a]);
                 T::store(simd, &mut found.fractions[found.count][a], fraction);
                 let mut lowers = [T::zero(); MAX_LANES];
                 T::store(simd, &mut lowers, lower);
-                let first = self.rows().first(a);
                 // Meaningless where the candidate does not cover the lane's sample.
-                let rows = &mut found.rows[found.count][a];
-                rows.iter_mut().zip(lowers).for_each(|(row, lower)| *row = first.wrapping_add(lower.small_u32()));
+                let vertices = &mut found.lower[found.count][a];
+                vertices.iter_mut().zip(lowers).for_each(|(vertex, lower)| *vertex = lower.small_u32());
             }
             found.count += 1;
         }
@@ -255,8 +254,7 @@ impl<T: Real> FieldScale<T> {
         let mut count = 0;
         for (c, &tensor) in covering.tensors[..covering.count.min(BLOCK)].iter().enumerate() {
             held[count] = c;
-            let [density, appearance] = [&self.density, &self.appearance].map(|f| f.held().count(tensor as usize));
-            count += usize::from(density + appearance > 0);
+            count += usize::from(self.blocks().any(|block| block.held().count(tensor as usize) > 0));
         }
         let begin = contributions.len();
         // Room for all, so that the ones of no weight can be overwritten by the next, without a branch.
@@ -265,10 +263,11 @@ impl<T: Real> FieldScale<T> {
         for (lane, &sample) in samples.iter().enumerate() {
             let first = end;
             for &c in &held[..count] {
-                let (rows, fractions, weight) = (&covering.rows[c], &covering.fractions[c], covering.weights[c][lane]);
+                let (lower, fractions, weight) =
+                    (&covering.lower[c], &covering.fractions[c], covering.weights[c][lane]);
                 room[end] = Contribution {
                     tensor: self.first_tensor + covering.tensors[c],
-                    rows: [rows[0][lane], rows[1][lane], rows[2][lane]],
+                    lower: [lower[0][lane], lower[1][lane], lower[2][lane]],
                     fractions: [fractions[0][lane], fractions[1][lane], fractions[2][lane]],
                     weight,
                 };

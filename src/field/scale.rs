@@ -6,7 +6,7 @@ use pulp::Simd;
 
 use super::real::floor;
 use super::{CellIndex, FieldFactors, Real};
-use crate::model::{Factors, Scale, TensorCloud};
+use crate::model::{Form, Scale, TensorCloud};
 
 /// The tensors of a scale.
 #[derive(Clone, Debug)]
@@ -19,60 +19,49 @@ pub struct FieldScale<T> {
     pub half_edge: [T; 3],
     /// Cells along each axis.
     pub resolution: [u32; 3],
-    /// Density factors.
-    pub density: FieldFactors<T>,
-    /// Appearance factors.
-    pub appearance: FieldFactors<T>,
+    /// Density factors, as the blocks of [`crate::model::Factors`].
+    pub density: Vec<FieldFactors<T>>,
+    /// Appearance factors, alike.
+    pub appearance: Vec<FieldFactors<T>>,
     top_k: usize,
     index: CellIndex<T>,
-    rows: TensorRows<T>,
+    vertices: TensorVertices<T>,
 }
 
-/// The mapping from a position within a tensor to rows of its factors.
+/// The mapping from a position within a tensor to vertices of its factors.
 #[derive(Clone, Copy, Debug)]
-pub struct TensorRows<T> {
+pub struct TensorVertices<T> {
     half_edge: [T; 3],
     pub(crate) cells_per_unit: [T; 3],
     pub(crate) last_cell: [i32; 3],
-    pub(crate) first_row: [usize; 3],
-    /// Rows of a tensor.
-    pub count: usize,
 }
 
-/// The lower of two rows and the fraction of the way to the next, per axis. Used by training only.
+/// The lower of two vertices and the fraction of the way to the next, per axis. Used by training only.
 #[cfg(feature = "toolkit")]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interpolation<T> {
-    pub(crate) rows: [usize; 3],
+    pub(crate) lower: [usize; 3],
     pub(crate) fractions: [T; 3],
 }
 
-impl<T: Real> TensorRows<T> {
+impl<T: Real> TensorVertices<T> {
     fn new(half_edge: DVec3, resolution: [u32; 3]) -> Self {
         Self {
             half_edge: half_edge.to_array().map(T::of),
             cells_per_unit: [0, 1, 2].map(|a| T::of(f64::from(resolution[a]) / (2.0 * half_edge[a]))),
             last_cell: resolution.map(|d| d as i32 - 1),
-            first_row: Factors::axis_rows(resolution),
-            count: Factors::rows(resolution),
         }
     }
 
-    /// Rows and fractions at `offset` from a tensor's center.
+    /// Vertices and fractions at `offset` from a tensor's center.
     #[cfg(feature = "toolkit")]
     #[inline(always)]
     pub(crate) fn at(&self, offset: [T; 3]) -> Interpolation<T> {
         let (x, y, z) = (self.on_axis(0, offset[0]), self.on_axis(1, offset[1]), self.on_axis(2, offset[2]));
-        Interpolation { rows: [x.0 as usize, y.0 as usize, z.0 as usize], fractions: [x.1, y.1, z.1] }
+        Interpolation { lower: [x.0 as usize, y.0 as usize, z.0 as usize], fractions: [x.1, y.1, z.1] }
     }
 
-    /// The first row of axis `a` in a tensor.
-    #[inline(always)]
-    pub(super) fn first(&self, a: usize) -> u32 {
-        self.first_row[a] as u32
-    }
-
-    /// The lower of two rows, an index on the axis, and the fraction, for a register of offsets. Both are meaningless
+    /// The lower of two vertices on axis `a`, and the fraction, for a register of offsets. Both are meaningless
     /// in lanes whose tensor does not cover the position.
     #[inline(always)]
     pub(super) fn on_axis_of_many<S: Simd>(
@@ -87,12 +76,12 @@ impl<T: Real> TensorRows<T> {
         (lower, T::minus(simd, u, lower))
     }
 
-    /// The lower of two rows on axis `a`, an index in the tensor, and the fraction.
+    /// The lower of two vertices on axis `a`, and the fraction.
     #[inline(always)]
     pub(super) fn on_axis(&self, a: usize, offset: T) -> (u32, T) {
         let u = (offset + self.half_edge[a]) * self.cells_per_unit[a];
         let lower = u.floor_i32().clamp(0, self.last_cell[a]);
-        (self.first_row[a] as u32 + lower as u32, u - T::of_i32(lower))
+        (lower as u32, u - T::of_i32(lower))
     }
 }
 
@@ -107,7 +96,7 @@ impl<T: Real> FieldScale<T> {
     /// `first_tensor` is the number of tensors before it.
     pub(super) fn new(
         scale: &Scale,
-        [density, appearance]: [FieldFactors<T>; 2],
+        [density, appearance]: [Vec<FieldFactors<T>>; 2],
         origin: DVec3,
         first_tensor: u32,
     ) -> Self {
@@ -120,7 +109,7 @@ impl<T: Real> FieldScale<T> {
             appearance,
             top_k: scale.top_k as usize,
             index: CellIndex::new(&scale.cloud, origin),
-            rows: TensorRows::new(scale.cloud.half_edge, scale.cloud.resolution),
+            vertices: TensorVertices::new(scale.cloud.half_edge, scale.cloud.resolution),
         }
     }
 
@@ -134,22 +123,46 @@ impl<T: Real> FieldScale<T> {
         self.centers.is_empty()
     }
 
-    /// The mapping from positions to rows.
-    pub fn rows(&self) -> &TensorRows<T> {
-        &self.rows
+    /// The mapping from positions to vertices.
+    pub fn vertices(&self) -> &TensorVertices<T> {
+        &self.vertices
+    }
+
+    /// The blocks of density, then those of appearance.
+    pub fn blocks(&self) -> impl Iterator<Item = &FieldFactors<T>> {
+        self.density.iter().chain(&self.appearance)
+    }
+
+    /// As [`FieldScale::blocks`], to change.
+    pub fn blocks_mut(&mut self) -> impl Iterator<Item = &mut FieldFactors<T>> {
+        self.density.iter_mut().chain(&mut self.appearance)
+    }
+
+    /// Number of factors of all tensors.
+    pub fn value_count(&self) -> usize {
+        self.blocks().map(|block| block.held().value_count()).sum()
+    }
+
+    /// The most density components that a tensor may hold.
+    pub fn density_rank(&self) -> usize {
+        self.density.iter().map(|block| block.held().rank()).sum()
+    }
+
+    /// Appearance components, as many as the scale's columns of the appearance matrix.
+    pub fn appearance_rank(&self) -> usize {
+        self.appearance.iter().map(|block| block.held().rank()).sum()
     }
 
     /// Gives the tensors the resolution of `cloud`, which is theirs, when training upsamples: `resampled` returns a tensor's
-    /// new factors from the old ones and their number of components.
+    /// new factors from their form, the old ones and their number of components.
     ///
     /// # Panics
     ///
     /// If the new factors do not fit the resolution.
-    pub fn set_resolution(&mut self, cloud: &TensorCloud, resampled: impl Fn(&[T], usize) -> Vec<T>) {
-        self.rows = TensorRows::new(cloud.half_edge, cloud.resolution);
+    pub fn set_resolution(&mut self, cloud: &TensorCloud, resampled: impl Fn(Form, &[T], usize) -> Vec<T>) {
+        self.vertices = TensorVertices::new(cloud.half_edge, cloud.resolution);
         self.resolution = cloud.resolution;
-        self.density.resample(self.rows.count, &resampled);
-        self.appearance.resample(self.rows.count, &resampled);
+        self.blocks_mut().for_each(|block| block.resample(cloud.resolution, &resampled));
     }
 
     /// The most neighbors of a point.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::field::{Activations, Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice};
-use crate::model::{Factors, Scene};
+use crate::model::Scene;
 use crate::train::RayBatch;
 
 /// Rays per task.
@@ -123,16 +123,17 @@ impl CellMap {
 
     fn share_out_parameters(&mut self, scene: &Scene, lattice: &Lattice) {
         for scale in &scene.scales {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let held = |values: &[f32], rank: u32| Factors::nonzero_components(values, rows, rank as usize);
-            let factors = &scale.factors;
-            let ranks = [factors.density_rank as usize, factors.appearance_rank as usize];
-            let held =
-                [held(&factors.density, factors.density_rank), held(&factors.appearance, factors.appearance_rank)];
-            for n in 0..scale.cloud.len() {
-                let components: usize =
-                    (0..2).map(|p| held[p][n * ranks[p]..][..ranks[p]].iter().filter(|h| **h).count()).sum();
-                let parameters = (components * rows) as f64;
+            let resolution = scale.cloud.resolution;
+            let mut of_tensor = vec![0; scale.cloud.len()];
+            for block in scale.factors.blocks() {
+                let (rank, rows) = (block.rank as usize, block.form.rows(resolution));
+                let held = block.nonzero_components(resolution);
+                for (sum, held) in of_tensor.iter_mut().zip(held.chunks_exact(rank)) {
+                    *sum += rows * held.iter().filter(|h| **h).count();
+                }
+            }
+            for (n, &parameters) in of_tensor.iter().enumerate() {
+                let parameters = parameters as f64;
                 let covered = self.cells_in(lattice, &Aabb::around(scale.cloud.center(n), scale.cloud.half_edge));
                 let seen: f64 = covered.iter().map(|&c| self.cells[c].weight).sum();
                 if seen > 0.0 {

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use glam::{DVec3, IVec3};
 
 use super::decoder::Decoder;
-use super::factors::Factors;
+use super::factors::{Block, Form};
 use super::occupancy::Occupancy;
 use super::rules::{Aggregation, Coverage, Reduction};
 use super::scale::Scale;
@@ -278,17 +278,18 @@ impl<'a> ReferenceField<'a> {
                 continue;
             }
             scales += 1;
-            let rank = scale.factors.appearance_rank as usize;
-            let mut components = vec![0.0; rank];
+            let mut components = vec![0.0; scale.factors.appearance_rank() as usize];
             for n in neighbors {
-                let offset = point.position - scale.cloud.center(n.tensor);
-                let interpolation = Interpolation::at(scale, offset);
-                for (r, component) in components.iter_mut().enumerate() {
-                    let [x, y, z] = interpolation.values(&scale.factors.appearance, rank, n.tensor, r);
-                    *component += n.weight * x * y * z;
+                let interpolation = Interpolation::at(scale, point.position - scale.cloud.center(n.tensor));
+                let mut first = 0;
+                for block in &scale.factors.appearance {
+                    interpolation.for_each(block, n.tensor, n.weight, |r, (value, _)| components[first + r] += value);
+                    first += block.rank as usize;
                 }
             }
-            for (feature, row) in features.iter_mut().zip(scale.appearance_matrix.weights.chunks_exact(rank)) {
+            for (feature, row) in
+                features.iter_mut().zip(scale.appearance_matrix.weights.chunks_exact(components.len()))
+            {
                 *feature += row.iter().zip(&components).map(|(&b, a)| f64::from(b) * a).sum::<f64>();
             }
         }
@@ -352,71 +353,92 @@ fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item =
 
 /// The interpolation at an offset from a tensor's center, on its three axes (spec 4.3).
 struct Interpolation {
-    /// The row of the lower vertex within the tensor, per axis.
-    rows: [usize; 3],
+    resolution: [u32; 3],
+    /// The lower vertex, per axis.
+    lower: [usize; 3],
     /// Position between it and the next, in [0, 1].
     fractions: [f64; 3],
-    /// Rows of a whole tensor.
-    tensor_rows: usize,
     /// Cells per model unit.
     cells_per_unit: DVec3,
 }
 
+/// A number of a component, and its slopes on x, y and z, per model unit.
+type ValueAndSlopes = (f64, DVec3);
+
 impl Interpolation {
     fn at(scale: &Scale, offset: DVec3) -> Self {
         let resolution = scale.cloud.resolution;
-        let first = Factors::axis_rows(resolution);
-        let cells_per_unit = 1.0 / scale.cloud.cell_size();
-        let mut rows = [0; 3];
+        let mut lower = [0; 3];
         let mut fractions = [0.0; 3];
         for a in 0..3 {
             let cells = f64::from(resolution[a]);
             let u = (offset[a] + scale.cloud.half_edge[a]) / (2.0 * scale.cloud.half_edge[a]) * cells;
-            let lower = u.floor().clamp(0.0, cells - 1.0);
-            rows[a] = first[a] + lower as usize;
-            fractions[a] = u - lower;
+            let vertex = u.floor().clamp(0.0, cells - 1.0);
+            lower[a] = vertex as usize;
+            fractions[a] = u - vertex;
         }
-        Self { rows, fractions, tensor_rows: Factors::rows(resolution), cells_per_unit }
+        Self { resolution, lower, fractions, cells_per_unit: 1.0 / scale.cloud.cell_size() }
     }
 
-    /// The two vertices of component `r` on `axis`.
-    fn vertices(&self, factors: &[f32], rank: usize, tensor: usize, r: usize, axis: usize) -> [f64; 2] {
-        let lower = (tensor * self.tensor_rows + self.rows[axis]) * rank + r;
-        [f64::from(factors[lower]), f64::from(factors[lower + rank])]
+    /// Calls `take` with `weight` times each component of `block`.
+    fn for_each(&self, block: &Block, tensor: usize, weight: f64, mut take: impl FnMut(usize, ValueAndSlopes)) {
+        let (form, rank, weight) = (block.form, block.rank as usize, (weight, DVec3::ZERO));
+        let first = tensor * form.rows(self.resolution);
+        let factors = form.factors(self.resolution);
+        for r in 0..rank {
+            let value =
+                |factor: usize, row: usize| f64::from(block.values[(first + factors[factor].start + row) * rank + r]);
+            take(
+                r,
+                match form {
+                    Form::Cp => {
+                        let [x, y, z] = [0, 1, 2].map(|a| self.vector(a, |vertex| value(a, vertex)));
+                        product(product(product(weight, x), y), z)
+                    }
+                    Form::Vm(axis) => {
+                        let vector = self.vector(axis, |vertex| value(0, vertex));
+                        product(product(weight, vector), self.matrix(axis, |row| value(1, row)))
+                    }
+                },
+            );
+        }
     }
 
-    /// Component `r` interpolated on x, y and z.
-    fn values(&self, factors: &[f32], rank: usize, tensor: usize, r: usize) -> [f64; 3] {
-        [0, 1, 2].map(|a| {
-            let [lower, upper] = self.vertices(factors, rank, tensor, r, a);
-            (1.0 - self.fractions[a]) * lower + self.fractions[a] * upper
-        })
+    /// The interpolation between the vertices of a vector along `axis`.
+    fn vector(&self, axis: usize, vertex: impl Fn(usize) -> f64) -> ValueAndSlopes {
+        let [lower, upper] = [vertex(self.lower[axis]), vertex(self.lower[axis] + 1)];
+        let mut slopes = DVec3::ZERO;
+        slopes[axis] = (upper - lower) * self.cells_per_unit[axis];
+        ((1.0 - self.fractions[axis]) * lower + self.fractions[axis] * upper, slopes)
     }
 
-    /// Its slopes on x, y and z, per model unit.
-    fn slopes(&self, factors: &[f32], rank: usize, tensor: usize, r: usize) -> [f64; 3] {
-        [0, 1, 2].map(|a| {
-            let [lower, upper] = self.vertices(factors, rank, tensor, r, a);
-            (upper - lower) * self.cells_per_unit[a]
-        })
+    /// The interpolation between the vertices of a matrix over the other axes than `axis`.
+    fn matrix(&self, axis: usize, vertex: impl Fn(usize) -> f64) -> ValueAndSlopes {
+        let [first, second] = Form::matrix_axes(axis);
+        let row_len = self.resolution[first] as usize + 1;
+        let row = |n: usize| self.vector(first, |column| vertex(n * row_len + column));
+        let (lower, upper) = (row(self.lower[second]), row(self.lower[second] + 1));
+        let fraction = self.fractions[second];
+        let mut slopes = (1.0 - fraction) * lower.1 + fraction * upper.1;
+        slopes[second] = (upper.0 - lower.0) * self.cells_per_unit[second];
+        ((1.0 - fraction) * lower.0 + fraction * upper.0, slopes)
     }
+}
+
+fn product(a: ValueAndSlopes, b: ValueAndSlopes) -> ValueAndSlopes {
+    (a.0 * b.0, a.1 * b.0 + a.0 * b.1)
 }
 
 /// A tensor's density feature at `offset` from its center, its gradient, and the sum of the absolute products.
 fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3, f64) {
     let interpolation = Interpolation::at(scale, offset);
-    let rank = scale.factors.density_rank as usize;
-    let mut value = 0.0;
-    let mut gradient = DVec3::ZERO;
-    let mut magnitude = 0.0;
-    for r in 0..rank {
-        let [x, y, z] = interpolation.values(&scale.factors.density, rank, tensor, r);
-        let [dx, dy, dz] = interpolation.slopes(&scale.factors.density, rank, tensor, r);
-        value += x * y * z;
-        magnitude += (x * y * z).abs();
-        gradient += DVec3::new(dx * y * z, x * dy * z, x * y * dz);
+    let mut sum = (0.0, DVec3::ZERO, 0.0);
+    for block in &scale.factors.density {
+        interpolation.for_each(block, tensor, 1.0, |_, (value, slopes)| {
+            sum = (sum.0 + value, sum.1 + slopes, sum.2 + value.abs());
+        });
     }
-    (value, gradient, magnitude)
+    sum
 }
 
 /// [features, direction, PE(features), PE(direction)].

@@ -17,7 +17,7 @@ mod tensor_cloud;
 
 pub use decoder::{Decoder, DecoderMode, Linear};
 pub use error::BrokenInvariant;
-pub use factors::{FactorKind, Factors};
+pub use factors::{Block, FactorKind, Factors, Form};
 pub use field::{DensityAt, MARGIN_HORIZON, Neighbor, Point, ReferenceField, alpha, sigmoid, softplus};
 pub use frame::{ColorSpace, Frame, UpAxis};
 pub use matrix::AppearanceMatrix;

@@ -29,8 +29,7 @@ impl Scale {
 
     /// The same without components that are zero, which files leave out.
     pub fn nonzero_parameter_count(&self) -> u64 {
-        let rows = Factors::rows(self.cloud.resolution);
-        self.factors.nonzero_parameter_count(rows) + self.appearance_matrix.weights.len() as u64
+        self.factors.nonzero_parameter_count(self.cloud.resolution) + self.appearance_matrix.weights.len() as u64
     }
 
     /// Keeps the tensors of the numbers `kept`, which ascend, and removes the others.
@@ -49,6 +48,6 @@ impl Scale {
         if !has_finite_factors {
             self.factors.check_numbers(place)?;
         }
-        self.appearance_matrix.check(place, features, self.factors.appearance_rank)
+        self.appearance_matrix.check(place, features, self.factors.appearance_rank())
     }
 }

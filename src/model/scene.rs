@@ -52,10 +52,7 @@ impl Scene {
 
     /// Bytes of memory that the scene takes, but for some hundreds.
     pub fn memory_bytes(&self) -> u64 {
-        let of_scale = |scale: &Scale| {
-            let factors = scale.factors.density.len() + scale.factors.appearance.len();
-            4 * (factors + scale.appearance_matrix.weights.len()) as u64 + 24 * scale.cloud.len() as u64
-        };
+        let of_scale = |scale: &Scale| 4 * scale.parameter_count() + 24 * scale.cloud.len() as u64;
         let occupancy = self.occupancy.as_ref().map_or(0, |occupancy| 8 * occupancy.words.len() as u64);
         self.scales.iter().map(of_scale).sum::<u64>() + 4 * self.decoder.parameter_count() + occupancy
     }

@@ -6,8 +6,8 @@
 
 use super::lossy::options_of;
 use super::{Candidate, Distortion, Goal, search};
-use crate::container::{EncodeOptions, Error, Metadata, encode_scene_file};
-use crate::model::Scene;
+use crate::container::{EncodeOptions, Error, FactorOptions, Metadata, encode_scene_file};
+use crate::model::{Scale, Scene};
 use crate::train::{FactorImportance, Rounding, Trainer};
 
 /// The file at the start, in goals. Training takes bytes away: with the loss of a bit below, up to a tenth.
@@ -45,9 +45,10 @@ pub fn begin_for_size(
         return Ok(false);
     };
     let Candidate { scene, options, bytes, loss, .. } = candidate;
-    let codes: Vec<[&[u8]; 2]> = (options.density.iter().zip(&options.appearance))
-        .map(|(density, appearance)| [density, appearance].map(|part| part.steps.as_deref().unwrap_or_default()))
-        .collect();
+    let of_scale = |(density, appearance): (&FactorOptions, &FactorOptions)| {
+        [density, appearance].into_iter().flat_map(|part| part.steps.iter().flatten().cloned()).collect()
+    };
+    let codes: Vec<Vec<Vec<u8>>> = options.density.iter().zip(&options.appearance).map(of_scale).collect();
     // A step costs loss/12 for each number; another one that is a bit coarser, ln 2/6 of the loss more.
     let bit = BIT * std::f64::consts::LN_2 / 6.0 * loss;
     trainer.begin_rounding(scene, &codes, bit, [bytes, goal], steps);
@@ -79,10 +80,14 @@ pub fn steer_to_size(trainer: &mut Trainer<'_>) -> Result<(), Error> {
 
 /// The rounded scene of `trainer`, and its encoding.
 fn rounded(trainer: &Trainer<'_>) -> (Scene, EncodeOptions) {
-    let (density, appearance) =
-        trainer.step_codes().into_iter().map(|[density, appearance]| (density, appearance)).unzip();
-    let options = EncodeOptions { network_steps: trainer.network_steps(), ..options_of(density, appearance) };
-    (trainer.scene(), options)
+    let scene = trainer.scene();
+    let of_scale = |(mut codes, scale): (Vec<Vec<u8>>, &Scale)| {
+        let of_appearance = codes.split_off(scale.factors.density.len());
+        [codes, of_appearance]
+    };
+    let codes = trainer.step_codes().into_iter().zip(&scene.scales).map(of_scale).collect();
+    let options = EncodeOptions { network_steps: trainer.network_steps(), ..options_of(codes) };
+    (scene, options)
 }
 
 /// The scene of `trainer` and its encoding, of at most `most` bytes without metadata: its rounded factors; if their file is

@@ -4,6 +4,7 @@ use crate::container::{
     ArrayOptions, EncodeOptions, Encoding, Error, FactorOptions, Limits, NetworkSteps, SceneFile, decode_scene_file,
     encode_scene_file,
 };
+use crate::model::Block;
 
 /// Options that encode `file` without loss: its own, and floats for arrays that its own would round, as after an edit.
 ///
@@ -22,14 +23,18 @@ pub fn lossless(file: &SceneFile) -> Result<EncodeOptions, Error> {
     let floats = EncodeOptions::lossless(&file.scene);
     for (s, scale) in file.scene.scales.iter().enumerate() {
         let read = read.as_ref().map(|read| &read.scene.scales[s].factors);
-        let fits = |read: Option<&Vec<f32>>, values: &[f32]| read.is_some_and(|read| same_bits(read, values));
+        let fits = |read: Option<&[Block]>, own: &[Block]| {
+            let same = |(read, own): (&Block, &Block)| same_bits(&read.values, &own.values);
+            read.is_some_and(|read| read.iter().zip(own).all(same))
+        };
         let choose = |fits: bool, own: &[FactorOptions], floats: &[FactorOptions]| {
             let options = if fits { own.get(s).or(own.last()) } else { floats.last() };
             options.cloned().unwrap_or_else(|| FactorOptions::new(Encoding::F32))
         };
         let factors = &scale.factors;
-        let (density, appearance) =
-            (fits(read.map(|r| &r.density), &factors.density), fits(read.map(|r| &r.appearance), &factors.appearance));
+        let [density, appearance] =
+            [(read.map(|r| &r.density[..]), &factors.density), (read.map(|r| &r.appearance[..]), &factors.appearance)]
+                .map(|(read, own)| fits(read, own));
         options.density.push(choose(density, &file.encoding.density, &floats.density));
         options.appearance.push(choose(appearance, &file.encoding.appearance, &floats.appearance));
     }

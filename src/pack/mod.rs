@@ -17,7 +17,7 @@ mod prune;
 mod search;
 mod views;
 
-pub use balance::{balance, balance_part};
+pub use balance::{balance, balance_block};
 pub use crop::{crop, keep_scales};
 pub use distortion::Distortion;
 pub use for_size::{begin_for_size, rounded_to_size, size, steer_to_size};

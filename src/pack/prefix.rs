@@ -48,8 +48,10 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         });
         field.rules.density_shift = shift;
         let gradients = backward.gradients(&field, &rays, &targets, all);
-        let gain_gradient: f64 = x_vectors(&field)
-            .map(|(s, at)| f64::from(field.scales[s].density.values()[at]) * f64::from(gradients.density[s][at]))
+        let gain_gradient: f64 = first_factors(&field)
+            .map(|(s, b, at)| {
+                f64::from(field.scales[s].density[b].values()[at]) * f64::from(gradients.factors[s][b][at])
+            })
             .sum();
         let shape_gradients = [gain_gradient as f32, ((above - below) / (2.0 * OFFSET_DIFFERENCE)) as f32];
         let decay = 0.1f64.powf((n - 1) as f64 / steps as f64);
@@ -69,15 +71,15 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
         );
         field.rules.density_shift += f64::from(shape[1] - before[1]);
         let ratio = (shape[0] - before[0]).exp();
-        let entries: Vec<_> = x_vectors(&field).collect();
-        for (s, at) in entries {
-            field.scales[s].density.values_mut()[at] *= ratio;
+        let entries: Vec<_> = first_factors(&field).collect();
+        for (s, b, at) in entries {
+            field.scales[s].density[b].values_mut()[at] *= ratio;
         }
     }
     let width = field.component_count();
     let mut first = 0;
     let matrices = field.scales.iter().map(|scale| {
-        let rank = scale.appearance.held().rank();
+        let rank = scale.appearance_rank();
         let rows = field.decoder.appearance.chunks_exact(width);
         let matrix = rows.flat_map(|row| row[first..first + rank].iter().copied()).collect();
         first += rank;
@@ -87,10 +89,12 @@ pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, see
     Prefix { gain: f64::from(shape[0]).exp(), offset: f64::from(shape[1]), features: scene.features(), matrices }
 }
 
-/// Scale and index of each entry of the density vectors along x.
-fn x_vectors(field: &Field<f32>) -> impl Iterator<Item = (usize, usize)> {
+/// Scale, block and index of each entry of the first factors of density components.
+fn first_factors(field: &Field<f32>) -> impl Iterator<Item = (usize, usize, usize)> {
     field.scales.iter().enumerate().flat_map(|(s, scale)| {
-        let (held, rows) = (scale.density.held(), scale.resolution[0] as usize + 1);
-        (0..scale.len()).flat_map(move |n| held.values(n).take(rows * held.count(n)).map(move |at| (s, at)))
+        scale.density.iter().enumerate().flat_map(move |(b, block)| {
+            let (held, rows) = (block.held(), block.first_factor_rows());
+            (0..held.tensors()).flat_map(move |n| held.values(n).take(rows * held.count(n)).map(move |at| (s, b, at)))
+        })
     })
 }

@@ -32,8 +32,8 @@ pub fn facts(file: &SceneFile, contents: &Contents, bytes: u64) -> Vec<Fact> {
         let value = format!(
             "{} of {x:.3} x {y:.3} x {z:.3}, {dx} x {dy} x {dz} cells, ranks {} + {}, top-k {}",
             grouped(scale.cloud.len() as u64),
-            factors.density_rank,
-            factors.appearance_rank,
+            factors.density_rank(),
+            factors.appearance_rank(),
             scale.top_k
         );
         facts.push(fact(&format!("scale {n}"), value));

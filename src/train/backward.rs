@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::NetworkLayout;
 use super::chunk::{BatchRoulette, Chunk, LossTerms, RAYS_PER_CHUNK, Scratch, Target};
-use super::factors::{ComponentRange, ScaleGeometry, TensorGradient};
+use super::factors::{BlockGeometry, TensorGradient};
 use crate::color_map::ColorMap;
-use crate::field::{Field, Pool, Real, Roulette, Work, vectorized};
+use crate::field::{Field, FieldFactors, Pool, Real, Roulette, Work, vectorized};
 use crate::geometry::Ray;
 use crate::random::Random;
 
@@ -30,10 +30,8 @@ pub struct Backward<T> {
 pub struct Gradients<T> {
     /// The loss, as [`Backward::loss`] returns it.
     pub loss: T,
-    /// \[scale\] laid out as the field's density factors.
-    pub density: Vec<Vec<T>>,
-    /// \[scale\] laid out as the field's appearance factors.
-    pub appearance: Vec<Vec<T>>,
+    /// \[scale\]\[block\] laid out as the field's factors.
+    pub factors: Vec<Vec<Vec<T>>>,
     /// Laid out by [`NetworkLayout`].
     pub networks: Vec<T>,
 }
@@ -127,27 +125,23 @@ impl<T: Real> Backward<T> {
         let loss = T::of(self.loss(field, rays, targets, roulette));
         let networks = self.network_gradients();
         let tensors = Pool::<TensorGradient<T>>::default();
-        let (mut density, mut appearance) = (Vec::new(), Vec::new());
-        for (scale, components) in field.scales.iter().zip(component_ranges(field)) {
-            let geometry = ScaleGeometry::new(scale, &scale.centers, components, field.decoder.own_rows());
-            let parts = [&scale.density, &scale.appearance];
-            let mut of_scale = parts.map(|part| vec![T::zero(); part.values().len()]);
-            let [of_density, of_appearance] = &mut of_scale;
-            let by_tensor = [parts[0].held().split_mut(of_density), parts[1].held().split_mut(of_appearance)];
-            let [of_density, of_appearance] = by_tensor;
-            of_density.into_par_iter().zip(of_appearance).enumerate().for_each(|(n, (of_density, of_appearance))| {
-                tensors.with(|tensor| {
-                    let factors = parts.map(|part| &part.values()[part.held().values(n)]);
-                    tensor.accumulate(geometry, n, factors, &self.chunks);
-                    of_density.copy_from_slice(&tensor.density);
-                    of_appearance.copy_from_slice(&tensor.appearance);
+        let mut factors = Vec::new();
+        for (scale, geometries) in field.scales.iter().zip(BlockGeometry::of(field, field.decoder.own_rows())) {
+            let of_block = |(block, geometry): (&FieldFactors<T>, BlockGeometry<'_, T>)| {
+                let geometry = geometry.at(&scale.centers);
+                let mut gradients = vec![T::zero(); block.values().len()];
+                let by_tensor = block.held().split_mut(&mut gradients);
+                by_tensor.into_par_iter().enumerate().for_each(|(n, gradients)| {
+                    tensors.with(|tensor| {
+                        tensor.accumulate(geometry, n, &block.values()[block.held().values(n)], &self.chunks);
+                        gradients.copy_from_slice(&tensor.values);
+                    });
                 });
-            });
-            let [of_density, of_appearance] = of_scale;
-            density.push(of_density);
-            appearance.push(of_appearance);
+                gradients
+            };
+            factors.push(scale.blocks().zip(geometries).map(of_block).collect());
         }
-        Gradients { loss, density, appearance, networks }
+        Gradients { loss, factors, networks }
     }
 }
 
@@ -170,16 +164,4 @@ impl Backward<f32> {
         let targets: Vec<Target> = colors.iter().enumerate().map(target).collect();
         self.gradients(field, rays, &targets, BatchRoulette::default())
     }
-}
-
-/// \[scale\] the range of its components in a row of the components of all scales.
-pub(super) fn component_ranges<T: Real>(field: &Field<T>) -> Vec<ComponentRange> {
-    let width = field.component_count();
-    let mut first = 0;
-    let range = |scale: &crate::field::FieldScale<T>| {
-        let range = ComponentRange { first, width };
-        first += scale.appearance.held().rank();
-        range
-    };
-    field.scales.iter().map(range).collect()
 }

@@ -19,7 +19,7 @@ use super::{
 use crate::dataset::{Dataset, View};
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
-use crate::model::{DecoderMode, Placement, Scene, TensorCloud};
+use crate::model::{DecoderMode, FactorKind, Placement, Scene, TensorCloud};
 use crate::prior::{self, CoarseProgress, VoxelBoxes};
 use crate::psnr::RunningMse;
 
@@ -137,9 +137,11 @@ impl CoarseCube {
                 hidden: Vec::new(),
             },
             scales: vec![ScaleConfig {
+                whole_scene: false,
                 pitch: (self.resolution.as_dvec3() * self.cell).to_array(),
                 edge: (2.0 * cloud.half_edge).to_array(),
                 resolutions: vec![cloud.resolution],
+                factors: FactorKind::Cp,
                 density_rank: options.components,
                 appearance_rank: options.components,
                 top_k: 8,

@@ -11,11 +11,9 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use super::lean::Worth;
 use super::ray_errors::RayErrors;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Rounding, TrainConfig};
-use crate::field::{Field, Real};
+use crate::field::{Field, FieldScale, Real};
 use crate::geometry::Camera;
 
-/// The names of the parts of a scale's factors.
-const PARTS: [&str; 2] = ["density", "appearance"];
 /// The metadata of the numbers of [`Rounding`].
 const ROUNDING: [&str; 4] = ["bit", "first_bit", "file_bytes_goal", "file_bytes_at_start"];
 
@@ -30,8 +28,8 @@ pub struct Checkpoint {
     pub restarted_at: u64,
     /// Wall time spent so far, in seconds; only reported.
     pub seconds: f64,
-    pub(super) density: Vec<Moments<f32>>,
-    pub(super) appearance: Vec<Moments<f32>>,
+    /// \[scale\]\[block\].
+    pub(super) factors: Vec<Vec<Moments<f32>>>,
     pub(super) networks: Moments<f32>,
     pub(super) worth: Worth,
     /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] asks for it.
@@ -62,8 +60,7 @@ impl Checkpoint {
             step: 0,
             restarted_at: 0,
             seconds: 0.0,
-            density: Vec::new(),
-            appearance: Vec::new(),
+            factors: Vec::new(),
             networks: Moments::default(),
             worth: Worth::none(field),
             psnr_at_start: None,
@@ -82,18 +79,19 @@ impl Checkpoint {
     pub(super) fn restart(&mut self, field: &Field<f32>) {
         self.restarted_at = self.step;
         // The old moments first: they are as large as two scenes.
-        (self.density, self.appearance) = (Vec::new(), Vec::new());
-        self.density = field.scales.iter().map(|s| Moments::zeros(s.density.values().len())).collect();
-        self.appearance = field.scales.iter().map(|s| Moments::zeros(s.appearance.values().len())).collect();
+        self.factors = Vec::new();
+        let zeros = |scale: &FieldScale<f32>| scale.blocks().map(|b| Moments::zeros(b.values().len())).collect();
+        self.factors = field.scales.iter().map(zeros).collect();
         self.networks = Moments::zeros(NetworkLayout::new(field).len());
     }
 
     /// Removes the optimizer's state of all tensors but \[scale\] those of index `kept`, of `field`.
     pub(super) fn keep_tensors(&mut self, kept: &[Vec<usize>], field: &Field<f32>) {
         for (s, (kept, scale)) in kept.iter().zip(&field.scales).enumerate() {
-            self.density[s].keep_tensors(kept, scale.density.held());
-            self.appearance[s].keep_tensors(kept, scale.appearance.held());
-            self.worth.keep_tensors(s, kept, [scale.density.held(), scale.appearance.held()]);
+            for (moments, block) in self.factors[s].iter_mut().zip(scale.blocks()) {
+                moments.keep_tensors(kept, block.held());
+            }
+            self.worth.keep_tensors(s, kept, scale);
         }
     }
 
@@ -106,25 +104,20 @@ impl Checkpoint {
         let expect = |place: &str, expected: usize, found: usize| {
             if expected == found { Ok(()) } else { Err(malformed(place, expected, found)) }
         };
-        expect("scales", field.scales.len(), self.density.len())?;
+        expect("scales", field.scales.len(), self.factors.len())?;
         for (s, scale) in field.scales.iter().enumerate() {
-            expect(
-                &format!("density moments of scale {s}"),
-                scale.density.values().len(),
-                self.density[s].first.len(),
-            )?;
-            let place = format!("appearance moments of scale {s}");
-            expect(&place, scale.appearance.values().len(), self.appearance[s].first.len())?;
-        }
-        for (s, scale) in field.scales.iter().enumerate() {
-            for (part, factors) in [&scale.density, &scale.appearance].into_iter().enumerate() {
-                let found = self.worth.rises[s][part].len();
-                expect(&format!("worth of scale {s}"), factors.held().components(), found)?;
+            let (moments, rises) = (&self.factors[s], &self.worth.rises[s]);
+            let blocks = scale.blocks().count();
+            expect(&format!("moments of scale {s}"), blocks, moments.len())?;
+            expect(&format!("worth of scale {s}"), blocks, rises.len())?;
+            for (b, ((block, moments), rises)) in scale.blocks().zip(moments).zip(rises).enumerate() {
+                expect(&format!("moments of scale {s}, block {b}"), block.values().len(), moments.first.len())?;
+                expect(&format!("worth of scale {s}, block {b}"), block.held().components(), rises.len())?;
             }
         }
         for (s, (codes, scale)) in self.rounding.iter().flat_map(|r| &r.codes).zip(&field.scales).enumerate() {
-            for (codes, factors) in codes.iter().zip([&scale.density, &scale.appearance]) {
-                expect(&format!("step codes of scale {s}"), factors.held().components(), codes.len())?;
+            for (b, (codes, block)) in codes.iter().zip(scale.blocks()).enumerate() {
+                expect(&format!("step codes of scale {s}, block {b}"), block.held().components(), codes.len())?;
             }
         }
         expect("network moments", NetworkLayout::new(field).len(), self.networks.first.len())?;
@@ -160,13 +153,13 @@ impl Checkpoint {
             tensors.push((format!("{name}.second"), Dtype::F32, bytemuck::cast_slice(&moments.second)));
         }
         for (s, rises) in self.worth.rises.iter().enumerate() {
-            for (part, rises) in PARTS.iter().zip(rises) {
-                tensors.push((format!("worth.{part}.{s}"), Dtype::F64, bytemuck::cast_slice(rises)));
+            for (b, rises) in rises.iter().enumerate() {
+                tensors.push((format!("worth.{s}.{b}"), Dtype::F64, bytemuck::cast_slice(rises)));
             }
         }
         for (s, codes) in self.rounding.iter().flat_map(|rounding| &rounding.codes).enumerate() {
-            for (part, codes) in PARTS.iter().zip(codes) {
-                tensors.push((format!("step_codes.{part}.{s}"), Dtype::U8, codes));
+            for (b, codes) in codes.iter().enumerate() {
+                tensors.push((format!("step_codes.{s}.{b}"), Dtype::U8, codes));
             }
         }
         let exposures = self.exposures.to_numbers();
@@ -205,10 +198,11 @@ impl Checkpoint {
     }
 
     fn moments(&self) -> impl Iterator<Item = (String, &Moments<f32>)> {
-        let named = |name: &'static str| move |(s, m)| (format!("{name}.{s}"), m);
-        (self.density.iter().enumerate().map(named("density")))
-            .chain(self.appearance.iter().enumerate().map(named("appearance")))
-            .chain([("networks".to_string(), &self.networks)])
+        let scales = self.factors.iter().enumerate();
+        let named = scales.flat_map(|(s, blocks)| {
+            blocks.iter().enumerate().map(move |(b, moments)| (format!("factors.{s}.{b}"), moments))
+        });
+        named.chain([("networks".to_string(), &self.networks)])
     }
 
     /// Reads the bytes of [`Checkpoint::to_bytes`]: the checkpoint, and the scene's own file.
@@ -262,22 +256,17 @@ impl Checkpoint {
         }
         let (poses, focals) = (poses.as_chunks().0, focals.as_chunks().0);
         let config = TrainConfig::from_toml(text("config")?, None)?;
-        let of_scales = |name: &str| {
-            (0..config.scales.len()).map(|s| moments(&format!("{name}.{s}"))).collect::<Result<Vec<_>, _>>()
-        };
-        let worth_of = |s: usize| -> Result<[Vec<f64>; 2], CheckpointError> {
-            let [density, appearance] = PARTS.map(|part| tensor(&format!("worth.{part}.{s}"), Dtype::F64));
-            Ok([bytemuck::pod_collect_to_vec(density?), bytemuck::pod_collect_to_vec(appearance?)])
-        };
-        let rises = (0..config.scales.len()).map(worth_of).collect::<Result<_, _>>()?;
-        let codes_of = |s: usize| -> Result<[Vec<u8>; 2], CheckpointError> {
-            let [density, appearance] = PARTS.map(|part| tensor(&format!("step_codes.{part}.{s}"), Dtype::U8));
-            Ok([density?.to_vec(), appearance?.to_vec()])
-        };
+        // [scale][block]
+        let has = |place: &String| file.tensor(&format!("factors.{place}.first")).is_ok();
+        let blocks_of = |s: usize| (0..).map(move |b| format!("{s}.{b}")).take_while(has).collect();
+        let places: Vec<Vec<String>> = (0..config.scales.len()).map(blocks_of).collect();
+        let rises = of_blocks(&places, |place| {
+            Ok(bytemuck::pod_collect_to_vec(tensor(&format!("worth.{place}"), Dtype::F64)?))
+        })?;
         let rounding = if metadata.contains_key(ROUNDING[0]) {
             let [bit, first_bit, goal, start] = ROUNDING;
             Some(Rounding {
-                codes: (0..config.scales.len()).map(codes_of).collect::<Result<_, _>>()?,
+                codes: of_blocks(&places, |place| Ok(tensor(&format!("step_codes.{place}"), Dtype::U8)?.to_vec()))?,
                 bit: number(bit, text(bit)?)?,
                 first_bit: number(first_bit, text(first_bit)?)?,
                 goal: number(goal, text(goal)?)?,
@@ -294,8 +283,7 @@ impl Checkpoint {
             restarted_at: number("restarted_at", text("restarted_at")?)?,
             seconds: number("seconds", text("seconds")?)?,
             photographs: number("photographs", text("photographs")?)?,
-            density: of_scales("density")?,
-            appearance: of_scales("appearance")?,
+            factors: of_blocks(&places, |place| moments(&format!("factors.{place}")))?,
             networks: moments("networks")?,
             exposures: Exposures::from_numbers(&exposures)
                 .ok_or_else(|| malformed("tensor exposures", "the sums and maps of photographs", "other numbers"))?,
@@ -314,4 +302,12 @@ impl Checkpoint {
         }
         Ok((checkpoint, tensor("scene", Dtype::U8)?.to_vec()))
     }
+}
+
+/// \[scale\]\[block\] what `read` finds at `places`.
+fn of_blocks<V>(
+    places: &[Vec<String>],
+    read: impl Fn(&str) -> Result<V, CheckpointError>,
+) -> Result<Vec<Vec<V>>, CheckpointError> {
+    places.iter().map(|of_scale| of_scale.iter().map(|place| read(place)).collect()).collect()
 }

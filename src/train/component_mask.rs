@@ -3,93 +3,92 @@
 use rayon::prelude::*;
 
 use crate::field::{Field, FieldFactors, Holding};
-use crate::model::{Factors, Scene};
-
-/// Density and appearance of a scale, in this order.
-pub(super) type Parts<V> = [V; 2];
+use crate::model::{Block, Scene};
 
 /// The components of a scene to write zeros over.
 #[derive(Clone, Debug)]
 pub(super) struct ComponentMask {
-    /// \[scale\] of density and appearance, \[tensor\]\[component\].
-    pub(super) scales: Vec<Parts<Vec<bool>>>,
+    /// \[scale\]\[block\]\[tensor\]\[component\].
+    pub(super) scales: Vec<Vec<Vec<bool>>>,
 }
 
 impl ComponentMask {
     /// A mask of no component.
     pub(super) fn none(scene: &Scene) -> Self {
         let none = |s: &crate::model::Scale| {
-            [s.factors.density_rank, s.factors.appearance_rank].map(|rank| vec![false; s.cloud.len() * rank as usize])
+            s.factors.blocks().map(|block| vec![false; s.cloud.len() * block.rank as usize]).collect()
         };
         Self { scales: scene.scales.iter().map(none).collect() }
     }
 
     /// Writes zeros over the masked components of `scene`.
     pub(super) fn apply(&self, scene: &mut Scene) {
-        for (scale, [density, appearance]) in scene.scales.iter_mut().zip(&self.scales) {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let factors = &mut scale.factors;
-            write_zeros(&mut factors.density, rows, factors.density_rank as usize, density);
-            write_zeros(&mut factors.appearance, rows, factors.appearance_rank as usize, appearance);
+        for (scale, masks) in scene.scales.iter_mut().zip(&self.scales) {
+            for (block, mask) in scale.factors.blocks_mut().zip(masks) {
+                write_zeros(block, scale.cloud.resolution, mask);
+            }
         }
     }
 
     /// Copies the factors of `scene` to `field`, without the masked components.
     pub(super) fn write_to(&self, scene: &Scene, field: &mut Field<f32>) {
-        for ((scale, of_field), mask) in scene.scales.iter().zip(&mut field.scales).zip(&self.scales) {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let factors = &scale.factors;
-            let without = |holding, dense, rank: u32, mask: &[bool]| {
-                let rank = rank as usize;
-                FieldFactors::without(holding, dense, rows, rank, |n, c| mask[n * rank + c])
+        for ((scale, of_field), masks) in scene.scales.iter().zip(&mut field.scales).zip(&self.scales) {
+            let without = |holding, blocks: &[Block], masks: &[Vec<bool>]| {
+                let of_block = |(block, mask): (&Block, &Vec<bool>)| {
+                    let rank = block.rank as usize;
+                    FieldFactors::without(holding, block, scale.cloud.resolution, |n, c| mask[n * rank + c])
+                };
+                blocks.iter().zip(masks).map(of_block).collect()
             };
-            of_field.density = without(Holding::Nonzero, &factors.density, factors.density_rank, &mask[0]);
-            of_field.appearance = without(Holding::UpToLast, &factors.appearance, factors.appearance_rank, &mask[1]);
+            let (of_density, of_appearance) = masks.split_at(scale.factors.density.len());
+            of_field.density = without(Holding::Nonzero, &scale.factors.density, of_density);
+            of_field.appearance = without(Holding::UpToLast, &scale.factors.appearance, of_appearance);
         }
     }
 
     /// The numbers of tensors, of components and of parameters of `scene` that are not zero and would become zero.
     pub(super) fn count(&self, scene: &Scene) -> (u64, u64, u64) {
         let (mut tensors, mut components, mut numbers) = (0, 0, 0);
-        for (scale, mask) in scene.scales.iter().zip(&self.scales) {
-            let rows = Factors::rows(scale.cloud.resolution);
-            let factors = &scale.factors;
-            let ranks = [factors.density_rank as usize, factors.appearance_rank as usize];
-            let nonzero = [(&factors.density, ranks[0]), (&factors.appearance, ranks[1])]
-                .map(|(values, rank)| Factors::nonzero_components(values, rows, rank));
-            for n in 0..scale.cloud.len() {
-                let (mut dropped, mut left) = (0, 0);
-                for ((nonzero, mask), rank) in nonzero.iter().zip(mask).zip(ranks) {
-                    for c in (n * rank..(n + 1) * rank).filter(|&c| nonzero[c]) {
-                        *(if mask[c] { &mut dropped } else { &mut left }) += 1;
-                    }
+        for (scale, masks) in scene.scales.iter().zip(&self.scales) {
+            let resolution = scale.cloud.resolution;
+            // \[tensor\] whether a component is dropped, and whether one is left.
+            let mut changes = vec![[false; 2]; scale.cloud.len()];
+            for (block, mask) in scale.factors.blocks().zip(masks) {
+                let (rank, rows) = (block.rank as usize, block.form.rows(resolution) as u64);
+                let nonzero = block.nonzero_components(resolution);
+                for (n, (_, &masked)) in nonzero.iter().zip(mask).enumerate().filter(|(_, (nonzero, _))| **nonzero) {
+                    changes[n / rank][usize::from(!masked)] = true;
+                    components += u64::from(masked);
+                    numbers += u64::from(masked) * rows;
                 }
-                tensors += u64::from(dropped > 0 && left == 0);
-                components += dropped;
-                numbers += dropped * rows as u64;
             }
+            tensors += changes.iter().filter(|change| **change == [true, false]).count() as u64;
         }
         (tensors, components, numbers)
     }
 
-    /// Masks all components of the tensors for which `is_masked`, and none of the others, of density (part 0) or
-    /// appearance (1). Tensors are counted over all scales.
-    pub(super) fn set_tensors(&mut self, scene: &Scene, part: usize, is_masked: &[bool]) {
+    /// Masks all components of the tensors for which `is_masked`, and none of the others, of density or of appearance.
+    /// Tensors are counted over all scales.
+    pub(super) fn set_tensors(&mut self, scene: &Scene, of_density: bool, is_masked: &[bool]) {
         let mut first = 0;
-        for (scale, mask) in scene.scales.iter().zip(&mut self.scales) {
+        for (scale, masks) in scene.scales.iter().zip(&mut self.scales) {
             let tensors = scale.cloud.len();
-            let rank = mask[part].len() / tensors;
-            for (of_tensor, &masked) in mask[part].chunks_exact_mut(rank).zip(&is_masked[first..first + tensors]) {
-                of_tensor.fill(masked);
+            let (density, appearance) = masks.split_at_mut(scale.factors.density.len());
+            for mask in if of_density { density } else { appearance } {
+                let rank = mask.len() / tensors;
+                for (of_tensor, &masked) in mask.chunks_exact_mut(rank).zip(&is_masked[first..first + tensors]) {
+                    of_tensor.fill(masked);
+                }
             }
             first += tensors;
         }
     }
 }
 
-/// Writes zeros over the masked components of `values`, of tensors of `rows` rows and `rank` components.
-fn write_zeros(values: &mut [f32], rows: usize, rank: usize, mask: &[bool]) {
-    (values.par_chunks_exact_mut(rows * rank).zip(mask.par_chunks_exact(rank))).for_each(|(values, mask)| {
+/// Writes zeros over the masked components of `block`, of tensors of `resolution` cells.
+fn write_zeros(block: &mut Block, resolution: [u32; 3], mask: &[bool]) {
+    let (rank, len) = (block.rank as usize, block.tensor_len(resolution));
+    (block.values.par_chunks_exact_mut(len).zip(mask.par_chunks_exact(rank))).for_each(|(values, mask)| {
         for (c, _) in mask.iter().enumerate().filter(|(_, masked)| **masked) {
             values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
         }

@@ -5,7 +5,7 @@ use std::fmt::{self, Display};
 use rayon::prelude::*;
 
 use super::{Target, TrainConfig, network_parts};
-use crate::field::Field;
+use crate::field::{Field, FieldScale};
 
 /// The largest magnitude of a parameter. A step of Adam moves a parameter by no more than the learning rate: at the
 /// presets' rate this takes 50 000 steps in one direction. Products of three such factors are far beyond any density.
@@ -139,8 +139,7 @@ impl DivergenceMonitor {
                 values.par_chunks(1 << 14).find_first(|chunk| chunk.iter().fold(false, |any, &v| any | is_out(v)));
             chunk.and_then(|chunk| chunk.iter().copied().find(|&v| is_out(v)))
         };
-        let of_factors =
-            field.scales.iter().find_map(|s| exploded(s.density.values()).or_else(|| exploded(s.appearance.values())));
+        let of_factors = field.scales.iter().flat_map(FieldScale::blocks).find_map(|block| exploded(block.values()));
         if let Some(found) = of_factors {
             return Err(Divergence::Parameter {
                 what: "factors",

@@ -1,6 +1,5 @@
 //! The end of a run for a file that holds integers (`train/rounding.rs`).
 
-use super::lean::Parts;
 use super::network_rounding::UnroundedNetworks;
 use super::resize::tuned;
 use super::rounding::Unrounded;
@@ -22,13 +21,13 @@ impl Checkpoint {
 }
 
 impl Trainer<'_> {
-    /// Continues with `scene`, of the same photographs, for `steps` more in which factors are rounded: \[scale\] `codes` are
-    /// those of the steps of density and of appearance, \[tensor\]\[component\]. The loss of a `bit` may change on the way from
+    /// Continues with `scene`, of the same photographs, for `steps` more in which factors are rounded: \[scale\]\[block\] `codes`
+    /// are those of the steps, \[tensor\]\[component\]. The loss of a `bit` may change on the way from
     /// the bytes at the `start` to the `goal`. Nothing is given up or refined any more.
     pub fn begin_rounding(
         &mut self,
         scene: Scene,
-        codes: &[Parts<&[u8]>],
+        codes: &[Vec<Vec<u8>>],
         bit: f64,
         [start, goal]: [u64; 2],
         steps: u64,
@@ -36,8 +35,8 @@ impl Trainer<'_> {
         self.config = tuned(&self.config, &scene, steps);
         (self.config.cooldown, self.config.refine_poses) = (COOLDOWN, false);
         self.restart_from(scene, steps);
-        let of_scale = |(scale, [density, appearance]): (&FieldScale<f32>, &Parts<&[u8]>)| {
-            [Rounding::of_held(scale.density.held(), density), Rounding::of_held(scale.appearance.held(), appearance)]
+        let of_scale = |(scale, codes): (&FieldScale<f32>, &Vec<Vec<u8>>)| {
+            scale.blocks().zip(codes).map(|(block, codes)| Rounding::of_held(block.held(), codes)).collect()
         };
         let codes: Vec<_> = self.field.scales.iter().zip(codes).map(of_scale).collect();
         self.unrounded = Some(Unrounded::taking(&mut self.field, &codes));
@@ -54,11 +53,11 @@ impl Trainer<'_> {
         self.checkpoint.rounding.as_mut()
     }
 
-    /// \[scale\] the codes of the steps of density and of appearance, \[tensor\]\[component\]; empty if factors are not rounded.
-    pub fn step_codes(&self) -> Vec<Parts<Vec<u8>>> {
+    /// \[scale\]\[block\] the codes of the steps, \[tensor\]\[component\]; empty if factors are not rounded.
+    pub fn step_codes(&self) -> Vec<Vec<Vec<u8>>> {
         let codes = self.rounding().map_or(&[][..], |rounding| &rounding.codes);
-        let of_scale = |(scale, [density, appearance]): (&FieldScale<f32>, &Parts<Vec<u8>>)| {
-            [Rounding::of_all(scale.density.held(), density), Rounding::of_all(scale.appearance.held(), appearance)]
+        let of_scale = |(scale, codes): (&FieldScale<f32>, &Vec<Vec<u8>>)| {
+            scale.blocks().zip(codes).map(|(block, codes)| Rounding::of_all(block.held(), codes)).collect()
         };
         self.field.scales.iter().zip(codes).map(of_scale).collect()
     }
@@ -76,9 +75,10 @@ impl Trainer<'_> {
         }
         let mut scene = self.scene_with(&decoder);
         let factors = self.unrounded.iter().flat_map(|unrounded| unrounded.factors());
-        for ((scale, trained), [density, appearance]) in scene.scales.iter_mut().zip(&self.field.scales).zip(factors) {
-            scale.factors.density = trained.density.held().dense(density);
-            scale.factors.appearance = trained.appearance.held().dense(appearance);
+        for ((scale, trained), factors) in scene.scales.iter_mut().zip(&self.field.scales).zip(factors) {
+            for ((block, trained), values) in scale.factors.blocks_mut().zip(trained.blocks()).zip(factors) {
+                block.values = trained.held().dense(values);
+            }
         }
         scene
     }

@@ -2,8 +2,8 @@
 
 use super::lean::{self, Kept, Ranking, Worth};
 use super::{Checkpoint, RayBatch, Trainer, march_step, upsample};
-use crate::field::Field;
-use crate::model::{Factors, Scene};
+use crate::field::{Field, FieldFactors};
+use crate::model::Scene;
 use crate::random::Random;
 
 /// The share of what may still be lost that a round may cost at once.
@@ -32,14 +32,14 @@ impl Trainer<'_> {
     pub(super) fn give_up(&mut self, round: u32) {
         let lean = self.config.lean.clone();
         let has_last_resolution = self.config.upsample_at.iter().all(|&at| at < self.checkpoint.step);
-        let rows: Vec<usize> = (self.field.scales.iter().zip(&self.config.scales))
+        let resolutions: Vec<[u32; 3]> = (self.field.scales.iter().zip(&self.config.scales))
             .map(|(scale, config)| match config.resolutions.last() {
-                Some(&last) if !has_last_resolution => Factors::rows(last),
-                _ => scale.rows().count,
+                Some(&last) if !has_last_resolution => last,
+                _ => scale.resolution,
             })
             .collect();
         let shared = self.backward.layout.len() as u64;
-        let ranking = Ranking::new(&self.field, &self.checkpoint.worth, &rows, shared);
+        let ranking = Ranking::new(&self.field, &self.checkpoint.worth, &resolutions, shared);
         let allowance = match (lean.max_drop, self.checkpoint.psnr_at_start) {
             (Some(most), Some(before)) => ALLOWED_SHARE * (most - (before - self.psnr())).max(0.0),
             _ => f64::INFINITY,
@@ -60,9 +60,11 @@ impl Trainer<'_> {
         for s in 0..self.field.scales.len() {
             let scale = &self.field.scales[s];
             let (from, to) = (scale.resolution, lean::fewer(scale.resolution));
-            let share = 1.0 - Factors::rows(to) as f64 / Factors::rows(from) as f64;
-            let values = scale.density.values().len() + scale.appearance.values().len();
-            let saved = (share * values as f64) as u64;
+            let saved_of = |block: &FieldFactors<f32>| {
+                let share = 1.0 - block.form().rows(to) as f64 / block.form().rows(from) as f64;
+                share * block.values().len() as f64
+            };
+            let saved = scale.blocks().map(saved_of).sum::<f64>() as u64;
             if saved == 0 {
                 continue;
             }
@@ -82,10 +84,10 @@ impl Trainer<'_> {
         let from = self.field.scales[s].resolution;
         let to = lean::fewer(from);
         let scale = &self.field.scales[s];
-        let Checkpoint { density, appearance, .. } = &mut self.checkpoint;
-        for (moments, factors) in [(&mut density[s], &scale.density), (&mut appearance[s], &scale.appearance)] {
+        for (moments, block) in self.checkpoint.factors[s].iter_mut().zip(scale.blocks()) {
             for moments in [&mut moments.first, &mut moments.second] {
-                let resampled = factors.held().resampled(moments, |values, rank| upsample(values, rank, from, to));
+                let resample = |values: &[f32], rank| upsample(block.form(), values, rank, from, to);
+                let resampled = block.held().resampled(moments, resample);
                 *moments = resampled.flatten().collect();
             }
         }
@@ -103,30 +105,34 @@ impl Trainer<'_> {
         if s == 0 {
             self.field.rules.step *= step(cloud) / before;
         }
-        self.field.scales[s].set_resolution(cloud, |factors, rank| upsample(factors, rank, from, to));
+        self.field.scales[s].set_resolution(cloud, |form, factors, rank| upsample(form, factors, rank, from, to));
     }
 
-    /// Gives up all components but those of `kept`, by scale.
-    fn give_up_components(&mut self, kept: Vec<Kept>) {
-        let Checkpoint { density, appearance, networks, .. } = &mut self.checkpoint;
+    /// Gives up all components but those of `kept`, \[scale\]\[block\].
+    fn give_up_components(&mut self, kept: Vec<Vec<Kept>>) {
+        let Checkpoint { factors, networks, .. } = &mut self.checkpoint;
         let width = self.field.component_count();
         let mut first = 0;
-        for (s, Kept { held: [of_density, of_appearance], order: [density_order, order] }) in
-            kept.into_iter().enumerate()
-        {
+        for (s, kept) in kept.into_iter().enumerate() {
             let scale = &mut self.field.scales[s];
-            density[s].rearrange(scale.density.held(), &of_density, &density_order);
-            appearance[s].rearrange(scale.appearance.held(), &of_appearance, &order);
-            scale.density.rearrange(of_density, &density_order);
-            scale.appearance.rearrange(of_appearance, &order);
-            let columns = first..first + order.len();
-            first = columns.end;
-            let matrices = &mut self.field.decoder.appearance;
-            let end = matrices.len();
-            for matrices in [&mut matrices[..], &mut networks.first[..end], &mut networks.second[..end]] {
-                for row in matrices.chunks_exact_mut(width) {
-                    let old = row[columns.clone()].to_vec();
-                    row[columns.clone()].iter_mut().zip(&order).for_each(|(new, &c)| *new = old[c as usize]);
+            let of_density = scale.density.len();
+            for (b, ((block, moments), Kept { held, order })) in
+                scale.blocks_mut().zip(&mut factors[s]).zip(kept).enumerate()
+            {
+                moments.rearrange(block.held(), &held, &order);
+                block.rearrange(held, &order);
+                if b < of_density {
+                    continue;
+                }
+                let columns = first..first + order.len();
+                first = columns.end;
+                let matrices = &mut self.field.decoder.appearance;
+                let end = matrices.len();
+                for matrices in [&mut matrices[..], &mut networks.first[..end], &mut networks.second[..end]] {
+                    for row in matrices.chunks_exact_mut(width) {
+                        let old = row[columns.clone()].to_vec();
+                        row[columns.clone()].iter_mut().zip(&order).for_each(|(new, &c)| *new = old[c as usize]);
+                    }
                 }
             }
         }

@@ -3,8 +3,7 @@
 use super::{ConfigError, TrainConfig};
 use crate::geometry::Aabb;
 use crate::model::{
-    AppearanceMatrix, Coverage, Decoder, FactorKind, Factors, Frame, Linear, Provenance, Rules, Scale, Scene,
-    TensorCloud,
+    AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Rules, Scale, Scene, TensorCloud,
 };
 use crate::random::Random;
 
@@ -47,26 +46,17 @@ pub fn initial_scene(
     let scales = (config.scales.iter().zip(clouds).enumerate())
         .map(|(s, (scale, cloud))| {
             let normal = Random::new(config.seed, "factors").substream(s as u64);
-            let rows = cloud.len() * Factors::rows(cloud.resolution);
-            let mut drawn = 0;
-            let mut factors = |rank: u32| {
-                let first = drawn;
-                drawn += rows * rank as usize;
-                let draw = |i| (config.factor_deviation * normal.normal(i as u64)) as f32;
-                (first..drawn).map(draw).collect()
-            };
-            let (density_rank, appearance_rank) = (scale.density_rank, scale.appearance_rank);
+            let [density, appearance] = scale.forms();
+            let mut factors = Factors::zeros(cloud.len(), cloud.resolution, [&density, &appearance]);
+            for (i, v) in factors.blocks_mut().flat_map(|block| &mut block.values).enumerate() {
+                *v = (config.factor_deviation * normal.normal(i as u64)) as f32;
+            }
+            let appearance_rank = scale.appearance_rank;
             let matrix = Random::new(config.seed, "appearance matrix").substream(s as u64);
             Scale {
                 cloud,
                 top_k: scale.top_k,
-                factors: Factors {
-                    kind: FactorKind::Cp,
-                    density_rank,
-                    appearance_rank,
-                    density: factors(density_rank),
-                    appearance: factors(appearance_rank),
-                },
+                factors,
                 appearance_matrix: AppearanceMatrix {
                     features,
                     rank: appearance_rank,

@@ -12,7 +12,7 @@
 //! is measured on rays, because it moves all factors at once.
 
 use super::config::LeanConfig;
-use crate::field::{Field, FieldScale, HeldComponents, Real};
+use crate::field::{Field, FieldFactors, FieldScale, HeldComponents, Real};
 
 /// dB of PSNR that a relative rise of the mean squared error costs.
 const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
@@ -28,15 +28,11 @@ const CELLS_EVERY: u32 = 4;
 const CELLS_KEPT: f64 = 0.85;
 const MIN_CELLS: u32 = 2;
 
-/// Values for density and for appearance.
-pub(super) type Parts<V> = [V; 2];
-
 /// Sums over steps, for the worth of components.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Worth {
-    /// \[scale\] of density and appearance, \[component, over all tensors\] Σ over steps of the relative rise of the mean
-    /// squared error.
-    pub(super) rises: Vec<Parts<Vec<f64>>>,
+    /// \[scale\]\[block\]\[component, over all tensors\] Σ over steps of the relative rise of the mean squared error.
+    pub(super) rises: Vec<Vec<Vec<f64>>>,
     /// Number of steps.
     pub(super) steps: u64,
 }
@@ -44,23 +40,22 @@ pub(super) struct Worth {
 impl Worth {
     /// Sums over no steps.
     pub(super) fn none(field: &Field<f32>) -> Self {
-        let zeros = |held: &HeldComponents| vec![0.0; held.components()];
-        let rises = field.scales.iter().map(|s| [&s.density, &s.appearance].map(|factors| zeros(factors.held())));
-        Self { rises: rises.collect(), steps: 0 }
+        let zeros = |block: &FieldFactors<f32>| vec![0.0; block.held().components()];
+        Self { rises: field.scales.iter().map(|s| s.blocks().map(zeros).collect()).collect(), steps: 0 }
     }
 
-    /// Keeps the sums of the tensors of the numbers `kept` of scale `s`, of those that `held` describes.
-    pub(super) fn keep_tensors(&mut self, s: usize, kept: &[usize], held: Parts<&HeldComponents>) {
-        for (rises, held) in self.rises[s].iter_mut().zip(held) {
-            *rises = kept.iter().flat_map(|&n| &rises[held.range(n)]).copied().collect();
+    /// Keeps the sums of the tensors of the numbers `kept` of scale `s`, which is `scale`.
+    pub(super) fn keep_tensors(&mut self, s: usize, kept: &[usize], scale: &FieldScale<f32>) {
+        for (rises, block) in self.rises[s].iter_mut().zip(scale.blocks()) {
+            *rises = kept.iter().flat_map(|&n| &rises[block.held().range(n)]).copied().collect();
         }
     }
 }
 
-/// Adds a step's squared derivatives along the components of a tensor to `rises`. `factors` and their `gradients` have
-/// `rows` rows on the first axis; squares count `weight` times.
+/// Adds a step's squared derivatives along the components of a tensor to `rises`. The first of their factors has `rows` rows in
+/// `factors` and their `gradients`; squares count `weight` times.
 ///
-/// A component is linear in each of its three vectors, so the derivative along the first is that of its magnitude.
+/// A component is linear in each of its factors, so the derivative along the first is that of its magnitude.
 #[inline(always)]
 pub(super) fn add_squares<T: Real>(rises: &mut [f64], factors: &[T], gradients: &[T], rows: usize, weight: f64) {
     const BLOCK: usize = 16;
@@ -85,17 +80,17 @@ pub(super) fn square_weight(mean_squared_error: f64, weighted: f64, rays: usize)
     0.75 * rays as f64 / (mean_squared_error * weighted).max(f64::MIN_POSITIVE)
 }
 
-/// The components that a scale's tensors keep.
+/// The components of a block that tensors keep.
 pub(super) struct Kept {
-    /// The held components of density and those of appearance.
-    pub(super) held: Parts<HeldComponents>,
+    pub(super) held: HeldComponents,
     /// Component c of these was `order`\[c\].
-    pub(super) order: Parts<Vec<u16>>,
+    pub(super) order: Vec<u16>,
 }
 
 /// The components of a field by their worth.
 pub(super) struct Ranking {
-    orders: Vec<Parts<Vec<u16>>>,
+    /// \[scale\]\[block\] the new order of components.
+    orders: Vec<Vec<Vec<u16>>>,
     /// The least worth first.
     candidates: Vec<Candidate>,
     /// Number of parameters.
@@ -106,7 +101,7 @@ pub(super) struct Ranking {
 struct Candidate {
     /// Its worth, in dB of PSNR per parameter.
     worth: f64,
-    /// Scale, part, tensor; and the component.
+    /// Scale, block, tensor; and the component.
     index: [usize; 3],
     component: u16,
     /// Parameters at the last resolution.
@@ -136,9 +131,9 @@ impl LeanConfig {
         ((share * steps as f64).round() as u64).max(1)
     }
 
-    /// \[scale\] the components that the tensors of `field` keep in `round`, of those of `ranking`. What is given up for its
+    /// \[scale\]\[block\] the components that the tensors of `field` keep in `round`, of those of `ranking`. What is given up for its
     /// worth costs at most `allowance`, in dB.
-    pub(super) fn kept(&self, field: &Field<f32>, ranking: Ranking, round: u32, allowance: f64) -> Vec<Kept> {
+    pub(super) fn kept(&self, field: &Field<f32>, ranking: Ranking, round: u32, allowance: f64) -> Vec<Vec<Kept>> {
         let Ranking { orders, candidates, total } = ranking;
         let (mut max_loss, most) = self.goals(round, total);
         if self.max_drop.is_none() && candidates.iter().map(Candidate::loss).sum::<f64>() < LEAST_WORTH {
@@ -158,20 +153,18 @@ impl LeanConfig {
             given_up += 1;
             left -= candidate.parameters;
         }
-        let none = |scale: &FieldScale<f32>| [vec![Vec::new(); scale.len()], vec![Vec::new(); scale.len()]];
-        let mut kept: Vec<Parts<Vec<Vec<u16>>>> = field.scales.iter().map(none).collect();
-        for Candidate { index: [s, part, tensor], component, .. } in &candidates[given_up..] {
-            kept[*s][*part][*tensor].push(*component);
+        let none = |block: &FieldFactors<f32>| vec![Vec::new(); block.held().tensors()];
+        let mut kept: Vec<Vec<Vec<Vec<u16>>>> = field.scales.iter().map(|s| s.blocks().map(none).collect()).collect();
+        for Candidate { index: [s, b, tensor], component, .. } in &candidates[given_up..] {
+            kept[*s][*b][*tensor].push(*component);
         }
         kept.iter_mut().flatten().flatten().for_each(|components| components.sort_unstable());
+        let of_block = |((block, components), order): ((&FieldFactors<f32>, Vec<Vec<u16>>), Vec<u16>)| Kept {
+            held: block.held().of_components(&components),
+            order,
+        };
         (field.scales.iter().zip(kept).zip(orders))
-            .map(|((scale, [density, appearance]), order)| Kept {
-                held: [
-                    scale.density.held().of_components(&density),
-                    scale.appearance.held().of_components(&appearance),
-                ],
-                order,
-            })
+            .map(|((scale, kept), orders)| scale.blocks().zip(kept).zip(orders).map(of_block).collect())
             .collect()
     }
 
@@ -202,20 +195,22 @@ impl LeanConfig {
     }
 }
 
-/// The new order of the density and of the appearance components of `scale`: component c was number `order`\[c\]. Only
-/// appearance components change it, and only while all tensors hold all of them: those of the largest sum of `rises` come
-/// first.
-fn orders(scale: &FieldScale<f32>, [_, rises]: &Parts<Vec<f64>>) -> Parts<Vec<u16>> {
-    let [density, appearance] = [&scale.density, &scale.appearance].map(|factors| factors.held());
-    let [density_order, mut order] = [density, appearance].map(|held| (0..held.rank() as u16).collect::<Vec<_>>());
-    if appearance.components() == appearance.tensors() * appearance.rank() {
-        let mut totals = vec![0.0; appearance.rank()];
-        for of_tensor in rises.chunks_exact(appearance.rank()) {
-            totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
+/// \[block\] the new order of the components of `scale`: component c was number `order`\[c\]. Only appearance components
+/// change it, and only while all tensors hold all of them: those of the largest sum of `rises` come first.
+fn orders(scale: &FieldScale<f32>, rises: &[Vec<f64>]) -> Vec<Vec<u16>> {
+    let of_block = |(b, (block, rises)): (usize, (&FieldFactors<f32>, &Vec<f64>))| {
+        let held = block.held();
+        let mut order: Vec<u16> = (0..held.rank() as u16).collect();
+        if b >= scale.density.len() && held.components() == held.tensors() * held.rank() {
+            let mut totals = vec![0.0; held.rank()];
+            for of_tensor in rises.chunks_exact(held.rank()) {
+                totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
+            }
+            order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
         }
-        order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
-    }
-    [density_order, order]
+        order
+    };
+    scale.blocks().zip(rises).enumerate().map(of_block).collect()
 }
 
 /// The number of cells along each axis of a scale that gives up some of its `cells`.
@@ -231,11 +226,11 @@ impl Candidate {
 }
 
 impl Ranking {
-    /// The components of `field` by `worth`. \[scale\] `rows` are those of a tensor at the end of training, and `shared` the
+    /// The components of `field` by `worth`. \[scale\] `resolutions` are those at the end of training, and `shared` the
     /// parameters that are not factors.
-    pub(super) fn new(field: &Field<f32>, worth: &Worth, rows: &[usize], shared: u64) -> Self {
+    pub(super) fn new(field: &Field<f32>, worth: &Worth, resolutions: &[[u32; 3]], shared: u64) -> Self {
         let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
-        let mut candidates = candidates(field, worth, &orders, rows);
+        let mut candidates = candidates(field, worth, &orders, resolutions);
         // Components of a tensor with the same worth are given up from the last on.
         let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
         candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
@@ -256,23 +251,24 @@ impl Ranking {
 }
 
 /// All components of the tensors of `field`, in the new `orders`.
-fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Parts<Vec<u16>>], rows: &[usize]) -> Vec<Candidate> {
+fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Vec<Vec<u16>>], resolutions: &[[u32; 3]]) -> Vec<Candidate> {
     let mut candidates = Vec::new();
     for (s, scale) in field.scales.iter().enumerate() {
-        let per_parameter = DECIBELS / (worth.steps.max(1) * rows[s] as u64) as f64;
-        for (part, factors) in [&scale.density, &scale.appearance].into_iter().enumerate() {
-            let held = factors.held();
+        for (b, block) in scale.blocks().enumerate() {
+            let rows = block.form().rows(resolutions[s]) as u64;
+            let per_parameter = DECIBELS / (worth.steps.max(1) * rows) as f64;
+            let held = block.held();
             for tensor in 0..held.tensors() {
-                let rises = &worth.rises[s][part][held.range(tensor)];
-                let (components, mut rises) = in_order(&orders[s][part], held.of(tensor), rises);
-                if part == 1 {
+                let rises = &worth.rises[s][b][held.range(tensor)];
+                let (components, mut rises) = in_order(&orders[s][b], held.of(tensor), rises);
+                if b >= scale.density.len() {
                     make_non_increasing(&mut rises);
                 }
                 candidates.extend(components.into_iter().zip(rises).map(|(component, rise)| Candidate {
                     worth: rise * per_parameter,
-                    index: [s, part, tensor],
+                    index: [s, b, tensor],
                     component,
-                    parameters: rows[s] as u64,
+                    parameters: rows,
                 }));
             }
         }

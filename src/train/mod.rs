@@ -5,6 +5,7 @@
 
 mod adam;
 mod backward;
+mod block_rules;
 mod bootstrap;
 mod checkpoint;
 mod chunk;
@@ -51,7 +52,7 @@ pub use config::{
 pub use divergence::Divergence;
 pub use error::{CheckpointError, TrainError};
 pub use exposure::{Exposure, Exposures};
-pub use importance::{DeadComponents, FactorImportance, MAX_LOSS, PartImportance, prune_dead_components};
+pub use importance::{BlockImportance, DeadComponents, FactorImportance, MAX_LOSS, prune_dead_components};
 pub use initial::{initial_scene, march_step};
 pub use network_rounding::NETWORK_BITS;
 pub use networks::{NetworkLayout, network_parts};

@@ -27,7 +27,7 @@ impl UnroundedNetworks {
     /// Takes the weights of `field` as the unrounded ones, and rounds those of the field.
     pub(super) fn taking(field: &mut Field<f32>) -> Self {
         let decoder = &field.decoder;
-        let ranks = field.scales.iter().map(|scale| scale.appearance.held().rank());
+        let ranks = field.scales.iter().map(|scale| scale.appearance_rank());
         let of_matrices = std::iter::repeat_n(ranks, decoder.features).flatten();
         let of_layers = decoder
             .layers

@@ -65,6 +65,7 @@ pub fn reconstruct_prior(
 ///
 /// If there is no cell to place tensors on.
 pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<Scene, PrepareError> {
+    let config = &config.fitted(occupied)?;
     let prior_map = config.model_from_prior(&occupied.bounds())?;
     let boxes = occupied.mapped(&prior_map);
     let map = config.unbounded().map_or(prior_map, |unbounded| unbounded.model_from_dataset);

@@ -6,9 +6,8 @@
 
 use std::ops::Range;
 
-use super::lean::Parts;
 use crate::container::step;
-use crate::field::{Field, HeldComponents};
+use crate::field::{Field, FieldFactors, FieldScale, HeldComponents};
 
 /// An integer that differs from its prediction by e takes log₂(1 + `GROWTH`·e²)/2 bits more than one that does not.
 const GROWTH: f32 = 8.0;
@@ -21,9 +20,9 @@ const LARGEST: f32 = i16::MAX as f32;
 /// What factors are rounded to, and the file that they are rounded for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rounding {
-    /// \[scale\] of density and appearance, \[held component, over all tensors\] the code of its step
+    /// \[scale\]\[block\]\[held component, over all tensors\] the code of its step
     /// ([`crate::container::step`]); 0 if the component is zero.
-    pub(super) codes: Vec<Parts<Vec<u8>>>,
+    pub(super) codes: Vec<Vec<Vec<u8>>>,
     /// The loss of a bit, in mean squared error.
     pub bit: f64,
     /// That at the start.
@@ -37,13 +36,13 @@ pub struct Rounding {
 /// The unrounded factors of a trainer, and their steps.
 #[derive(Debug)]
 pub(super) struct Unrounded {
-    /// \[scale\] of density and appearance, laid out as the factors are held.
-    factors: Vec<Parts<Vec<f32>>>,
-    /// \[scale\] of density and appearance, \[held component, over all tensors\].
-    steps: Vec<Parts<Vec<f32>>>,
+    /// \[scale\]\[block\] laid out as the factors are held.
+    factors: Vec<Vec<Vec<f32>>>,
+    /// \[scale\]\[block\]\[held component, over all tensors\].
+    steps: Vec<Vec<Vec<f32>>>,
 }
 
-/// The density or appearance factors of a tensor before they are rounded.
+/// The factors of a block of a tensor before they are rounded.
 pub(super) struct UnroundedTensor<'a> {
     factors: &'a mut [f32],
     /// \[held component\].
@@ -53,16 +52,16 @@ pub(super) struct UnroundedTensor<'a> {
 impl Unrounded {
     /// Takes the factors of `field` as the unrounded ones, and rounds those of the field to steps of `codes`, which belong to
     /// its held components.
-    pub(super) fn taking(field: &mut Field<f32>, codes: &[Parts<Vec<u8>>]) -> Self {
-        let scales = || field.scales.iter().map(|scale| [&scale.density, &scale.appearance]);
-        let factors = scales().map(|parts| parts.map(|part| part.values().to_vec())).collect();
-        let of_part = |codes: &Vec<u8>| codes.iter().map(|&code| step(code)).collect();
-        let steps = codes.iter().map(|parts| parts.each_ref().map(of_part)).collect();
+    pub(super) fn taking(field: &mut Field<f32>, codes: &[Vec<Vec<u8>>]) -> Self {
+        let of_scale = |scale: &FieldScale<f32>| scale.blocks().map(|block| block.values().to_vec()).collect();
+        let factors = field.scales.iter().map(of_scale).collect();
+        let of_block = |codes: &Vec<u8>| codes.iter().map(|&code| step(code)).collect();
+        let steps = codes.iter().map(|blocks| blocks.iter().map(of_block).collect()).collect();
         let mut unrounded = Some(Self { factors, steps });
         for (s, scale) in field.scales.iter_mut().enumerate() {
-            let tensors = Self::of_tensors(&mut unrounded, s, [scale.density.held(), scale.appearance.held()]);
-            for (tensors, part) in tensors.into_iter().zip([&mut scale.density, &mut scale.appearance]) {
-                let (held, values) = part.split();
+            let tensors = Self::of_scale(&mut unrounded, s, scale);
+            for (block, tensors) in scale.blocks_mut().zip(tensors) {
+                let (held, values) = block.split();
                 for (tensor, values) in tensors.into_iter().flatten().zip(held.split_mut(values)) {
                     tensor.round(values);
                 }
@@ -71,54 +70,56 @@ impl Unrounded {
         unrounded.expect("it is not taken")
     }
 
-    /// \[scale\] of density and appearance, laid out as the factors are held.
-    pub(super) fn factors(&self) -> &[Parts<Vec<f32>>] {
+    /// \[scale\]\[block\] laid out as the factors are held.
+    pub(super) fn factors(&self) -> &[Vec<Vec<f32>>] {
         &self.factors
     }
 
-    /// \[part\]\[tensor\] of scale `s`, whose tensors hold `held`; `None` for each if factors are not rounded.
-    pub(super) fn of_tensors<'a>(
+    /// \[block\]\[tensor\] of scale `s`, which is `scale`; `None` for each if factors are not rounded.
+    pub(super) fn of_scale<'a>(
         unrounded: &'a mut Option<Self>,
         s: usize,
-        held: Parts<&HeldComponents>,
-    ) -> Parts<Vec<Option<UnroundedTensor<'a>>>> {
+        scale: &FieldScale<f32>,
+    ) -> Vec<Vec<Option<UnroundedTensor<'a>>>> {
         let Some(Self { factors, steps }) = unrounded else {
-            return held.map(|held| std::iter::repeat_with(|| None).take(held.tensors()).collect());
+            let none =
+                |block: &FieldFactors<f32>| std::iter::repeat_with(|| None).take(block.held().tensors()).collect();
+            return scale.blocks().map(none).collect();
         };
-        let split = |held: &HeldComponents, factors: &'a mut [f32], steps: &'a [f32]| {
+        let of_block = |((factors, steps), block): ((&'a mut Vec<f32>, &'a Vec<f32>), &FieldFactors<f32>)| {
+            let held = block.held();
             let of_tensor = |(n, factors)| Some(UnroundedTensor { factors, steps: &steps[held.range(n)] });
             held.split_mut(factors).into_iter().enumerate().map(of_tensor).collect()
         };
-        let ([density, appearance], [density_steps, appearance_steps]) = (&mut factors[s], &steps[s]);
-        [split(held[0], density, density_steps), split(held[1], appearance, appearance_steps)]
+        factors[s].iter_mut().zip(&steps[s]).zip(scale.blocks()).map(of_block).collect()
     }
 }
 
 impl UnroundedTensor<'_> {
     /// Lets `optimizer` move the `factors` of a tensor by `gradients`. If they are rounded ones of `unrounded`, these are moved,
-    /// also by the derivative of the bits times `bit`, and rounded anew. \[axis\] `axes` are the tensor's rows.
+    /// also by the derivative of the bits times `bit`, and rounded anew. `vectors` are the rows of each vector.
     #[inline(always)]
     pub(super) fn update(
         unrounded: Option<Self>,
         bit: f32,
-        axes: &[Range<usize>; 3],
+        vectors: &[Range<usize>],
         gradients: &mut [f32],
         factors: &mut [f32],
         optimizer: impl FnOnce(&mut [f32], &[f32]),
     ) {
         let Some(unrounded) = unrounded else { return optimizer(factors, gradients) };
-        unrounded.add_bits(bit, axes, gradients);
+        unrounded.add_bits(bit, vectors, gradients);
         optimizer(unrounded.factors, gradients);
         unrounded.round(factors);
     }
 
     #[inline(always)]
-    fn add_bits(&self, bit: f32, axes: &[Range<usize>; 3], gradients: &mut [f32]) {
+    fn add_bits(&self, bit: f32, vectors: &[Range<usize>], gradients: &mut [f32]) {
         let rank = self.steps.len();
         let scale = bit * GROWTH / std::f32::consts::LN_2;
-        for axis in axes {
-            for row in axis.clone() {
-                let is_first = row == axis.start;
+        for vector in vectors {
+            for row in vector.clone() {
+                let is_first = row == vector.start;
                 for (c, &step) in self.steps.iter().enumerate() {
                     let at = row * rank + c;
                     let per_step = if step > 0.0 { 1.0 / step } else { 0.0 };
@@ -148,7 +149,7 @@ impl UnroundedTensor<'_> {
 }
 
 impl Rounding {
-    /// Codes of a scale's part by \[tensor\]\[component of the scale\], in the order of the components that tensors hold.
+    /// Codes of a block by \[tensor\]\[component of the scale\], in the order of the components that tensors hold.
     pub(super) fn of_held(held: &HeldComponents, codes: &[u8]) -> Vec<u8> {
         let of_tensor = |n: usize| held.of(n).iter().map(move |&c| codes[n * held.rank() + c as usize]);
         (0..held.tensors()).flat_map(of_tensor).collect()

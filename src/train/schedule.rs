@@ -45,7 +45,7 @@ impl Trainer<'_> {
             {
                 let (from, to) = (trained.resolution, config.resolutions[stage]);
                 scale.cloud.resolution = to;
-                trained.set_resolution(&scale.cloud, |factors, rank| upsample(factors, rank, from, to));
+                trained.set_resolution(&scale.cloud, |form, factors, rank| upsample(form, factors, rank, from, to));
             }
             self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
             self.field.rules.step = self.scene.rules.step;

@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use super::adam::{Adam, Moments};
-use super::backward::{Backward, component_ranges};
+use super::backward::Backward;
+use super::block_rules::BlockRules;
 use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
-use super::factors::{ScaleGeometry, TensorGradient};
+use super::factors::{BlockGeometry, TensorGradient};
 use super::lean::{self, Worth, add_squares};
 use super::network_rounding::UnroundedNetworks;
 use super::networks::put_decoder;
@@ -17,11 +18,9 @@ use super::{
     TrainError, network_parts, prune_dead_components,
 };
 use crate::dataset::View;
-use crate::field::{
-    Field, FieldDecoder, FieldFactors, FieldScale, Pool, Roulette, Stage, StageClock, Work, vectorized,
-};
+use crate::field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
 use crate::geometry::{Camera, Ray};
-use crate::model::{Factors, Scene};
+use crate::model::Scene;
 use crate::random::Random;
 
 /// A run in progress.
@@ -197,8 +196,9 @@ impl<'a> Trainer<'a> {
         let mut scene = self.scene.clone();
         for (scale, trained) in scene.scales.iter_mut().zip(&self.field.scales) {
             scale.cloud.resolution = trained.resolution;
-            scale.factors.density = trained.density.held().dense(trained.density.values());
-            scale.factors.appearance = trained.appearance.held().dense(trained.appearance.values());
+            for (block, trained) in scale.factors.blocks_mut().zip(trained.blocks()) {
+                block.values = trained.held().dense(trained.values());
+            }
         }
         put_decoder(decoder, &mut scene);
         if let (Some(sky), Some(trained)) = (&mut scene.rules.sky, &self.field.sky) {
@@ -319,69 +319,66 @@ impl<'a> Trainer<'a> {
         self.checkpoint.worth.steps += u64::from(is_measuring);
         let adam = self.adam(self.config.factor_learning_rate, self.config.factor_decay);
         let bit = self.rounding().map_or(0.0, |rounding| rounding.bit as f32);
-        let ranges = component_ranges(&self.field);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
         pool.for_each(|gradient| gradient.clock.restart());
-        let own_rows = self.field.decoder.own_rows();
-        for (s, scale) in self.field.scales.iter_mut().enumerate() {
-            let geometry = ScaleGeometry::new(scale, &[], ranges[s], own_rows);
-            let FieldScale { centers, density, appearance, .. } = scale;
-            let geometry = ScaleGeometry { centers, ..geometry };
-            let l1 = L1::new(self.config.density_l1, centers.len(), geometry.resolution, density.held().rank());
-            let [of_density, of_appearance] = &mut self.checkpoint.worth.rises[s];
-            let of_appearance = appearance.held().split_mut(of_appearance);
-            let rises: Vec<_> = density.held().split_mut(of_density).into_iter().zip(of_appearance).collect();
-            let [of_density, of_appearance] =
-                Unrounded::of_tensors(&mut self.unrounded, s, [density.held(), appearance.held()]);
-            let unrounded: Vec<_> = of_density.into_iter().zip(of_appearance).collect();
-            let axes = Factors::axis_ranges(geometry.resolution);
-            let density = tensor_updates(density, &mut self.checkpoint.density[s]);
-            let appearance = tensor_updates(appearance, &mut self.checkpoint.appearance[s]);
-            let rows = geometry.resolution[0] as usize + 1;
-            density.into_par_iter().zip(appearance).zip(rises).zip(unrounded).enumerate().for_each(
-                |(n, ((([density, d_first, d_second], [appearance, a_first, a_second]), rises), unrounded))| {
-                    pool.with(|gradient| {
-                        gradient.clock.skip();
-                        gradient.accumulate(geometry, n, [density, appearance], chunks);
-                        vectorized(
-                            #[inline(always)]
-                            || {
-                                if is_measuring {
-                                    let (of_density, of_appearance) = rises;
-                                    add_squares(of_density, density, &gradient.density, rows, square_weight);
-                                    if gradient.has_appearance {
-                                        let gradients = &gradient.appearance;
-                                        add_squares(of_appearance, appearance, gradients, rows, square_weight);
-                                    }
-                                }
-                                l1.add(density, &mut gradient.density);
-                                let (of_density, of_appearance) = unrounded;
-                                UnroundedTensor::update(
-                                    of_density,
-                                    bit,
-                                    &axes,
-                                    &mut gradient.density,
-                                    density,
-                                    #[inline(always)]
-                                    |v, g| adam.update::<false>(v, d_first, d_second, g),
-                                );
-                                if gradient.has_appearance {
-                                    UnroundedTensor::update(
-                                        of_appearance,
-                                        bit,
-                                        &axes,
-                                        &mut gradient.appearance,
-                                        appearance,
-                                        #[inline(always)]
-                                        |v, g| adam.update::<true>(v, a_first, a_second, g),
-                                    );
-                                }
-                            },
-                        );
-                        gradient.clock.lap(Stage::Optimizer);
-                    });
-                },
-            );
+        let geometries = BlockGeometry::of(&self.field, self.field.decoder.own_rows());
+        for (s, (scale, geometries)) in self.field.scales.iter_mut().zip(geometries).enumerate() {
+            let tensors = scale.len();
+            let unrounded = Unrounded::of_scale(&mut self.unrounded, s, scale);
+            let centers = std::mem::take(&mut scale.centers);
+            let states = self.checkpoint.factors[s].iter_mut().zip(&mut self.checkpoint.worth.rises[s]);
+            let mut updates = Vec::with_capacity(geometries.len() * tensors);
+            for (((block, geometry), (moments, rises)), unrounded) in
+                scale.blocks_mut().zip(geometries).zip(states).zip(unrounded)
+            {
+                let geometry = geometry.at(&centers);
+                let rules = match geometry.appearance {
+                    None => BlockRules::new(block, self.config.density_l1, self.config.density_variation),
+                    Some(_) => BlockRules::new(block, 0.0, self.config.appearance_variation),
+                };
+                let rises = block.held().split_mut(rises);
+                let values = tensor_updates(block, moments).into_iter();
+                let of_tensor = values.zip(rises).zip(unrounded).enumerate();
+                updates.extend(
+                    of_tensor.map(|(n, ((values, rises), unrounded))| {
+                        (geometry, rules.clone(), n, values, rises, unrounded)
+                    }),
+                );
+            }
+            updates.into_par_iter().for_each(|(geometry, rules, n, [values, first, second], rises, unrounded)| {
+                pool.with(|gradient| {
+                    gradient.clock.skip();
+                    gradient.accumulate(geometry, n, values, chunks);
+                    vectorized(
+                        #[inline(always)]
+                        || {
+                            let is_of_density = geometry.appearance.is_none();
+                            if !is_of_density && !gradient.has_samples {
+                                return;
+                            }
+                            let gradients = &mut gradient.values;
+                            if is_measuring {
+                                add_squares(rises, values, gradients, rules.first_factor_rows(), square_weight);
+                            }
+                            rules.add_gradients(values, gradients);
+                            UnroundedTensor::update(
+                                unrounded,
+                                bit,
+                                rules.vectors(),
+                                gradients,
+                                values,
+                                #[inline(always)]
+                                |v, g| match is_of_density {
+                                    true => adam.update::<false>(v, first, second, g),
+                                    false => adam.update::<true>(v, first, second, g),
+                                },
+                            );
+                        },
+                    );
+                    gradient.clock.lap(Stage::Optimizer);
+                });
+            });
+            scale.centers = centers;
         }
         pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
@@ -414,35 +411,4 @@ fn tensor_updates<'a>(factors: &'a mut FieldFactors<f32>, moments: &'a mut Momen
         [factors, &mut moments.first, &mut moments.second].map(|values| held.split_mut(values));
     let of_tensor = |((factors, first), second)| [factors, first, second];
     factors.into_iter().zip(first).zip(second).map(of_tensor).collect()
-}
-
-/// The loss's mean absolute density factor, per axis (paper, "Optimization and objectives").
-struct L1 {
-    /// \[axis\] the end of its rows within a tensor, and the gradient of |v|.
-    axes: [(usize, f32); 3],
-}
-
-impl L1 {
-    fn new(weight: f64, tensors: usize, resolution: [u32; 3], rank: usize) -> Self {
-        let axes = Factors::axis_ranges(resolution).map(|rows| {
-            let entries = tensors * rows.len() * rank;
-            (rows.end, (weight / entries.max(1) as f64) as f32)
-        });
-        Self { axes }
-    }
-
-    /// Adds the gradient of `factors`, those of a tensor.
-    #[inline(always)]
-    fn add(&self, factors: &[f32], gradients: &mut [f32]) {
-        let rank = factors.len() / self.axes[2].0;
-        let mut first = 0;
-        for (end, weight) in self.axes {
-            let rows = first..end * rank;
-            first = rows.end;
-            for (g, &v) in gradients[rows.clone()].iter_mut().zip(&factors[rows]) {
-                let sign = if v > 0.0 { 1.0 } else { -1.0 };
-                *g += if v == 0.0 { 0.0 } else { weight * sign };
-            }
-        }
-    }
 }

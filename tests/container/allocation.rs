@@ -8,7 +8,7 @@ use std::cell::Cell;
 
 use glam::{IVec3, UVec3};
 use strivec::container::{Error, Limits, decode_scene_file, encode};
-use strivec::model::{Factors, Placement};
+use strivec::model::{Form, Placement};
 
 use super::roundtrip::f32;
 use super::scenes::two_scales;
@@ -61,9 +61,9 @@ fn bomb(tensors: u32) -> Vec<u8> {
     let coarse = &mut scene.scales[0];
     let Placement::Lattice { cells, .. } = &mut coarse.cloud.placement else { unreachable!() };
     *cells = vec![UVec3::ZERO, UVec3::X];
-    let rows = 2 * Factors::rows(coarse.cloud.resolution);
-    coarse.factors.density = vec![0.0; rows * 2];
-    coarse.factors.appearance = vec![0.0; rows * 3];
+    let rows = 2 * Form::Cp.rows(coarse.cloud.resolution);
+    coarse.factors.density[0].values = vec![0.0; rows * 2];
+    coarse.factors.appearance[0].values = vec![0.0; rows * 3];
     let mut file = File::of(&encode(&scene, &f32()).unwrap());
     let Placement::Lattice { lattice, .. } = &scene.scales[0].cloud.placement else { unreachable!() };
     let last = lattice.center(IVec3::new(tensors as i32 - 1, 0, 0)) + scene.scales[0].cloud.half_edge;

@@ -233,7 +233,7 @@ fn codes_that_this_version_does_not_define() {
     unsupported(patched("DENSITY", 0, &[2]), "components");
     // Codes come before other faults of the same section.
     unsupported(patched("RULES", 0, &[0, 0, 2]), "coverage");
-    unsupported(refused(|f| f.part("SCALE").set([&[0; 44][..], &[1; 80]].concat())), "factor kind");
+    unsupported(refused(|f| f.part("SCALE").set([&[0; 44][..], &[2; 80]].concat())), "factor kind");
     unsupported(patched("DECODER", 0, &[3, 99]), "mode");
     unsupported(patched("DECODER", 0, &[3, 0, 0, 0, 0, 0, 0, 0, 0, 99]), "mode");
     unsupported(refused(|f| f.part("MATRIX").set([&[0; 8][..], &[0, 0, 2, 0]].concat())), "filter");
@@ -334,7 +334,7 @@ fn integers_outside_their_grid() {
 fn components_that_tensors_do_not_have() {
     let ragged = |change: &dyn Fn(&mut Part)| {
         let mut scene = two_scales();
-        scene.scales[1].factors.appearance.iter_mut().step_by(2).for_each(|v| *v = 0.0);
+        scene.scales[1].factors.appearance[0].values.iter_mut().step_by(2).for_each(|v| *v = 0.0);
         let mut file = File::of(&encode(&scene, &f32()).unwrap());
         let last = file.sections.last_mut().unwrap();
         last.inflate(BODY);
@@ -626,13 +626,14 @@ fn the_writer_refuses_what_a_reader_would() {
     limit(not_written(&f32(), far), "cells along an axis");
     let many = |s: &mut Scene| {
         let factors = &mut s.scales[1].factors;
-        factors.density.resize(factors.density.len() * 257, 0.5);
-        factors.density_rank = 257;
+        let block = &mut factors.density[0];
+        block.values.resize(block.values.len() / block.rank as usize * 513, 0.5);
+        block.rank = 513;
     };
     limit(not_written(&f32(), many), "density rank");
     let rank = |s: &mut Scene| {
-        s.scales[1].factors.density_rank = 0;
-        s.scales[1].factors.density.clear();
+        s.scales[1].factors.density[0].rank = 0;
+        s.scales[1].factors.density[0].values.clear();
     };
     broken(not_written(&f32(), rank), "density rank");
 }
@@ -641,7 +642,7 @@ fn the_writer_refuses_what_a_reader_would() {
 fn numbers_that_an_encoding_does_not_hold() {
     for (value, fits) in [(65_504.0, true), (65_519.0, true), (65_520.0, false), (-1e30, false)] {
         let mut scene = two_scales();
-        scene.scales[1].factors.appearance[2] = value;
+        scene.scales[1].factors.appearance[0].values[2] = value;
         assert!(encode(&scene, &f32()).is_ok());
         let place = "APPEARANCE entry 2".to_string();
         let expected = Error::Overflow { place, value, largest: 65_504.0 };
@@ -649,7 +650,7 @@ fn numbers_that_an_encoding_does_not_hold() {
     }
     for (bits, value, fits) in [(8, 27_339.0, true), (8, -27_341.0, false), (3, 645.0, true), (3, 1e37, false)] {
         let mut scene = two_scales();
-        scene.scales[1].factors.density[2] = value;
+        scene.scales[1].factors.density[0].values[2] = value;
         match encode(&scene, &EncodeOptions::uniform(Encoding::Grid(bits))) {
             Ok(_) => assert!(fits, "{value} in {bits} bits"),
             Err(Error::Overflow { value: found, .. }) => assert!(!fits && found == value, "{found} in {bits} bits"),

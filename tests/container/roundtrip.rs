@@ -35,7 +35,8 @@ pub(crate) fn plain(encoding: Encoding) -> EncodeOptions {
 /// All factors and weights as bits: tells 0 from −0.
 fn bits(scene: &Scene) -> Vec<u32> {
     let scales = scene.scales.iter();
-    let of_scales = scales.flat_map(|s| [&s.factors.density, &s.factors.appearance, &s.appearance_matrix.weights]);
+    let of_scales = scales
+        .flat_map(|s| [&s.factors.density[0].values, &s.factors.appearance[0].values, &s.appearance_matrix.weights]);
     let of_layers = scene.decoder.layers.iter().flat_map(|l| [&l.weights, &l.bias]);
     let of_sky = scene.rules.sky.iter().map(|sky| &sky.coefficients);
     of_scales.chain(of_layers).chain(of_sky).flatten().map(|v| v.to_bits()).collect()
@@ -53,9 +54,9 @@ fn comes_back(scene: &Scene) -> bool {
 fn the_comparison_sees_the_sign_of_zero_and_the_last_bit() {
     let scene = two_scales();
     let mut sign = scene.clone();
-    sign.scales[0].factors.density[3] = 0.0;
+    sign.scales[0].factors.density[0].values[3] = 0.0;
     let mut last_bit = scene.clone();
-    let value = &mut last_bit.scales[1].factors.appearance[0];
+    let value = &mut last_bit.scales[1].factors.appearance[0].values[0];
     *value = f32::from_bits(value.to_bits() ^ 1);
     assert!(same(&scene, &scene.clone()) && !same(&scene, &sign) && !same(&scene, &last_bit));
 }
@@ -128,7 +129,7 @@ fn f16_scenes_come_back_rounded_and_all_else_exact() {
     let scene = two_scales();
     let mut rounded = scene.clone();
     for scale in &mut rounded.scales {
-        for values in [&mut scale.factors.density, &mut scale.factors.appearance] {
+        for values in [&mut scale.factors.density[0].values, &mut scale.factors.appearance[0].values] {
             values.iter_mut().for_each(|v| *v = f16::from_f32(*v).to_f32());
         }
     }
@@ -157,8 +158,8 @@ fn bodies_are_compressed_where_it_helps() {
     let placement = Placement::Lattice { lattice, cells };
     let mut numbers = Numbers(3);
     scene.scales[0] = scale(&mut numbers, placement, DVec3::splat(0.02), [2, 2, 2], [1, 1]);
-    let all = scene.scales[0].factors.density.len();
-    scene.scales[0].factors.density[all / 2..].fill(0.25);
+    let all = scene.scales[0].factors.density[0].values.len();
+    scene.scales[0].factors.density[0].values[all / 2..].fill(0.25);
     assert!(comes_back(&scene));
     let file = encode(&scene, &EncodeOptions { chunk_tensors: 4096, zstd_level: Some(9), ..f32() }).unwrap();
     let contents = sections(&file).unwrap();
@@ -245,7 +246,13 @@ fn what_this_version_does_not_know_is_kept_through_reading_and_writing() {
 /// The largest difference between two scenes' factors.
 fn largest_difference(a: &Scene, b: &Scene) -> f64 {
     let of_scales = |scene: &Scene| -> Vec<f32> {
-        scene.scales.iter().flat_map(|s| [&s.factors.density, &s.factors.appearance]).flatten().copied().collect()
+        scene
+            .scales
+            .iter()
+            .flat_map(|s| [&s.factors.density[0].values, &s.factors.appearance[0].values])
+            .flatten()
+            .copied()
+            .collect()
     };
     let differences = of_scales(a).into_iter().zip(of_scales(b)).map(|(a, b)| (f64::from(a) - f64::from(b)).abs());
     differences.fold(0.0, f64::max)
@@ -269,7 +276,7 @@ fn integers_come_back_within_their_steps_stored_and_coded() {
     for code in [110, 130, 160, 180] {
         let options = |scale: usize| FactorOptions {
             array: ArrayOptions::best(Encoding::Grid(16)),
-            steps: Some(vec![code; 3 * scene.scales[scale].cloud.len()]),
+            steps: Some(vec![vec![code; 3 * scene.scales[scale].cloud.len()]]),
         };
         let of_scales = vec![options(0), options(1)];
         let options = EncodeOptions { density: of_scales.clone(), appearance: of_scales, ..f32() };
@@ -291,9 +298,9 @@ fn components_that_are_zero_take_no_bytes() {
     let mut scene = two_scales();
     let before = encode(&scene, &f32()).unwrap();
     // Component 1 of tensor 2 of scale 0.
-    let rank = scene.scales[0].factors.appearance_rank as usize;
-    let rows = strivec::model::Factors::rows(scene.scales[0].cloud.resolution);
-    scene.scales[0].factors.appearance[2 * rows * rank..3 * rows * rank]
+    let rank = scene.scales[0].factors.appearance_rank() as usize;
+    let rows = strivec::model::Form::Cp.rows(scene.scales[0].cloud.resolution);
+    scene.scales[0].factors.appearance[0].values[2 * rows * rank..3 * rows * rank]
         .iter_mut()
         .skip(1)
         .step_by(rank)
@@ -305,8 +312,8 @@ fn components_that_are_zero_take_no_bytes() {
     assert!(comes_back(&scene));
     assert!(encode(&scene, &f32()).unwrap().len() < before.len());
     // A tensor without any component is still there.
-    scene.scales[1].factors.density.fill(0.0);
-    scene.scales[1].factors.appearance.fill(0.0);
+    scene.scales[1].factors.density[0].values.fill(0.0);
+    scene.scales[1].factors.appearance[0].values.fill(0.0);
     assert!(comes_back(&scene));
 }
 

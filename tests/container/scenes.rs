@@ -6,7 +6,7 @@ use strivec::container::{
 };
 use strivec::geometry::{Aabb, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
-    Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
+    Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Form, Frame, Linear,
     Occupancy, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
 
@@ -36,7 +36,7 @@ pub(crate) fn two_scales() -> Scene {
         scale(&mut numbers, fine, DVec3::splat(0.15), [1, 1, 1], [1, 2]),
     ];
     // Values that comparisons with == would miss.
-    scales[0].factors.density[3] = -0.0;
+    scales[0].factors.density[0].values[3] = -0.0;
     let mut occupancy = Occupancy::empty(bounds(), UVec3::new(3, 4, 5));
     for vertex in [[0, 0, 0], [2, 3, 4], [1, 2, 3]] {
         occupancy.set(UVec3::from_array(vertex));
@@ -118,13 +118,10 @@ pub(crate) fn scale(
     ranks: [u32; 2],
 ) -> Scale {
     let cloud = TensorCloud { placement, half_edge, resolution };
-    let rows = cloud.len() * Factors::rows(resolution);
+    let rows = cloud.len() * Form::Cp.rows(resolution);
     let factors = Factors {
-        kind: FactorKind::Cp,
-        density_rank: ranks[0],
-        appearance_rank: ranks[1],
-        density: numbers.take(rows * ranks[0] as usize),
-        appearance: numbers.take(rows * ranks[1] as usize),
+        density: vec![Block::cp(ranks[0], numbers.take(rows * ranks[0] as usize))],
+        appearance: vec![Block::cp(ranks[1], numbers.take(rows * ranks[1] as usize))],
     };
     let matrix = AppearanceMatrix { features: 2, rank: ranks[1], weights: numbers.take(2 * ranks[1] as usize) };
     Scale { cloud, top_k: 4, factors, appearance_matrix: matrix }

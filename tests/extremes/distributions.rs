@@ -34,7 +34,7 @@ fn distributions_of_errors_by_renderer_and_decoder_mode() {
         }
         assert!(of_ways[0].clear_maximum() < of_ways[1].clear_maximum(), "f64 is no better than f32");
         let mut planted = scene.clone();
-        planted.scales[2].factors.density.iter_mut().for_each(|v| *v *= 1.001);
+        planted.scales[2].factors.density[0].values.iter_mut().for_each(|v| *v *= 1.001);
         let apart = errors(Way::CpuF64, &planted, &rays, &exact);
         assert!(apart.clear_maximum() > Way::CpuF32.bound(), "a thousandth more density goes unnoticed");
     }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use strivec::geometry::{Aabb, Similarity};
 use strivec::model::{
-    Aggregation, AppearanceMatrix, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear,
+    Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Frame, Linear,
     Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
 use strivec::random::Random;
@@ -78,11 +78,8 @@ impl Made {
         };
         let [density_rank, appearance_rank] = self.ranks;
         let factors = Factors {
-            kind: FactorKind::Cp,
-            density_rank,
-            appearance_rank,
-            density: draw("density", density_rank, density),
-            appearance: draw("appearance", appearance_rank, appearance),
+            density: vec![Block::cp(density_rank, draw("density", density_rank, density))],
+            appearance: vec![Block::cp(appearance_rank, draw("appearance", appearance_rank, appearance))],
         };
         let cloud = TensorCloud {
             placement: Placement::Explicit { centers },

@@ -126,7 +126,7 @@ proptest! {
         prop_assume!(a != b);
         let Placement::Explicit { centers } = &mut scale.cloud.placement else { panic!("explicit centers") };
         centers.swap(a, b);
-        for factors in [&mut scale.factors.density, &mut scale.factors.appearance] {
+        for factors in [&mut scale.factors.density[0].values, &mut scale.factors.appearance[0].values] {
             let len = factors.len() / count;
             (0..len).for_each(|n| factors.swap(a * len + n, b * len + n));
         }

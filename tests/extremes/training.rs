@@ -32,8 +32,7 @@ fn assert_finite_gradients(name: &str, scene: &Scene) {
     let field = Field::<f32>::new(scene);
     let found = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
     assert!(found.loss.is_finite(), "{name}: loss {}", found.loss);
-    let groups =
-        [("density", found.density.concat()), ("appearance", found.appearance.concat()), ("networks", found.networks)];
+    let groups = [("factors", found.factors.concat().concat()), ("networks", found.networks)];
     for (group, values) in groups {
         let at = values.iter().position(|g| !g.is_finite());
         assert!(at.is_none(), "{name}: {group} gradient {at:?} is {}", values[at.unwrap()]);

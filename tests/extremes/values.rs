@@ -15,7 +15,7 @@ fn constant(feature: f64, mode: DecoderMode) -> Scene {
     // The first two values are the vertices of the x axis, so one factor alone has the sign.
     let made = Made { ranks: [1, 3], resolution: [1; 3], mode, ..Made::default() };
     let mut scene = made.scene(&|_, _, _| root);
-    scene.scales[0].factors.density[..2].iter_mut().for_each(|v| *v *= feature.signum() as f32);
+    scene.scales[0].factors.density[0].values[..2].iter_mut().for_each(|v| *v *= feature.signum() as f32);
     scene
 }
 
@@ -162,9 +162,10 @@ fn factors_at_the_limits_of_f16_and_of_every_quantizer() {
                 Err(error) => panic!("{encoding:?}: {error}"),
             };
             let read = decode(&bytes).unwrap();
-            let largest_error = (read.scales[0].factors.density.iter().zip(&scene.scales[0].factors.density))
-                .map(|(r, s)| (f64::from(*r) - f64::from(*s)).abs())
-                .fold(0.0, f64::max);
+            let largest_error =
+                (read.scales[0].factors.density[0].values.iter().zip(&scene.scales[0].factors.density[0].values))
+                    .map(|(r, s)| (f64::from(*r) - f64::from(*s)).abs())
+                    .fold(0.0, f64::max);
             // A quantizer's finest step is 2^-24.
             let allowed = match encoding {
                 Encoding::F32 | Encoding::F16 => 0.0,

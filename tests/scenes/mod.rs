@@ -5,8 +5,8 @@ use glam::{DQuat, DVec3, UVec3};
 use strivec::container::{Pose, TrainingCamera};
 use strivec::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec::model::{
-    Aggregation, ColorSpace, Coverage, DecoderMode, Frame, Occupancy, Placement, Reduction, Scene, Sky, TensorCloud,
-    UpAxis,
+    Aggregation, ColorSpace, Coverage, DecoderMode, FactorKind, Frame, Occupancy, Placement, Reduction, Scene, Sky,
+    TensorCloud, UpAxis,
 };
 use strivec::random::Random;
 use strivec::train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
@@ -14,9 +14,11 @@ use strivec::train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, Scale
 /// A configuration of two or three scales with small, anisotropic tensors.
 pub(crate) fn config() -> TrainConfig {
     let scale = |pitch: [f64; 3], resolution, density_rank, appearance_rank, top_k| ScaleConfig {
+        whole_scene: false,
         pitch,
         edge: pitch.map(|p| 1.5 * p),
         resolutions: vec![resolution],
+        factors: FactorKind::Cp,
         density_rank,
         appearance_rank,
         top_k,
@@ -41,6 +43,15 @@ pub(crate) fn config() -> TrainConfig {
         ],
         ..TrainConfig::preset("48").unwrap()
     }
+}
+
+/// `config` with these kinds of factors, and two density components in the last scale: of three blocks, one is missing.
+pub(crate) fn with_kinds(mut config: TrainConfig, kinds: &[FactorKind]) -> TrainConfig {
+    config.scales.iter_mut().zip(kinds).for_each(|(scale, &kind)| scale.factors = kind);
+    if let Some(last) = config.scales.last_mut() {
+        last.density_rank = 2;
+    }
+    config
 }
 
 /// A scene of `config`: a ball of radius 0.7 around the origin, on lattices that do not line up with it.
@@ -102,7 +113,7 @@ pub(crate) fn bent_camera(size: u32) -> Camera {
 }
 
 /// Every combination of rules, with an occupancy that cuts through the model, half of them with skies of all degrees;
-/// then the first of each decoder mode, contracted, two of them with a sky.
+/// then the first of each decoder mode, contracted, two of them with a sky; and at last scenes whose components have matrices.
 pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     let mut cases = Vec::new();
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
@@ -140,6 +151,21 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
         write_zero_components(&mut scene);
         cases.push((format!("some components of tensors are zeros, {:?}", scene.decoder.mode), scene));
     }
+    for (n, kinds) in [[FactorKind::Vm; 3], [FactorKind::Cp, FactorKind::Vm, FactorKind::Vm]].into_iter().enumerate() {
+        let mut config = with_kinds(self::config(), &kinds);
+        config.factor_deviation = 0.8;
+        if n == 1 {
+            config.field.coverage = Coverage::Any;
+            (config.field.density_reduction, config.field.appearance_reduction) = (Reduction::Mean, Reduction::Mean);
+            config.decoder.mode = DecoderMode::Residual;
+        }
+        let mut scene = self::scene(&config);
+        scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
+        if n == 1 {
+            write_zero_components(&mut scene);
+        }
+        cases.push((format!("{kinds:?}"), scene));
+    }
     cases
 }
 
@@ -148,12 +174,10 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
 pub(crate) fn write_zero_components(scene: &mut Scene) {
     let random = Random::new(3, "zero components");
     for (s, scale) in scene.scales.iter_mut().enumerate() {
-        let rows = strivec::model::Factors::rows(scale.cloud.resolution);
-        let factors = &mut scale.factors;
-        let parts = [(&mut factors.density, factors.density_rank), (&mut factors.appearance, factors.appearance_rank)];
-        for (part, (values, rank)) in parts.into_iter().enumerate() {
-            let (rank, random) = (rank as usize, random.substream(2 * s as u64 + part as u64));
-            for (n, tensor) in values.chunks_exact_mut(rows * rank).enumerate() {
+        for (b, block) in scale.factors.blocks_mut().enumerate() {
+            let (rank, random) = (block.rank as usize, random.substream(2 * s as u64 + b as u64));
+            let len = block.tensor_len(scale.cloud.resolution);
+            for (n, tensor) in block.values.chunks_exact_mut(len).enumerate() {
                 let bits = random.bits(n as u64);
                 let kept = if bits % 6 == 0 { 0 } else { 1 + (bits >> 8) as usize % rank };
                 let hole = (bits & 1 << 7 == 0).then_some((bits >> 40) as usize % rank);

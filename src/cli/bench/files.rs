@@ -15,7 +15,7 @@ use crate::cli::{Error, Session, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::field::Field;
 use crate::measure::bench::{Runs, Spread};
-use crate::model::Scene;
+use crate::model::{Block, Scene};
 use crate::render::{CpuRenderer, Pixel, Renderer};
 use crate::train;
 
@@ -131,12 +131,9 @@ fn upsampled(scene: &Scene) -> u64 {
         let from = scale.cloud.resolution;
         // By about half, like the first upsamplings of a schedule.
         let to = from.map(|d| d + d.div_ceil(2));
-        let [density, appearance] = [
-            (&scale.factors.density, scale.factors.density_rank),
-            (&scale.factors.appearance, scale.factors.appearance_rank),
-        ]
-        .map(|(factors, rank)| black_box(train::upsample(factors, rank as usize, from, to)).len());
-        density + appearance
+        let upsampled =
+            |block: &Block| black_box(train::upsample(block.form, &block.values, block.rank as usize, from, to)).len();
+        scale.factors.blocks().map(upsampled).sum::<usize>()
     });
     (size_of::<f32>() * entries.sum::<usize>()) as u64
 }

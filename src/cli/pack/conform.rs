@@ -10,7 +10,7 @@ use crate::cli::{Error, Session, scene_file};
 use crate::container::{self, Probe, SceneFile};
 use crate::escape::escaped_path;
 use crate::measure::PROBE_MARGIN;
-use crate::model::{ReferenceField, Scale, Scene};
+use crate::model::{Block, ReferenceField, Scale, Scene};
 use crate::render::ReferenceRenderer;
 
 /// Rays of a file that are traced, at most.
@@ -59,7 +59,7 @@ struct ScaleNumbers {
     ranks: [u32; 2],
     /// Checksum of the f64 centers, tensor after tensor.
     centers: u32,
-    /// Checksum of the f32 density factors, [tensor][axis][vertex][component], 0 for components that are not stored.
+    /// Checksum of the f32 density factors, [block][tensor][row][component], 0 for components that are not stored.
     density: u32,
     /// Checksum of the appearance factors, laid out alike.
     appearance: u32,
@@ -140,16 +140,18 @@ impl Numbers {
 
 impl ScaleNumbers {
     fn of(scale: &Scale) -> Self {
-        let of_factors = |values: &[f32]| checksum(values.iter().map(|v| v.to_le_bytes()));
+        let of_numbers = |values: &[f32]| checksum(values.iter().map(|v| v.to_le_bytes()));
+        let of_blocks =
+            |blocks: &[Block]| checksum(blocks.iter().flat_map(|block| block.values.iter().map(|v| v.to_le_bytes())));
         let centers = (0..scale.cloud.len()).flat_map(|n| scale.cloud.center(n).to_array());
         Self {
             tensors: scale.cloud.len(),
             resolution: scale.cloud.resolution,
-            ranks: [scale.factors.density_rank, scale.factors.appearance_rank],
+            ranks: [scale.factors.density_rank(), scale.factors.appearance_rank()],
             centers: checksum(centers.map(f64::to_le_bytes)),
-            density: of_factors(&scale.factors.density),
-            appearance: of_factors(&scale.factors.appearance),
-            matrix: of_factors(&scale.appearance_matrix.weights),
+            density: of_blocks(&scale.factors.density),
+            appearance: of_blocks(&scale.factors.appearance),
+            matrix: of_numbers(&scale.appearance_matrix.weights),
         }
     }
 }

@@ -8,7 +8,7 @@ use super::input::{self, LimitArgs};
 use super::packaging::JUDGED;
 use crate::cli::{Error, Session};
 use crate::container;
-use crate::model::Scene;
+use crate::model::{Scale, Scene};
 use crate::pack::{Distortion, probe_views};
 use crate::psnr::psnr_of_mse;
 
@@ -82,8 +82,9 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 fn largest_difference(a: &Scene, b: &Scene) -> Option<f64> {
     let arrays = |scene: &Scene| -> Vec<Vec<f32>> {
         let scales = scene.scales.iter();
-        let of_scales = scales.flat_map(|s| [&s.factors.density, &s.factors.appearance, &s.appearance_matrix.weights]);
-        of_scales.chain(scene.decoder.layers.iter().flat_map(|l| [&l.weights, &l.bias])).cloned().collect()
+        let of_blocks = |s: &'_ Scale| s.factors.blocks().map(|block| block.values.clone()).collect::<Vec<_>>();
+        let of_scales = scales.flat_map(|s| of_blocks(s).into_iter().chain([s.appearance_matrix.weights.clone()]));
+        of_scales.chain(scene.decoder.layers.iter().flat_map(|l| [l.weights.clone(), l.bias.clone()])).collect()
     };
     let (a, b) = (arrays(a), arrays(b));
     let same_shape = a.len() == b.len() && a.iter().zip(&b).all(|(x, y)| x.len() == y.len());

@@ -107,7 +107,7 @@ fn arranged(encoding: Encoding, is_compressed: bool) -> ArrayOptions {
 }
 
 /// Options that write factors in `encoding`, and lose nothing of the rest of `file`. Factors that have this encoding stay as
-/// they are; the vectors of others are balanced for integers.
+/// they are; the factors of components of others are balanced for integers.
 pub(super) fn options_for(
     encoding: Plain,
     file: &mut SceneFile,
@@ -117,17 +117,16 @@ pub(super) fn options_for(
     let Some(encoding) = encoding.encoding() else { return Ok(options) };
     for (s, scale) in file.scene.scales.iter_mut().enumerate() {
         let (resolution, factors) = (scale.cloud.resolution, &mut scale.factors);
-        for (options, values, rank) in [
-            (&mut options.density[s], &mut factors.density, factors.density_rank),
-            (&mut options.appearance[s], &mut factors.appearance, factors.appearance_rank),
-        ] {
+        for (options, blocks) in
+            [(&mut options.density[s], &mut factors.density), (&mut options.appearance[s], &mut factors.appearance)]
+        {
             let is_grid = matches!(encoding, Encoding::Grid(_));
             // Floats with steps stand for chunks of several encodings.
             if options.array.encoding == encoding && options.steps.is_some() == is_grid {
                 continue;
             }
             if is_grid {
-                pack::balance_part(values, rank, resolution);
+                blocks.iter_mut().for_each(|block| pack::balance_block(block, resolution));
             }
             *options = FactorOptions { array: arranged(encoding, is_compressed), steps: None };
         }

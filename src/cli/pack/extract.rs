@@ -17,8 +17,8 @@ use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera,
 use crate::escape::escaped_path;
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{
-    AppearanceMatrix, Decoder, DecoderMode, FactorKind, Factors, Frame, Linear, Occupancy, Placement, Provenance,
-    Rules, Scale, Scene, TensorCloud,
+    AppearanceMatrix, Block, Decoder, DecoderMode, FactorKind, Factors, Form, Frame, Linear, Occupancy, Placement,
+    Provenance, Rules, Scale, Scene, TensorCloud,
 };
 use crate::npy::{self, Element, Header, NpyError};
 
@@ -161,13 +161,11 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
                 add(format!("scale{s}_centers.npy"), npy(&[tensors, 3], centers.iter().flat_map(DVec3::to_array)))?;
             }
         }
-        let factors = &scale.factors;
-        let rows = Factors::rows(scale.cloud.resolution);
-        for (name, values, rank) in [
-            ("density", &factors.density, factors.density_rank),
-            ("appearance", &factors.appearance, factors.appearance_rank),
-        ] {
-            add(format!("scale{s}_{name}.npy"), npy(&[tensors, rows, rank as usize], values.iter().copied()))?;
+        for (part, blocks) in [("density", &scale.factors.density), ("appearance", &scale.factors.appearance)] {
+            for block in blocks {
+                let shape = [tensors, block.form.rows(scale.cloud.resolution), block.rank as usize];
+                add(format!("{}.npy", block_name(s, part, block.form)), npy(&shape, block.values.iter().copied()))?;
+            }
         }
         let matrix = &scale.appearance_matrix;
         let shape = [matrix.features as usize, matrix.rank as usize];
@@ -187,7 +185,7 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
         half: scale.cloud.half_edge,
         resolution: scale.cloud.resolution,
         top_k: scale.top_k,
-        factor_kind: scale.factors.kind,
+        factor_kind: scale.factors.kind(),
         lattice: match &scale.cloud.placement {
             Placement::Lattice { lattice, .. } => Some(*lattice),
             Placement::Explicit { .. } => None,
@@ -216,6 +214,14 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Runtime(e.to_string()))?;
     files.insert(DESCRIPTION.into(), json);
     Ok(files)
+}
+
+/// The name of the array of the components of one `form` of density or appearance, `part`.
+fn block_name(s: usize, part: &str, form: Form) -> String {
+    match form {
+        Form::Cp => format!("scale{s}_{part}"),
+        Form::Vm(axis) => format!("scale{s}_{part}_{}", ["x", "y", "z"][axis]),
+    }
 }
 
 /// The `.npy` file of an array of this shape, in C order.
@@ -267,22 +273,34 @@ impl Folder<'_> {
                 (Placement::Explicit { centers }, tensors)
             }
         };
-        let rows = scale.resolution.iter().try_fold(0usize, |sum, &d| sum.checked_add(d as usize + 1));
-        let factors = |name: &str| self.array::<f32, 3>(&format!("scale{s}_{name}"), [Some(tensors), rows, None]);
-        let ([.., density_rank], density) = factors("density")?;
-        let ([.., appearance_rank], appearance) = factors("appearance")?;
-        let ([features, rank], weights) =
-            self.array::<f32, 2>(&format!("scale{s}_matrix"), [None, Some(appearance_rank)])?;
+        let limit = container::limits::RESOLUTION;
+        if let Some(cells) = scale.resolution.into_iter().find(|&cells| !limit.contains(&u64::from(cells))) {
+            let (file, most) = (self.0.join(DESCRIPTION), limit.end());
+            let message = format!("{}: scale {s} has {cells} cells; expected 1 to {most}", file.display());
+            return Err(Error::Malformed(message));
+        }
+        let blocks = |part: &str| -> Result<Vec<Block>, Error> {
+            let forms = match scale.factor_kind {
+                FactorKind::Cp => vec![Form::Cp],
+                FactorKind::Vm => (0..3).map(Form::Vm).collect(),
+            };
+            let is_there =
+                |form: &Form| *form == Form::Cp || self.0.join(format!("{}.npy", block_name(s, part, *form))).exists();
+            let block = |form: Form| {
+                let rows = form.rows(scale.resolution);
+                let name = block_name(s, part, form);
+                let ([.., rank], values) = self.array::<f32, 3>(&name, [Some(tensors), Some(rows), None])?;
+                Ok(Block { form, rank: count(rank)?, values })
+            };
+            forms.into_iter().filter(is_there).map(block).collect()
+        };
+        let factors = Factors { density: blocks("density")?, appearance: blocks("appearance")? };
+        let columns = Some(factors.appearance_rank() as usize);
+        let ([features, rank], weights) = self.array::<f32, 2>(&format!("scale{s}_matrix"), [None, columns])?;
         Ok(Scale {
             cloud: TensorCloud { placement, half_edge: scale.half, resolution: scale.resolution },
             top_k: scale.top_k,
-            factors: Factors {
-                kind: scale.factor_kind,
-                density_rank: count(density_rank)?,
-                appearance_rank: count(appearance_rank)?,
-                density,
-                appearance,
-            },
+            factors,
             appearance_matrix: AppearanceMatrix { features: count(features)?, rank: count(rank)?, weights },
         })
     }

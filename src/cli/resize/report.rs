@@ -8,7 +8,7 @@ use super::cells::CellKind;
 use crate::cli::table::Table;
 use crate::digits::grouped;
 use crate::escape::escaped_path;
-use crate::model::{Factors, Scale};
+use crate::model::{Block, Scale};
 use crate::train::GrowRound;
 
 /// The result, as `--json` prints it.
@@ -48,13 +48,17 @@ pub(super) struct ScaleUse {
 
 impl ScaleUse {
     pub(super) fn of(scale: &Scale) -> Self {
-        let rows = Factors::rows(scale.cloud.resolution);
-        let ranks = |values: &[f32], rank: u32| -> Vec<usize> {
-            let held = Factors::nonzero_components(values, rows, rank as usize);
-            held.chunks_exact(rank as usize).map(|of_tensor| of_tensor.iter().filter(|h| **h).count()).collect()
+        let ranks = |blocks: &[Block]| -> Vec<usize> {
+            let mut of_tensors = vec![0; scale.cloud.len()];
+            for block in blocks {
+                let held = block.nonzero_components(scale.cloud.resolution);
+                for (sum, held) in of_tensors.iter_mut().zip(held.chunks_exact(block.rank as usize)) {
+                    *sum += held.iter().filter(|h| **h).count();
+                }
+            }
+            of_tensors
         };
-        let density = ranks(&scale.factors.density, scale.factors.density_rank);
-        let appearance = ranks(&scale.factors.appearance, scale.factors.appearance_rank);
+        let [density, appearance] = [&scale.factors.density, &scale.factors.appearance].map(|blocks| ranks(blocks));
         let mean = |ranks: &[usize]| ranks.iter().sum::<usize>() as f64 / ranks.len().max(1) as f64;
         let most = |ranks: &[usize]| ranks.iter().copied().max().unwrap_or(0) as u32;
         Self {

@@ -67,12 +67,10 @@ pub struct FieldShape {
 pub struct ScaleShape {
     /// Number of tensors.
     pub tensors: usize,
-    /// Rows (vertices of all three axes) of a tensor.
-    pub rows: usize,
-    /// Density components of all tensors.
-    pub density_components: usize,
-    /// Appearance components of all tensors.
-    pub appearance_components: usize,
+    /// Density factors of all tensors.
+    pub density_factors: usize,
+    /// Appearance factors of all tensors.
+    pub appearance_factors: usize,
     /// Appearance components of the scale.
     pub appearance_rank: usize,
 }
@@ -83,10 +81,9 @@ impl FieldShape {
         let scales = (field.scales.iter())
             .map(|s| ScaleShape {
                 tensors: s.len(),
-                rows: s.rows().count,
-                density_components: s.density.held().components(),
-                appearance_components: s.appearance.held().components(),
-                appearance_rank: s.appearance.held().rank(),
+                density_factors: s.density.iter().map(|block| block.values().len()).sum(),
+                appearance_factors: s.appearance.iter().map(|block| block.values().len()).sum(),
+                appearance_rank: s.appearance_rank(),
             })
             .collect();
         Self {
@@ -208,11 +205,11 @@ impl FieldShape {
     /// regularization (1) to its gradient. Appearance entries take part if their tensor colored a sample; their
     /// number is bounded by one tensor per pair.
     fn optimizer(&self, work: &Work, runs: u64) -> Cost {
-        let density = runs as f64 * self.scales.iter().map(|s| s.rows * s.density_components).sum::<usize>() as f64;
+        let density = runs as f64 * self.scales.iter().map(|s| s.density_factors).sum::<usize>() as f64;
         let appearance: f64 = (self.scales.iter().zip(&work.shaded_contributions))
             .map(|(s, &pairs)| {
                 let tensors = pairs.min(s.tensors as u64 * runs) as f64;
-                tensors * (s.rows * s.appearance_components) as f64 / s.tensors.max(1) as f64
+                tensors * s.appearance_factors as f64 / s.tensors.max(1) as f64
             })
             .sum();
         let matrices = self.features * self.scales.iter().map(|s| s.appearance_rank).sum::<usize>();
@@ -223,7 +220,7 @@ impl FieldShape {
 }
 
 /// A component of a contribution: on 3 axes a subtraction and a multiply-add between two rows (3·3), then weight·x·y·z
-/// added (4). Reads two rows an axis, 6 numbers a component.
+/// added (4). Reads two rows an axis, 6 numbers a component; of a vector and a matrix as many, with two operations more.
 fn gather(components: f64) -> Cost {
     Cost { flop: components * 13.0, bytes: components * 6.0 * WORD }
 }

@@ -151,13 +151,7 @@ mod tests {
 
     fn shape() -> FieldShape {
         FieldShape {
-            scales: vec![ScaleShape {
-                tensors: 1,
-                rows: 1,
-                density_components: 1,
-                appearance_components: 1,
-                appearance_rank: 1,
-            }],
+            scales: vec![ScaleShape { tensors: 1, density_factors: 1, appearance_factors: 1, appearance_rank: 1 }],
             features: 1,
             frequencies: [1, 1],
             layers: vec![[1000, 1000]],

@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 
 use crate::dataset::{Pixels, View};
 use crate::geometry::{Aabb, Camera, Lattice, Similarity};
-use crate::model::{ColorSpace, Factors, Frame, Occupancy, Scale, Scene, UpAxis};
+use crate::model::{ColorSpace, Frame, Occupancy, Scale, Scene, UpAxis};
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 use crate::train::{PrepareError, TrainConfig, initial_scene};
 
@@ -104,19 +104,20 @@ pub fn voxel_for(count: u64) -> f64 {
     (volume / count as f64).cbrt()
 }
 
-/// Makes the first density component of `scale` a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the
+/// Makes the first density component of `scale`, of the form cp, a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the
 /// ball's surface.
 fn write_gaussian(scale: &mut Scale, peak: f64) {
     let exponent = PEAK_IN_SHIFTS.ln() / (RADIUS * RADIUS);
-    let (cloud, rank) = (&scale.cloud, scale.factors.density_rank as usize);
-    let tensor_len = Factors::rows(cloud.resolution) * rank;
-    let first_rows = Factors::axis_rows(cloud.resolution);
-    for (factors, center) in scale.factors.density.chunks_exact_mut(tensor_len).zip(cloud.centers()) {
+    let cloud = &scale.cloud;
+    let block = &mut scale.factors.density[0];
+    let (rank, tensor_len) = (block.rank as usize, block.tensor_len(cloud.resolution));
+    let vectors = block.form.factors(cloud.resolution);
+    for (factors, center) in block.values.chunks_exact_mut(tensor_len).zip(cloud.centers()) {
         for a in 0..3 {
             for vertex in 0..=cloud.resolution[a] {
                 let x = center[a] - cloud.half_edge[a] + f64::from(vertex) * cloud.cell_size()[a];
                 let value = peak.cbrt() * (-exponent * x * x).exp();
-                factors[(first_rows[a] + vertex as usize) * rank] = value as f32;
+                factors[(vectors[a].start + vertex as usize) * rank] = value as f32;
             }
         }
     }

@@ -17,9 +17,11 @@ pub(super) struct Scale {
     pub(super) factor_cells_per_unit: [f32; 3],
     pub(super) tensors: u32,
     pub(super) last_cell: [u32; 3],
-    pub(super) first_quad: u32,
+    pub(super) has_matrices: u32,
     pub(super) first_row: [u32; 3],
-    pub(super) padding: u32,
+    pub(super) padding1: u32,
+    pub(super) first_quads: [u32; 3],
+    pub(super) padding2: u32,
 }
 
 /// A fully connected layer.
@@ -144,7 +146,7 @@ mod tests {
         assert_same_layout!(
             source, "Scale", Scale,
             min, top_k, cells_per_unit, lists, cells, starts, half_edge, candidates, factor_cells_per_unit,
-            tensors, last_cell, first_quad, first_row
+            tensors, last_cell, has_matrices, first_row, first_quads
         );
         assert_same_layout!(source, "Layer", Layer, inputs, output_quads, weights, bias);
         #[rustfmt::skip]

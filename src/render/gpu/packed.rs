@@ -4,6 +4,7 @@ use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape};
 use crate::field::{Dense, Field, FieldFactors, FieldScale, FieldSky};
+use crate::model::Form;
 
 /// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
@@ -33,10 +34,12 @@ impl Packed {
     pub(super) fn new(field: &Field<f32>, precision: Precision, limits: BufferLimits) -> Result<Self, GpuError> {
         let mut words = Words::default();
         let mut component_quads = 0;
+        let has_matrices = field.scales.iter().any(|scale| scale.density.iter().any(|block| block.form() != Form::Cp));
+        let blocks = if has_matrices { 3 } else { 1 };
         let scales: Vec<Scale> = (field.scales.iter())
             .map(|scale| {
-                let packed = words.scale(scale, precision, component_quads);
-                component_quads += scale.appearance.held().rank().div_ceil(4) as u32;
+                let packed = words.scale(scale, precision, blocks, component_quads);
+                component_quads += scale.appearance.iter().map(block_quads).sum::<u32>();
                 packed
             })
             .collect();
@@ -48,6 +51,7 @@ impl Packed {
         let shape = Shape {
             chunks: (words.quads().div_ceil(1 << limits.chunk_shift)).max(1) as u32,
             component_quads,
+            blocks: blocks as u32,
             ..shape_of(field, precision, limits, &scales, &layers)
         };
         check_limits(&shape, &words, limits)?;
@@ -66,7 +70,7 @@ impl Packed {
     }
 }
 
-/// The shape of `field`, with `chunks` and `component_quads` unset.
+/// The shape of `field`, with `chunks`, `component_quads` and `blocks` unset.
 fn shape_of(
     field: &Field<f32>,
     precision: Precision,
@@ -87,6 +91,7 @@ fn shape_of(
         inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
         output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
         component_quads: 0,
+        blocks: 0,
         features: decoder.features as u32,
         feature_frequencies: decoder.frequencies[0],
         direction_frequencies: decoder.frequencies[1],
@@ -157,9 +162,23 @@ fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<()
 /// neighbors.
 fn iterations_per_sample(field: &Field<f32>, top_k: u32) -> u32 {
     let of_scale = |s: &FieldScale<f32>| {
-        longest_list(s) + s.top_k() * (s.density.held().rank().div_ceil(4) + 2) + 3 * top_k as usize
+        let components: usize = s.density.iter().map(|block| block_quads(block) as usize + 2).sum();
+        longest_list(s) + s.top_k() * components + 3 * top_k as usize
     };
     (field.scales.iter().map(of_scale).sum::<usize>() + 1) as u32
+}
+
+/// The components of a block, in quads.
+fn block_quads(block: &FieldFactors<f32>) -> u32 {
+    block.held().rank().div_ceil(4) as u32
+}
+
+/// The place of a block among those of a scale on the device.
+fn place_of(block: &FieldFactors<f32>) -> usize {
+    match block.form() {
+        Form::Cp => 0,
+        Form::Vm(axis) => axis,
+    }
 }
 
 /// The length of the longest candidate list.
@@ -203,8 +222,9 @@ impl Words {
         self.push(bytemuck::cast_slice(floats))
     }
 
-    /// Appends the candidate lists and factors of `scale`, whose first appearance quad is `first_quad`.
-    fn scale(&mut self, scale: &FieldScale<f32>, precision: Precision, first_quad: u32) -> Scale {
+    /// Appends the candidate lists and factors of `scale`, whose first appearance quad is `first_quad`, for so many `blocks` of a
+    /// scale.
+    fn scale(&mut self, scale: &FieldScale<f32>, precision: Precision, blocks: usize, first_quad: u32) -> Scale {
         let index = scale.index();
         let (min, cells_per_unit, cells) = index.grid();
         let lists = self.push(index.lists());
@@ -216,12 +236,22 @@ impl Words {
         }
         let starts = self.push(&starts);
         let candidates = self.push(candidates.as_flattened()) / 4;
-        let parts = [&scale.density, &scale.appearance];
-        let places = parts.map(|factors| self.factors(factors, precision));
-        let quads = |part: &FieldFactors<f32>, n| part.held().count(n).div_ceil(4) as u32;
-        let tensors: Vec<[u32; 4]> =
-            (0..scale.len()).map(|n| [places[0][n], quads(parts[0], n), places[1][n], quads(parts[1], n)]).collect();
-        let rows = scale.rows();
+        let mut tensors = vec![[0; 4]; blocks * scale.len()];
+        for (part, factors) in [&scale.density, &scale.appearance].into_iter().enumerate() {
+            for block in factors {
+                let places = self.factors(block, precision);
+                for (n, place) in places.into_iter().enumerate() {
+                    let quads = block.held().count(n).div_ceil(4) as u32;
+                    tensors[blocks * n + place_of(block)][2 * part..][..2].copy_from_slice(&[place, quads]);
+                }
+            }
+        }
+        let mut first_quads = [first_quad; 3];
+        for block in &scale.appearance {
+            first_quads[place_of(block) + 1..].iter_mut().for_each(|first| *first += block_quads(block));
+        }
+        let vertices = scale.vertices();
+        let [x, y, _] = scale.resolution.map(|cells| cells + 1);
         Scale {
             min,
             top_k: scale.top_k() as u32,
@@ -231,12 +261,14 @@ impl Words {
             starts,
             half_edge: scale.half_edge,
             candidates,
-            factor_cells_per_unit: rows.cells_per_unit,
+            factor_cells_per_unit: vertices.cells_per_unit,
             tensors: self.push(tensors.as_flattened()) / 4,
-            last_cell: rows.last_cell.map(|c| c as u32),
-            first_quad,
-            first_row: rows.first_row.map(|r| r as u32),
-            padding: 0,
+            last_cell: vertices.last_cell.map(|c| c as u32),
+            has_matrices: scale.density.iter().any(|block| block.form() != Form::Cp).into(),
+            first_row: [0, x, x + y],
+            padding1: 0,
+            first_quads,
+            padding2: 0,
         }
     }
 
@@ -284,15 +316,15 @@ impl Words {
         places
     }
 
-    /// Appends the appearance matrices, \[component\]\[feature\], with features and each scale's components padded to
+    /// Appends the appearance matrices, \[component\]\[feature\], with features and each block's components padded to
     /// quads. Returns the index of the first quad.
     fn appearance(&mut self, field: &Field<f32>, component_quads: u32) -> u32 {
         let decoder = &field.decoder;
         let (components, width) = (field.component_count(), decoder.features.next_multiple_of(4));
         let mut transposed = vec![0.0; 4 * component_quads as usize * width];
         let (mut from, mut to) = (0, 0);
-        for scale in &field.scales {
-            let rank = scale.appearance.held().rank();
+        for block in field.scales.iter().flat_map(|scale| &scale.appearance) {
+            let rank = block.held().rank();
             for r in 0..rank {
                 for p in 0..decoder.features {
                     transposed[(to + r) * width + p] = decoder.appearance[p * components + from + r];

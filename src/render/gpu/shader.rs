@@ -60,8 +60,10 @@ pub(super) struct Shape {
     pub(super) inputs: u32,
     /// The largest number of outputs of a layer, or of features, in quads.
     pub(super) output_quads: u32,
-    /// Appearance components of all scales in quads, each scale's padded.
+    /// Appearance components of all scales in quads, each block's padded.
     pub(super) component_quads: u32,
+    /// Blocks of a scale on the device: 3 if a scale has components with a matrix, else 1.
+    pub(super) blocks: u32,
     pub(super) features: u32,
     pub(super) feature_frequencies: u32,
     pub(super) direction_frequencies: u32,
@@ -93,7 +95,7 @@ impl Shape {
     /// Bytes of the decoder's workgroup memory with `rows` rows.
     fn bytes_for(&self, rows: u32) -> u32 {
         let own_color = if self.decoder_mode == DecoderMode::Residual { 12 } else { 0 };
-        let row_bytes = SITE_BYTES * self.scales * self.top_k + 4 * self.scales + 16 + own_color;
+        let row_bytes = SITE_BYTES * self.scales * self.top_k * self.blocks + 4 * self.scales + 16 + own_color;
         let number_bytes = if self.has_f16_tile() { 2 } else { 4 };
         let per_row = number_bytes * self.tile_columns() + row_bytes;
         rows * per_row + 48
@@ -120,6 +122,7 @@ impl Shape {
         for (name, value) in [
             ("SCALES", self.scales),
             ("TOP_K", self.top_k),
+            ("BLOCKS", self.blocks),
             ("LAYERS", self.layers),
             ("OUTPUT_QUADS", self.output_quads),
             ("COMPONENT_QUADS", self.component_quads),
@@ -137,7 +140,7 @@ impl Shape {
             ("MAX_ACROSS", MAX_ACROSS),
             ("ROWS", rows),
             ("TILE_QUADS", self.tile_columns() * rows / 4),
-            ("SITES", rows * self.scales * self.top_k),
+            ("SITES", rows * self.scales * self.top_k * self.blocks),
             ("OWN_COLOR_QUADS", if self.decoder_mode == DecoderMode::Residual { 3 * rows / 4 } else { 1 }),
         ] {
             let _ = writeln!(text, "const {name}: u32 = {value}u;");
@@ -287,6 +290,7 @@ impl Default for Shape {
             inputs: 150,
             output_quads: 32,
             component_quads: 36,
+            blocks: 1,
             features: 27,
             feature_frequencies: 2,
             direction_frequencies: 2,
@@ -319,6 +323,7 @@ mod tests {
             Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
             Shape { contracted: true, ..paper.clone() },
+            Shape { blocks: 3, ..paper.clone() },
             Shape { sky_degree: 1, ..paper.clone() },
             Shape { sky_degree: 4, decoder_mode: DecoderMode::PerRay, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },

@@ -36,6 +36,8 @@ impl TrainConfig {
         for (place, value) in [
             ("factor_decay", self.factor_decay),
             ("density_l1", self.density_l1),
+            ("density_variation", self.density_variation),
+            ("appearance_variation", self.appearance_variation),
             ("distance_weight", self.distance_weight),
             ("color_roulette", self.color_roulette),
             ("density_roulette", self.density_roulette),

@@ -14,8 +14,8 @@ pub use error::ConfigError;
 
 use super::Exposure;
 use crate::geometry::{Aabb, Contraction, Similarity};
-use crate::model::{Aggregation, Coverage, DecoderMode, Reduction, Rules, Sky};
-use crate::prior::{self, CoarseOptions, Unbounded};
+use crate::model::{Aggregation, Coverage, DecoderMode, FactorKind, Form, Reduction, Rules, Sky};
+use crate::prior::{self, CoarseOptions, Unbounded, VoxelBoxes};
 
 /// A training run's settings. They have a TOML form, in which every field may be left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,6 +74,11 @@ pub struct TrainConfig {
     /// Weight of the mean absolute density factor in the loss, per axis and scale (paper, Implementation). 0 turns it
     /// off.
     pub density_l1: f64,
+    /// Weights in the loss of the mean squared difference between neighboring vertices of density factors, and of appearance
+    /// factors (TensoRF's total variation).
+    pub density_variation: f64,
+    /// See `density_variation`.
+    pub appearance_variation: f64,
     /// Weight in the loss of the mean visibility that is not where points were matched between photographs (`prior/stereo.rs`),
     /// over rays through such points. 0 turns it off.
     pub distance_weight: f64,
@@ -203,18 +208,67 @@ pub struct DecoderConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleConfig {
+    /// One tensor over the box of the occupied space: pitch and edge become its size, and the cells along its axes are as many
+    /// as those of a cube with the resolutions below ([`TrainConfig::fitted`]).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub whole_scene: bool,
     /// Distance between lattice cells.
     pub pitch: [f64; 3],
     /// Edge of a tensor's box.
     pub edge: [f64; 3],
     /// Cells of a tensor at the start, and after each upsampling.
     pub resolutions: Vec<[u32; 3]>,
-    /// Density components.
+    /// The factors of a component. Those with a matrix are spread evenly over the axes.
+    #[serde(default)]
+    pub factors: FactorKind,
+    /// Density components; along all axes together.
     pub density_rank: u32,
-    /// Appearance components.
+    /// Appearance components, alike.
     pub appearance_rank: u32,
     /// The most neighbors that a point aggregates.
     pub top_k: u32,
+}
+
+/// The box of a tensor over the whole scene, in boxes of what is occupied: so that rounding leaves nothing outside.
+const WHOLE: f64 = 1.0 + 1e-4;
+/// The most cells along an axis (spec 5).
+const MAX_CELLS: f64 = 1024.0;
+
+impl TrainConfig {
+    /// These settings for a scene on `occupied`, which is in the dataset's space or, for an unbounded scene, in contracted space:
+    /// scales with [`ScaleConfig::whole_scene`] get the scene's box.
+    ///
+    /// # Errors
+    ///
+    /// If the box of `occupied` has no extent.
+    pub fn fitted(&self, occupied: &VoxelBoxes) -> Result<Self, prior::Error> {
+        let mut config = self.clone();
+        if config.scales.iter().all(|scale| !scale.whole_scene) {
+            return Ok(config);
+        }
+        let map = config.model_from_prior(&occupied.bounds())?;
+        let size = WHOLE * occupied.mapped(&map).bounds().size();
+        for scale in config.scales.iter_mut().filter(|scale| scale.whole_scene) {
+            (scale.pitch, scale.edge, scale.whole_scene) = (size.to_array(), size.to_array(), false);
+            for cells in &mut scale.resolutions {
+                let all: f64 = cells.iter().map(|&d| f64::from(d)).product();
+                let cell = (size.element_product() / all).cbrt();
+                *cells = (size / cell).round().clamp(DVec3::ONE, DVec3::splat(MAX_CELLS)).as_uvec3().to_array();
+            }
+        }
+        Ok(config)
+    }
+}
+
+impl ScaleConfig {
+    /// The forms of density and of appearance components, each with its rank.
+    pub fn forms(&self) -> [Vec<(Form, u32)>; 2] {
+        let of_rank = |rank: u32| match self.factors {
+            FactorKind::Cp => vec![(Form::Cp, rank)],
+            FactorKind::Vm => (0..3).map(|axis| (Form::Vm(axis), (rank + 2 - axis as u32) / 3)).collect(),
+        };
+        [of_rank(self.density_rank), of_rank(self.appearance_rank)]
+    }
 }
 
 /// Settings of [`super::bootstrap_prior`].

@@ -11,12 +11,14 @@
 //!
 //! Other rays measure the loss. Nothing is removed if it is more than [`MAX_LOSS`].
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::field::{Field, Samples, vectorized};
 use crate::geometry::Ray;
-use crate::model::{Factors, Scene};
+use crate::model::Scene;
 use crate::random::Random;
 use crate::train::component_mask::ComponentMask;
 use crate::train::{RAYS_PER_CHUNK, RayBatch, RaySampler, TrainError};
@@ -107,7 +109,7 @@ fn mask_idle_tensors(mask: &mut ComponentMask, scene: &Scene, field: &mut Field<
     let mut used = uses(selection, field);
     let mut idle: Vec<bool> = used.iter().map(|u| !u.density).collect();
     for round in 0.. {
-        mask.set_tensors(scene, 0, &idle);
+        mask.set_tensors(scene, true, &idle);
         mask.write_to(scene, field);
         let now = uses(selection, field);
         let is_any_filled = idle.iter().zip(&now).any(|(&idle, now)| idle && now.density);
@@ -121,38 +123,34 @@ fn mask_idle_tensors(mask: &mut ComponentMask, scene: &Scene, field: &mut Field<
         }
     }
     let idle: Vec<bool> = used.iter().map(|u| !u.appearance).collect();
-    mask.set_tensors(scene, 1, &idle);
+    mask.set_tensors(scene, false, &idle);
 }
 
 /// Masks the smallest components of each tensor, as many as together change no feature by more than [`MAX_CHANGE`].
 ///
-/// A component adds at most the product of its vectors' largest magnitudes to a feature; an appearance component that
+/// A component adds at most the product of its factors' largest magnitudes to a feature; an appearance component that
 /// times its weight in the appearance matrix. A scale's weights add up to 1 at most, so this holds for a sample, scale
 /// by scale.
 fn mask_small_components(mask: &mut ComponentMask, scene: &Scene) {
-    for (scale, mask) in scene.scales.iter().zip(&mut mask.scales) {
-        let (rows, axes) = (Factors::rows(scale.cloud.resolution), Factors::axis_ranges(scale.cloud.resolution));
-        let matrix = &scale.appearance_matrix;
+    for (scale, masks) in scene.scales.iter().zip(&mut mask.scales) {
+        let (resolution, matrix) = (scale.cloud.resolution, &scale.appearance_matrix);
         let heaviest = |c: usize| {
             let weights = matrix.weights.iter().skip(c).step_by(matrix.rank as usize);
             weights.fold(0.0, |largest: f64, w| largest.max(f64::from(w.abs())))
         };
-        let [density, appearance] = mask;
-        let density_gains = vec![1.0; scale.factors.density_rank as usize];
-        let appearance_gains: Vec<f64> = (0..matrix.rank as usize).map(heaviest).collect();
-        for (values, mask, gains) in [
-            (&scale.factors.density, density, density_gains),
-            (&scale.factors.appearance, appearance, appearance_gains),
-        ] {
-            let rank = gains.len();
-            let tensors = values.par_chunks_exact(rows * rank).zip(mask.par_chunks_exact_mut(rank));
-            tensors.for_each(|(values, mask)| {
-                let largest = |c: usize, a: usize| {
-                    let of_axis = axes[a].clone().map(|row| f64::from(values[row * rank + c].abs()));
-                    of_axis.fold(0.0, f64::max)
+        let gains = vec![1.0; scale.factors.density_rank() as usize].into_iter();
+        let mut gains = gains.chain((0..matrix.rank as usize).map(heaviest));
+        for (block, masks) in scale.factors.blocks().zip(masks) {
+            let rank = block.rank as usize;
+            let gains: Vec<f64> = gains.by_ref().take(rank).collect();
+            let factors = block.form.factors(resolution);
+            let tensors = block.values.par_chunks_exact(block.tensor_len(resolution));
+            tensors.zip(masks.par_chunks_exact_mut(rank)).for_each(|(values, mask)| {
+                let largest = |c: usize, rows: &Range<usize>| {
+                    rows.clone().map(|row| f64::from(values[row * rank + c].abs())).fold(0.0, f64::max)
                 };
-                let mut bounds: Vec<(f64, usize)> =
-                    (0..rank).map(|c| (gains[c] * largest(c, 0) * largest(c, 1) * largest(c, 2), c)).collect();
+                let bound = |c: usize| gains[c] * factors.iter().map(|rows| largest(c, rows)).product::<f64>();
+                let mut bounds: Vec<(f64, usize)> = (0..rank).map(|c| (bound(c), c)).collect();
                 bounds.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 let mut change = 0.0;
                 for (bound, c) in bounds {

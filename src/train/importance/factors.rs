@@ -1,6 +1,6 @@
 //! The importance of single factor entries and of whole components, estimated from a scene's own pictures.
 
-use crate::field::{Field, FieldFactors};
+use crate::field::{Field, FieldFactors, FieldScale};
 use crate::geometry::Ray;
 use crate::model::Scene;
 use crate::random::Random;
@@ -13,31 +13,29 @@ const RAYS: usize = 8192;
 /// Importance of the factors of a scene.
 #[derive(Clone, Debug)]
 pub struct FactorImportance {
-    /// \[scale\] of the density factors.
-    pub density: Vec<PartImportance>,
-    /// \[scale\] of the appearance factors.
-    pub appearance: Vec<PartImportance>,
+    /// \[scale\]\[block\].
+    pub scales: Vec<Vec<BlockImportance>>,
 }
 
-/// Importance of a scale's density or appearance factors.
+/// Importance of the factors of a block.
 #[derive(Clone, Debug)]
-pub struct PartImportance {
+pub struct BlockImportance {
     /// Importance of each entry v, laid out as the scene's factors: the mean over rays and channels of (∂color/∂v)², the
     /// diagonal of the Gauss-Newton matrix. A small error e of v, independent of others, adds e² times this to the mean squared error of
     /// pictures.
     pub entries: Vec<f32>,
     /// \[tensor\]\[component\] what the absence of a component adds to the mean squared error of pictures: the mean of (Σ
-    /// v·∂color/∂v)² over the entries of one of its vectors, which vanish together.
+    /// v·∂color/∂v)² over the entries of one of its factors, which vanish together.
     pub components: Vec<f64>,
 }
 
-impl PartImportance {
+impl BlockImportance {
     /// Zeros, laid out as `factors` are held.
     fn zeros(factors: &FieldFactors<f32>) -> Self {
         Self { entries: vec![0.0; factors.values().len()], components: vec![0.0; factors.held().components()] }
     }
 
-    /// Adds the squares of a batch's `gradients` of `factors`, which have `rows` rows on the first axis.
+    /// Adds the squares of a batch's `gradients` of `factors`, whose first factor has `rows` rows.
     fn add(&mut self, factors: &FieldFactors<f32>, gradients: &[f32], rows: usize, share: f64) {
         for (sum, g) in self.entries.iter_mut().zip(gradients) {
             *sum += share as f32 * g * g;
@@ -65,22 +63,21 @@ impl FactorImportance {
         let field = Field::<f32>::new(scene);
         let mut backward = Backward::new(&field);
         let random = Random::new(seed, "sensitivity");
-        let mut density: Vec<_> = field.scales.iter().map(|scale| PartImportance::zeros(&scale.density)).collect();
-        let mut appearance: Vec<_> =
-            field.scales.iter().map(|scale| PartImportance::zeros(&scale.appearance)).collect();
+        let zeros = |scale: &FieldScale<f32>| scale.blocks().map(BlockImportance::zeros).collect();
+        let mut scales: Vec<Vec<BlockImportance>> = field.scales.iter().map(zeros).collect();
         for n in 0..batches as u64 {
             let rays = rays(RAYS, &random.substream(2 * n));
             let gradients = backward.picture_gradients(&field, &rays, &random.substream(2 * n + 1));
             let share = 1.0 / batches as f64;
-            for (s, scale) in field.scales.iter().enumerate() {
-                let rows = scale.resolution[0] as usize + 1;
-                density[s].add(&scale.density, &gradients.density[s], rows, share);
-                appearance[s].add(&scale.appearance, &gradients.appearance[s], rows, share);
+            for ((scale, sums), gradients) in field.scales.iter().zip(&mut scales).zip(&gradients.factors) {
+                for ((block, sums), gradients) in scale.blocks().zip(sums).zip(gradients) {
+                    sums.add(block, gradients, block.first_factor_rows(), share);
+                }
             }
         }
-        Self {
-            density: field.scales.iter().zip(&density).map(|(s, sums)| sums.dense(&s.density)).collect(),
-            appearance: field.scales.iter().zip(&appearance).map(|(s, sums)| sums.dense(&s.appearance)).collect(),
-        }
+        let dense = |(scale, sums): (&FieldScale<f32>, &Vec<BlockImportance>)| {
+            scale.blocks().zip(sums).map(|(block, sums)| sums.dense(block)).collect()
+        };
+        Self { scales: field.scales.iter().zip(&scales).map(dense).collect() }
     }
 }

@@ -13,4 +13,4 @@ mod factors;
 
 pub(super) use components::ComponentImportance;
 pub use dead_components::{DeadComponents, MAX_LOSS, prune_dead_components};
-pub use factors::{FactorImportance, PartImportance};
+pub use factors::{BlockImportance, FactorImportance};

@@ -13,7 +13,7 @@ mod scale;
 mod tests;
 
 use crate::geometry::Camera;
-use crate::model::Factors;
+use crate::model::Form;
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 
 pub use budget::{Budget, fit_to_budget};
@@ -77,13 +77,14 @@ pub fn plan(
 /// The plans of `config`'s scales with \[scale\] these numbers of tensors.
 fn scale_plans(config: &TrainConfig, tensors: &[u64]) -> Vec<ScalePlan> {
     let of_scale = |(scale, &tensors): (&ScaleConfig, &u64)| {
-        let rank = u64::from(scale.density_rank) + u64::from(scale.appearance_rank);
-        let factors = tensors.saturating_mul(Factors::rows(last(scale)) as u64).saturating_mul(rank);
+        let of_tensor = |(form, rank): &(Form, u32)| form.rows(last(scale)) as u64 * u64::from(*rank);
+        let factors = tensors.saturating_mul(scale.forms().iter().flatten().map(of_tensor).sum());
         let matrix = u64::from(config.decoder.features) * u64::from(scale.appearance_rank);
         ScalePlan {
             tensors,
             edge: scale.edge,
             resolution: last(scale),
+            factors: scale.factors,
             density_rank: scale.density_rank,
             appearance_rank: scale.appearance_rank,
             top_k: scale.top_k,

@@ -1,5 +1,7 @@
 //! One scale of a plan.
 
+use crate::model::FactorKind;
+
 /// One scale of a [`super::Plan`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScalePlan {
@@ -9,6 +11,8 @@ pub struct ScalePlan {
     pub edge: [f64; 3],
     /// Cells of a tensor after the last upsampling.
     pub resolution: [u32; 3],
+    /// The factors of components.
+    pub factors: FactorKind,
     /// Density components.
     pub density_rank: u32,
     /// Appearance components.

@@ -18,11 +18,11 @@ use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::ranks::{drop_ranks, with_components};
+use super::ranks::{drop_ranks, set_components};
 use super::{Tuning, compacted, tuned};
 use crate::dataset::View;
 use crate::field::Field;
-use crate::model::{Factors, Scale, Scene};
+use crate::model::{Scale, Scene};
 use crate::random::Random;
 use crate::train::checkpoint::malformed;
 use crate::train::importance::ComponentImportance;
@@ -311,8 +311,8 @@ impl GrowState {
 /// `scene` with more components: at most `max_parameters`, or as many as it has if these are more.
 fn with_more_components(scene: &Scene, sampler: &RaySampler<'_>, max_parameters: u64, random: &Random) -> Scene {
     let mut larger = scene.clone();
-    let old_ranks: Vec<[usize; 2]> =
-        scene.scales.iter().map(|s| [s.factors.density_rank as usize, s.factors.appearance_rank as usize]).collect();
+    let ranks = |scale: &Scale| scale.factors.blocks().map(|block| block.rank as usize).collect();
+    let old_ranks: Vec<Vec<usize>> = scene.scales.iter().map(ranks).collect();
     for (s, scale) in larger.scales.iter_mut().enumerate() {
         add_components(scale, &random.substream(3).substream(s as u64));
     }
@@ -328,51 +328,49 @@ fn finer(scene: &Scene, scales: Range<usize>, step_cells: f64) -> Scene {
     let mut scene = scene.clone();
     for scale in &mut scene.scales[scales] {
         let to = scale.cloud.resolution.map(|cells| if cells > MAX_CELLS / 2 { cells } else { 2 * cells });
-        let (from, factors) = (scale.cloud.resolution, &mut scale.factors);
-        factors.density = upsample(&factors.density, factors.density_rank as usize, from, to);
-        factors.appearance = upsample(&factors.appearance, factors.appearance_rank as usize, from, to);
+        let from = scale.cloud.resolution;
+        for block in scale.factors.blocks_mut() {
+            block.values = upsample(block.form, &block.values, block.rank as usize, from, to);
+        }
         scale.cloud.resolution = to;
     }
     scene.rules.step = scene.rules.step.min(march_step(&scene.scales[0].cloud, step_cells));
     scene
 }
 
-/// Adds [`NEW_COMPONENTS`] components to all tensors of `scale`. Their third vectors are zeros, so pictures stay the
-/// same.
+/// Adds [`NEW_COMPONENTS`] components of each block to all tensors of `scale`. Their last factors are zeros, so pictures stay
+/// the same.
 fn add_components(scale: &mut Scale, random: &Random) {
     let resolution = scale.cloud.resolution;
-    let rows = Factors::rows(resolution);
-    let third = Factors::axis_ranges(resolution)[2].clone();
-    let factors = &mut scale.factors;
-    for (part, (values, rank)) in
-        [(&mut factors.density, &mut factors.density_rank), (&mut factors.appearance, &mut factors.appearance_rank)]
-            .into_iter()
-            .enumerate()
-    {
-        let old = *rank as usize;
+    for (b, block) in scale.factors.blocks_mut().enumerate() {
+        let (form, old) = (block.form, block.rank as usize);
         let new = old + NEW_COMPONENTS;
         let kept: Vec<usize> = (0..old).collect();
-        *values = with_components(values, rows, old, new, |_| &kept);
-        let random = random.substream(part as u64);
-        values.par_chunks_mut(rows * new).enumerate().for_each(|(n, tensor)| {
-            for (row, numbers) in tensor.chunks_exact_mut(new).enumerate().filter(|(row, _)| !third.contains(row)) {
+        set_components(block, resolution, new, |_| &kept);
+        let random = random.substream(b as u64);
+        let (rows, last) = (form.rows(resolution), form.factors(resolution).pop().unwrap_or_default());
+        block.values.par_chunks_mut(rows * new).enumerate().for_each(|(n, tensor)| {
+            for (row, numbers) in tensor.chunks_exact_mut(new).enumerate().filter(|(row, _)| !last.contains(row)) {
                 for (c, number) in numbers[old..].iter_mut().enumerate() {
                     *number = (DEVIATION * random.normal(((n * rows + row) * NEW_COMPONENTS + c) as u64)) as f32;
                 }
             }
         });
-        *rank = new as u32;
     }
+    let blocks = scale.factors.appearance.iter().map(|block| block.rank as usize).collect::<Vec<_>>();
     let matrix = &mut scale.appearance_matrix;
-    let old = matrix.rank as usize;
-    let random = random.substream(2);
-    let bound = 1.0 / ((old + NEW_COMPONENTS) as f64).sqrt();
-    let offered = |p: usize| {
+    let (old, new) = (matrix.rank as usize, blocks.iter().sum::<usize>());
+    let random = random.substream(scale.factors.blocks().count() as u64);
+    let bound = 1.0 / (new as f64).sqrt();
+    let mut weights = Vec::with_capacity(new * matrix.features as usize);
+    for (p, row) in matrix.weights.chunks_exact(old).enumerate() {
         let random = random.substream(p as u64);
-        (0..NEW_COMPONENTS as u64).map(move |c| (bound * (2.0 * random.uniform(c) - 1.0)) as f32)
-    };
-    matrix.weights = (matrix.weights.chunks_exact(old).enumerate())
-        .flat_map(|(p, row)| row.iter().copied().chain(offered(p)))
-        .collect();
-    matrix.rank += NEW_COMPONENTS as u32;
+        let mut row = row.iter();
+        let mut offered = (0..).map(|c| (bound * (2.0 * random.uniform(c) - 1.0)) as f32);
+        for rank in &blocks {
+            weights.extend(row.by_ref().take(rank - NEW_COMPONENTS));
+            weights.extend(offered.by_ref().take(NEW_COMPONENTS));
+        }
+    }
+    (matrix.weights, matrix.rank) = (weights, new as u32);
 }

@@ -41,12 +41,14 @@ pub fn compacted(trainer: &Trainer<'_>) -> Result<Scene, TrainError> {
 /// Settings to continue the training of `scene` for `steps`, without any schedule.
 pub(super) fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
     let of_scale = |s: &Scale| ScaleConfig {
+        whole_scene: false,
         // No tensor is placed.
         pitch: (2.0 * s.cloud.half_edge).to_array(),
         edge: (2.0 * s.cloud.half_edge).to_array(),
         resolutions: vec![s.cloud.resolution],
-        density_rank: s.factors.density_rank,
-        appearance_rank: s.factors.appearance_rank,
+        factors: s.factors.kind(),
+        density_rank: s.factors.density_rank(),
+        appearance_rank: s.factors.appearance_rank(),
         top_k: s.top_k,
     };
     TrainConfig {

@@ -84,7 +84,8 @@ def info(path, scene, *_):
     if rules.sky is not None:
         print(f"sky of degree {int(np.sqrt(rules.sky.shape[1])) - 1}")
     for index, scale in enumerate(scene.scales):
-        ranks = f"density rank {scale.density[0].shape[1]}, appearance rank {scale.appearance[0].shape[1]}"
+        density, appearance = (sum(block.rank for block in blocks) for blocks in (scale.density, scale.appearance))
+        ranks = f"density rank {density}, appearance rank {appearance}"
         chunks = _count(scale.chunks, "chunk", "chunks")
         print(f"scale {index}: {len(scale.centers)} tensors in {chunks}, resolution {scale.resolution}, {ranks}")
     widths = [decoder.layers[0].weights.shape[1]] + [len(layer.bias) for layer in decoder.layers]

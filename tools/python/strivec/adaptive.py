@@ -1,6 +1,7 @@
 """The codec adaptive (section 2.5 of the format)."""
 
 from collections import defaultdict
+from itertools import islice
 
 from .errors import Malformed
 
@@ -177,36 +178,54 @@ LARGEST_SIZE = 1023
 EVEN = 1 << 15  # the probability of a bit that is as likely 0 as 1
 
 
-def integers(data, length, bits, groups, count, name, masks=None):
+def integers(data, length, bits, blocks, tensors, name, masks=None):
     """The body, of `length` bytes, of an array in the encoding grid of `bits` bits: masks, step codes and integers.
 
-    `groups` yields the lengths of the vectors of each of `count` groups, [group][vector]. If the body begins with masks of
-    components, `masks` is (tensors, rank), and as many groups count as the masks have bits, all alike.
+    Each of `blocks` is a number of groups for each of so many `tensors`, and the lengths of the vectors of each group. If
+    the body begins with masks of components, `masks` is (tensors, rank), and as many groups count as the masks have bits.
+    Without tensors, blocks are rows of networks, of one group each.
     """
     decoder = Decoder(data, name)
     width = 2 if bits > 8 else 1
     body = bytearray()
+    counts = [count * (tensors or 1) for count, _ in blocks]
     if masks is not None:
         body += _masks(decoder, *masks)
-        count = sum(byte.bit_count() for byte in body)
-        size = len(body) + count * (1 + width * sum(next(groups)))
-        if size != length:
-            raise Malformed(f"{name} bytes of the body", size, length)
-    steps = _steps(decoder, count)
+        counts = _counts(body, *masks, [count for count, _ in blocks])
+        groups = sum(count * (1 + width * sum(vectors)) for count, (_, vectors) in zip(counts, blocks))
+        if len(body) + groups != length:
+            raise Malformed(f"{name} bytes of the body", len(body) + groups, length)
+    steps = _steps(decoder, sum(counts))
     body += bytes(steps)
     weights = []
     for _ in range(2):
         weight = _number(decoder, 16)
         weights.append(weight - (weight >> 15 << 16))
     model = _Integers(decoder, bits, weights)
-    for step, vectors in zip(steps, groups):
-        first = 0
-        for length in vectors:
-            for q in model.vector(first, length, step >> 2):
-                body += q.to_bytes(width, "little", signed=True)
-            first += length
+    steps = iter(steps)
+    for count, (_, vectors) in zip(counts, blocks):
+        if tensors is not None:
+            model.sizes.clear()
+        for step in islice(steps, count):
+            first = 0
+            for length in vectors:
+                for q in model.vector(first, length, step >> 2):
+                    body += q.to_bytes(width, "little", signed=True)
+                first += length
     decoder.finish()
     return body
+
+
+def _counts(masks, tensors, rank, ranks):
+    """The stored components of each block."""
+    size = -(-rank // 8)
+    counts = [0] * len(ranks)
+    for tensor in range(tensors):
+        mask = int.from_bytes(masks[tensor * size : (tensor + 1) * size], "little")
+        for block, of_block in enumerate(ranks):
+            counts[block] += (mask & (1 << of_block) - 1).bit_count()
+            mask >>= of_block
+    return counts
 
 
 def _masks(decoder, tensors, rank):

@@ -68,13 +68,13 @@ def width(head):
     return {"f32": 4, "f16": 2, "grid": 1 if head.bits <= 8 else 2}[head.encoding]
 
 
-def adaptive_decoder(head, groups, count, name, masks=None):
+def adaptive_decoder(head, blocks, tensors, name, masks=None):
     """What decodes the body of section `name` from the codec adaptive: see `adaptive.integers`."""
 
     def decode(data, length):
         if head.encoding != "grid":
             raise Malformed(f"{name} codec", "stored or zstd for floats", "adaptive")
-        return adaptive.integers(data, length, head.bits, groups, count, name, masks)
+        return adaptive.integers(data, length, head.bits, blocks, tensors, name, masks)
 
     return decode
 

@@ -43,7 +43,7 @@ def _scale(scale):
     return {
         "tensors": len(scale.centers),
         "resolution": [int(cells) for cells in scale.resolution],
-        "ranks": [factors[0].shape[1] for factors in (scale.density, scale.appearance)],
+        "ranks": [sum(block.rank for block in blocks) for blocks in (scale.density, scale.appearance)],
         "centers": _checksum([scale.centers], "<f8"),
         "density": _factors(scale.density),
         "appearance": _factors(scale.appearance),
@@ -51,9 +51,10 @@ def _scale(scale):
     }
 
 
-def _factors(axes):
-    """The checksum of [tensor][axis][vertex][component], from [axis][tensor][component][vertex]."""
-    return _checksum([np.concatenate([axis.transpose(0, 2, 1) for axis in axes], axis=1)], "<f4")
+def _factors(blocks):
+    """The checksum of [block][tensor][row][component]."""
+    rows = lambda array: array.reshape(*array.shape[:2], -1).transpose(0, 2, 1)
+    return _checksum([np.concatenate([rows(array) for array in block.factors], axis=1) for block in blocks], "<f4")
 
 
 def _checksum(arrays, kind):

@@ -211,7 +211,7 @@ def _evaluate_scale(rules, scale, points, numbers):
     local = points[point] - scale.centers[tensor]
     density = np.zeros(count)
     np.add.at(density, point, weight * _components(scale, scale.density, tensor, local).sum(axis=1))
-    appearance = np.zeros((count, scale.appearance[0].shape[1]))
+    appearance = np.zeros((count, scale.matrix.shape[1]))
     np.add.at(appearance, point, weight[:, None] * _components(scale, scale.appearance, tensor, local))
     return covers.any(axis=1), density, appearance
 
@@ -228,16 +228,26 @@ def _weights(aggregation, distances):
     return np.where(at_center.any(axis=1, keepdims=True), at_center.astype(np.float64), weights)
 
 
-def _components(scale, factors, tensor, local):
+def _components(scale, blocks, tensor, local):
     """The components of tensors at points (4.3), float64[n][rank]; `local` float64[n][3] is relative to the center."""
-    product = 1.0
-    for axis, (vectors, half_edge, cells) in enumerate(zip(factors, scale.half_edges, scale.resolution)):
-        u = (local[:, axis] + half_edge) / (2.0 * half_edge) * cells
-        i = np.clip(np.floor(u).astype(np.int64), 0, cells - 1)
-        fraction = (u - i)[:, None]
-        low, high = vectors[tensor, :, i].astype(np.float64), vectors[tensor, :, i + 1].astype(np.float64)
-        product = product * ((1.0 - fraction) * low + fraction * high)
-    return product
+    u = (local + scale.half_edges) / (2.0 * scale.half_edges) * scale.resolution
+    lower = np.clip(np.floor(u).astype(np.int64), 0, np.array(scale.resolution) - 1)
+    fractions = u - lower
+    return np.concatenate([_block(block, tensor, lower, fractions) for block in blocks], axis=1)
+
+
+def _block(block, tensor, lower, fractions):
+    """The components of a block, float64[n][rank]."""
+    def vector(numbers, axis, *row):
+        low, high = (numbers[(tensor, slice(None), *row, lower[:, axis] + n)].astype(np.float64) for n in (0, 1))
+        return low + fractions[:, axis, None] * (high - low)
+
+    if block.axis is None:
+        return vector(block.factors[0], 0) * vector(block.factors[1], 1) * vector(block.factors[2], 2)
+    along, matrix = block.factors
+    first, second = (axis for axis in range(3) if axis != block.axis)
+    low, high = (vector(matrix, first, lower[:, second] + n) for n in (0, 1))
+    return vector(along, block.axis) * (low + fractions[:, second, None] * (high - low))
 
 
 def occupancy(grid, points):

@@ -8,7 +8,7 @@ import numpy as np
 from . import limits
 from .errors import Malformed, InvalidScene
 from .factors import read_factors
-from .scene import Scale
+from .scene import Block, Scale
 from .sections import read_matrix
 
 CHUNK = np.dtype([("tensors", "<u4"), ("box_min", "<f8", 3), ("box_max", "<f8", 3)])  # 52 bytes
@@ -17,7 +17,7 @@ PLACEMENT_TRANSIENT = 96  # bytes for each tensor
 
 Layout = namedtuple(
     "Layout",
-    "tensors top_k half_edges resolution placement density_rank appearance_rank origin pitch extent chunks",
+    "tensors top_k half_edges resolution placement density_rank appearance_rank origin pitch extent axis_ranks chunks",
 )
 
 
@@ -28,14 +28,11 @@ def read_scale(container, index, features):
     layout = _read_layout(payload)
     matrix = read_matrix(container.require("MATRIX", index), features, layout.appearance_rank)
 
-    vertices = sum(cells + 1 for cells in layout.resolution)
-    numbers = layout.tensors * (layout.density_rank + layout.appearance_rank) * vertices
+    shapes = [block_shapes(layout, part) for part in (0, 1)]
+    numbers = layout.tensors * sum(rank * math.prod(shape) for part in shapes for _, rank, all in part for shape in all)
     budget.take(24 * layout.tensors + 4 * numbers, payload.name)
     centers = np.zeros((layout.tensors, 3))
-    density, appearance = (
-        [np.zeros((layout.tensors, rank, cells + 1), np.float32) for cells in layout.resolution]
-        for rank in (layout.density_rank, layout.appearance_rank)
-    )
+    density, appearance = ([empty_block(layout.tensors, *shape) for shape in part] for part in shapes)
     extent = np.zeros(3, np.int64)
     start = 0
     for chunk, row in enumerate(layout.chunks):
@@ -43,15 +40,13 @@ def read_scale(container, index, features):
         placement = container.require("PLACEMENT", index, chunk)
         extent = np.maximum(extent, _read_placement(placement, layout, centers[rows]))
         _check_box(placement.name, centers[rows], layout.half_edges, row)
-        for kind, rank, out in (
-            ("DENSITY", layout.density_rank, density),
-            ("APPEARANCE", layout.appearance_rank, appearance),
-        ):
-            read_factors(container.require(kind, index, chunk), rank, layout.resolution, [a[rows] for a in out])
+        for kind, blocks in (("DENSITY", density), ("APPEARANCE", appearance)):
+            out = [Block(block.axis, [array[rows] for array in block.factors]) for block in blocks]
+            read_factors(container.require(kind, index, chunk), out)
         start = rows.stop
     if layout.placement == "lattice" and tuple(extent) != layout.extent:
         raise Malformed(f"{payload.name} extent", tuple(int(e) for e in extent), layout.extent)
-    _sort(payload.name, budget, centers, density + appearance)
+    _sort(payload.name, budget, centers, [array for block in density + appearance for array in block.factors])
     return Scale(
         layout.top_k,
         np.array(layout.half_edges),
@@ -64,14 +59,31 @@ def read_scale(container, index, features):
     )
 
 
+def block_shapes(layout, part):
+    """The blocks of density (0) or appearance (1): axis, rank, and the shapes of the factors, of rank 1 or more."""
+    vertices = [cells + 1 for cells in layout.resolution]
+    if layout.axis_ranks is None:
+        rank = (layout.density_rank, layout.appearance_rank)[part]
+        return [(None, rank, [(count,) for count in vertices])]
+    shapes = []
+    for axis, rank in enumerate(layout.axis_ranks[part]):
+        first, second = (vertices[other] for other in range(3) if other != axis)
+        shapes += [(axis, rank, [(vertices[axis],), (second, first)])] if rank else []
+    return shapes
+
+
+def empty_block(tensors, axis, rank, shapes):
+    return Block(axis, [np.zeros((tensors, rank, *shape), np.float32) for shape in shapes])
+
+
 def _read_layout(payload):
     record = payload.record
-    record.check_codes([(44, "factor kind", range(1)), (45, "placement", range(2))], [(46, 2), (60, 4)])
+    record.check_codes([(44, "factor kind", range(2)), (45, "placement", range(2))], [(46, 2), (60, 4)])
     tensors = record.u32("tensors", limits.TENSORS)
     top_k = record.u32("top_k", limits.TOP_K)
     half_edges = record.f64s(3, "half edges", "a positive finite number")
     resolution = record.u32s(3, "resolution", limits.RESOLUTION)
-    record.code("factor kind", ("cp",))
+    has_axes = record.code("factor kind", (False, True))
     placement = record.code("placement", ("lattice", "explicit"))
     record.take(2, "reserved bytes")
     density_rank = record.u32("density rank", limits.RANK)
@@ -85,6 +97,12 @@ def _read_layout(payload):
     else:
         origin = pitch = extent = None
         record.zeros(60, "origin, pitch and extent of an explicit placement")
+    axis_ranks = None
+    if has_axes:
+        axis_ranks = [record.u32s(3, "components along the axes", (0, limits.RANK[1])) for _ in range(2)]
+        for rank, of_axes in zip((density_rank, appearance_rank), axis_ranks):
+            if sum(of_axes) != rank:
+                raise Malformed(f"{payload.name} components along all axes", rank, sum(of_axes))
 
     size = CHUNK.itemsize * count
     payload.budget.take(size, payload.name)
@@ -106,6 +124,7 @@ def _read_layout(payload):
         origin,
         pitch,
         extent,
+        axis_ranks,
         chunks,
     )
 

@@ -130,11 +130,26 @@ class Occupancy:
 
 
 @dataclass
+class Block:
+    """Section 3.10: the components of one form of a scale's N tensors, zeros for a component that is not stored.
+
+    Of three vectors, `axis` is None and `factors` has for each axis a the vectors float32[N][rank][D_a + 1]. Else the
+    vectors lie along `axis`, and `factors` has them and the matrices over the axes b < c, float32[N][rank][D_c + 1][D_b + 1].
+    """
+
+    axis: Optional[int]
+    factors: List[np.ndarray]
+
+    @property
+    def rank(self):
+        return self.factors[0].shape[1]
+
+
+@dataclass
 class Scale:
     """Sections 3.7 to 3.10: the N tensors of one scale, in the canonical order of their centers over all chunks.
 
-    centers float64[N][3]. density and appearance: for each axis a the vectors float32[N][rank][D_a + 1], zeros for a
-    component that is not stored. matrix float32[P][R].
+    centers float64[N][3], matrix float32[P][R].
     """
 
     top_k: int
@@ -142,8 +157,8 @@ class Scale:
     resolution: Tuple[int, int, int]
     chunks: int
     centers: np.ndarray
-    density: List[np.ndarray]
-    appearance: List[np.ndarray]
+    density: List[Block]
+    appearance: List[Block]
     matrix: np.ndarray
 
 

@@ -345,6 +345,6 @@ def _read_array(payload, head, lengths):
     total = int(lengths.sum())
     size = arrays.encoded_size(head, total, len(lengths))
     payload.budget.take(4 * total, payload.name)
-    decoder = arrays.adaptive_decoder(head, ([length] for length in lengths.tolist()), len(lengths), payload.name)
+    decoder = arrays.adaptive_decoder(head, [(1, [length]) for length in lengths.tolist()], None, payload.name)
     with payload.budget.borrow(arrays.TRANSIENT * total, payload.name), payload.body(size, adaptive=decoder) as body:
         return arrays.decode(head, body, lengths, payload.name)

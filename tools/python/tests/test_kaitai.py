@@ -171,9 +171,11 @@ class Comparison:
         return kinds
 
     def check_encoded(self, entry, payload):
-        """The body of an entry that is not stored fills its payload, and has the decoded length of the table."""
+        """The body of an entry that is not parsed fills its payload; it has the decoded length of the table."""
         encoded = getattr(entry.payload, "encoded", None)
-        assert (encoded is None) == entry.is_stored, payload.name
+        # Masks of matrices do not tell the number of groups by their bytes.
+        is_parsed = entry.is_stored and getattr(entry.payload, "has_numbers", True)
+        assert (encoded is None) == is_parsed, payload.name
         if encoded is not None:
             start = -(-payload.record.offset // 64) * 64
             same(f"body of {payload.name}", [encoded], [payload.data[start:]])
@@ -239,10 +241,12 @@ class Comparison:
     def scale(self, payload, entry):
         s = self.layout = scales._read_layout(payload)
         self.ranks += s.appearance_rank
-        codes = ["cp", s.placement, s.density_rank, s.appearance_rank, len(s.chunks)]
+        kind = "cp" if s.axis_ranks is None else "vm"
+        codes = [kind, s.placement, s.density_rank, s.appearance_rank, len(s.chunks)]
         lattice = [*s.origin, *s.pitch, *s.extent] if s.origin else [0] * 9
         boxes = [number for n, low, high in s.chunks.tolist() for number in (n, *low, *high)] if entry.is_stored else []
-        return [s.tensors, s.top_k, *s.half_edges, *s.resolution, *codes, *lattice, *boxes]
+        of_axes = [rank for part in s.axis_ranks or [] for rank in part]
+        return [s.tensors, s.top_k, *s.half_edges, *s.resolution, *codes, *lattice, *of_axes, *boxes]
 
     def matrix(self, payload, entry):
         features, rank = self.decoder_read.features, self.layout.appearance_rank
@@ -263,18 +267,19 @@ class Comparison:
         return []
 
     def density(self, payload, entry):
-        return self.check_factors(payload, entry, self.layout.density_rank)
+        return self.check_factors(payload, entry, 0)
 
     def appearance(self, payload, entry):
-        return self.check_factors(payload, entry, self.layout.appearance_rank)
+        return self.check_factors(payload, entry, 1)
 
-    def check_factors(self, payload, entry, rank):
+    def check_factors(self, payload, entry, part):
         tensors = int(self.layout.chunks[payload.section.chunk]["tensors"])
-        vertices = [cells + 1 for cells in self.layout.resolution]
-        expected = [np.zeros((tensors, rank, count), np.float32) for count in vertices]
-        factors.read_factors(payload, rank, self.layout.resolution, expected)
+        expected = [scales.empty_block(tensors, *shape) for shape in scales.block_shapes(self.layout, part)]
+        factors.read_factors(payload, expected)
         if entry.payload.has_numbers:
-            for one, other in zip(vectors(entry.payload, tensors, rank, vertices), expected):
+            (block,) = expected
+            vertices = [cells + 1 for cells in self.layout.resolution]
+            for one, other in zip(vectors(entry.payload, tensors, block.rank, vertices), block.factors):
                 np.testing.assert_array_equal(one, other)
         return [("all", "listed")[payload.data[0]], *head(payload)]
 

@@ -35,8 +35,8 @@ class Example(unittest.TestCase):
         points = np.array([[0.25, -0.125, 0.5]])
         u = (points - scale.centers + scale.half_edges) / (2.0 * scale.half_edges) * scale.resolution
         self.assert_close("u", u[0])
-        for name, factors in (("density", scale.density), ("appearance", scale.appearance)):
-            vectors = np.array([vector[0, 0] for vector in factors], np.float64)
+        for name, (block,) in (("density", scale.density), ("appearance", scale.appearance)):
+            vectors = np.array([vector[0, 0] for vector in block.factors], np.float64)
             self.assert_close(f"{name} vector at x", (1.0 - u[0]) * vectors[:, 0] + u[0] * vectors[:, 1])
         at = field.evaluate(scene, points, [np.array([0])])
         self.assertTrue(at.inside[0])

@@ -62,7 +62,12 @@ class ValidVectors(unittest.TestCase):
         def numbers(stem):
             scene = strivec.open(FIXTURES / "v1" / f"{stem}.strivec")
             return np.concatenate(
-                [array.ravel() for scale in scene.scales for array in (*scale.density, *scale.appearance)]
+                [
+                    array.ravel()
+                    for scale in scene.scales
+                    for block in (*scale.density, *scale.appearance)
+                    for array in block.factors
+                ]
             )
 
         for one, other in (

@@ -36,8 +36,9 @@ pub(in crate::container) struct Shape {
 /// The groups of an array. The numbers of a group have one step.
 #[derive(Clone, Debug)]
 pub(in crate::container) enum Groups {
-    /// Components of tensors, each a vector on each axis. Masks, if there are any, say how many.
-    Components { count: usize, vertices: [usize; 3] },
+    /// Components of so many tensors, block by block. A block has a number of components a tensor, and the lengths of the vectors
+    /// of each. Masks, if there are any, say which components tensors have.
+    Components { tensors: usize, blocks: Vec<(usize, Vec<usize>)> },
     /// Rows of networks, of these lengths.
     Rows(Vec<usize>),
 }
@@ -53,42 +54,51 @@ impl Shape {
         Encoding::Grid(self.bits).width()
     }
 
-    /// Groups, and numbers in all of them; `masks` are read.
-    fn count(&self, masks: &[u8]) -> [usize; 2] {
+    /// \[block\] the groups, and the lengths of the vectors of each; `masks` are read. Rows are of blocks of one group.
+    fn blocks(&self, masks: &[u8]) -> Vec<(usize, &[usize])> {
         match &self.groups {
-            Groups::Rows(lengths) => [lengths.len(), lengths.iter().sum()],
-            Groups::Components { count, vertices } => {
-                let count = self.masks.map_or(*count, |_| masks.iter().map(|m| m.count_ones() as usize).sum());
-                [count, count.saturating_mul(vertices.iter().sum())]
+            Groups::Rows(lengths) => lengths.chunks(1).map(|row| (1, row)).collect(),
+            Groups::Components { tensors, blocks } => {
+                let mut first = 0;
+                let mut block = |rank: usize| {
+                    let range = first..first + rank;
+                    first = range.end;
+                    match self.masks {
+                        None => tensors * rank,
+                        Some([_, all]) => {
+                            let is_set = |mask: &[u8], c: usize| mask[c / 8] >> (c % 8) & 1 == 1;
+                            let of_tensor = |mask: &[u8]| range.clone().filter(|&c| is_set(mask, c)).count();
+                            masks.chunks_exact(all.div_ceil(8)).map(of_tensor).sum()
+                        }
+                    }
+                };
+                blocks.iter().map(|(rank, vectors)| (block(*rank), vectors.as_slice())).collect()
             }
         }
     }
+}
 
-    /// \[group\] the lengths of its vectors, of `groups` groups.
-    fn vectors(&self, groups: usize) -> Box<dyn Iterator<Item = &[usize]> + '_> {
-        match &self.groups {
-            Groups::Rows(lengths) => Box::new(lengths.chunks(1)),
-            Groups::Components { vertices, .. } => Box::new(std::iter::repeat_n(vertices.as_slice(), groups)),
-        }
-    }
+/// Groups, and numbers in all of them.
+fn count(blocks: &[(usize, &[usize])]) -> [usize; 2] {
+    let numbers = |(count, vectors): &(usize, &[usize])| count.saturating_mul(vectors.iter().sum());
+    [blocks.iter().map(|b| b.0).sum(), blocks.iter().map(numbers).fold(0, usize::saturating_add)]
 }
 
 /// Codes `body`: the masks, the step codes, and the integers of an array of this shape.
 pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
     let (masks, rest) = body.split_at(shape.mask_bytes());
-    let [groups, _] = shape.count(masks);
-    let (steps, numbers) = rest.split_at(groups);
+    let blocks = shape.blocks(masks);
+    let (steps, numbers) = rest.split_at(count(&blocks)[0]);
     let mut encoder = Encoder::new();
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut encoder, rank, &mut masks.to_vec());
     }
     code_steps(&mut encoder, &mut steps.to_vec());
     let all: Vec<i16> = integers(numbers, shape.width()).collect();
-    let mut predictor = Predictor::of(shape.vectors(groups), &all);
+    let mut predictor = Predictor::of(&blocks, &all);
     predictor.code(&mut encoder);
     // Only a decoder finds a number that is too large.
-    let mut model = Numbers::new(predictor, shape);
-    let _ = model.code(&mut encoder, shape.vectors(groups), steps, &mut numbers.to_vec(), shape.width());
+    let _ = Numbers::new(predictor, shape).code(&mut encoder, &blocks, steps, &mut numbers.to_vec(), shape.width());
     encoder.finish()
 }
 
@@ -110,15 +120,15 @@ pub(in crate::container) fn decompress(
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut decoder, rank, masks);
     }
-    let [groups, numbers] = shape.count(masks);
+    let blocks = shape.blocks(masks);
+    let [groups, numbers] = count(&blocks);
     let implied = shape.width().saturating_mul(numbers).saturating_add(groups).saturating_add(mask_bytes);
     Error::unless_equal(format!("{place} body length"), implied, length)?;
     let (steps, numbers) = rest.split_at_mut(groups);
     code_steps(&mut decoder, steps);
     let mut predictor = Predictor::default();
     predictor.code(&mut decoder);
-    let mut model = Numbers::new(predictor, shape);
-    let result = model.code(&mut decoder, shape.vectors(groups), steps, numbers, shape.width());
+    let result = Numbers::new(predictor, shape).code(&mut decoder, &blocks, steps, numbers, shape.width());
     result.map_err(|TooLarge { largest, group }| {
         Error::malformed(
             format!("{place} integer of group {group}"),
@@ -201,10 +211,11 @@ struct Predictor {
 
 impl Predictor {
     /// The one with the least squared remainders.
-    fn of<'a>(groups: impl Iterator<Item = &'a [usize]>, integers: &[i16]) -> Self {
+    fn of(blocks: &[(usize, &[usize])], integers: &[i16]) -> Self {
         // Sums of the normal equations of r[i] by r[i − 1] and r[i − 2].
         let (mut a11, mut a12, mut a22, mut b1, mut b2) = (0i64, 0i64, 0i64, 0i64, 0i64);
         let mut rest = integers;
+        let groups = blocks.iter().flat_map(|&(count, vectors)| std::iter::repeat_n(vectors, count));
         for &length in groups.flatten() {
             let (vector, after) = rest.split_at(length);
             rest = after;
@@ -289,40 +300,46 @@ struct Numbers {
     by_step: Larger,
     /// \[where in a step the prediction lies\]\[sign of the last remainder\].
     signs: [[Counter; 3]; 3],
-    /// \[vertex of all vectors of a group\] how large remainders were there lately, in 1/16.
+    /// \[vertex of all vectors of a group\] how large remainders were there lately, in 1/16; of components, in their block.
     sizes: Vec<i32>,
+    are_rows: bool,
 }
 
 impl Numbers {
     fn new(predictor: Predictor, shape: &Shape) -> Self {
-        let longest = match &shape.groups {
-            Groups::Components { vertices, .. } => vertices.iter().sum(),
-            Groups::Rows(lengths) => lengths.iter().copied().max().unwrap_or(0),
-        };
         Self {
             predictor,
             largest: largest(shape.bits) as i32,
             by_place: Larger::new(CLASSES * PLACES),
             by_step: Larger::new(CLASSES * STEP_CONTEXTS),
             signs: Default::default(),
-            sizes: vec![0; longest],
+            sizes: Vec::new(),
+            are_rows: matches!(shape.groups, Groups::Rows(_)),
         }
     }
 
     /// Codes the integers of `bytes`, of `width` bytes each. An encoder finds them there, a decoder writes them there.
-    fn code<'a, C: Coder>(
+    fn code<C: Coder>(
         &mut self,
         coder: &mut C,
-        groups: impl Iterator<Item = &'a [usize]>,
+        blocks: &[(usize, &[usize])],
         steps: &[u8],
         bytes: &mut [u8],
         width: usize,
     ) -> Result<(), TooLarge> {
         let mut rest = bytes;
-        let mut vector = vec![0; self.sizes.len()];
-        for (group, (vectors, &step)) in groups.zip(steps).enumerate() {
+        let longest = blocks.iter().flat_map(|(_, vectors)| *vectors).max();
+        let mut vector = vec![0; longest.map_or(0, |&longest| longest)];
+        let groups = blocks.iter().flat_map(|&(count, vectors)| (0..count).map(move |n| (n, vectors)));
+        for (group, ((n, vectors), &step)) in groups.zip(steps).enumerate() {
             if coder.is_over() {
                 break;
+            }
+            if n == 0 {
+                if !self.are_rows {
+                    self.sizes.clear();
+                }
+                self.sizes.resize(vectors.iter().sum::<usize>().max(self.sizes.len()), 0);
             }
             let mut first = 0;
             for &length in vectors {
@@ -443,12 +460,14 @@ mod tests {
         let rows = vec![3, 1, 12, 12, 5];
         for bits in [16, 8, 6, 5, 4, 3] {
             let components =
-                |masks, count| Shape { bits, masks, groups: Groups::Components { count, vertices: [2, 4, 3] } };
+                |masks, tensors, blocks| Shape { bits, masks, groups: Groups::Components { tensors, blocks } };
             let networks = Shape { bits, masks: None, groups: Groups::Rows(rows.clone()) };
             let masks = vec![0b0000_0101, 0b1, 0b0011_1111, 0b0, 0b0, 0b1];
             for (shape, body) in [
-                (components(None, 40), body(Vec::new(), 40, 9, bits)),
-                (components(Some([3, 9]), 27), body(masks, 10, 9, bits)),
+                (components(None, 5, vec![(8, vec![2, 4, 3])]), body(Vec::new(), 40, 9, bits)),
+                (components(Some([3, 9]), 3, vec![(9, vec![2, 4, 3])]), body(masks.clone(), 10, 9, bits)),
+                // Blocks of 3 and 7 groups.
+                (components(Some([3, 9]), 3, vec![(2, vec![3, 3, 3]), (7, vec![1, 4, 4])]), body(masks, 10, 9, bits)),
                 (networks, {
                     let mut body = body(Vec::new(), 5, 7, bits);
                     // 33 numbers instead of 35.
@@ -466,7 +485,11 @@ mod tests {
 
     #[test]
     fn the_largest_integers_and_steps_are_read_as_written() {
-        let shape = Shape { bits: 16, masks: None, groups: Groups::Components { count: 4, vertices: [2, 2, 2] } };
+        let shape = Shape {
+            bits: 16,
+            masks: None,
+            groups: Groups::Components { tensors: 2, blocks: vec![(2, vec![2, 2, 2])] },
+        };
         let mut body = vec![0, 255, 127, 128];
         for n in 0..24 {
             let q = [i16::MAX, -i16::MAX, 0, -1][n % 4];
@@ -477,8 +500,8 @@ mod tests {
 
     #[test]
     fn noise_never_reads_as_integers_that_are_too_large() {
-        let shape =
-            Shape { bits: 5, masks: Some([4, 6]), groups: Groups::Components { count: 24, vertices: [3, 2, 4] } };
+        let groups = Groups::Components { tensors: 4, blocks: vec![(6, vec![3, 2, 4])] };
+        let shape = Shape { bits: 5, masks: Some([4, 6]), groups };
         let random = Random::new(8, "noise of a codec");
         let mut read = 0;
         for n in 0..3000 {
@@ -497,7 +520,11 @@ mod tests {
 
     #[test]
     fn slow_changes_take_a_fraction_of_their_bytes() {
-        let shape = Shape { bits: 16, masks: None, groups: Groups::Components { count: 400, vertices: [20, 20, 20] } };
+        let shape = Shape {
+            bits: 16,
+            masks: None,
+            groups: Groups::Components { tensors: 40, blocks: vec![(10, vec![20, 20, 20])] },
+        };
         let random = Random::new(6, "slow integers");
         let mut body = vec![90; 400];
         for n in 0..400 * 60u64 {

@@ -7,8 +7,8 @@ use super::*;
 fn shape() -> FieldShape {
     FieldShape {
         scales: vec![
-            ScaleShape { tensors: 3, rows: 6, density_components: 6, appearance_components: 3, appearance_rank: 1 },
-            ScaleShape { tensors: 5, rows: 9, density_components: 5, appearance_components: 15, appearance_rank: 3 },
+            ScaleShape { tensors: 3, density_factors: 36, appearance_factors: 18, appearance_rank: 1 },
+            ScaleShape { tensors: 5, density_factors: 45, appearance_factors: 135, appearance_rank: 3 },
         ],
         features: 2,
         frequencies: [1, 1],
