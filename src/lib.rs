@@ -53,6 +53,8 @@ pub mod field;
 #[cfg(feature = "toolkit")]
 pub mod import;
 #[cfg(feature = "toolkit")]
+pub mod interop;
+#[cfg(feature = "toolkit")]
 pub mod measure;
 #[cfg(feature = "toolkit")]
 pub mod npy;

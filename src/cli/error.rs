@@ -100,14 +100,21 @@ impl From<measure::Error> for Error {
     }
 }
 
+impl From<import::ImportError> for Error {
+    fn from(error: import::ImportError) -> Self {
+        let message = with_flags(&error.to_string());
+        match error.fault {
+            import::Fault::Io(_) => Self::Io(message),
+            _ => Self::Malformed(message),
+        }
+    }
+}
+
 impl From<prior::BuildError> for Error {
     fn from(error: prior::BuildError) -> Self {
         let message = with_flags(&error.to_string());
         match error {
-            prior::BuildError::Import(import::ImportError { fault, .. }) => match fault {
-                import::Fault::Io(_) => Self::Io(message),
-                _ => Self::Malformed(message),
-            },
+            prior::BuildError::Import(error) => error.into(),
             prior::BuildError::Nothing { .. } | prior::BuildError::OnePlace { .. } => Self::Malformed(message),
             prior::BuildError::Prior(_) | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
             prior::BuildError::Stopped => Self::Runtime(message),

@@ -13,6 +13,7 @@ mod dataset;
 mod demo;
 mod error;
 mod eval;
+mod import;
 mod info;
 mod named_value;
 mod numbers;
@@ -87,6 +88,8 @@ enum Command {
     Render(render::Args),
     /// Turn meshes, point clouds, grids and octrees into a prior (occupied cells)
     Prior(prior::Args),
+    /// Turn a checkpoint of TensoRF into a scene
+    Import(import::Args),
     /// Print what was understood of a dataset
     Dataset(dataset::Args),
     /// Compare a scene's pictures with photographs
@@ -118,6 +121,7 @@ pub fn main() -> ExitCode {
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Prior(args) => prior::run(args, session),
+        Command::Import(args) => import::run(args, session),
         Command::Dataset(args) => dataset::run(args, session),
         Command::Eval(args) => eval::run(args, session),
         Command::Trade(args) => trade::run(args, session),

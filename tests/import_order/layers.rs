@@ -21,6 +21,7 @@ const LAYERS: [(&str, u32); 22] = [
     ("field", 2),
     ("render", 3),
     ("train", 3),
+    ("interop", 3),
     ("measure", 4),
     ("pack", 4),
     ("player", 5),

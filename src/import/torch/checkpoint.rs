@@ -13,12 +13,12 @@ const MAX_PICKLE: u64 = 1 << 26;
 const MAX_HELD: u64 = 1 << 24;
 
 /// A checkpoint.
-pub(super) struct Checkpoint<'a, 'b> {
+pub(crate) struct Checkpoint<'a, 'b> {
     archive: Archive<'a, 'b>,
     /// Folder in the archive, with a slash.
     folder: String,
     /// All values but the numbers of tensors.
-    pub(super) pickle: Pickle,
+    pub(crate) pickle: Pickle,
 }
 
 impl<'a, 'b> Checkpoint<'a, 'b> {
@@ -27,7 +27,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     /// # Errors
     ///
     /// If it is not an archive with one pickle, or the pickle is invalid.
-    pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
+    pub(crate) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         const PICKLE: &str = "data.pkl";
         let mut archive = Archive::open(input)?;
         let names = archive.names();
@@ -46,7 +46,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     }
 
     /// The value `id`, if it is a tensor.
-    pub(super) fn tensor(&self, id: Id) -> Option<&Tensor> {
+    pub(crate) fn tensor(&self, id: Id) -> Option<&Tensor> {
         match self.pickle.value(id) {
             Value::Tensor(tensor) => Some(tensor),
             _ => None,
@@ -58,7 +58,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     /// # Errors
     ///
     /// If the storage is missing or of another length than declared, and those of `visit`.
-    pub(super) fn for_each(
+    pub(crate) fn for_each(
         &mut self,
         tensor: &Tensor,
         mut visit: impl FnMut(u64, f64) -> Result<(), Fault>,
@@ -113,7 +113,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     /// # Errors
     ///
     /// If it is something else; `name` names it in errors.
-    pub(super) fn numbers<const N: usize>(&mut self, id: Id, name: &str) -> Result<[f64; N], Fault> {
+    pub(crate) fn numbers<const N: usize>(&mut self, id: Id, name: &str) -> Result<[f64; N], Fault> {
         let mut found = Vec::new();
         match self.pickle.value(id) {
             Value::Tensor(tensor) => {
@@ -155,7 +155,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
     /// # Errors
     ///
     /// If it is something else.
-    pub(super) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
+    pub(crate) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
         let (pickle, none) = (&self.pickle, || Fault::malformed(name, "an array of numbers", "something else"));
         let Value::Array(array) = pickle.value(id) else { return Err(none()) };
         let &Value::Dtype { name: kind, order } = pickle.value(array.dtype) else { return Err(none()) };

@@ -10,7 +10,8 @@ mod tensorf;
 #[cfg(test)]
 mod tests;
 
-use self::checkpoint::Checkpoint;
+pub(crate) use self::checkpoint::Checkpoint;
+pub(crate) use self::pickle::{Id, Value};
 use super::archive::Archive;
 use super::{Fault, Input, ReadOptions, Visitor};
 

@@ -10,15 +10,15 @@ mod value;
 
 use crate::import::Fault;
 
-pub(super) use globals::Element;
-pub(super) use value::{Array, Id, Storage, Tensor, Value};
+pub(crate) use globals::Element;
+pub(crate) use value::{Array, Id, Storage, Tensor, Value};
 
 /// A pickle, parsed.
-pub(super) struct Pickle {
+pub(crate) struct Pickle {
     bytes: Vec<u8>,
     values: Vec<Value>,
     /// The value that the pickle stores.
-    pub(super) root: Id,
+    pub(crate) root: Id,
 }
 
 impl Pickle {
@@ -32,31 +32,31 @@ impl Pickle {
         Ok(Self { bytes, values, root })
     }
 
-    pub(super) fn value(&self, id: Id) -> &Value {
+    pub(crate) fn value(&self, id: Id) -> &Value {
         &self.values[id as usize]
     }
 
     /// The value of `key`, if `dict` is a dictionary with this key; the last one, as in Python.
-    pub(super) fn get(&self, dict: Id, key: &str) -> Option<Id> {
+    pub(crate) fn get(&self, dict: Id, key: &str) -> Option<Id> {
         let Value::Dict(pairs) = self.value(dict) else { return None };
         pairs.iter().rev().find(|&&(k, _)| self.text(k) == Some(key)).map(|&(_, value)| value)
     }
 
     /// The first keys of a dictionary, for errors.
-    pub(super) fn keys(&self, dict: Id) -> String {
+    pub(crate) fn keys(&self, dict: Id) -> String {
         let Value::Dict(pairs) = self.value(dict) else { return "no dictionary".into() };
         let keys = pairs.iter().filter_map(|&(k, _)| self.text(k)).take(20);
         let keys: Vec<_> = keys.map(|key| key.chars().take(40).collect::<String>()).collect();
         if keys.is_empty() { "no keys".into() } else { keys.join(", ") }
     }
 
-    pub(super) fn text(&self, id: Id) -> Option<&str> {
+    pub(crate) fn text(&self, id: Id) -> Option<&str> {
         let Value::Text(range) = self.value(id) else { return None };
         std::str::from_utf8(&self.bytes[range.clone()]).ok()
     }
 
     /// The decoded bytes of a value, if it has bytes.
-    pub(super) fn bytes(&self, id: Id) -> Option<Vec<u8>> {
+    pub(crate) fn bytes(&self, id: Id) -> Option<Vec<u8>> {
         match self.value(id) {
             Value::Bytes(range) => Some(self.bytes[range.clone()].to_vec()),
             Value::Latin1(range) => {

@@ -4,7 +4,7 @@ use crate::npy::Number;
 
 /// Type of a tensor's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::import::torch) enum Element {
+pub(crate) enum Element {
     Number(Number),
     /// The upper half of an f32.
     Bfloat16,
@@ -12,7 +12,7 @@ pub(in crate::import::torch) enum Element {
 
 /// A known function or class, by the value it creates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in super::super) enum Global {
+pub(crate) enum Global {
     /// A dictionary, from no arguments.
     Dict,
     /// Its first argument.

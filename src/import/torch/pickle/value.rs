@@ -5,11 +5,11 @@ use std::ops::Range;
 use super::globals::{Element, Global};
 
 /// Index of a value.
-pub(in crate::import::torch) type Id = u32;
+pub(crate) type Id = u32;
 
 /// A value of a pickle.
 #[derive(Clone, Debug)]
-pub(in crate::import::torch) enum Value {
+pub(crate) enum Value {
     /// An unused value.
     Opaque,
     Bool(bool),
@@ -38,29 +38,29 @@ pub(in crate::import::torch) enum Value {
 
 /// Numbers in a file of the archive.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::import::torch) struct Storage {
-    pub(in crate::import::torch) element: Element,
+pub(crate) struct Storage {
+    pub(crate) element: Element,
     /// Text: name of the file.
-    pub(in crate::import::torch) key: Id,
+    pub(crate) key: Id,
     /// Number of numbers.
-    pub(in crate::import::torch) count: u64,
+    pub(crate) count: u64,
 }
 
 /// A tensor, whose numbers all lie inside its storage.
 #[derive(Clone, Debug)]
-pub(in crate::import::torch) struct Tensor {
-    pub(in crate::import::torch) storage: Storage,
-    pub(in crate::import::torch) offset: u64,
-    pub(in crate::import::torch) shape: Vec<u64>,
-    pub(in crate::import::torch) strides: Vec<u64>,
+pub(crate) struct Tensor {
+    pub(crate) storage: Storage,
+    pub(crate) offset: u64,
+    pub(crate) shape: Vec<u64>,
+    pub(crate) strides: Vec<u64>,
 }
 
 /// A NumPy array or scalar.
 #[derive(Clone, Debug)]
-pub(in crate::import::torch) struct Array {
-    pub(in crate::import::torch) shape: Vec<u64>,
-    pub(in crate::import::torch) dtype: Id,
-    pub(in crate::import::torch) fortran_order: bool,
+pub(crate) struct Array {
+    pub(crate) shape: Vec<u64>,
+    pub(crate) dtype: Id,
+    pub(crate) fortran_order: bool,
     /// Value of the bytes.
-    pub(in crate::import::torch) data: Id,
+    pub(crate) data: Id,
 }

@@ -1,0 +1,4 @@
+//! Scenes of other programs: checkpoints of TensoRF.
+
+mod state;
+pub mod tensorf;
