@@ -2,11 +2,13 @@
 //!
 //! The constants were computed with NumPy and SciPy on the pictures of [`pictures`]: PSNR as
 //! `-10 * log10(mean((a - b)**2))`, SSIM by `scipy.signal.convolve2d(…, mode="valid")` with the separable window
-//! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalized, and the formula of `src/measure/ssim.rs`.
+//! `exp(-0.5 * ((arange(11) - 5) / 1.5)**2)`, normalized, and the formula of `src/measure/ssim.rs`. `tools/measure/ssim.py`
+//! prints the SSIM of the programs that papers use.
 #![cfg(feature = "toolkit")]
 
 use strivec::measure::{
-    DepthCode, Error, Report, ViewReport, color_png, depth_png, error_map, mse, opacity_png, psnr, ssim,
+    DepthCode, Error, PairedDifference, PictureMeasure, Report, SsimConvention, ViewReport, color_png, depth_png,
+    error_map, mse, opacity_png, psnr, ssim,
 };
 use strivec::psnr::psnr_of_mse;
 
@@ -14,6 +16,9 @@ const SIZE: [u32; 2] = [23, 17];
 const MSE: f64 = 0.034228911078697785;
 const PSNR: f64 = 14.656069168140675;
 const SSIM: f64 = 0.8256657331862924;
+/// By the code of 3D Gaussian splatting in 64 bits, and by scikit-image 0.25's `structural_similarity` with its defaults.
+const SSIM_GAUSSIAN_SPLATTING: f64 = 0.8420124623168466;
+const SSIM_SCIKIT_IMAGE: f64 = 0.8154841333397925;
 const SSIM_FLAT_AND_RAMP: f64 = 0.26539492783833885;
 
 /// Two pictures of multiples of 1/256, which f32 holds exactly.
@@ -92,6 +97,51 @@ fn ssim_of_a_flat_picture_and_a_ramp_is_scipys() {
     let found = ssim(SIZE, &flat, &ramp).unwrap();
     assert!(close(found, SSIM_FLAT_AND_RAMP, 1e-12), "{found}");
     assert!(close(found, brute_force_ssim(SIZE, &flat, &ramp), 1e-10));
+}
+
+#[test]
+fn each_convention_of_ssim_is_that_of_its_program() {
+    let [a, b] = pictures();
+    let found = SsimConvention::ALL.map(|convention| convention.mean(SIZE, &a, &b).unwrap());
+    for (found, expected) in found.iter().zip([SSIM, SSIM_GAUSSIAN_SPLATTING, SSIM_SCIKIT_IMAGE]) {
+        assert!(close(*found, expected, 1e-12), "{found} instead of {expected}");
+    }
+    assert_eq!(found[0], ssim(SIZE, &a, &b).unwrap(), "the default");
+    assert_eq!(SsimConvention::ALL.map(|convention| convention.mean(SIZE, &a, &a).unwrap()).map(f64::round), [1.0; 3]);
+    // Windows that reach over the border need no least size.
+    let smallest = |convention: SsimConvention| {
+        (1..).find(|&n| {
+            convention.mean([n, 99], &[[0.5; 3]; 1200][..99 * n as usize], &[[0.5; 3]; 1200][..99 * n as usize]).is_ok()
+        })
+    };
+    assert_eq!(SsimConvention::ALL.map(smallest), [Some(11), Some(1), Some(7)]);
+}
+
+#[test]
+fn measures_on_request_are_in_the_report_under_their_names() {
+    let [a, b] = pictures();
+    let measures =
+        [PictureMeasure::Ssim(SsimConvention::GaussianSplatting), PictureMeasure::Ssim(SsimConvention::ScikitImage)];
+    let mut view = ViewReport::new("r_0", SIZE, &a, &b, None).unwrap();
+    view.add(&measures, SIZE, &a, &b, None).unwrap();
+    let mut same = ViewReport::new("r_1", SIZE, &a, &a, None).unwrap();
+    same.add(&measures, SIZE, &a, &a, None).unwrap();
+    let json = serde_json::to_value(Report::new(vec![view, same]).unwrap()).unwrap();
+    assert!(close(json["views"][0]["ssim_3dgs"].as_f64().unwrap(), SSIM_GAUSSIAN_SPLATTING, 1e-12), "{json}");
+    assert!(close(json["ssim_skimage"].as_f64().unwrap(), (SSIM_SCIKIT_IMAGE + 1.0) / 2.0, 1e-12), "{json}");
+    // Pixels that do not count are identical.
+    let mut masked = ViewReport::new("r_2", SIZE, &a, &b, Some(&vec![true; a.len()])).unwrap();
+    let mask: Vec<bool> = (0..a.len()).map(|i| i < 40).collect();
+    masked.add(&measures, SIZE, &a, &b, Some(&mask)).unwrap();
+    assert!(masked.others["ssim_3dgs"] > SSIM_GAUSSIAN_SPLATTING + 0.05, "{masked:?}");
+}
+
+#[test]
+fn a_difference_that_all_views_share_is_certain() {
+    let certain = PairedDifference::new(&[0.5; 9]).unwrap();
+    assert_eq!((certain.mean, certain.standard_error), (0.5, Some(0.0)));
+    assert_eq!(PairedDifference::new(&[2.0]).unwrap().standard_error, None);
+    assert_eq!(PairedDifference::new(&[]), None);
 }
 
 #[test]

@@ -10,7 +10,9 @@ mod cells;
 mod error;
 mod error_map;
 mod lpips;
+mod paired;
 mod parity;
+mod picture_measure;
 mod png;
 mod probes;
 mod psnr;
@@ -23,7 +25,9 @@ pub use cells::{Cell, CellMap, FLAT};
 pub use error::Error;
 pub use error_map::{error_map, ramp};
 pub use lpips::{Lpips, LpipsNetwork, LpipsWeightsError};
+pub use paired::PairedDifference;
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
+pub use picture_measure::PictureMeasure;
 pub use png::{DepthCode, color_jpeg, color_png, depth_png, opacity_png};
 pub use probes::{
     CheckedProbes, OverBudget, PROBE_MARGIN, ProbeLimits, ProbeReport, check_probes, check_probes_within, make_probes,
@@ -33,4 +37,4 @@ pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
 pub use report::{Report, ViewReport, counted};
 pub use sheet::{Canvas, side_by_side, stacked};
-pub use ssim::{SSIM_WINDOW, ssim};
+pub use ssim::{SSIM_WINDOW, SsimConvention, ssim};

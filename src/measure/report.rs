@@ -1,8 +1,11 @@
 //! The result of an evaluation: one line per view, and the means that papers print.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
-use super::{Error, ssim};
+use super::{Error, PictureMeasure, ssim};
 use crate::color_map::ColorFit;
 use crate::psnr::psnr_of_mse;
 
@@ -23,6 +26,9 @@ pub struct ViewReport {
     pub psnr_after_color_fit: f64,
     /// Mean SSIM; `None` if the picture is smaller than the window.
     pub ssim: Option<f64>,
+    /// Measures made on request, by their names.
+    #[serde(flatten)]
+    pub others: BTreeMap<&'static str, f64>,
 }
 
 impl ViewReport {
@@ -49,9 +55,28 @@ impl ViewReport {
         }
         let kept = [rendered, truth].map(|colors| counted(colors, mask));
         let mse = super::mse(&kept[0], &kept[1])?;
-        let same = |((&rendered, &truth), &counts)| if counts { rendered } else { truth };
-        let covered: Vec<_> = rendered.iter().zip(truth).zip(mask).map(same).collect();
+        let covered = covered(rendered, truth, Some(mask));
         Self::compared(name, size, [&covered, truth], mse, mse_after_color_fit(&kept[0], &kept[1]))
+    }
+
+    /// Adds `measures` of the same pictures. Each takes the pixels that do not count as identical.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`PictureMeasure::of`].
+    pub fn add(
+        &mut self,
+        measures: &[PictureMeasure],
+        size: [u32; 2],
+        rendered: &[[f32; 3]],
+        truth: &[[f32; 3]],
+        mask: Option<&[bool]>,
+    ) -> Result<(), Error> {
+        let rendered = covered(rendered, truth, mask);
+        for measure in measures {
+            self.others.insert(measure.name(), measure.of(size, &rendered, truth)?);
+        }
+        Ok(())
     }
 
     fn compared(
@@ -66,8 +91,16 @@ impl ViewReport {
             other => Some(other?),
         };
         let psnr_after_color_fit = psnr_of_mse(mse_after_color_fit);
-        Ok(Self { name: name.to_owned(), mse, psnr: psnr_of_mse(mse), psnr_after_color_fit, ssim })
+        let (name, psnr, others) = (name.to_owned(), psnr_of_mse(mse), BTreeMap::new());
+        Ok(Self { name, mse, psnr, psnr_after_color_fit, ssim, others })
     }
+}
+
+/// `rendered`, with the colors of `truth` where `mask` is false.
+fn covered<'a>(rendered: &'a [[f32; 3]], truth: &[[f32; 3]], mask: Option<&[bool]>) -> Cow<'a, [[f32; 3]]> {
+    let Some(mask) = mask else { return rendered.into() };
+    let same = |((&rendered, &truth), &counts)| if counts { rendered } else { truth };
+    rendered.iter().zip(truth).zip(mask).map(same).collect()
 }
 
 /// The mean squared error over pixels and channels after the affine map of `rendered`'s colors that makes it the least.
@@ -91,6 +124,9 @@ pub struct Report {
     pub psnr_after_color_fit: f64,
     /// The mean of the views' SSIM; `None` if a view has none.
     pub ssim: Option<f64>,
+    /// The means of the measures made on request, by their names.
+    #[serde(flatten)]
+    pub others: BTreeMap<&'static str, f64>,
     /// The views in the order of the dataset.
     pub views: Vec<ViewReport>,
 }
@@ -105,6 +141,8 @@ impl Report {
         let psnr = views.iter().map(|v| v.psnr).sum::<f64>() / count;
         let psnr_after_color_fit = views.iter().map(|v| v.psnr_after_color_fit).sum::<f64>() / count;
         let ssim = views.iter().map(|v| v.ssim).sum::<Option<f64>>().map(|sum| sum / count);
-        Some(Self { psnr, psnr_after_color_fit, ssim, views })
+        let mean_of = |name| (name, views.iter().filter_map(|v| v.others.get(name)).sum::<f64>() / count);
+        let others = views[0].others.keys().copied().map(mean_of).collect();
+        Some(Self { psnr, psnr_after_color_fit, ssim, others, views })
     }
 }
