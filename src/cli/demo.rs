@@ -13,7 +13,7 @@ use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};
 use crate::escape::escaped_path;
-use crate::measure::{self, Canvas, ViewReport, color_png, error_map, side_by_side, stacked};
+use crate::measure::{self, Canvas, ERROR_FULL, ViewReport, color_png, error_map, side_by_side, stacked};
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::TrainConfig;
 
@@ -29,8 +29,6 @@ const HELD_OUT_VIEWS: u32 = 8;
 const SIZE: u32 = 128;
 /// Held-out views on the picture sheet.
 const ON_SHEET: usize = 3;
-/// The difference shown as the brightest color of the picture sheet.
-const ERROR_FULL: f32 = 0.2;
 
 /// The arguments.
 #[derive(Debug, clap::Args)]

@@ -10,14 +10,15 @@ pub(super) struct Table {
 
 impl Table {
     /// A table with the headings `columns` and no rows.
-    pub(super) fn new<const N: usize>(columns: [&str; N]) -> Self {
-        Self { rows: vec![columns.map(str::to_owned).to_vec()] }
+    pub(super) fn new<S: Into<String>>(columns: impl IntoIterator<Item = S>) -> Self {
+        Self { rows: vec![columns.into_iter().map(|column| escaped(&column.into())).collect()] }
     }
 
     /// Adds a row with one cell per column, whose texts are escaped.
-    pub(super) fn row<const N: usize>(&mut self, cells: [String; N]) {
-        debug_assert_eq!(N, self.rows[0].len(), "cells of a row");
-        self.rows.push(cells.iter().map(|cell| escaped(cell)).collect());
+    pub(super) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        let row: Vec<String> = cells.into_iter().map(|cell| escaped(&cell)).collect();
+        debug_assert_eq!(row.len(), self.rows[0].len(), "cells of a row");
+        self.rows.push(row);
     }
 
     /// One line per row, two blanks between columns.

@@ -6,6 +6,9 @@ use super::Error;
 const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [0.32, 0.07, 0.48], [0.79, 0.21, 0.30], [0.98, 0.62, 0.19], [1.0, 1.0, 0.8]];
 
+/// The difference that reports show as the brightest color.
+pub const ERROR_FULL: f32 = 0.2;
+
 /// The absolute difference of `a` and `b` as colors from black (none) to light yellow (`full` and above): the largest
 /// of each pixel's channels. `full` must be positive. NaN shows as the largest difference.
 ///

@@ -23,7 +23,7 @@ mod ssim;
 
 pub use cells::{Cell, CellMap, FLAT};
 pub use error::Error;
-pub use error_map::{error_map, ramp};
+pub use error_map::{ERROR_FULL, error_map, ramp};
 pub use lpips::{Lpips, LpipsNetwork, LpipsWeightsError};
 pub use paired::PairedDifference;
 pub use parity::{F32_POSITION_ERROR, Parity, parity};

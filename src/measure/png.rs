@@ -9,9 +9,6 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::Error;
 use crate::color::byte;
 
-/// Quality of JPEG files, of 100.
-const JPEG_QUALITY: u8 = 60;
-
 /// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up. Values outside are clamped; NaN is 0.
 fn quantized(value: f64, full: f64) -> f64 {
     (value.clamp(0.0, 1.0) * full + 0.5).floor()
@@ -32,19 +29,19 @@ pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> 
     encoded(size, colors.len(), &bytes, ExtendedColorType::Rgb8)
 }
 
-/// A JPEG of `colors` of `size` (columns, rows), for pictures like photographs.
+/// A JPEG of `colors` of `size` (columns, rows) and of `quality` from 1 to 100, for pictures like photographs.
 ///
 /// # Errors
 ///
 /// As [`color_png`].
-pub fn color_jpeg(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> {
+pub fn color_jpeg(size: [u32; 2], colors: &[[f32; 3]], quality: u8) -> Result<Vec<u8>, Error> {
     Error::unless_size(size, colors.len())?;
     if colors.is_empty() {
         return Err(Error::Empty);
     }
     let bytes: Vec<u8> = colors.iter().flat_map(|&color| color_bytes(color)).collect();
     let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY).encode(&bytes, size[0], size[1], ExtendedColorType::Rgb8)?;
+    JpegEncoder::new_with_quality(&mut jpeg, quality).encode(&bytes, size[0], size[1], ExtendedColorType::Rgb8)?;
     Ok(jpeg)
 }
 

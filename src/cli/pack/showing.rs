@@ -11,6 +11,8 @@ use crate::render::{CpuRenderer, Renderer, Turntable};
 
 /// Edge of a thumbnail in pixels.
 const THUMBNAIL: u32 = 256;
+/// JPEG quality of the thumbnail, of 100.
+const JPEG_QUALITY: u8 = 60;
 
 /// The viewpoints of `scene` without any of its own: the turn by the photographs' `cameras` if they are not all around
 /// the bounds, else a camera that sees all of the scene, and a turntable.
@@ -32,6 +34,6 @@ pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, Error
     let camera = Viewpoint { position, rotation, vertical_angle: views.angle_of_view }.camera([THUMBNAIL; 2]);
     let picture = CpuRenderer::<f32>::new(scene).render(&camera);
     let size = [picture.width, picture.height];
-    let file = color_jpeg(size, &colors(&picture))?;
+    let file = color_jpeg(size, &colors(&picture), JPEG_QUALITY)?;
     Ok(Thumbnail { format: ThumbnailFormat::Jpeg, size: size.map(|n| n as u16), file })
 }

@@ -13,11 +13,8 @@ use super::views::Views;
 use crate::cli::render::colors;
 use crate::cli::table::Table;
 use crate::cli::{Error, Session, write_atomically};
-use crate::measure::{Canvas, color_png, error_map, side_by_side, stacked};
+use crate::measure::{Canvas, ERROR_FULL, color_png, error_map, side_by_side, stacked};
 use crate::render::{ParetoFront, ParetoPoint, upsample_bilinear};
-
-/// The difference shown as the brightest color of an error picture.
-const ERROR_FULL: f32 = 0.2;
 
 /// How to read the times of the table.
 const TIMES_NOTE: &str = "
