@@ -294,3 +294,30 @@ fn files_of_weights_with_faults_are_refused_by_name() {
     let found = refused(&file(&tensors, "")).to_string();
     assert_eq!(found, "the tensor alex.linear.0: expected finite numbers, found NaN at 7");
 }
+
+#[cfg(feature = "cli")]
+#[test]
+fn eval_has_the_distance_of_each_view_and_names_a_view_that_is_too_small() {
+    use std::process::{Command, Output};
+
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("alex.safetensors"), file(&made_up(LpipsNetwork::Alex), "")).unwrap();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/f32.strivec");
+    let run = |arguments: &[&str]| -> Output {
+        Command::new(env!("CARGO_BIN_EXE_strivec")).current_dir(folder).args(arguments).output().unwrap()
+    };
+    assert!(
+        run(&["synth", "data", "--views", "4", "--test-views", "2", "--size", "40x34", "--quiet"]).status.success()
+    );
+    let eval = ["eval", scene, "data", "--json", "--quiet", "--lpips", "alex", "--lpips-weights", "alex.safetensors"];
+    let result: serde_json::Value = serde_json::from_slice(&run(&eval).stdout).unwrap();
+    let distance = |of: &serde_json::Value| of["lpips_alex"].as_f64().unwrap();
+    assert!(distance(&result["views"][0]) > 0.01, "{result}");
+    assert_eq!(distance(&result), (distance(&result["views"][0]) + distance(&result["views"][1])) / 2.0);
+    let small = run(&[&eval[..], &["--downscale", "2"]].concat());
+    let message = String::from_utf8_lossy(&small.stderr).into_owned();
+    assert_eq!(small.status.code(), Some(1), "{message}");
+    let expected = "view r_0: LPIPS with the network alex needs pictures of at least 31x31 pixels, not 20x17";
+    assert!(message.contains(expected), "{message}");
+}

@@ -1,33 +1,33 @@
 //! `strivec eval`: compare a scene's pictures with photographs.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use serde::Serialize;
 
 use super::approximations::Approximations;
-use super::backend::{BackendOptions, Drawn};
+use super::backend::BackendOptions;
+use super::evaluation::{
+    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, SceneToEvaluate, Shown,
+    ShownView,
+};
 use super::output::{check_outputs, make_folder};
-use super::progress::Progress;
-use super::render::colors;
 use super::table::Table;
 use super::view_selection::ViewSelection;
-use super::{Error, Session, refined_poses, scene_file, write_atomically};
+use super::{Error, Session, refined_poses, write_atomically};
 use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::digits::grouped;
 use crate::measure::{
-    self, Canvas, Region, RegionErrors, RegionReport, ViewReport, color_png, counted, error_map, side_by_side,
+    Canvas, ERROR_FULL, Parity, RegionReport, Report, ViewReport, color_png, error_map, side_by_side,
 };
-use crate::render::{RenderSettings, upsample_bilinear};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec eval lego.strivec lego --split test
   strivec eval lego.strivec lego --split test --downscale 4 --every 10 --sheets sheets --json
+  strivec eval lego.strivec lego --lpips alex,vgg --lpips-weights lpips.safetensors --csv lego.csv --report lego.html
 
 The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).
 The PSNR after a color fit is that after the best affine map of a view's colors: without its exposure and white balance.";
-/// The difference shown as the brightest color of an error picture.
-const ERROR_FULL: f32 = 0.2;
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -58,38 +58,29 @@ pub(super) struct Args {
     #[arg(long)]
     parity: bool,
     #[command(flatten)]
+    measures: MeasureOptions,
+    #[command(flatten)]
+    outputs: OutputOptions,
+    #[command(flatten)]
     approximations: Approximations,
 }
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
 struct Evaluation<'a> {
-    file: &'a Path,
-    bytes: u64,
     dataset: &'a str,
     split: &'a str,
     downscale: u32,
     #[serde(flatten)]
-    drawn: Drawn,
-    #[serde(flatten)]
-    settings: RenderSettings,
-    /// Preparation of the renderer, with the density cache.
-    seconds_preparing: f64,
-    /// Mean time of rendering a view.
-    seconds_per_view: f64,
-    #[serde(flatten)]
-    report: measure::Report,
-    /// Errors by region of the photographs.
-    regions: Vec<RegionReport>,
-    /// Comparison of the renderer with the reference.
-    parity: Option<measure::Parity>,
+    evaluated: Evaluated,
 }
 
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
-    let (scene_file, bytes) = scene_file::read(&args.file, &session.console)?;
-    let bytes = bytes.len() as u64;
+    args.outputs.check(session)?;
+    let measures = args.measures.load()?;
+    let scene = SceneToEvaluate::read(&args.file, session)?;
     let options = args.selection.options(args.downscale);
     let Dataset { name, mut views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
     if let Some(path) = &args.aligned_to {
@@ -101,85 +92,79 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             camera.focal = camera.focal.map(|focal| focal_scale * focal);
         }
     }
-    let sheet = |folder: &Path, view: &View| folder.join(format!("{}.png", view.name));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;
-        let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, view)).collect();
+        let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, &view.name)).collect();
         check_outputs(&planned, session.force)?;
     }
 
-    let size = views.first().map_or([0, 0], |view| [view.camera.width, view.camera.height]);
-    let settings = args.approximations.settings(&scene_file, &args.file, size)?;
-    let scene = scene_file::with_scales_of(scene_file, &settings.approximation);
-    let frame = scene.frame.clone();
-    let whole = args.parity.then(|| scene.clone());
-    let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &settings.approximation, &session.console)?;
-    let seconds_preparing = start.elapsed().as_secs_f64();
-    let progress = Progress::start(&session.console, "eval", views.len() as u64);
-    let mut reports: Vec<ViewReport> = Vec::new();
-    let mut errors = RegionErrors::default();
-    let mut seconds = 0.0;
-    for view in &views {
-        let start = Instant::now();
-        let camera = view.camera.mapped(&frame.model_from_dataset);
-        let size = [camera.width, camera.height];
-        let picture = upsample_bilinear(&renderer.render(&camera.downscaled(settings.divisor))?, size);
-        seconds += start.elapsed().as_secs_f64();
-        let (photograph, rendered) = (view.pixels.colors(frame.background), colors(&picture));
-        let report = ViewReport::new(&view.name, size, &rendered, &photograph, view.mask.as_deref())?;
-        let regions = Region::from_photograph(size, &photograph, &view.pixels.opacities())?;
-        match &view.mask {
-            None => errors.add(&regions, &rendered, &photograph)?,
-            Some(mask) => {
-                errors.add(&counted(&regions, mask), &counted(&rendered, mask), &counted(&photograph, mask))?;
-            }
-        }
+    let evaluator = Evaluator {
+        session,
+        backend: &args.backend,
+        approximations: &args.approximations,
+        measures: &measures,
+        parity: args.parity,
+    };
+    let mut pictures = args.outputs.pictures(views.len());
+    let evaluated = evaluator.evaluate(scene, &views, |view| {
         if let Some(folder) = &args.sheets {
-            let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
-            let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
-            let joined = side_by_side(&pictures);
-            write_atomically(&sheet(folder, view), &color_png(joined.size, &joined.colors)?, session.force)?;
+            write_sheet(&sheet(folder, &view.report.name), view, session)?;
         }
-        reports.push(report);
-        progress.set(reports.len() as u64, || {
-            let mean = reports.iter().map(|r| r.psnr).sum::<f64>() / reports.len() as f64;
-            format!("mean {mean:.2} dB")
-        });
-    }
-    let seconds_per_view = seconds / views.len() as f64;
-    progress.finish(&format!("{seconds_per_view:.2} s per view"));
-
-    let report = measure::Report::new(reports)
-        .ok_or_else(|| Error::Malformed(format!("{}: the selected split has no views", args.dataset.display())))?;
-    let parity = match whole {
-        None => None,
-        Some(scene) => {
-            session.console.say("comparing with the reference");
-            let cameras: Vec<_> = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
-            Some(renderer.parity(&scene, &cameras)?)
-        }
-    };
-    let evaluation = Evaluation {
-        file: &args.file,
-        bytes,
-        dataset: &name,
-        split: &args.split,
-        downscale: args.downscale,
-        drawn: renderer.drawn(),
-        settings,
-        seconds_preparing,
-        seconds_per_view,
-        report,
-        regions: errors.report(),
-        parity,
-    };
-    session.console.result(&evaluation, |e| {
-        text(&e.report) + "\n" + &regions_text(&e.regions) + &e.parity.map_or_else(String::new, parity_text)
-    })
+        pictures.add(view, "")
+    })?;
+    let evaluation = Evaluation { dataset: &name, split: &args.split, downscale: args.downscale, evaluated };
+    let reports = [(args.file.as_path(), &evaluation.evaluated.report)];
+    args.outputs.write(&reports, || page(&evaluation, pictures.into_views()), session)?;
+    session.console.result(&evaluation, |evaluation| text(&evaluation.evaluated))
 }
 
-fn parity_text(parity: measure::Parity) -> String {
+fn sheet(folder: &Path, view: &str) -> PathBuf {
+    folder.join(format!("{view}.png"))
+}
+
+/// Writes the photograph, the rendering and the error side by side.
+fn write_sheet(path: &Path, view: &Shown<'_>, session: &Session) -> Result<(), Error> {
+    let difference = error_map(view.rendered, view.photograph, ERROR_FULL)?;
+    let pictures = [view.photograph.to_vec(), view.rendered.to_vec(), difference];
+    let joined = side_by_side(&pictures.map(|colors| Canvas { size: view.size, colors }));
+    write_atomically(path, &color_png(joined.size, &joined.colors)?, session.force)
+}
+
+fn text(evaluated: &Evaluated) -> String {
+    let Evaluated { report, regions, parity, .. } = evaluated;
+    views_text(report) + "\n" + &regions_text(regions) + &parity.map_or_else(String::new, parity_text)
+}
+
+fn views_text(report: &Report) -> String {
+    let metrics = Metric::of(report);
+    let mut table = Table::new(["view".to_owned()].into_iter().chain(metrics.iter().map(|metric| metric.heading())));
+    for view in &report.views {
+        let numbers = metrics.iter().map(|metric| metric.text(metric.of_view(view)));
+        table.row([view.name.clone()].into_iter().chain(numbers));
+    }
+    let means = metrics.iter().map(|metric| metric.mean_text(metric.mean(report)));
+    table.row([format!("mean of {}", report.views.len())].into_iter().chain(means));
+    table.text()
+}
+
+/// Headings of a region's numbers.
+const REGION_COLUMNS: [&str; 4] = ["region", "pixels", "error", "PSNR"];
+
+/// A region's shares of pixels and of error and its PSNR, as texts.
+fn region_texts(region: &RegionReport) -> [String; 3] {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    [percent(region.share_of_pixels), percent(region.share_of_error), format!("{:.2}", region.psnr)]
+}
+
+fn regions_text(regions: &[RegionReport]) -> String {
+    let mut table = Table::new(REGION_COLUMNS);
+    for region in regions {
+        table.row([region.region.name().to_owned()].into_iter().chain(region_texts(region)));
+    }
+    table.text()
+}
+
+fn parity_text(parity: Parity) -> String {
     format!(
         "against the reference: {} clear rays, largest difference {:.2e}; {} rays ({:.2} %) near a decision: \
          median {:.1e}, 99.9 % {:.1e}, largest {:.1e}",
@@ -193,25 +178,47 @@ fn parity_text(parity: measure::Parity) -> String {
     )
 }
 
-fn regions_text(regions: &[RegionReport]) -> String {
-    let mut table = Table::new(["region", "pixels", "error", "PSNR"]);
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    for r in regions {
-        let name = r.region.name().to_owned();
-        table.row([name, percent(r.share_of_pixels), percent(r.share_of_error), format!("{:.2}", r.psnr)]);
-    }
-    table.text()
+fn page(evaluation: &Evaluation<'_>, views: Vec<ShownView>) -> Page {
+    let Evaluation { dataset, split, downscale, evaluated } = evaluation;
+    let Evaluated { file, bytes, report, regions, seconds_per_view, .. } = evaluated;
+    let fact = |name: &str, value: String| (name.to_owned(), value);
+    let mut facts = vec![
+        fact("file", format!("{}, {} bytes", file.display(), grouped(*bytes))),
+        fact("dataset", format!("{dataset}, split {split}, downscaled {downscale} times")),
+        fact("views", report.views.len().to_string()),
+        fact("rendering", format!("{seconds_per_view:.2} s per view")),
+    ];
+    let mean = |metric: Metric| fact(&format!("mean {}", metric.heading()), metric.mean_text(metric.mean(report)));
+    facts.extend(Metric::of(report).into_iter().map(mean));
+    let title = format!("Evaluation of {}", file.display());
+    Page { title, facts, tables: vec![views_table(report), regions_table(regions)], views }
 }
 
-fn text(report: &measure::Report) -> String {
-    let mut table = Table::new(["view", "PSNR", "after color fit", "SSIM"]);
-    let ssim = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.4}"));
-    for view in &report.views {
-        let fitted = format!("{:.2}", view.psnr_after_color_fit);
-        table.row([view.name.clone(), format!("{:.2}", view.psnr), fitted, ssim(view.ssim)]);
+fn views_table(report: &Report) -> PageTable {
+    let metrics = Metric::of(report);
+    let row = |view: &ViewReport| {
+        let number = |metric: &Metric| {
+            let value = metric.of_view(view);
+            Cell::number(value, metric.text(value))
+        };
+        [Cell::name(&view.name)].into_iter().chain(metrics.iter().map(number)).collect()
+    };
+    PageTable {
+        heading: "Views".into(),
+        columns: ["view".to_owned()].into_iter().chain(metrics.iter().map(|metric| metric.heading())).collect(),
+        rows: report.views.iter().map(row).collect(),
     }
-    let mean = format!("mean of {}", report.views.len());
-    let [psnr, fitted] = [report.psnr, report.psnr_after_color_fit].map(|psnr| format!("{psnr:.3}"));
-    table.row([mean, psnr, fitted, ssim(report.ssim)]);
-    table.text()
+}
+
+fn regions_table(regions: &[RegionReport]) -> PageTable {
+    let row = |region: &RegionReport| {
+        let values = [region.share_of_pixels, region.share_of_error, region.psnr].map(Some);
+        let numbers = values.into_iter().zip(region_texts(region)).map(|(value, text)| Cell::number(value, text));
+        [Cell::name(region.region.name())].into_iter().chain(numbers).collect()
+    };
+    PageTable {
+        heading: "Regions of the photographs".into(),
+        columns: REGION_COLUMNS.map(str::to_owned).to_vec(),
+        rows: regions.iter().map(row).collect(),
+    }
 }

@@ -8,12 +8,14 @@ mod backend;
 mod background;
 mod bench;
 mod camera_path;
+mod compare;
 mod console;
 mod dataset;
 mod demo;
 mod error;
 mod eval;
 mod import;
+mod evaluation;
 mod info;
 mod named_value;
 mod numbers;
@@ -94,6 +96,8 @@ enum Command {
     Dataset(dataset::Args),
     /// Compare a scene's pictures with photographs
     Eval(eval::Args),
+    /// Compare several scenes with each other over the same photographs
+    Compare(compare::Args),
     /// Measure speed against quality and store render settings in the file
     Trade(trade::Args),
     /// Print the contents of scene files
@@ -124,6 +128,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => import::run(args, session),
         Command::Dataset(args) => dataset::run(args, session),
         Command::Eval(args) => eval::run(args, session),
+        Command::Compare(args) => compare::run(args, session),
         Command::Trade(args) => trade::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),

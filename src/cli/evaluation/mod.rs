@@ -1,0 +1,17 @@
+//! Evaluation of scenes against photographs, for the commands `eval` and `compare`: options, measuring, and results as CSV and
+//! as a page.
+
+mod csv;
+mod evaluator;
+mod measure_options;
+mod metric;
+mod output_options;
+mod page;
+mod view_pictures;
+
+pub(super) use evaluator::{Evaluated, Evaluator, SceneToEvaluate, Shown};
+pub(super) use measure_options::MeasureOptions;
+pub(super) use metric::Metric;
+pub(super) use output_options::OutputOptions;
+pub(super) use page::{Cell, Page, PageTable};
+pub(super) use view_pictures::ShownView;
