@@ -39,6 +39,11 @@ impl<T: Real> Field<T> {
         }
     }
 
+    /// False if no sample between `min` and `max`, relative to the field's origin, counts.
+    pub(crate) fn may_count_in(&self, min: [T; 3], max: [T; 3]) -> bool {
+        self.cells().is_none_or(|cells| cells.any_in(min, max))
+    }
+
     /// Finds the contributions to the shaded samples at `slots`, if the march read density features from the cache and
     /// left the contributions out.
     #[inline(always)]

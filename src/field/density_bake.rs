@@ -4,7 +4,7 @@ use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
 use super::density_cache::{BRICK, BRICK_VERTICES, NO_BRICK, ROW};
-use super::{DensityCache, Field, OccupancyCells, Real, Samples, vectorized};
+use super::{DensityCache, Field, Real, Samples, vectorized};
 
 impl<T: Real> Field<T> {
     /// Bakes density features on a grid of `cells` cells along the longest edge of the bounds. Rendering then reads
@@ -24,7 +24,6 @@ impl<T: Real> Field<T> {
         let width = self.bounds.size().max_element() / f64::from(cells);
         let brick_width = width * BRICK as f64;
         let bricks = (self.bounds.size() / brick_width).ceil().max(DVec3::ONE).as_uvec3();
-        let occupied = self.cells();
         let mut brick_indices = Vec::new();
         let mut baked = Vec::new();
         for z in 0..bricks.z {
@@ -32,7 +31,7 @@ impl<T: Real> Field<T> {
                 for x in 0..bricks.x {
                     let corner = self.bounds.min + UVec3::new(x, y, z).as_dvec3() * brick_width;
                     let [min, max] = [corner, corner + brick_width].map(|p| self.relative(p));
-                    let counts = occupied.is_none_or(|cells: &OccupancyCells<T>| cells.any_in(min, max));
+                    let counts = self.may_count_in(min, max);
                     brick_indices.push(if counts { baked.len() as u32 } else { NO_BRICK });
                     baked.extend(counts.then_some(corner));
                 }
