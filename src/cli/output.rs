@@ -5,7 +5,7 @@
 
 use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
@@ -33,10 +33,22 @@ pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
 ///
 /// Those of [`check_output`]; [`Error::Io`] if the disk is full or fails, which leaves the destination unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), Error> {
+    write_atomically_with(path, force, |file| file.write_all(bytes).map_err(Error::io("write", path)))
+}
+
+/// As [`write_atomically`], for content that `write` writes part by part.
+pub(super) fn write_atomically_with(
+    path: &Path,
+    force: bool,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), Error>,
+) -> Result<(), Error> {
     let destination = destination(path, force)?;
     let mut partial = partial_file(path, &destination)?;
     let failed = || Error::io("write", path);
-    partial.write_all(bytes).map_err(failed())?;
+    let mut buffered = BufWriter::new(partial.as_file_mut());
+    write(&mut buffered)?;
+    buffered.flush().map_err(failed())?;
+    drop(buffered);
     partial.as_file().sync_all().map_err(failed())?;
     let persisted = if force { partial.persist(&destination) } else { partial.persist_noclobber(&destination) };
     persisted.map_err(|error| match error.error.kind() {
@@ -67,7 +79,7 @@ pub(super) fn check_scene_name(path: &Path) -> Result<(), Error> {
         "png" | "jpg" | "jpeg" | "webp" | "mp4" => "`strivec render` writes pictures and videos",
         "json" => "`strivec info --json` prints a description",
         "ply" | "spz" | "splat" | "ksplat" | "sog" | "obj" | "glb" | "gltf" | "stl" | "usdz" => {
-            "Strivec writes no meshes, points or splats; `strivec-pack extract` writes NumPy arrays"
+            "`strivec export` writes meshes, points and splats"
         }
         _ => return Ok(()),
     };
