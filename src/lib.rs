@@ -11,7 +11,7 @@
 //!    programs' geometry files. `prior`: occupied space, and tensors placed in it. `field`: the fast field that
 //!    rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
-//! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small.
+//! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small. `interop`: other programs' files from a scene.
 //! 5. `cli`: the commands. `player`: interactive views. `web`: bindings for a page in a browser.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built. The feature `render` adds `field` and

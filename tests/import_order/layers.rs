@@ -3,7 +3,7 @@
 use crate::tree::{File, Name, Tree};
 
 /// Each top-level module and its layer. A new module needs its line here, and in the list of `src/lib.rs`.
-const LAYERS: [(&str, u32); 22] = [
+const LAYERS: [(&str, u32); 23] = [
     ("color", 0),
     ("color_map", 0),
     ("digits", 0),
@@ -24,6 +24,7 @@ const LAYERS: [(&str, u32); 22] = [
     ("interop", 3),
     ("measure", 4),
     ("pack", 4),
+    ("interop", 4),
     ("player", 5),
     ("cli", 5),
     ("web", 5),
