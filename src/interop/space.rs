@@ -1,0 +1,34 @@
+//! The space of exported coordinates.
+
+use glam::DVec3;
+
+use crate::geometry::Similarity;
+use crate::model::Frame;
+
+/// The space of exported coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Space {
+    /// That of the photographs' cameras.
+    #[default]
+    Dataset,
+    /// That of the field.
+    Model,
+}
+
+impl Space {
+    /// The map from model space.
+    pub(super) fn from_model(self, frame: &Frame) -> Similarity {
+        match self {
+            Self::Dataset => frame.model_from_dataset.inverse(),
+            Self::Model => Similarity::IDENTITY,
+        }
+    }
+
+    /// The unit vector that points up.
+    pub fn up(self, frame: &Frame) -> DVec3 {
+        match self {
+            Self::Dataset => frame.up.vector(),
+            Self::Model => frame.up_in_model(),
+        }
+    }
+}
