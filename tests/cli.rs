@@ -454,3 +454,35 @@ fn view_without_a_player_says_how_to_install_it() {
     let message = failure(&output, 2);
     assert!(message.contains("--features player"), "{message}");
 }
+
+#[test]
+fn exports_are_of_the_kind_of_their_extension() {
+    let folder = TempDir::new().unwrap();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/explicit.strivec");
+    let export = |output: &str, more: &[&str]| {
+        let arguments = ["export", fixture, "--quiet", "--resolution", "12", "--alpha", "0.02", "-o", output];
+        run(folder.path(), &[&arguments[..], more].concat())
+    };
+    for (output, more, kind, start) in [
+        ("a.ply", &[][..], "mesh", &b"ply\n"[..]),
+        ("a.OBJ", &[], "mesh", b"v "),
+        ("a.glb", &[], "mesh", b"glTF"),
+        ("points.ply", &["--as", "points"], "points", b"ply\n"),
+        ("splats.ply", &["--as", "splats"], "splats", b"ply\n"),
+        ("a.npz", &[], "occupancy", b"PK"),
+        ("a.tar", &[], "dvgo", b"PK"),
+    ] {
+        let result = export(output, &[more, &["--json"]].concat());
+        assert_eq!(code(&result), 0, "{output}: {}", text(&result.stderr));
+        let report: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
+        assert_eq!(report["kind"], kind, "{output}");
+        assert!(fs::read(folder.path().join(output)).unwrap().starts_with(start), "{output}");
+        assert!(failure(&export(output, more), 1).contains("the file exists"), "{output}");
+        assert_eq!(code(&export(output, &[more, &["--force"]].concat())), 0, "{output}");
+    }
+    assert!(failure(&export("a.xyz", &[]), 1).contains("no kind of file has the extension \"xyz\""));
+    assert!(failure(&export("a", &["--as", "splats"]), 1).contains("has the extension .ply, not \"\""));
+    let empty = failure(&export("b.ply", &["--min-triangles", "1000000"]), 4);
+    assert!(empty.contains("b.ply: no density has a surface at an --alpha of 0.02; "), "{empty}");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 7, "nothing is left of what failed");
+}

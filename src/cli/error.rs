@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{container, dataset, import, measure, prior, train};
+use crate::{container, dataset, import, interop, measure, prior, train};
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -73,6 +73,18 @@ impl Error {
             container::Error::Overflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
             container::Error::Level { .. } => Self::Usage(message),
             _ => Self::Malformed(message),
+        }
+    }
+
+    /// For `map_err` if the scene was not exported to `path`.
+    pub(super) fn interop(path: &Path) -> impl FnOnce(interop::Error) -> Self {
+        move |error| {
+            let message = format!("{}: {}", path.display(), with_flags(&error.to_string()));
+            match error {
+                interop::Error::Setting { .. } | interop::Error::TooLarge { .. } => Self::Usage(message),
+                interop::Error::Io(_) => Self::Io(message),
+                _ => Self::Runtime(message),
+            }
         }
     }
 
@@ -182,7 +194,8 @@ const RENAMED: [(&str, &str); 6] = [
     ("sky_degree", "--sky"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 22] = [
+const SAME: [&str; 24] = [
+    "alpha",
     "background",
     "bounds",
     "close",
@@ -196,6 +209,7 @@ const SAME: [&str; 22] = [
     "min_points",
     "min_track",
     "outliers",
+    "resolution",
     "scale",
     "seed",
     "skip_missing",

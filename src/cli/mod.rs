@@ -14,8 +14,9 @@ mod dataset;
 mod demo;
 mod error;
 mod eval;
-mod import;
 mod evaluation;
+mod export;
+mod import;
 mod info;
 mod named_value;
 mod numbers;
@@ -88,6 +89,8 @@ enum Command {
     Plan(plan::Args),
     /// Render pictures or a video of a scene
     Render(render::Args),
+    /// Write a scene as a mesh, points, splats or a grid for other programs
+    Export(export::Args),
     /// Turn meshes, point clouds, grids and octrees into a prior (occupied cells)
     Prior(prior::Args),
     /// Turn a checkpoint of TensoRF into a scene
@@ -124,6 +127,7 @@ pub fn main() -> ExitCode {
         Command::Grow(args) => resize::run_grow(args, session),
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
+        Command::Export(args) => export::run(args, session),
         Command::Prior(args) => prior::run(args, session),
         Command::Import(args) => import::run(args, session),
         Command::Dataset(args) => dataset::run(args, session),

@@ -1,0 +1,255 @@
+//! `strivec export`: write a scene as a mesh, points, splats or a grid for other programs.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::output::write_atomically_with;
+use super::progress::Progress;
+use super::table::{plural, short};
+use super::{Error, Session, check_output, scene_file};
+use crate::digits::grouped;
+use crate::escape::escaped_path;
+use crate::geometry::Aabb;
+use crate::interop::{self, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface};
+use crate::model::Scene;
+
+const EXAMPLES: &str = "\
+Examples:
+  strivec export lego.strivec -o lego.ply
+  strivec export lego.strivec -o lego.glb --resolution 512 --min-triangles 100
+  strivec export lego.strivec -o cloud.ply --as points
+  strivec export lego.strivec -o start.ply --as splats
+  strivec export lego.strivec -o occupancy.npz
+  strivec export lego.strivec -o coarse_last.tar
+
+The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, and .tar is a DVGO checkpoint.
+
+mesh: the closed surface at which a step of a ray has the opacity --alpha, with normals, and with the colors that it shows \
+against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point, in the \
+layout of the first implementation, for trainers to start from. occupancy: the cells outside of which the scene is empty, \
+occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model.
+
+Coordinates are those of the photographs' cameras; the node of a .glb turns the scene upright. Of an unbounded scene the \
+inner cube alone is exported; meshes, points and splats also have its surroundings with --surroundings.";
+
+/// The arguments.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct Args {
+    /// Scene file
+    file: PathBuf,
+    /// File to write
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+    /// Kind of the file [default: by its extension]
+    #[arg(long = "as", value_name = "KIND")]
+    kind: Option<Kind>,
+    /// Cells along the longest edge of the box around the scene [default: 256; dvgo: 160; occupancy: the scene's own cells]
+    #[arg(long, value_name = "N")]
+    resolution: Option<u32>,
+    /// Opacity of a step of a ray at the surface
+    #[arg(long, value_name = "A", default_value_t = SurfaceOptions::default().alpha)]
+    alpha: f64,
+    /// Space of the coordinates
+    #[arg(long, value_enum, default_value_t = SpaceName::Dataset)]
+    space: SpaceName,
+    /// Remove connected parts of the surface of fewer triangles [default: 0, keep all]
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    min_triangles: u32,
+    /// Unbounded scenes: also export the surroundings of the inner cube, up to 64 of its half edges away
+    #[arg(long)]
+    surroundings: bool,
+}
+
+/// Kinds of files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    /// Triangles: .ply, .obj or .glb
+    Mesh,
+    /// Points of the surface: .ply
+    Points,
+    /// 3D Gaussian splats on the surface: .ply
+    Splats,
+    /// Occupied cells: .npz
+    Occupancy,
+    /// DVGO's checkpoint: .tar
+    Dvgo,
+}
+
+impl Kind {
+    /// Those whose extensions name no other kind before them.
+    const BY_EXTENSION: [Self; 3] = [Self::Mesh, Self::Occupancy, Self::Dvgo];
+
+    /// The extensions of files of this kind.
+    fn extensions(self) -> &'static [&'static str] {
+        match self {
+            Self::Mesh => &["ply", "obj", "glb"],
+            Self::Points | Self::Splats => &["ply"],
+            Self::Occupancy => &["npz"],
+            Self::Dvgo => &["tar"],
+        }
+    }
+}
+
+/// The names of [`Space`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum SpaceName {
+    /// That of the photographs' cameras
+    Dataset,
+    /// That of the field
+    Model,
+}
+
+impl From<SpaceName> for Space {
+    fn from(name: SpaceName) -> Self {
+        match name {
+            SpaceName::Dataset => Self::Dataset,
+            SpaceName::Model => Self::Model,
+        }
+    }
+}
+
+/// The result, as `--json` prints it.
+#[derive(Serialize)]
+struct Report<'a> {
+    file: &'a Path,
+    kind: Kind,
+    #[serde(flatten)]
+    contents: Contents,
+    seconds: f64,
+}
+
+/// The contents of a file.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Contents {
+    /// Of the surface.
+    Surface {
+        vertices: usize,
+        triangles: usize,
+        /// The smallest and the largest corner.
+        bounds: [[f64; 3]; 2],
+    },
+    /// Of the occupancy.
+    Cells {
+        cells: [u32; 3],
+        occupied: u64,
+        /// The smallest and the largest corner.
+        bounds: [[f64; 3]; 2],
+    },
+    /// Of the checkpoint.
+    Voxels { resolution: u32 },
+}
+
+/// Writes the file.
+pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+    let (kind, extension) = kind_and_extension(args)?;
+    check_output(&args.output, session.force)?;
+    let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
+    let start = Instant::now();
+    let contents = export(kind, &extension, &scene_file.scene, args, session)?;
+    let report = Report { file: &args.output, kind, contents, seconds: start.elapsed().as_secs_f64() };
+    session.console.result(&report, text)
+}
+
+/// Writes the file of this kind and extension.
+fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Session) -> Result<Contents, Error> {
+    let space = Space::from(args.space);
+    // In percent.
+    let progress = Progress::start(&session.console, "sample", 100);
+    let sampled = |done, all| progress.set(100 * done / all, String::new);
+    let failed = || Error::interop(&args.output);
+    let write = |write: &mut dyn FnMut(&mut BufWriter<&mut File>) -> Result<(), interop::Error>| {
+        write_atomically_with(&args.output, session.force, |file| write(file).map_err(failed()))
+    };
+    match kind {
+        Kind::Mesh | Kind::Points | Kind::Splats => {
+            let options = SurfaceOptions {
+                resolution: args.resolution.unwrap_or(SurfaceOptions::default().resolution),
+                alpha: args.alpha,
+                space,
+                min_triangles: args.min_triangles,
+                surroundings: args.surroundings,
+            };
+            let mut mesh = surface(scene, &options, &sampled).map_err(failed())?;
+            if kind == Kind::Points {
+                mesh.triangles = Vec::new();
+            }
+            write(&mut |file| match (kind, extension) {
+                (Kind::Splats, _) => Ok(interop::write_splats(&mesh, file)?),
+                (_, "obj") => Ok(interop::write_obj(&mesh, file)?),
+                (_, "glb") => interop::write_glb(&mesh, space.up(&scene.frame), file),
+                _ => Ok(interop::write_ply(&mesh, file)?),
+            })?;
+            let bounds = corners(&Aabb::from_points(mesh.positions.iter().copied()));
+            Ok(Contents::Surface { vertices: mesh.positions.len(), triangles: mesh.triangles.len(), bounds })
+        }
+        Kind::Occupancy => {
+            let options = OccupancyOptions { resolution: args.resolution, space };
+            let mut written = None;
+            write(&mut |file| {
+                written = Some(interop::write_occupancy(scene, &options, file)?);
+                Ok(())
+            })?;
+            let grid = written.expect("a grid was written");
+            Ok(Contents::Cells { cells: grid.cells.into(), occupied: grid.occupied, bounds: corners(&grid.bounds) })
+        }
+        Kind::Dvgo => {
+            let resolution = args.resolution.unwrap_or(DvgoOptions::default().resolution);
+            let checkpoint = dvgo_checkpoint(scene, &DvgoOptions { resolution, space }, &sampled).map_err(failed())?;
+            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            Ok(Contents::Voxels { resolution })
+        }
+    }
+}
+
+/// The smallest and the largest corner of `bounds`.
+fn corners(bounds: &Aabb) -> [[f64; 3]; 2] {
+    [bounds.min, bounds.max].map(Into::into)
+}
+
+/// One line.
+fn text(report: &Report) -> String {
+    let between = |bounds: &[[f64; 3]; 2]| {
+        let [min, max] = bounds.map(|corner| corner.map(short).join(", "));
+        format!("from {min} to {max}")
+    };
+    let contents = match &report.contents {
+        Contents::Surface { vertices, triangles, bounds } => {
+            let count = match report.kind {
+                Kind::Points => plural(*vertices, "point"),
+                Kind::Splats => plural(*vertices, "splat"),
+                _ => format!("{} vertices, {}", grouped(*vertices as u64), plural(*triangles, "triangle")),
+            };
+            format!("{count}, {}", between(bounds))
+        }
+        Contents::Cells { cells: [x, y, z], occupied, bounds } => {
+            format!("{} of {x} x {y} x {z} cells, {}", grouped(*occupied), between(bounds))
+        }
+        Contents::Voxels { resolution } => format!("{resolution} voxels along the longest edge"),
+    };
+    format!("{}: {contents}, in {:.1} s", escaped_path(report.file), report.seconds)
+}
+
+/// The kind of the output, and its extension in lower case.
+fn kind_and_extension(args: &Args) -> Result<(Kind, String), Error> {
+    let path = args.output.display();
+    let extension = args.output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is_of = |kind: &Kind| kind.extensions().contains(&extension.as_str());
+    match args.kind.or(Kind::BY_EXTENSION.into_iter().find(is_of)) {
+        None => {
+            let known = "name it .ply, .obj, .glb, .npz or .tar";
+            Err(Error::Usage(format!("{path}: no kind of file has the extension {extension:?}; {known}")))
+        }
+        Some(kind) if !is_of(&kind) => {
+            let known = kind.extensions().iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ");
+            Err(Error::Usage(format!("{path}: a file of this kind has the extension {known}, not {extension:?}")))
+        }
+        Some(kind) => Ok((kind, extension)),
+    }
+}
