@@ -4,12 +4,14 @@
 mod data;
 
 use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
 use strivec::container::{EncodeOptions, decode, encode};
 use strivec::geometry::Ray;
 use strivec::import::Input;
 use strivec::interop::tensorf::{self, SceneOptions};
+use strivec::interop::{tensorf_checkpoint, write_checkpoint};
 use strivec::model::{FactorKind, Scene, UpAxis};
 use strivec::npy::Header;
 use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
@@ -93,6 +95,12 @@ fn difference(scene: &Scene, rays: &[Ray], expected: &[[f64; 3]], every: usize) 
     found
 }
 
+/// The bytes of the checkpoint of `scene`.
+fn exported(scene: &Scene) -> Vec<u8> {
+    let checkpoint = tensorf_checkpoint(scene).unwrap();
+    write_checkpoint(Cursor::new(Vec::new()), &checkpoint).unwrap().into_inner()
+}
+
 /// The checkpoints, the beginning of the names of their pictures, and the kinds of their factors.
 const CHECKPOINTS: [(&str, &str, FactorKind); 2] =
     [("lego200_vm192_iter1581.th", "vm200", FactorKind::Vm), ("lego200_cp384_iter346.th", "cp200", FactorKind::Cp)];
@@ -132,5 +140,8 @@ fn pictures_of_imported_checkpoints_are_pytorchs_and_a_planted_difference_shows(
             assert!(changed.largest.iter().all(|d| *d > 2e-5), "a planted difference goes unnoticed: {changed:?}");
         }
         assert_eq!(decode(&encode(&scene, &EncodeOptions::lossless(&scene)).unwrap()).unwrap(), scene);
+        let written = exported(&scene);
+        assert_eq!(tensorf::read(&mut Input::from_bytes(&written), &options()).unwrap(), scene);
+        assert_eq!(exported(&tensorf::read(&mut Input::from_bytes(&written), &options()).unwrap()), written);
     }
 }

@@ -83,6 +83,7 @@ impl Error {
             match error {
                 interop::Error::Setting { .. } | interop::Error::TooLarge { .. } => Self::Usage(message),
                 interop::Error::Io(_) => Self::Io(message),
+                interop::Error::NotExpressible { .. } => Self::Unsupported(message),
                 _ => Self::Runtime(message),
             }
         }

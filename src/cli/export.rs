@@ -14,7 +14,9 @@ use super::{Error, Session, check_output, scene_file};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
 use crate::geometry::Aabb;
-use crate::interop::{self, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface};
+use crate::interop::{
+    self, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface, tensorf_checkpoint,
+};
 use crate::model::Scene;
 
 const EXAMPLES: &str = "\
@@ -25,13 +27,14 @@ Examples:
   strivec export lego.strivec -o start.ply --as splats
   strivec export lego.strivec -o occupancy.npz
   strivec export lego.strivec -o coarse_last.tar
+  strivec export tensorf.strivec -o tensorf.th
 
-The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, and .tar is a DVGO checkpoint.
+The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, .tar is a DVGO checkpoint, and .th is one of TensoRF.
 
 mesh: the closed surface at which a step of a ray has the opacity --alpha, with normals, and with the colors that it shows \
 against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point, in the \
 layout of the first implementation, for trainers to start from. occupancy: the cells outside of which the scene is empty, \
-occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model.
+occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them.
 
 Coordinates are those of the photographs' cameras; the node of a .glb turns the scene upright. Of an unbounded scene the \
 inner cube alone is exported; meshes, points and splats also have its surroundings with --surroundings.";
@@ -79,11 +82,13 @@ enum Kind {
     Occupancy,
     /// DVGO's checkpoint: .tar
     Dvgo,
+    /// TensoRF's checkpoint: .th
+    Tensorf,
 }
 
 impl Kind {
     /// Those whose extensions name no other kind before them.
-    const BY_EXTENSION: [Self; 3] = [Self::Mesh, Self::Occupancy, Self::Dvgo];
+    const BY_EXTENSION: [Self; 4] = [Self::Mesh, Self::Occupancy, Self::Dvgo, Self::Tensorf];
 
     /// The extensions of files of this kind.
     fn extensions(self) -> &'static [&'static str] {
@@ -92,6 +97,7 @@ impl Kind {
             Self::Points | Self::Splats => &["ply"],
             Self::Occupancy => &["npz"],
             Self::Dvgo => &["tar"],
+            Self::Tensorf => &["th"],
         }
     }
 }
@@ -144,6 +150,8 @@ enum Contents {
     },
     /// Of the checkpoint.
     Voxels { resolution: u32 },
+    /// Of the scene.
+    Parameters { parameters: u64 },
 }
 
 /// Writes the file.
@@ -205,6 +213,11 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
             write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
             Ok(Contents::Voxels { resolution })
         }
+        Kind::Tensorf => {
+            let checkpoint = tensorf_checkpoint(scene).map_err(failed())?;
+            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+        }
     }
 }
 
@@ -232,6 +245,7 @@ fn text(report: &Report) -> String {
             format!("{} of {x} x {y} x {z} cells, {}", grouped(*occupied), between(bounds))
         }
         Contents::Voxels { resolution } => format!("{resolution} voxels along the longest edge"),
+        Contents::Parameters { parameters } => format!("{} parameters", grouped(*parameters)),
     };
     format!("{}: {contents}, in {:.1} s", escaped_path(report.file), report.seconds)
 }
@@ -243,7 +257,7 @@ fn kind_and_extension(args: &Args) -> Result<(Kind, String), Error> {
     let is_of = |kind: &Kind| kind.extensions().contains(&extension.as_str());
     match args.kind.or(Kind::BY_EXTENSION.into_iter().find(is_of)) {
         None => {
-            let known = "name it .ply, .obj, .glb, .npz or .tar";
+            let known = "name it .ply, .obj, .glb, .npz, .tar or .th";
             Err(Error::Usage(format!("{path}: no kind of file has the extension {extension:?}; {known}")))
         }
         Some(kind) if !is_of(&kind) => {

@@ -124,7 +124,8 @@ mod tests {
                 }
             }
             let is_crossed = |edge: u8| ends(edge).0.map(|c| inside >> c & 1).iter().sum::<usize>() == 1;
-            assert_eq!(used, (0..12).filter(|&e| is_crossed(e)).map(|e| 1 << e).sum(), "{inside:08b}");
+            let crossed = (0..12).filter(|&edge| is_crossed(edge)).fold(0, |bits, edge| bits | 1 << edge);
+            assert_eq!(used, crossed, "{inside:08b}");
             for (side, balance) in sides {
                 assert_eq!(balance == 0, !share_a_face(side[0], side[1]), "{inside:08b}: {side:?}");
             }

@@ -35,6 +35,14 @@ pub enum Error {
         /// The count at which the export ended.
         found: u64,
     },
+    /// The scene has what the other program has not.
+    #[error("the scene cannot be expressed there: expected {expected}, found {found}")]
+    NotExpressible {
+        /// What the other program has.
+        expected: &'static str,
+        /// What the scene has.
+        found: String,
+    },
     /// The file cannot be written.
     #[error("cannot write it: {0}")]
     Io(#[from] io::Error),

@@ -1,4 +1,5 @@
-//! A scene as other programs' files: meshes, point clouds, splats, grids and checkpoints.
+//! A scene as other programs' files: meshes, point clouds, splats, grids and checkpoints; and TensoRF's checkpoints as scenes
+//! ([`tensorf`]).
 //!
 //! In: a [`crate::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
 //! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how
@@ -21,6 +22,7 @@ mod splats;
 mod state;
 mod surface;
 pub mod tensorf;
+mod tensorf_export;
 mod torch;
 
 pub use dvgo::{DvgoOptions, dvgo_checkpoint};
@@ -33,4 +35,5 @@ pub use ply::write_ply;
 pub use space::Space;
 pub use splats::write_splats;
 pub use surface::{SurfaceOptions, surface};
+pub use tensorf_export::tensorf_checkpoint;
 pub use torch::{Numbers, Tensor, Value, write_checkpoint};

@@ -21,7 +21,6 @@ const LAYERS: [(&str, u32); 23] = [
     ("field", 2),
     ("render", 3),
     ("train", 3),
-    ("interop", 3),
     ("measure", 4),
     ("pack", 4),
     ("interop", 4),
