@@ -59,7 +59,7 @@ fn picture(path: &Path) -> Vec<[f64; 3]> {
     let bytes = fs::read(path).unwrap();
     let mut rest = bytes.as_slice();
     let header = Header::read(&mut rest).unwrap();
-    assert_eq!(header.shape, [u64::from(SIZE), u64::from(SIZE), 3]);
+    assert_eq!(header.shape, [u64::from(SIZE), u64::from(SIZE), 3], "a picture");
     header.numbers(&mut rest).unwrap().as_chunks().0.to_vec()
 }
 

@@ -99,7 +99,7 @@ pub fn dvgo_checkpoint(
 ) -> Result<Value<'static>, Error> {
     Error::unless_setting("resolution", 2..=1024, options.resolution)?;
     let sampler = Sampler::new(scene, false)?;
-    let from_model = options.space.from_model(&scene.frame);
+    let from_model = options.space.map_from_model(&scene.frame);
     let to_model = from_model.inverse();
     let corners = sampler.region.corners().map(|corner| from_model.point(corner));
     let grid = Grid::over(&Aabb::from_points(corners), options.resolution);

@@ -57,7 +57,7 @@ pub fn write_occupancy(
         Error::unless_setting("resolution", 1..=4096, resolution)?;
     }
     let sampler = Sampler::new(scene, false)?;
-    let from_model = options.space.from_model(&scene.frame);
+    let from_model = options.space.map_from_model(&scene.frame);
     let to_model = from_model.inverse();
     let mapped = |within: &Aabb| Aabb::from_points(within.corners().map(|corner| from_model.point(corner)));
     let is_turned = from_model.rotation.angle_between(DQuat::IDENTITY) > 1e-9;

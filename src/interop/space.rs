@@ -17,7 +17,7 @@ pub enum Space {
 
 impl Space {
     /// The map from model space.
-    pub(super) fn from_model(self, frame: &Frame) -> Similarity {
+    pub(super) fn map_from_model(self, frame: &Frame) -> Similarity {
         match self {
             Self::Dataset => frame.model_from_dataset.inverse(),
             Self::Model => Similarity::IDENTITY,

@@ -103,7 +103,7 @@ pub fn surface(scene: &Scene, options: &SurfaceOptions, progress: &dyn Fn(u64, u
     }
     let mut normals = normals(&positions, &triangles);
     let colors = colors(sampler, &positions, &normals);
-    let map = options.space.from_model(&scene.frame);
+    let map = options.space.map_from_model(&scene.frame);
     positions.iter_mut().for_each(|p| *p = map.point(*p));
     normals.iter_mut().for_each(|n| *n = map.rotation * *n);
     Ok(Mesh { positions, normals, colors, triangles })

@@ -159,12 +159,12 @@ impl LeanConfig {
             kept[*s][*b][*tensor].push(*component);
         }
         kept.iter_mut().flatten().flatten().for_each(|components| components.sort_unstable());
-        let of_block = |((block, components), order): ((&FieldFactors<f32>, Vec<Vec<u16>>), Vec<u16>)| Kept {
-            held: block.held().of_components(&components),
-            order,
-        };
         (field.scales.iter().zip(kept).zip(orders))
-            .map(|((scale, kept), orders)| scale.blocks().zip(kept).zip(orders).map(of_block).collect())
+            .map(|((scale, kept), orders)| {
+                (scale.blocks().zip(kept).zip(orders))
+                    .map(|((block, components), order)| Kept { held: block.held().of_components(&components), order })
+                    .collect()
+            })
             .collect()
     }
 
