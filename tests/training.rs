@@ -8,7 +8,7 @@ use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::dataset::{Pixels, View};
 use strivec::field::Field;
 use strivec::geometry::Camera;
-use strivec::model::{Occupancy, Scene};
+use strivec::model::{FactorKind, Occupancy, Scene};
 use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Pixel, Renderer};
@@ -255,6 +255,33 @@ fn a_damaged_state_and_other_photographs_are_named() {
     views[0].pixels = Pixels::opaque(colors);
     let error = Trainer::resume(checkpoint, scene, &views).unwrap_err().to_string();
     assert!(error.contains("photographs"), "{error}");
+}
+
+/// Components with matrices, size and variation of factors in the loss: learned, and resumed to the same file.
+#[test]
+fn matrices_are_learned_and_resumed() {
+    let views = views();
+    let mut config = scenes::with_kinds(config(), &[FactorKind::Vm; 3]);
+    (config.density_l1, config.density_variation, config.appearance_variation) = (1e-4, 1e-3, 1e-3);
+    config.lean.max_parameters = Some(60_000);
+    (config.steps, config.upsample_at, config.occupancy_at) = (60, vec![10, 20], vec![15, 30]);
+    let begun = || Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
+    let mut whole = begun();
+    let errors: Vec<f64> = (0..config.steps).map(|_| whole.step().unwrap().mean_squared_error).collect();
+    let psnr = |part: &[f64]| psnr_of_mse(part.iter().sum::<f64>() / part.len() as f64);
+    let (before, after) = (psnr(&errors[..5]), psnr(&errors[55..]));
+    let [all, held] = [whole.scene().parameter_count(), whole.scene().nonzero_parameter_count()];
+    println!("{before:.2} dB to {after:.2} dB, {held} of {all} parameters");
+    assert!(after > before + 3.0 && held <= 60_000 && 60_000 < all);
+    for stop in [9, 17, 33, 50] {
+        let mut first = begun();
+        run_to(&mut first, stop);
+        let state = first.checkpoint().to_bytes(&file(&first.scene()));
+        let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
+        let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
+        run_to(&mut second, config.steps);
+        assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
+    }
 }
 
 #[test]

@@ -1,7 +1,11 @@
 //! Presets, their TOML form, and errors of settings.
 
+use glam::{DVec3, UVec3};
+
 use super::{ScaleConfig, TrainConfig};
-use crate::model::{Coverage, DecoderMode, Reduction};
+use crate::geometry::Lattice;
+use crate::model::{Coverage, DecoderMode, Form, Reduction};
+use crate::prior::{ScaleShape, VoxelBoxes, place_on_boxes};
 
 #[test]
 fn every_preset_survives_its_own_toml() {
@@ -97,4 +101,24 @@ fn the_documents_settings_are_valid() {
         let text = std::fs::read_to_string(&file).unwrap();
         TrainConfig::from_toml(&text, None).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
     }
+}
+
+#[test]
+fn a_tensor_over_the_whole_scene_has_its_box_and_as_many_cells_as_a_cube() {
+    let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1) };
+    let cells = [UVec3::ZERO, UVec3::new(9, 19, 39)].to_vec();
+    let occupied = VoxelBoxes { lattice, cells };
+    let config = TrainConfig::preset("tensorf-vm").unwrap().fitted(&occupied).unwrap();
+    let scale = &config.scales[0];
+    assert!((scale.edge[1] / scale.edge[0] - 2.0).abs() < 1e-9 && (scale.edge[2] / scale.edge[0] - 4.0).abs() < 1e-9);
+    // Half, one and two times the cube's.
+    assert_eq!(scale.resolutions.first(), Some(&[64, 127, 254]));
+    assert_eq!(scale.resolutions.last(), Some(&[150, 299, 598]));
+    let map = config.model_from_prior(&occupied.bounds()).unwrap();
+    let shape = ScaleShape { pitch: scale.pitch, edge: scale.edge, resolution: scale.resolutions[0] };
+    assert_eq!(place_on_boxes(&occupied.mapped(&map), &shape).unwrap().len(), 1);
+    assert_eq!(config.fitted(&occupied).unwrap(), config, "once");
+    let ranks = |kind: &str| TrainConfig::preset(kind).unwrap().scales[0].forms();
+    assert_eq!(ranks("tensorf-vm")[1], [(Form::Vm(0), 48), (Form::Vm(1), 48), (Form::Vm(2), 48)]);
+    assert_eq!(ranks("tensorf-cp")[1], [(Form::Cp, 288)]);
 }
