@@ -40,8 +40,8 @@ pub fn tensorf_checkpoint(scene: &Scene) -> Result<Value<'static>, Error> {
     let kwargs = [
         ("aabb", of_box(&bounds)),
         ("gridSize", integers(vertices)),
-        ("density_n_comp", integers(ranks(&scale.factors.density))),
-        ("appearance_n_comp", integers(ranks(&scale.factors.appearance))),
+        ("density_n_comp", ranks(&scale.factors.density)),
+        ("appearance_n_comp", ranks(&scale.factors.appearance)),
         ("app_dim", Value::Int(scene.features().into())),
         ("density_shift", Value::Float(rules.density_shift)),
         ("alphaMask_thres", Value::Float(ALPHA_THRESHOLD)),
@@ -114,9 +114,11 @@ fn step_ratio(step: f64, bounds: &Aabb, vertices: [i64; 3]) -> f64 {
     candidates.into_iter().find(|ratio| ratio * sum / 3.0 == step).unwrap_or(ratio)
 }
 
-/// Components of line and plane 0, 1 and 2, which belong to the axes z, y and x.
-fn ranks(blocks: &[Block]) -> [i64; 3] {
-    [2, 1, 0].map(|axis| blocks.iter().filter(|block| belongs(block, axis)).map(|block| i64::from(block.rank)).sum())
+/// Components of line and plane 0, 1 and 2, which belong to the axes z, y and x; of a CP model, one number.
+fn ranks(blocks: &[Block]) -> Value<'static> {
+    let rank = |axis| blocks.iter().filter(|block| belongs(block, axis)).map(|block| i64::from(block.rank)).sum();
+    let axes: &[usize] = if blocks.iter().any(|block| block.form == Form::Cp) { &[2] } else { &[2, 1, 0] };
+    Value::List(axes.iter().map(|&axis| Value::Int(rank(axis))).collect())
 }
 
 /// True if a factor of `block` is line 2 − `axis`.
