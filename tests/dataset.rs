@@ -72,6 +72,22 @@ fn assert_error((kind, line): (ErrorKind, String), expected: ErrorKind, parts: &
 }
 
 #[test]
+fn a_turn_moves_cameras_about_z_and_leaves_their_pictures() {
+    let small = Small::new();
+    let plain = small.load(&LoadOptions::default()).unwrap();
+    let turned = small.load(&LoadOptions { turn_degrees: 90.0, ..LoadOptions::default() }).unwrap();
+    // Counterclockwise seen from above: x becomes y, and y becomes -x.
+    let turn = DMat3::from_cols(DVec3::Y, -DVec3::X, DVec3::Z);
+    for (before, after) in plain.views.iter().zip(&turned.views) {
+        assert!((after.camera.position - turn * before.camera.position).length() < 1e-12);
+        let difference = after.camera.world_from_camera - turn * before.camera.world_from_camera;
+        assert!(difference.to_cols_array().iter().all(|d| d.abs() < 1e-12), "{difference}");
+        assert_eq!(after.pixels, before.pixels);
+    }
+    assert!((turned.views[0].camera.position - DVec3::new(4.0, 0.5, 0.25)).length() < 1e-12);
+}
+
+#[test]
 fn blender_layout_gives_names_cameras_and_composited_pixels() {
     let small = Small::new();
     let dataset = small.load(&LoadOptions::default()).unwrap();

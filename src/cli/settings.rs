@@ -82,7 +82,7 @@ pub(super) struct Basics {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = every)]
     every: usize,
     #[command(flatten)]
-    dataset: DatasetOptions,
+    pub(super) dataset: DatasetOptions,
     /// Random seed [default: the configuration's, else 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,

@@ -3,6 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DMat3;
+
 use super::shot::{Shot, Split};
 use super::{DepthMap, Error, files};
 use crate::geometry::Aabb;
@@ -63,6 +65,17 @@ impl Capture {
         let (there, missing) = std::mem::take(&mut self.shots).into_iter().partition(|shot| shot.picture.is_file());
         self.shots = there;
         self.left_out.extend(missing.into_iter().map(|shot: Shot| shot.picture));
+    }
+
+    /// Turns all cameras about the z axis by so many degrees, counterclockwise seen from above, and leaves out what the dataset
+    /// says of the scene's place.
+    pub(super) fn turn(&mut self, degrees: f64) {
+        let turn = DMat3::from_rotation_z(degrees.to_radians());
+        for shot in self.shots.iter_mut().chain(self.depth_maps.iter_mut().map(|map| &mut map.shot)) {
+            shot.world_from_camera = turn * shot.world_from_camera;
+            shot.position = turn * shot.position;
+        }
+        (self.points, self.bounds) = (None, None);
     }
 
     /// The photographs of the split `name`: `train`, `val`, `test`, or `all`. `test` is `val` in datasets that have only

@@ -117,8 +117,8 @@ pub struct NamedCamera {
     pub camera: Camera,
 }
 
-/// The selection of photographs to load, and their size.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// The selection of photographs to load, their size, and where their cameras are.
+#[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
     /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colors;
     /// columns and rows that do not fill a block are dropped. At least 1.
@@ -135,6 +135,9 @@ pub struct LoadOptions {
     pub skip_missing: bool,
     /// The most bytes of the loaded photographs: 4 per pixel of 8-bit pictures at full size, 16 per pixel of all others.
     pub max_memory: u64,
+    /// Cameras are turned about the dataset's z axis by so many degrees, counterclockwise seen from above. Points, meshes and
+    /// boxes that come with the dataset are left out unless this is 0.
+    pub turn_degrees: f64,
 }
 
 impl LoadOptions {
@@ -153,6 +156,7 @@ impl Default for LoadOptions {
             holdout: Holdout::default(),
             skip_missing: false,
             max_memory: Self::MAX_MEMORY,
+            turn_degrees: 0.0,
         }
     }
 }

@@ -110,6 +110,9 @@ pub(super) fn capture(folder: &Path, split: &str, options: &LoadOptions) -> Resu
     if options.skip_missing {
         capture.leave_out_missing();
     }
+    if options.turn_degrees != 0.0 {
+        capture.turn(options.turn_degrees);
+    }
     Ok(capture)
 }
 

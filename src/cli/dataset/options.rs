@@ -24,12 +24,26 @@ pub(in crate::cli) struct DatasetOptions {
     /// Maximum memory of the loaded photographs, as in 16GB: 4 bytes per pixel, 16 if downscaled
     #[arg(long, value_name = "SIZE", default_value = MAX_MEMORY, value_parser = quantity::size, help_heading = "Dataset")]
     max_memory: u64,
+    /// Turn the dataset about its z axis, as the paper does to measure how much a model depends on the axes; points, meshes and
+    /// boxes that come with it are then left out
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, allow_hyphen_values = true,
+        value_parser = angle, help_heading = "Dataset")]
+    turn: f64,
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|degrees: &f64| degrees.is_finite()).ok_or_else(|| "not a number of degrees".into())
 }
 
 /// The text of the default of [`LoadOptions::max_memory`].
 const MAX_MEMORY: &str = "8GB";
 
 impl DatasetOptions {
+    /// These options, turned by so many `degrees` instead.
+    pub(in crate::cli) fn turned(&self, degrees: f64) -> Self {
+        Self { turn: degrees, ..self.clone() }
+    }
+
     /// Options to load all views, downscaled `downscale` times.
     pub(in crate::cli) fn load_options(&self, downscale: u32) -> LoadOptions {
         LoadOptions {
@@ -38,6 +52,7 @@ impl DatasetOptions {
             holdout: Holdout { every: self.test_every, names: self.test_names.clone() },
             skip_missing: self.skip_missing,
             max_memory: self.max_memory,
+            turn_degrees: self.turn,
             ..LoadOptions::default()
         }
     }
