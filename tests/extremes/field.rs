@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 use strivec::geometry::{Aabb, Ray};
-use strivec::model::{DecoderMode, ReferenceField, Scene};
+use strivec::model::{DecoderMode, FactorKind, ReferenceField, Scene};
 
 use super::compare::{Way, expected};
-use super::made::{Made, random};
+use super::made::{KINDS, Made, random};
 
 /// The distance of the sample of [`probe`], in model units.
 const NEAR: f64 = 1.0;
@@ -19,7 +19,7 @@ fn probe(point: DVec3) -> Ray {
 }
 
 /// Five tensors with centers at distance 1 from the origin, and a sixth that overlaps no other.
-fn scene(mode: DecoderMode) -> Scene {
+fn scene(kind: FactorKind, mode: DecoderMode) -> Scene {
     let mut centers = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z];
     centers.push(DVec3::new(0.0, 0.0, 6.0));
     let made = Made {
@@ -27,6 +27,7 @@ fn scene(mode: DecoderMode) -> Scene {
         half: DVec3::new(1.5, 1.25, 1.75),
         step: 64.0,
         distance_scale: 1.0 / 128.0,
+        kind,
         mode,
         ..Made::default()
     };
@@ -113,12 +114,12 @@ fn disagreements(scene: &Scene, planted: &Scene, way: Way, bound: f64) -> Vec<St
 
 #[test]
 fn every_renderer_agrees_on_centers_faces_edges_corners_vertices_and_ties() {
-    for mode in DecoderMode::ALL {
-        let scene = scene(mode);
+    for (kind, mode) in KINDS.into_iter().flat_map(|kind| DecoderMode::ALL.map(|mode| (kind, mode))) {
+        let scene = scene(kind, mode);
         for &way in Way::ALL {
             let bound = way.bound().max(1e-6);
             let wrong = disagreements(&scene, &scene, way, bound);
-            assert!(wrong.is_empty(), "{way:?}, {mode:?}: {wrong:?}");
+            assert!(wrong.is_empty(), "{way:?}, {kind:?}, {mode:?}: {wrong:?}");
         }
         let mut planted = scene.clone();
         planted.scales[0].cloud.half_edge.x -= 0.03125;
@@ -130,7 +131,7 @@ fn every_renderer_agrees_on_centers_faces_edges_corners_vertices_and_ties() {
 /// Decisions at faces are exact in f32, not only up to a displacement.
 #[test]
 fn boxes_are_closed_in_every_precision() {
-    let scene = scene(DecoderMode::PerSample);
+    let scene = scene(FactorKind::Cp, DecoderMode::PerSample);
     let (center, half) = (DVec3::new(0.0, 0.0, 6.0), scene.scales[0].cloud.half_edge);
     for a in 0..3 {
         for side in [-1.0, 1.0] {

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use strivec::geometry::{Aabb, Similarity};
 use strivec::model::{
-    Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Frame, Linear,
-    Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
+    Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Form, Frame,
+    Linear, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
 use strivec::random::Random;
 
@@ -17,6 +17,7 @@ pub(crate) struct Made {
     pub(crate) centers: Vec<DVec3>,
     pub(crate) half: DVec3,
     pub(crate) resolution: [u32; 3],
+    pub(crate) kind: FactorKind,
     pub(crate) ranks: [u32; 2],
     pub(crate) top_k: u32,
     pub(crate) mode: DecoderMode,
@@ -31,6 +32,7 @@ impl Default for Made {
             centers: vec![DVec3::ZERO],
             half: DVec3::ONE,
             resolution: [4; 3],
+            kind: FactorKind::Cp,
             ranks: [3, 3],
             top_k: 4,
             mode: DecoderMode::PerSample,
@@ -40,7 +42,10 @@ impl Default for Made {
     }
 }
 
-/// A factor by the vertex along its axis, its component, and a random number of mean 0 and deviation 1.
+/// The kinds of factors.
+pub(crate) const KINDS: [FactorKind; 2] = [FactorKind::Cp, FactorKind::Vm];
+
+/// A factor by the vertex along its axis, in matrices the first, its component, and a random number of mean 0 and deviation 1.
 pub(crate) type FactorOf<'a> = &'a dyn Fn(usize, usize, f64) -> f64;
 
 /// Random factors.
@@ -59,28 +64,29 @@ impl Made {
     pub(crate) fn scene_with(&self, density: FactorOf<'_>, appearance: FactorOf<'_>) -> Scene {
         let mut centers = self.centers.clone();
         centers.sort_by(|a, b| [a.z, a.y, a.x].partial_cmp(&[b.z, b.y, b.x]).unwrap());
-        let draw = |stream: &str, rank: u32, of: FactorOf<'_>| -> Vec<f32> {
+        let draw = |stream: &str, blocks: &mut [Block], of: FactorOf<'_>| {
             let random = Random::new(11, stream);
             let mut n = 0;
-            let mut values = Vec::new();
-            for _ in 0..self.centers.len() {
-                for cells in self.resolution {
-                    for vertex in 0..=cells as usize {
-                        for r in 0..rank as usize {
-                            let normal = (0..4).map(|k| random.uniform(4 * n + k) - 0.5).sum::<f64>() * 1.73;
-                            values.push(of(vertex, r, normal) as f32);
-                            n += 1;
-                        }
-                    }
+            for Block { form, rank, values } in blocks {
+                let rows = form.vectors(self.resolution).into_iter().flat_map(|vertices| 0..vertices);
+                let places = rows.flat_map(|vertex| (0..*rank as usize).map(move |r| (vertex, r)));
+                let all = std::iter::repeat_n(places.collect::<Vec<_>>(), self.centers.len()).flatten();
+                for (value, (vertex, r)) in values.iter_mut().zip(all) {
+                    let normal = (0..4).map(|k| random.uniform(4 * n + k) - 0.5).sum::<f64>() * 1.73;
+                    *value = of(vertex, r, normal) as f32;
+                    n += 1;
                 }
             }
-            values
         };
         let [density_rank, appearance_rank] = self.ranks;
-        let factors = Factors {
-            density: vec![Block::cp(density_rank, draw("density", density_rank, density))],
-            appearance: vec![Block::cp(appearance_rank, draw("appearance", appearance_rank, appearance))],
+        let forms = |rank: u32| match self.kind {
+            FactorKind::Cp => vec![(Form::Cp, rank)],
+            FactorKind::Vm => (0..3).map(|axis| (Form::Vm(axis), (rank + 2 - axis as u32) / 3)).collect(),
         };
+        let forms = [forms(density_rank), forms(appearance_rank)];
+        let mut factors = Factors::zeros(self.centers.len(), self.resolution, forms.each_ref().map(Vec::as_slice));
+        draw("density", &mut factors.density, density);
+        draw("appearance", &mut factors.appearance, appearance);
         let cloud = TensorCloud {
             placement: Placement::Explicit { centers },
             half_edge: self.half,

@@ -1,28 +1,35 @@
 //! Scenes of extreme scale, position, shape and size.
 
 use glam::DVec3;
-use strivec::model::{DecoderMode, Scene};
+use strivec::model::{DecoderMode, FactorKind, Scene};
 
 use super::compare::{Way, rays_through, within};
-use super::made::{Made, lattice, moved, random};
+use super::made::{KINDS, Made, lattice, moved, random};
 
-fn ordinary(mode: DecoderMode) -> Scene {
+fn ordinary(kind: FactorKind, mode: DecoderMode) -> Scene {
     let centers = lattice([4, 4, 4], DVec3::splat(0.4));
-    Made { centers, half: DVec3::splat(0.3), step: 0.02, distance_scale: 3.0, mode, ..Made::default() }.scene(&random)
+    let made =
+        Made { centers, half: DVec3::splat(0.3), step: 0.02, distance_scale: 3.0, kind, mode, ..Made::default() };
+    made.scene(&random)
+}
+
+/// Both kinds of factors in all modes.
+fn kinds_and_modes() -> impl Iterator<Item = (FactorKind, DecoderMode)> {
+    KINDS.into_iter().flat_map(|kind| DecoderMode::ALL.map(|mode| (kind, mode)))
 }
 
 #[test]
 fn world_scales_from_a_millionth_to_a_million_give_the_same_picture() {
-    for factor in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
-        let scene = moved(ordinary(DecoderMode::PerSample), factor, DVec3::ZERO);
-        within(&format!("world scale {factor:e}"), &scene, &rays_through(&scene, 400), Way::ALL, 1.0);
+    for (kind, factor) in KINDS.into_iter().flat_map(|kind| [1e-6, 1e-3, 1.0, 1e3, 1e6].map(|factor| (kind, factor))) {
+        let scene = moved(ordinary(kind, DecoderMode::PerSample), factor, DVec3::ZERO);
+        within(&format!("{kind:?}, world scale {factor:e}"), &scene, &rays_through(&scene, 400), Way::ALL, 1.0);
     }
 }
 
 #[test]
 fn scenes_a_million_units_from_the_origin_give_the_same_picture() {
-    for mode in DecoderMode::ALL {
-        let scene = moved(ordinary(mode), 1.0, DVec3::new(1e6, -1e6, 1e6));
+    for (kind, mode) in kinds_and_modes() {
+        let scene = moved(ordinary(kind, mode), 1.0, DVec3::new(1e6, -1e6, 1e6));
         within("1e6 from the origin", &scene, &rays_through(&scene, 400), Way::ALL, 1.0);
     }
 }
@@ -62,14 +69,15 @@ fn slivers_of_one_to_a_thousand_give_the_same_picture() {
 
 #[test]
 fn one_tensor_and_the_largest_and_smallest_ranks_and_resolutions() {
-    for mode in DecoderMode::ALL {
-        for (ranks, resolution) in [([1, 1], 2), ([256, 256], 2), ([1, 1], 1024), ([256, 3], 4), ([3, 256], 1)] {
-            let made = Made { ranks, resolution: [resolution; 3], mode, step: 0.03, ..Made::default() };
+    for (kind, mode) in kinds_and_modes() {
+        for (ranks, resolution) in [([1, 1], 2), ([512, 512], 2), ([1, 1], 1024), ([256, 3], 4), ([3, 256], 1)] {
+            let made = Made { kind, ranks, resolution: [resolution; 3], mode, step: 0.03, ..Made::default() };
             // Sums of many products have the same size as sums of few.
-            let share = f64::from(ranks[0]).powf(-1.0 / 6.0);
+            let factors = if kind == FactorKind::Cp { 3.0 } else { 2.0 };
+            let share = f64::from(ranks[0]).powf(-0.5 / factors);
             let scene = made.scene(&|_, _, normal| 0.9 * share * normal);
             within(
-                &format!("rank {ranks:?}, resolution {resolution}"),
+                &format!("{kind:?}, rank {ranks:?}, resolution {resolution}"),
                 &scene,
                 &rays_through(&scene, 200),
                 Way::ALL,
@@ -106,8 +114,8 @@ fn constant_zero_and_alternating_factors() {
         ("factors that alternate by component", |_, r, _| if r % 2 == 0 { 1.0 } else { -1.0 }),
     ];
     for (name, of) in cases {
-        for mode in DecoderMode::ALL {
-            let made = Made { ranks: [16, 16], resolution: [31; 3], mode, step: 0.03, ..Made::default() };
+        for (kind, mode) in kinds_and_modes() {
+            let made = Made { kind, ranks: [16, 16], resolution: [31; 3], mode, step: 0.03, ..Made::default() };
             let scene = made.scene_with(&of, &of);
             within(name, &scene, &rays_through(&scene, 200), Way::ALL, 1.0);
         }

@@ -15,7 +15,7 @@ use strivec::train::{
 };
 
 use super::compare::rays_through;
-use super::made::{Made, moved, random};
+use super::made::{KINDS, Made, moved, random};
 use crate::scenes;
 
 fn assert_finite_gradients(name: &str, scene: &Scene) {
@@ -41,8 +41,8 @@ fn assert_finite_gradients(name: &str, scene: &Scene) {
 
 #[test]
 fn gradients_are_finite_at_every_extreme() {
-    for mode in DecoderMode::ALL {
-        let made = Made { mode, distance_scale: 2.0, ..Made::default() };
+    for (kind, mode) in KINDS.into_iter().flat_map(|kind| DecoderMode::ALL.map(|mode| (kind, mode))) {
+        let made = Made { kind, mode, distance_scale: 2.0, ..Made::default() };
         let plain = made.scene(&random);
         for factor in [1e-6, 1.0, 1e6] {
             assert_finite_gradients(
@@ -52,9 +52,9 @@ fn gradients_are_finite_at_every_extreme() {
         }
         for size in [0.0, 1e-20, 1e-6, 10.0, 100.0, 1e4] {
             let of = |_: usize, _: usize, normal: f64| size * normal;
-            assert_finite_gradients(&format!("{mode:?}, density factors of {size:e}"), &made.scene(&of));
+            assert_finite_gradients(&format!("{kind:?}, {mode:?}, density factors of {size:e}"), &made.scene(&of));
             assert_finite_gradients(
-                &format!("{mode:?}, appearance factors of {size:e}"),
+                &format!("{kind:?}, {mode:?}, appearance factors of {size:e}"),
                 &made.scene_with(&random, &of),
             );
         }
@@ -76,9 +76,9 @@ fn gradients_are_finite_at_every_extreme() {
             scene.rules.sky = Some(sky);
             assert_finite_gradients(&format!("sky coefficients of {size:e}"), &scene);
         }
-        let large = Made { mode, ranks: [256, 256], ..Made::default() };
+        let large = Made { kind, mode, ranks: [256, 256], ..Made::default() };
         assert_finite_gradients("rank 256", &large.scene(&|_, _, normal| 0.3 * normal));
-        let fine = Made { mode, ranks: [1, 1], resolution: [1024; 3], ..Made::default() };
+        let fine = Made { kind, mode, ranks: [1, 1], resolution: [1024; 3], ..Made::default() };
         assert_finite_gradients("resolution 1024", &fine.scene(&|v, _, _| if v % 2 == 0 { 1.0 } else { -1.0 }));
     }
 }

@@ -3,17 +3,25 @@
 use glam::{DVec3, UVec3};
 use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
 use strivec::geometry::Ray;
-use strivec::model::{DecoderMode, Occupancy, Scene, Sky};
+use strivec::model::{DecoderMode, FactorKind, Occupancy, Scene, Sky};
 
 use super::compare::{Way, errors, expected, rays_through, within};
-use super::made::{Made, random};
+use super::made::{KINDS, Made, random};
 use crate::scenes;
 
 /// A tensor whose density feature is `feature` everywhere.
 fn constant(feature: f64, mode: DecoderMode) -> Scene {
-    let root = feature.abs().cbrt();
+    constant_of(FactorKind::Cp, feature, mode)
+}
+
+/// The same with factors of this kind.
+fn constant_of(kind: FactorKind, feature: f64, mode: DecoderMode) -> Scene {
+    let root = match kind {
+        FactorKind::Cp => feature.abs().cbrt(),
+        FactorKind::Vm => feature.abs().sqrt(),
+    };
     // The first two values are the vertices of the x axis, so one factor alone has the sign.
-    let made = Made { ranks: [1, 3], resolution: [1; 3], mode, ..Made::default() };
+    let made = Made { kind, ranks: [1, 3], resolution: [1; 3], mode, ..Made::default() };
     let mut scene = made.scene(&|_, _, _| root);
     scene.scales[0].factors.density[0].values[..2].iter_mut().for_each(|v| *v *= feature.signum() as f32);
     scene
@@ -21,9 +29,12 @@ fn constant(feature: f64, mode: DecoderMode) -> Scene {
 
 #[test]
 fn density_features_from_minus_ten_thousand_to_ten_thousand() {
-    for feature in [-1e4, -100.0, -88.0, -87.3, -50.0, -10.0, -1e-6, 0.0, 1e-6, 1.0, 20.0, 88.0, 1e4] {
-        let scene = constant(feature, DecoderMode::PerSample);
-        within(&format!("density feature {feature:e}"), &scene, &rays_through(&scene, 100), Way::ALL, 1.0);
+    for kind in KINDS {
+        for feature in [-1e4, -100.0, -88.0, -87.3, -50.0, -10.0, -1e-6, 0.0, 1e-6, 1.0, 20.0, 88.0, 1e4] {
+            let scene = constant_of(kind, feature, DecoderMode::PerSample);
+            let name = format!("{kind:?}, density feature {feature:e}");
+            within(&name, &scene, &rays_through(&scene, 100), Way::ALL, 1.0);
+        }
     }
 }
 
@@ -145,8 +156,8 @@ fn an_opaque_first_sample_and_rays_through_nothing() {
 fn factors_at_the_limits_of_f16_and_of_every_quantizer() {
     // The largest and the smallest values of f16, including subnormal ones.
     let extremes = [65504.0, 6.103_515_6e-5, 5.960_464_5e-8, 0.0];
-    for largest in extremes {
-        let made = Made { ranks: [2, 2], resolution: [3; 3], ..Made::default() };
+    for (kind, largest) in KINDS.into_iter().flat_map(|kind| extremes.map(|largest| (kind, largest))) {
+        let made = Made { kind, ranks: [2, 2], resolution: [3; 3], ..Made::default() };
         let of = |v: usize, r: usize, _: f64| if (v + r).is_multiple_of(2) { largest } else { -largest };
         let scene = made.scene_with(&of, &|_, _, normal| normal);
         let rays = rays_through(&scene, 60);
@@ -229,11 +240,12 @@ fn features_too_large_for_sines_in_f32_stay_finite() {
 
 #[test]
 fn factors_whose_products_overflow_f32_give_finite_pixels() {
-    for of in [
+    let signs = [
         |_: usize, r: usize, _: f64| if r.is_multiple_of(2) { 3e38 } else { -3e38 },
         |v, _, _| if v % 2 == 0 { 3e38 } else { -3e38 },
-    ] {
-        let scene = Made { ranks: [4, 4], ..Made::default() }.scene_with(&of, &of);
+    ];
+    for (kind, of) in KINDS.into_iter().flat_map(|kind| signs.map(|of| (kind, of))) {
+        let scene = Made { kind, ranks: [4, 4], ..Made::default() }.scene_with(&of, &of);
         let rays = rays_through(&scene, 40);
         for &way in Way::ALL {
             for pixel in way.trace(&scene, &rays) {

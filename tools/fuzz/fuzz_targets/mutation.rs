@@ -8,7 +8,7 @@ use arbitrary::Arbitrary;
 use surgery::{File, seal};
 
 /// Files that together use every feature of the format.
-const FILES: [&[u8]; 12] = [
+const FILES: [&[u8]; 14] = [
     include_bytes!("../../../fixtures/v1/smallest.strivec"),
     include_bytes!("../../../fixtures/v1/everything.strivec"),
     include_bytes!("../../../fixtures/v1/f16-planes.strivec"),
@@ -21,6 +21,8 @@ const FILES: [&[u8]; 12] = [
     include_bytes!("../../../fixtures/v1/occupancy.strivec"),
     include_bytes!("../../../fixtures/v1/zstd.strivec"),
     include_bytes!("../../../fixtures/v1/networks-grid.strivec"),
+    include_bytes!("../../../fixtures/v1/vm.strivec"),
+    include_bytes!("../../../fixtures/v1/vm-integers-adaptive.strivec"),
 ];
 
 #[derive(Debug, Arbitrary)]

@@ -20,11 +20,13 @@ struct RenderSettings {
     numbers: Vec<f32>,
 }
 
-const FILES: [&[u8]; 4] = [
+const FILES: [&[u8]; 6] = [
     include_bytes!("../../../fixtures/v1/smallest.strivec"),
     include_bytes!("../../../fixtures/v1/everything.strivec"),
     include_bytes!("../../../fixtures/v1/f32.strivec"),
     include_bytes!("../../../fixtures/v1/explicit.strivec"),
+    include_bytes!("../../../fixtures/v1/vm.strivec"),
+    include_bytes!("../../../fixtures/v1/vm-ragged-f32.strivec"),
 ];
 
 fn encoding(choice: u8) -> Encoding {
@@ -43,8 +45,8 @@ fn filter(choice: u8, encoding: Encoding) -> Filter {
 fn change(scene: &mut Scene, stride: u8, numbers: &[f32]) {
     let mut at = 0;
     for scale in &mut scene.scales {
-        for values in [&mut scale.factors.density, &mut scale.factors.appearance] {
-            for value in values.iter_mut().step_by(1 + stride as usize) {
+        for block in scale.factors.blocks_mut() {
+            for value in block.values.iter_mut().step_by(1 + stride as usize) {
                 if let Some(&number) = numbers.get(at % numbers.len().max(1)) {
                     *value = number;
                 }
@@ -78,15 +80,13 @@ fuzz_target!(|bytes: &[u8]| {
         assert_eq!(encode(&read, &options).expect("and written again"), written);
     }
     for (n, (before, after)) in scene.scales.iter().zip(&read.scales).enumerate() {
-        for (kind, before, after) in [
-            ("DENSITY", &before.factors.density, &after.factors.density),
-            ("APPEARANCE", &before.factors.appearance, &after.factors.appearance),
-        ] {
+        for (before, after) in before.factors.blocks().zip(after.factors.blocks()) {
+            let (form, before, after) = (before.form, &before.values, &after.values);
             let lost = before.iter().zip(after).map(|(b, a)| (f64::from(*b) - f64::from(*a)).abs()).fold(0.0, f64::max);
             let largest = before.iter().fold(0f64, |m, v| m.max(f64::from(v.abs())));
             // A step of the coarsest grid is below a third of the largest number, and an eighth of an octave to spare;
             // the smallest step is 2^-24.
-            assert!(lost <= 0.25 * largest + 6e-8, "{kind} of scale {n}: {lost} lost, {largest} at most there");
+            assert!(lost <= 0.25 * largest + 6e-8, "{form:?} of scale {n}: {lost} lost, {largest} at most there");
         }
     }
 });
