@@ -23,32 +23,6 @@ fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Two scales of few cells, and a prior in a second.
-const TINY: &str = "
-preset = \"48\"
-batch_rays = 64
-upsample_at = []
-occupancy_at = []
-[prior]
-voxels = 60000
-steps = [100, 150]
-rays = 1024
-[[scales]]
-pitch = [0.8, 0.8, 0.8]
-edge = [1.2, 1.2, 1.2]
-resolutions = [[6, 6, 6]]
-density_rank = 4
-appearance_rank = 4
-top_k = 4
-[[scales]]
-pitch = [0.4, 0.4, 0.4]
-edge = [0.6, 0.6, 0.6]
-resolutions = [[4, 4, 4]]
-density_rank = 4
-appearance_rank = 4
-top_k = 4
-";
-
 /// A small sweep of pictures of this width.
 fn sweep<'a>(size: &'a str, combinations: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let own = ["trade", "scene.strivec", "--views", "2", "--rounds", "2", "--quiet", "--json"];
@@ -157,42 +131,4 @@ fn a_sweep_resumes_and_refuses_the_log_of_another() {
     let other = strivec(folder, &sweep("40", "0", &[]));
     let message = String::from_utf8_lossy(&other.stderr).into_owned();
     assert!(other.status.code() == Some(1) && message.contains("belongs to another sweep"), "{message}");
-}
-
-#[test]
-fn short_trainings_are_reported_next_to_the_papers_figures() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let made =
-        strivec(folder, &["synth", "photographs", "--views", "20", "--test-views", "2", "--size", "32x32", "--quiet"]);
-    assert!(made.status.success());
-    fs::write(folder.join("tiny.toml"), TINY).unwrap();
-    let train = [
-        "trade",
-        "--train",
-        "--data",
-        "photographs",
-        "--config",
-        "tiny.toml",
-        "--steps",
-        "8",
-        "--views",
-        "1",
-        "--quiet",
-        "--json",
-    ];
-    let report = json(&strivec(folder, &train));
-    let rows = report["rows"].as_array().unwrap();
-    let names: Vec<String> =
-        rows.iter().map(|r| format!("{} {}", r["group"].as_str().unwrap(), r["name"].as_str().unwrap())).collect();
-    for name in ["components 12", "components 96", "top-k 4", "top-k 2", "rotation 0°", "rotation 45°"] {
-        assert!(names.iter().any(|n| n == name), "{name}: {names:?}");
-    }
-    let parameters = |name: &str| rows[names.iter().position(|n| n == name).unwrap()]["parameters"].as_u64().unwrap();
-    assert!(parameters("components 12") < parameters("components 96"));
-    assert!(report["rows"].as_array().unwrap().iter().all(|r| r["psnr"].as_f64().unwrap() > 3.0));
-    // Nothing is trained twice.
-    let before = fs::metadata(folder.join("trade/trainings.json")).unwrap().modified().unwrap();
-    assert_eq!(json(&strivec(folder, &train))["rows"], report["rows"]);
-    assert_eq!(fs::metadata(folder.join("trade/trainings.json")).unwrap().modified().unwrap(), before);
 }

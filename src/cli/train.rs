@@ -91,10 +91,15 @@ pub(super) struct Args {
 
 /// Trains a scene and writes it.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let mut config = args.settings.configuration()?;
+    let config = args.settings.configuration()?;
     if args.print_config {
         return session.console.print(&config.to_toml());
     }
+    session.console.result(&trained(args, config, session)?, Trained::text)
+}
+
+/// Trains a scene by `config` and writes it, as `args` say.
+pub(super) fn trained<'a>(args: &'a Args, mut config: TrainConfig, session: &Session) -> Result<Trained<'a>, Error> {
     let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
         return Err(Error::Usage("give a dataset and --output".into()));
     };
@@ -175,7 +180,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
     }
     files.state.remove()?;
-    let result = Trained {
+    Ok(Trained {
         file: output,
         bytes: bytes.len() as u64,
         parameters: scene.nonzero_parameter_count(),
@@ -185,17 +190,6 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         scales: scale_table::rows(&scene),
         dead_components,
         curve: run.curve,
-    };
-    session.console.result(&result, |r| {
-        let table = scale_table::text(&r.scales);
-        let dead = r.dead_components.as_ref().map_or_else(String::new, dead_text);
-        let (left, all) = (grouped(r.parameters), grouped(r.parameters + r.given_up));
-        let (size, minutes) = (r.bytes as f64 / 1e6, r.seconds / 60.0);
-        let steps = plural(r.steps as usize, "step");
-        format!(
-            "{table}{dead}{left} of {all} parameters are left\n{}: {size:.2} MB, {steps} in {minutes:.1} min",
-            escaped_path(r.file)
-        )
     })
 }
 
@@ -263,20 +257,34 @@ fn contents(dataset: &Dataset) -> String {
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
-struct Trained<'a> {
+pub(super) struct Trained<'a> {
     file: &'a Path,
-    bytes: u64,
+    pub(super) bytes: u64,
     /// Those in the file.
-    parameters: u64,
+    pub(super) parameters: u64,
     /// Those of components that training gave up, dead ones included.
     given_up: u64,
     steps: u64,
     /// Time of prior and training, without loading, evaluating and writing.
-    seconds: f64,
+    pub(super) seconds: f64,
     scales: Vec<ScaleRow>,
     /// Cleared after the last step; absent with `--keep-dead`.
     dead_components: Option<DeadComponents>,
     curve: Vec<CurvePoint>,
+}
+
+impl Trained<'_> {
+    fn text(&self) -> String {
+        let table = scale_table::text(&self.scales);
+        let dead = self.dead_components.as_ref().map_or_else(String::new, dead_text);
+        let (left, all) = (grouped(self.parameters), grouped(self.parameters + self.given_up));
+        let (size, minutes) = (self.bytes as f64 / 1e6, self.seconds / 60.0);
+        let steps = plural(self.steps as usize, "step");
+        format!(
+            "{table}{dead}{left} of {all} parameters are left\n{}: {size:.2} MB, {steps} in {minutes:.1} min",
+            escaped_path(self.file)
+        )
+    }
 }
 
 /// A line on the cleared components of a scene.

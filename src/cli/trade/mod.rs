@@ -8,35 +8,30 @@ mod pareto;
 mod plot;
 mod report;
 mod sweep;
-mod training;
 mod views;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use candidate::{Candidate, Engine};
 use knobs::{SearchSpace, combinations, knobs};
 use measured::{Belongs, Log, Measured};
 use report::{Report, Row, stored_front};
 use sweep::{Source, Sweep};
-use training::Training;
 use views::Views;
 
 use super::backend::Backend;
 use super::dataset::DatasetOptions;
 use super::output::make_folder;
-use super::settings::configuration;
 use super::table::plural;
 use super::{Error, Session, scene_file, write_atomically};
 use crate::container::{self, Metadata, SceneFile};
 use crate::render::{ParetoFront, RenderSettings, TRADE_NOTE};
-use crate::train::TrainConfig;
 
 const EXAMPLES: &str = "\
 Examples:
   strivec trade lego.strivec --data lego
   strivec trade lego.strivec --data lego --also per-ray.strivec --encodings --store
-  strivec trade --train --data lego --downscale 4 --config quarter.toml --steps 1500
   strivec trade lego.strivec --size 400 --backend cpu,gpu --out trade-lego
   strivec render lego.strivec --quality fast --path turntable --out frames
 
@@ -49,8 +44,7 @@ then accept --quality fast, balanced or best, and render and eval accept --min-f
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     /// Scene file
-    #[arg(required_unless_present = "train")]
-    file: Option<PathBuf>,
+    file: PathBuf,
     /// Dataset folder: compare with its photographs [default: compare with the scene's exact pictures]
     #[arg(long, value_name = "DATASET")]
     data: Option<PathBuf>,
@@ -92,42 +86,11 @@ pub(super) struct Args {
     /// Write the Pareto front into FILE
     #[arg(long)]
     store: bool,
-    /// Instead of a sweep, train with other scales, components, neighbors and rotations of the dataset, as in the paper's tables
-    #[arg(long, requires = "data", conflicts_with_all = ["file", "also", "encodings", "store"])]
-    train: bool,
-    /// Base settings as TOML; every training changes one of them [default: preset best]
-    #[arg(long, value_name = "TOML", requires = "train")]
-    config: Option<PathBuf>,
-    /// Optimizer steps of each training; the whole schedule scales with them
-    #[arg(long, value_name = "N", default_value_t = 1500, requires = "train", value_parser = clap::value_parser!(u64).range(1..))]
-    steps: u64,
-    /// Random seed of the trainings
-    #[arg(long, value_name = "S", default_value_t = 0, requires = "train")]
-    seed: u64,
 }
 
-/// Sweeps render settings, or trains.
+/// Measures render settings of the scene in the file, reports, and stores the front if asked to.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    match (&args.file, &args.data) {
-        (Some(file), _) => sweep_file(file, args, session),
-        (None, Some(folder)) => train(folder, args, session),
-        (None, None) => Err(Error::Usage("give a file, or --train and --data".into())),
-    }
-}
-
-/// Trains the rows of the paper's tables.
-fn train(folder: &Path, args: &Args, session: &Session) -> Result<(), Error> {
-    let config = configuration(args.config.is_none().then_some("48"), args.config.as_deref())?;
-    let config = TrainConfig { seed: args.seed, ..config.with_steps(args.steps) };
-    config.check().map_err(|e| Error::Usage(e.to_string()))?;
-    make_folder(&args.out)?;
-    let (split, views) = (args.split.as_str(), usize::from(args.views));
-    let options = &args.dataset.load_options(args.downscale);
-    training::run(&Training { folder, split, options, views, config, out: &args.out }, session)
-}
-
-/// Measures render settings of the scene in `file`, reports, and stores the front if asked to.
-fn sweep_file(file: &Path, args: &Args, session: &Session) -> Result<(), Error> {
+    let file = &args.file;
     let console = &session.console;
     let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(file, console)?;
     let views = match &args.data {
