@@ -331,7 +331,7 @@ fn a_checkpoint_of_tensorfs_layout_reads_back() {
         ("kwargs".into(), Value::Dict(vec![("large".into(), Value::Int(-1 << 40)), ("yes".into(), Value::Bool(true))])),
         ("state_dict".into(), Value::OrderedDict(vec![("n".into(), Value::tensor([], vec![7_i64]))])),
         ("alphaMask.shape".into(), shape),
-        ("alphaMask.mask".into(), Value::Array { shape: vec![3], bytes: packed.into() }),
+        ("alphaMask.mask".into(), Value::array([3], packed)),
         ("alphaMask.aabb".into(), Value::tensor([2, 3], vec![0.0_f32, 0.0, 0.0, 3.0, 2.0, 1.0])),
     ]);
     let bytes = write_checkpoint(Cursor::new(Vec::new()), &root).unwrap().into_inner();

@@ -11,7 +11,7 @@ use crate::container::{self, EncodeOptions, Metadata};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
 use crate::import::{Fault, Input};
-use crate::interop::tensorf::{self, SceneOptions};
+use crate::interop::{SceneOptions, tensorf};
 use crate::model::UpAxis;
 
 const EXAMPLES: &str = "\

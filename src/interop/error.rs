@@ -62,4 +62,14 @@ impl Error {
     pub(super) fn unless_within(what: &'static str, limit: u64, found: u64) -> Result<(), Self> {
         if found <= limit { Ok(()) } else { Err(Self::TooLarge { what, limit, found }) }
     }
+
+    /// Fails at the first condition that is not met; each has the expected and the found value.
+    pub(super) fn unless_expressible(
+        conditions: impl IntoIterator<Item = (bool, &'static str, String)>,
+    ) -> Result<(), Self> {
+        match conditions.into_iter().find(|(is_met, ..)| !is_met) {
+            Some((_, expected, found)) => Err(Self::NotExpressible { expected, found }),
+            None => Ok(()),
+        }
+    }
 }

@@ -8,6 +8,8 @@
 mod cube;
 mod dvgo;
 mod error;
+mod family;
+mod family_export;
 mod glb;
 mod layers;
 mod marching;
@@ -27,6 +29,7 @@ mod torch;
 
 pub use dvgo::{DvgoOptions, dvgo_checkpoint};
 pub use error::Error;
+pub use family::SceneOptions;
 pub use glb::write_glb;
 pub use mesh::Mesh;
 pub use obj::write_obj;
@@ -36,4 +39,4 @@ pub use space::Space;
 pub use splats::write_splats;
 pub use surface::{SurfaceOptions, surface};
 pub use tensorf_export::tensorf_checkpoint;
-pub use torch::{Numbers, Tensor, Value, write_checkpoint};
+pub use torch::{Numbers, Tensor, Value, write_checkpoint, write_pickle};

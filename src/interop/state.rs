@@ -75,7 +75,7 @@ impl<'a, 'b> State<'a, 'b> {
 
     /// The bytes of an array of `u8` and its length, of the value `id`.
     pub(super) fn bytes(&self, id: Id, name: &str) -> Result<Vec<u8>, Fault> {
-        let (header, bytes) = self.checkpoint.array(id, name)?;
+        let (header, bytes) = self.checkpoint.pickle.array(id, name)?;
         match header.number {
             crate::npy::Number::Unsigned(1) => Ok(bytes),
             other => Err(Fault::malformed(name, "an array of bytes", format!("numbers of type {other:?}"))),

@@ -47,13 +47,8 @@ pub enum Value<'a> {
     OrderedDict(Vec<(Cow<'a, str>, Value<'a>)>),
     /// A tensor on the CPU.
     Tensor(Tensor<'a>),
-    /// A NumPy array of bytes, inside the pickle. `weights_only=True` refuses NumPy arrays, unless their types are allowed.
-    Array {
-        /// Lengths of its axes.
-        shape: Vec<usize>,
-        /// The last axis fastest.
-        bytes: Cow<'a, [u8]>,
-    },
+    /// A NumPy array, inside the pickle. `weights_only=True` refuses NumPy arrays, unless their types are allowed.
+    Array(Tensor<'a>),
 }
 
 /// A tensor: its lengths of axes, and its numbers, the last axis fastest.
@@ -107,6 +102,11 @@ impl<'a> Value<'a> {
         Self::Tensor(Tensor { shape: shape.into(), numbers: numbers.into() })
     }
 
+    /// A NumPy array of this shape.
+    pub fn array(shape: impl Into<Vec<usize>>, numbers: impl Into<Numbers<'a>>) -> Self {
+        Self::Array(Tensor { shape: shape.into(), numbers: numbers.into() })
+    }
+
     /// A text.
     pub fn text(text: impl Into<Cow<'a, str>>) -> Self {
         Self::Text(text.into())
@@ -130,6 +130,16 @@ impl Numbers<'_> {
             Self::I64(_) => ("LongStorage", 8),
             Self::U8(_) => ("ByteStorage", 1),
             Self::Bool(_) => ("BoolStorage", 1),
+        }
+    }
+
+    /// NumPy's name of their type, and the order of its bytes.
+    fn dtype(&self) -> (&'static str, &'static str) {
+        match self {
+            Self::F32(_) => ("f4", "<"),
+            Self::I64(_) => ("i8", "<"),
+            Self::U8(_) => ("u1", "|"),
+            Self::Bool(_) => ("b1", "|"),
         }
     }
 
@@ -160,9 +170,7 @@ impl Numbers<'_> {
 /// If `out` fails, and [`ErrorKind::InvalidInput`] if a tensor or array has more or fewer numbers than its shape, or a text
 /// has 4 GiB.
 pub fn write_checkpoint<W: Write + Seek>(out: W, root: &Value<'_>) -> io::Result<W> {
-    let mut pickle = Pickle { bytes: b"\x80\x02".to_vec(), tensors: Vec::new() };
-    pickle.put(root)?;
-    pickle.bytes.push(b'.');
+    let pickle = Pickle::of(root)?;
     let mut zip = ZipWriter::new(out);
     let start = |zip: &mut ZipWriter<W>, name: &str, bytes: usize| {
         let options = SimpleFileOptions::default()
@@ -185,6 +193,20 @@ pub fn write_checkpoint<W: Write + Seek>(out: W, root: &Value<'_>) -> io::Result
     Ok(zip.finish()?)
 }
 
+/// Writes `root` as `pickle.dump` writes it, with protocol 2.
+///
+/// # Errors
+///
+/// If `out` fails, and [`ErrorKind::InvalidInput`] as [`write_checkpoint`], and if there is a tensor, whose numbers a pickle does
+/// not hold.
+pub fn write_pickle(mut out: impl Write, root: &Value<'_>) -> io::Result<()> {
+    let pickle = Pickle::of(root)?;
+    if !pickle.tensors.is_empty() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "a pickle alone cannot hold a tensor"));
+    }
+    out.write_all(&pickle.bytes)
+}
+
 /// Fails unless `found` is the product of `shape`.
 fn check_count(shape: &[usize], found: usize) -> io::Result<()> {
     if shape.iter().product::<usize>() == found {
@@ -202,6 +224,13 @@ struct Pickle<'a> {
 }
 
 impl<'a> Pickle<'a> {
+    fn of(root: &'a Value<'a>) -> io::Result<Self> {
+        let mut pickle = Self { bytes: b"\x80\x02".to_vec(), tensors: Vec::new() };
+        pickle.put(root)?;
+        pickle.bytes.push(b'.');
+        Ok(pickle)
+    }
+
     fn put(&mut self, value: &'a Value<'a>) -> io::Result<()> {
         match value {
             Value::None => self.bytes.push(b'N'),
@@ -231,7 +260,7 @@ impl<'a> Pickle<'a> {
                 self.put_items(pairs)?;
             }
             Value::Tensor(tensor) => self.put_tensor(tensor)?,
-            Value::Array { shape, bytes } => self.put_array(shape, bytes)?,
+            Value::Array(array) => self.put_array(array)?,
         }
         Ok(())
     }
@@ -310,8 +339,10 @@ impl<'a> Pickle<'a> {
         Ok(())
     }
 
-    fn put_array(&mut self, shape: &[usize], bytes: &[u8]) -> io::Result<()> {
-        check_count(shape, bytes.len())?;
+    fn put_array(&mut self, array: &Tensor<'_>) -> io::Result<()> {
+        let Tensor { shape, numbers } = array;
+        check_count(shape, numbers.len())?;
+        let (name, order) = numbers.dtype();
         self.put_global("numpy.core.multiarray", "_reconstruct");
         self.bytes.push(b'(');
         self.put_global("numpy", "ndarray");
@@ -323,17 +354,19 @@ impl<'a> Pickle<'a> {
         self.put_lengths(shape.iter().copied());
         self.put_global("numpy", "dtype");
         self.bytes.push(b'(');
-        self.put_text("u1")?;
+        self.put_text(name)?;
         self.put_bool(false);
         self.put_bool(true);
         self.bytes.extend(b"tR(");
         self.put_int(3);
-        self.put_text("|")?;
+        self.put_text(order)?;
         self.bytes.extend(b"NNN");
         [-1, -1, 0].into_iter().for_each(|value| self.put_int(value));
         self.bytes.extend(b"tb");
         self.put_bool(false);
-        self.put_bytes(bytes)?;
+        let mut bytes = Vec::new();
+        numbers.write(&mut bytes)?;
+        self.put_bytes(&bytes)?;
         self.bytes.extend(b"tb");
         Ok(())
     }

@@ -127,7 +127,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
                 }
             }
             Value::Array(_) => {
-                let (header, bytes) = self.array(id, name)?;
+                let (header, bytes) = self.pickle.array(id, name)?;
                 if header.count == N as u64 {
                     found = header.numbers(&mut bytes.as_slice())?;
                 }
@@ -149,19 +149,21 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
             _ => None,
         }
     }
+}
 
+impl Pickle {
     /// Header and bytes of the NumPy array `id`; the length of the bytes is that of the header.
     ///
     /// # Errors
     ///
     /// If it is something else.
     pub(crate) fn array(&self, id: Id, name: &str) -> Result<(Header, Vec<u8>), Fault> {
-        let (pickle, none) = (&self.pickle, || Fault::malformed(name, "an array of numbers", "something else"));
-        let Value::Array(array) = pickle.value(id) else { return Err(none()) };
-        let &Value::Dtype { name: kind, order } = pickle.value(array.dtype) else { return Err(none()) };
-        let order = order.and_then(|order| pickle.text(order)).unwrap_or("|");
-        let (number, big_endian) = number_of(&format!("{order}{}", pickle.text(kind).unwrap_or_default()))?;
-        let bytes = pickle.bytes(array.data).ok_or_else(none)?;
+        let none = || Fault::malformed(name, "an array of numbers", "something else");
+        let Value::Array(array) = self.value(id) else { return Err(none()) };
+        let &Value::Dtype { name: kind, order } = self.value(array.dtype) else { return Err(none()) };
+        let order = order.and_then(|order| self.text(order)).unwrap_or("|");
+        let (number, big_endian) = number_of(&format!("{order}{}", self.text(kind).unwrap_or_default()))?;
+        let bytes = self.bytes(array.data).ok_or_else(none)?;
         let count = array.shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
         match count {
             Some(count) if count.checked_mul(number.width() as u64) == Some(bytes.len() as u64) => {

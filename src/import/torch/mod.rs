@@ -11,7 +11,7 @@ mod tensorf;
 mod tests;
 
 pub(crate) use self::checkpoint::Checkpoint;
-pub(crate) use self::pickle::{Id, Value};
+pub(crate) use self::pickle::{Id, Pickle, Value};
 use super::archive::Archive;
 use super::{Fault, Input, ReadOptions, Visitor};
 

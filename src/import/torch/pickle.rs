@@ -27,7 +27,7 @@ impl Pickle {
     /// # Errors
     ///
     /// If they are not a pickle of supported instructions and functions.
-    pub(super) fn parse(bytes: Vec<u8>, name: &str) -> Result<Self, Fault> {
+    pub(crate) fn parse(bytes: Vec<u8>, name: &str) -> Result<Self, Fault> {
         let (values, root) = machine::run(&bytes, name)?;
         Ok(Self { bytes, values, root })
     }

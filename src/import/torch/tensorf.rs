@@ -25,7 +25,7 @@ pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visito
     let bounds = Aabb { min: DVec3::from_slice(&corners[..3]), max: DVec3::from_slice(&corners[3..]) };
     let shape = checkpoint.numbers::<5>(shape, "alphaMask.shape")?.map(|length| length as u64);
     let grid = Grid::new(three_axes(&shape)?, Order::Zyx, At::Vertices, &bounds)?;
-    let (header, bytes) = checkpoint.array(mask, "alphaMask.mask")?;
+    let (header, bytes) = checkpoint.pickle.array(mask, "alphaMask.mask")?;
     let count = grid.shape.iter().try_fold(1_u64, |all, n| all.checked_mul(*n));
     if header.number != Number::Unsigned(1) || count.map(|count| count.div_ceil(8)) != Some(bytes.len() as u64) {
         let expected = format!("one bit for each of {:?} vertices", grid.shape);
