@@ -5,6 +5,7 @@ mod scenes;
 
 use std::collections::HashMap;
 use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use glam::{DQuat, DVec3, UVec3};
 use strivec::color::byte;
@@ -82,6 +83,11 @@ fn mesh_of(scene: &Scene, options: &SurfaceOptions) -> Mesh {
     surface(scene, options, &|_, _| {}).unwrap()
 }
 
+/// Fails unless `check` fails, on a planted difference.
+fn notices(check: impl FnOnce()) {
+    assert!(catch_unwind(AssertUnwindSafe(check)).is_err(), "a planted difference goes unnoticed");
+}
+
 /// Fails unless each side of a triangle is a side of exactly one other, in the other direction.
 fn check_closed(mesh: &Mesh) {
     let mut sides: HashMap<[u32; 2], u32> = HashMap::new();
@@ -121,13 +127,27 @@ fn check_sides(scene: &Scene, mesh: &Mesh, cell: f64) {
 fn a_surface_is_closed_and_has_the_opacity_of_the_field_inside_and_outside() {
     let scene = scene();
     let mesh = mesh_of(&scene, &options());
+    let cell = scene.bounds.size().max_element() / 40.0;
+    let check_normals = |mesh: &Mesh| {
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|n| mesh.positions[n as usize]);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            assert!(triangle.iter().any(|&n| mesh.normals[n as usize].dot(normal) > -1e-6), "{triangle:?}");
+        }
+    };
     check_closed(&mesh);
-    check_sides(&scene, &mesh, scene.bounds.size().max_element() / 40.0);
-    for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|n| mesh.positions[n as usize]);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        assert!(triangle.iter().any(|&n| mesh.normals[n as usize].dot(normal) > -1e-6), "{triangle:?}");
-    }
+    check_sides(&scene, &mesh, cell);
+    check_normals(&mesh);
+    let mut open = mesh.clone();
+    open.triangles.pop();
+    notices(|| check_closed(&open));
+    let mut turned = mesh.clone();
+    turned.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    notices(|| check_sides(&scene, &turned, cell));
+    notices(|| check_normals(&turned));
+    let mut moved = mesh;
+    moved.positions.iter_mut().for_each(|position| position.x += 3.0 * cell);
+    notices(|| check_sides(&scene, &moved, cell));
 }
 
 #[test]
@@ -141,6 +161,8 @@ fn colors_are_those_of_the_decoder_in_their_order() {
     let is_right = |color: &&[f32; 3]| (0..3).all(|c| (color[c] - expected[c]).abs() < 1e-3);
     let right = mesh.colors.iter().filter(is_right).count();
     assert_eq!(right, mesh.colors.len(), "{:?}", &mesh.colors[..4]);
+    let reversed: Vec<[f32; 3]> = mesh.colors.iter().map(|&[r, g, b]| [b, g, r]).collect();
+    assert_eq!(reversed.iter().filter(is_right).count(), 0, "planted: channels in another order");
 }
 
 #[test]
@@ -150,10 +172,15 @@ fn spaces_differ_by_the_map_of_the_frame() {
     let in_model = mesh_of(&scene, &SurfaceOptions { space: Space::Model, ..options() });
     assert_eq!((&mesh.triangles, &mesh.colors), (&in_model.triangles, &in_model.colors));
     let map = scene.frame.model_from_dataset;
-    for n in 0..mesh.positions.len() {
-        assert!((map.point(mesh.positions[n]) - in_model.positions[n]).length() < 1e-12);
-        assert!((map.rotation * mesh.normals[n] - in_model.normals[n]).length() < 1e-12);
-    }
+    let check = |map: &Similarity| {
+        for n in 0..mesh.positions.len() {
+            assert!((map.point(mesh.positions[n]) - in_model.positions[n]).length() < 1e-12);
+            assert!((map.rotation * mesh.normals[n] - in_model.normals[n]).length() < 1e-12);
+        }
+    };
+    check(&map);
+    notices(|| check(&Similarity { rotation: map.rotation * DQuat::from_rotation_z(1e-6), ..map }));
+    notices(|| check(&Similarity { scale: 0.5 + 1e-9, ..map }));
 }
 
 #[test]
@@ -221,15 +248,24 @@ fn meshes_and_clouds_read_back() {
     let turned = DQuat::from_rotation_arc(DVec3::Z, DVec3::Y);
     for ((bytes, read), turn) in files.iter().zip(reads).zip([DQuat::IDENTITY, DQuat::IDENTITY, turned]) {
         let seen = seen(bytes, read);
-        assert_eq!(seen.triangles.len(), mesh.triangles.len());
-        for (found, expected) in seen.triangles.iter().zip(&mesh.triangles) {
-            for (corner, &n) in found.iter().zip(expected) {
-                assert!((corner.position - turn * mesh.positions[n as usize]).length() < 1e-6);
-                let color = mesh.colors[n as usize].map(|value| byte(value.into()));
-                let found = corner.color.expect("a color");
-                assert!((0..3).all(|c| found[c].abs_diff(color[c]) <= 1), "{found:?}, not {color:?}");
+        let check = |mesh: &Mesh| {
+            assert_eq!(seen.triangles.len(), mesh.triangles.len());
+            for (found, expected) in seen.triangles.iter().zip(&mesh.triangles) {
+                for (corner, &n) in found.iter().zip(expected) {
+                    assert!((corner.position - turn * mesh.positions[n as usize]).length() < 1e-6);
+                    let color = mesh.colors[n as usize].map(|value| byte(value.into()));
+                    let found = corner.color.expect("a color");
+                    assert!((0..3).all(|c| found[c].abs_diff(color[c]) <= 1), "{found:?}, not {color:?}");
+                }
             }
-        }
+        };
+        check(&mesh);
+        let mut planted = mesh.clone();
+        planted.positions.iter_mut().for_each(|p| *p = DVec3::new(p.y, p.x, p.z));
+        notices(|| check(&planted));
+        planted.positions.clone_from(&mesh.positions);
+        planted.colors.iter_mut().for_each(|color| color.swap(0, 2));
+        notices(|| check(&planted));
     }
     let mut bytes = Vec::new();
     write_ply(&Mesh { triangles: Vec::new(), ..mesh.clone() }, &mut bytes).unwrap();
@@ -243,17 +279,27 @@ fn splats_lie_flat_on_the_surface() {
     let mut bytes = Vec::new();
     write_splats(&mesh, &mut bytes).unwrap();
     let seen = seen(&bytes, ply::read);
-    assert_eq!(seen.splats.len(), mesh.positions.len());
-    let mut area = 0.0;
-    for (n, (center, axes)) in seen.splats.iter().enumerate() {
-        assert!((center.position - mesh.positions[n]).length() < 1e-6);
-        let color = mesh.colors[n].map(|value| byte(value.into()));
-        assert!((0..3).all(|c| center.color.unwrap()[c].abs_diff(color[c]) <= 1), "{center:?}, not {color:?}");
-        assert!(axes[2].normalize().dot(mesh.normals[n]) > 1.0 - 1e-5, "the short axis is the normal");
-        assert!(axes[2].length() < 0.2 * axes[0].length());
-        // Two standard deviations of half an edge each.
-        area += axes[0].length() * axes[1].length();
-    }
+    let check = |mesh: &Mesh| {
+        assert_eq!(seen.splats.len(), mesh.positions.len());
+        let mut area = 0.0;
+        for (n, (center, axes)) in seen.splats.iter().enumerate() {
+            assert!((center.position - mesh.positions[n]).length() < 1e-6);
+            let color = mesh.colors[n].map(|value| byte(value.into()));
+            assert!((0..3).all(|c| center.color.unwrap()[c].abs_diff(color[c]) <= 1), "{center:?}, not {color:?}");
+            assert!(axes[2].normalize().dot(mesh.normals[n]) > 1.0 - 1e-5, "the short axis is the normal");
+            assert!(axes[2].length() < 0.2 * axes[0].length());
+            // Two standard deviations of half an edge each.
+            area += axes[0].length() * axes[1].length();
+        }
+        area
+    };
+    let area: f64 = check(&mesh);
+    let mut planted = mesh.clone();
+    planted.normals.iter_mut().for_each(|n| *n = DVec3::new(n.y, n.x, n.z));
+    notices(|| assert!(check(&planted) > 0.0));
+    planted = Mesh { normals: mesh.normals.clone(), ..planted };
+    planted.positions.rotate_left(1);
+    notices(|| assert!(check(&planted) > 0.0));
     let corners = |triangle: &[u32; 3]| triangle.map(|n| mesh.positions[n as usize]);
     let exact: f64 = mesh.triangles.iter().map(corners).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
     assert!((area / exact - 1.0).abs() < 1e-3, "{area} of {exact}");
@@ -279,16 +325,22 @@ fn an_occupancy_reads_back_as_the_scenes_own_cells() {
     let cells = written(&scene, None);
     let region = scene.bounds.intersection(&scene.scales[0].cloud.bounds());
     let contains = |cells: &[Aabb], point: DVec3| cells.iter().any(|cell| cell.contains(map.inverse().point(point)));
-    let mut counts = [0; 2];
-    for n in 0..(19 * 20 * 18) {
-        let cell = UVec3::new(n % 19, n / 19 % 20, n / 380);
-        let middle = own.bounds.min + (cell.as_dvec3() + 0.5) * own.cell_size();
-        if region.contains(middle) {
-            assert_eq!(contains(&cells, middle), own.cell_is_occupied(cell.as_ivec3()), "{cell}");
-            counts[usize::from(own.cell_is_occupied(cell.as_ivec3()))] += 1;
+    let check = |cells: &[Aabb]| {
+        let mut counts = [0; 2];
+        for n in 0..(19 * 20 * 18) {
+            let cell = UVec3::new(n % 19, n / 19 % 20, n / 380);
+            let middle = own.bounds.min + (cell.as_dvec3() + 0.5) * own.cell_size();
+            if region.contains(middle) {
+                assert_eq!(contains(cells, middle), own.cell_is_occupied(cell.as_ivec3()), "{cell}");
+                counts[usize::from(own.cell_is_occupied(cell.as_ivec3()))] += 1;
+            }
         }
-    }
-    assert!(counts[0] > 10 && counts[1] > 100, "{counts:?}");
+        assert!(counts[0] > 10 && counts[1] > 100, "{counts:?}");
+    };
+    check(&cells);
+    let step = cells[0].size() * DVec3::X;
+    let moved: Vec<Aabb> = cells.iter().map(|cell| Aabb { min: cell.min + step, max: cell.max + step }).collect();
+    notices(|| check(&moved));
     // Turned, and so on cells of its own, it covers all that counts.
     scene.frame.model_from_dataset.rotation = DQuat::from_rotation_z(0.5);
     let cells = written(&scene, Some(30));
@@ -311,12 +363,16 @@ fn a_dvgo_checkpoint_reads_back_where_the_field_is_dense() {
     assert!(edge.min_element() > 0.95 * edge.max_element(), "{edge}");
     // The opacity over a voxel's edge is at least that of the reader's default.
     let map = scene.frame.model_from_dataset;
-    for cell in &cells {
-        let located = field.locate(map.point(cell.center()));
-        let density = field.density(field.density_feature(&located).feature);
-        let alpha = 1.0 - (-density * scene.rules.distance_scale * edge.x * map.scale).exp();
-        assert!(located.covered && alpha > 0.9e-4, "{alpha} at {}", cell.center());
-    }
+    let check = |moved: DVec3| {
+        for center in cells.iter().map(|cell| cell.center() + moved) {
+            let located = field.locate(map.point(center));
+            let density = field.density(field.density_feature(&located).feature);
+            let alpha = 1.0 - (-density * scene.rules.distance_scale * edge.x * map.scale).exp();
+            assert!(located.covered && alpha > 0.9e-4, "{alpha} at {center}");
+        }
+    };
+    check(DVec3::ZERO);
+    notices(|| check(3.0 * edge * DVec3::Y));
 }
 
 #[test]
@@ -331,12 +387,18 @@ fn a_checkpoint_of_tensorfs_layout_reads_back() {
         ("kwargs".into(), Value::Dict(vec![("large".into(), Value::Int(-1 << 40)), ("yes".into(), Value::Bool(true))])),
         ("state_dict".into(), Value::OrderedDict(vec![("n".into(), Value::tensor([], vec![7_i64]))])),
         ("alphaMask.shape".into(), shape),
-        ("alphaMask.mask".into(), Value::array([3], packed)),
+        ("alphaMask.mask".into(), Value::array([3], packed.clone())),
         ("alphaMask.aabb".into(), Value::tensor([2, 3], vec![0.0_f32, 0.0, 0.0, 3.0, 2.0, 1.0])),
     ]);
     let bytes = write_checkpoint(Cursor::new(Vec::new()), &root).unwrap().into_inner();
     let centers: Vec<_> = seen(&bytes, torch::read).cells.iter().map(|cell| cell.center().to_array()).collect();
     assert_eq!(centers, [[3.0, 1.0, 0.0], [0.0, 2.0, 1.0]]);
+    let Value::Dict(mut planted) = root else { unreachable!("a dictionary") };
+    let Value::Array(mask) = &mut planted[3].1 else { unreachable!("the mask") };
+    mask.numbers = packed.iter().map(|byte: &u8| byte.reverse_bits()).collect::<Vec<u8>>().into();
+    let bytes = write_checkpoint(Cursor::new(Vec::new()), &Value::Dict(planted)).unwrap().into_inner();
+    let turned: Vec<_> = seen(&bytes, torch::read).cells.iter().map(|cell| cell.center().to_array()).collect();
+    assert_ne!(turned, centers, "planted: bits in another order");
     let wrong = Value::tensor([2, 2], vec![0.0_f32; 3]);
     let error = write_checkpoint(Cursor::new(Vec::new()), &wrong).unwrap_err();
     assert_eq!(error.to_string(), "a tensor of shape [2, 2] cannot hold 3 numbers");
