@@ -28,13 +28,17 @@ Examples:
   strivec export lego.strivec -o occupancy.npz
   strivec export lego.strivec -o coarse_last.tar
   strivec export tensorf.strivec -o tensorf.th
+  strivec export lego.strivec -o factors.npz --as factors
 
 The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, .tar is a DVGO checkpoint, and .th is one of TensoRF.
 
 mesh: the closed surface at which a step of a ray has the opacity --alpha, with normals, and with the colors that it shows \
 against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point, in the \
 layout of the first implementation, for trainers to start from. occupancy: the cells outside of which the scene is empty, \
-occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them.
+occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them. factors: all arrays of the scene, \
+scaleS_density and scaleS_appearance [tensor][vertex of x, then y, then z][component] (with matrices, the same with _x, _y and _z: \
+the vector, then the matrix), scaleS_matrix [feature][component], scaleS_centers, scaleS_half_edge, scaleS_resolution, \
+scaleS_top_k, decoderL_weights, decoderL_bias, occupancy [z][y][x] with occupancy_bounds, bounds, and the rules' numbers.
 
 Coordinates are those of the photographs' cameras; the node of a .glb turns the scene upright. Of an unbounded scene the \
 inner cube alone is exported; meshes, points and splats also have its surroundings with --surroundings.";
@@ -84,6 +88,8 @@ enum Kind {
     Dvgo,
     /// TensoRF's checkpoint: .th
     Tensorf,
+    /// All arrays of the scene: .npz
+    Factors,
 }
 
 impl Kind {
@@ -95,7 +101,7 @@ impl Kind {
         match self {
             Self::Mesh => &["ply", "obj", "glb"],
             Self::Points | Self::Splats => &["ply"],
-            Self::Occupancy => &["npz"],
+            Self::Occupancy | Self::Factors => &["npz"],
             Self::Dvgo => &["tar"],
             Self::Tensorf => &["th"],
         }
@@ -216,6 +222,10 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
         Kind::Tensorf => {
             let checkpoint = tensorf_checkpoint(scene).map_err(failed())?;
             write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+        }
+        Kind::Factors => {
+            write(&mut |file| interop::write_factors(scene, file))?;
             Ok(Contents::Parameters { parameters: scene.parameter_count() })
         }
     }

@@ -1,5 +1,5 @@
-//! A scene as other programs' files: meshes, point clouds, splats, grids and checkpoints; and TensoRF's checkpoints as scenes
-//! ([`tensorf`]).
+//! A scene as other programs' files: meshes, point clouds, splats, grids, arrays and checkpoints; and checkpoints of TensoRF
+//! ([`tensorf`]) as scenes.
 //!
 //! In: a [`crate::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
 //! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how
@@ -8,6 +8,7 @@
 mod cube;
 mod dvgo;
 mod error;
+mod factors;
 mod family;
 mod family_export;
 mod glb;
@@ -29,6 +30,7 @@ mod torch;
 
 pub use dvgo::{DvgoOptions, dvgo_checkpoint};
 pub use error::Error;
+pub use factors::{ArrayWriter, block_name, write_arrays, write_factors};
 pub use family::SceneOptions;
 pub use glb::write_glb;
 pub use mesh::Mesh;

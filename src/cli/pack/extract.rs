@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, UVec3};
@@ -16,6 +17,7 @@ use crate::cli::{Error, Session};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
 use crate::escape::escaped_path;
 use crate::geometry::{Aabb, Lattice};
+use crate::interop::{ArrayWriter, block_name, write_arrays};
 use crate::model::{
     AppearanceMatrix, Block, Decoder, DecoderMode, FactorKind, Factors, Form, Frame, Linear, Occupancy, Placement,
     Provenance, Rules, Scale, Scene, TensorCloud,
@@ -149,38 +151,9 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
 /// Names and contents.
 fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     let SceneFile { scene, metadata, .. } = document;
-    let mut files = BTreeMap::new();
-    let mut add = |name: String, bytes: Result<Vec<u8>, Error>| bytes.map(|bytes| drop(files.insert(name, bytes)));
-    for (s, scale) in scene.scales.iter().enumerate() {
-        let tensors = scale.cloud.len();
-        match &scale.cloud.placement {
-            Placement::Lattice { cells, .. } => {
-                add(format!("scale{s}_cells.npy"), npy(&[tensors, 3], cells.iter().flat_map(UVec3::to_array)))?;
-            }
-            Placement::Explicit { centers } => {
-                add(format!("scale{s}_centers.npy"), npy(&[tensors, 3], centers.iter().flat_map(DVec3::to_array)))?;
-            }
-        }
-        for (part, blocks) in [("density", &scale.factors.density), ("appearance", &scale.factors.appearance)] {
-            for block in blocks {
-                let shape = [tensors, block.form.rows(scale.cloud.resolution), block.rank as usize];
-                add(format!("{}.npy", block_name(s, part, block.form)), npy(&shape, block.values.iter().copied()))?;
-            }
-        }
-        let matrix = &scale.appearance_matrix;
-        let shape = [matrix.features as usize, matrix.rank as usize];
-        add(format!("scale{s}_matrix.npy"), npy(&shape, matrix.weights.iter().copied()))?;
-    }
-    for (l, layer) in scene.decoder.layers.iter().enumerate() {
-        let shape = [layer.outputs as usize, layer.inputs as usize];
-        add(format!("decoder{l}_weights.npy"), npy(&shape, layer.weights.iter().copied()))?;
-        add(format!("decoder{l}_bias.npy"), npy(&shape[..1], layer.bias.iter().copied()))?;
-    }
-    if let Some(occupancy) = &scene.occupancy {
-        let [x, y, z] = occupancy.vertices.to_array().map(|n| n as usize);
-        let bits = (0..x * y * z).map(|bit| occupancy.words[bit / 64] >> (bit % 64) & 1 == 1);
-        add("occupancy.npy".into(), npy(&[z, y, x], bits))?;
-    }
+    let mut arrays = ArrayFiles(BTreeMap::new());
+    write_arrays(&scene, &mut arrays).map_err(|e| Error::Runtime(e.to_string()))?;
+    let ArrayFiles(mut files) = arrays;
     let scale = |scale: &Scale| ScaleDescription {
         half: scale.cloud.half_edge,
         resolution: scale.cloud.resolution,
@@ -216,19 +189,16 @@ fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     Ok(files)
 }
 
-/// The name of the array of the components of one `form` of density or appearance, `part`.
-fn block_name(s: usize, part: &str, form: Form) -> String {
-    match form {
-        Form::Cp => format!("scale{s}_{part}"),
-        Form::Vm(axis) => format!("scale{s}_{part}_{}", ["x", "y", "z"][axis]),
-    }
-}
+/// Names and contents of `.npy` files.
+struct ArrayFiles(BTreeMap<String, Vec<u8>>);
 
-/// The `.npy` file of an array of this shape, in C order.
-fn npy<T: Element>(shape: &[usize], values: impl Iterator<Item = T>) -> Result<Vec<u8>, Error> {
-    let mut bytes = Vec::new();
-    npy::write(&mut bytes, shape, values).map_err(|e| Error::Runtime(e.to_string()))?;
-    Ok(bytes)
+impl ArrayWriter for ArrayFiles {
+    fn add<T: Element>(&mut self, name: &str, shape: &[usize], values: impl IntoIterator<Item = T>) -> io::Result<()> {
+        let mut bytes = Vec::new();
+        npy::write(&mut bytes, shape, values)?;
+        self.0.insert(format!("{name}.npy"), bytes);
+        Ok(())
+    }
 }
 
 /// A folder made by `extract`.
