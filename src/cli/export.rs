@@ -10,10 +10,11 @@ use serde::Serialize;
 use super::output::write_atomically_with;
 use super::progress::Progress;
 use super::table::{plural, short};
-use super::{Error, Session, check_output, scene_file};
+use super::{Error, Session, check_output, scene_file, write_atomically};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
 use crate::geometry::Aabb;
+use crate::interop::authors::{AuthorsFiles, authors_files};
 use crate::interop::{
     self, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface, tensorf_checkpoint,
 };
@@ -28,6 +29,7 @@ Examples:
   strivec export lego.strivec -o occupancy.npz
   strivec export lego.strivec -o coarse_last.tar
   strivec export tensorf.strivec -o tensorf.th
+  strivec export lego.strivec -o lego.th --as authors
   strivec export lego.strivec -o factors.npz --as factors
 
 The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, .tar is a DVGO checkpoint, and .th is one of TensoRF.
@@ -35,7 +37,9 @@ The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an
 mesh: the closed surface at which a step of a ray has the opacity --alpha, with normals, and with the colors that it shows \
 against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point, in the \
 layout of the first implementation, for trainers to start from. occupancy: the cells outside of which the scene is empty, \
-occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them. factors: all arrays of the scene, \
+occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them. authors: the same of tensor clouds, \
+for the Strivec authors' program: beside NAME.th are NAME.txt, the configuration, and NAME_centers_S.txt, the centers of scale \
+S, or NAME_meta.pkl. That program derives centers from points; pass these ones as its `geo` instead. factors: all arrays of the scene, \
 scaleS_density and scaleS_appearance [tensor][vertex of x, then y, then z][component] (with matrices, the same with _x, _y and _z: \
 the vector, then the matrix), scaleS_matrix [feature][component], scaleS_centers, scaleS_half_edge, scaleS_resolution, \
 scaleS_top_k, decoderL_weights, decoderL_bias, occupancy [z][y][x] with occupancy_bounds, bounds, and the rules' numbers.
@@ -88,6 +92,8 @@ enum Kind {
     Dvgo,
     /// TensoRF's checkpoint: .th
     Tensorf,
+    /// A checkpoint of the Strivec authors' program, with files beside it: .th
+    Authors,
     /// All arrays of the scene: .npz
     Factors,
 }
@@ -103,7 +109,7 @@ impl Kind {
             Self::Points | Self::Splats => &["ply"],
             Self::Occupancy | Self::Factors => &["npz"],
             Self::Dvgo => &["tar"],
-            Self::Tensorf => &["th"],
+            Self::Tensorf | Self::Authors => &["th"],
         }
     }
 }
@@ -222,6 +228,22 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
         Kind::Tensorf => {
             let checkpoint = tensorf_checkpoint(scene).map_err(failed())?;
             write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+        }
+        Kind::Authors => {
+            let AuthorsFiles { checkpoint, beside } = authors_files(scene).map_err(failed())?;
+            let stem = args.output.with_extension("");
+            let path = |end: &str| {
+                let mut name = stem.clone().into_os_string();
+                name.push(end);
+                PathBuf::from(name)
+            };
+            let beside: Vec<_> = beside.into_iter().map(|(end, bytes)| (path(&end), bytes)).collect();
+            beside.iter().try_for_each(|(path, _)| check_output(path, session.force))?;
+            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            for (path, bytes) in &beside {
+                write_atomically(path, bytes, session.force)?;
+            }
             Ok(Contents::Parameters { parameters: scene.parameter_count() })
         }
         Kind::Factors => {

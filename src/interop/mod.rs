@@ -1,10 +1,11 @@
 //! A scene as other programs' files: meshes, point clouds, splats, grids, arrays and checkpoints; and checkpoints of TensoRF
-//! ([`tensorf`]) as scenes.
+//! ([`tensorf`]) and of the Strivec authors' program ([`authors`]) as scenes.
 //!
 //! In: a [`crate::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
 //! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how
 //! factors are held.
 
+pub mod authors;
 mod cube;
 mod dvgo;
 mod error;
