@@ -239,6 +239,19 @@ impl Program {
         near.into_iter().map(|(weight, n, offset)| (weight / sum.max(1.0), n, offset)).collect()
     }
 
+    /// The tensors of a scale that the program itself chooses: those nearest to the middle of the cell of `point`, of a grid with cells of
+    /// this `unit`, of all whose boxes meet the cell.
+    fn near_to_cell(&self, scale: usize, point: DVec3, unit: DVec3) -> Vec<usize> {
+        let (centers, half_edge) = &self.scales[scale];
+        let middle = ((point / unit).floor() + 0.5) * unit;
+        let meets = |center: DVec3| (center - middle).abs().cmplt(*half_edge + 0.5 * unit).all();
+        let mut near: Vec<usize> = (0..centers.len()).filter(|&n| meets(centers[n])).collect();
+        near.sort_by(|&a, &b| centers[a].distance(middle).total_cmp(&centers[b].distance(middle)));
+        near.truncate(self.config.top_k[scale] as usize);
+        near.sort_unstable();
+        near
+    }
+
     /// The lower vertex and the fraction along an axis of `vertices`.
     fn at(&self, scale: usize, axis: usize, vertices: usize, offset: DVec3) -> (usize, f64) {
         let half = self.scales[scale].1[axis];
@@ -442,6 +455,32 @@ fn the_imported_field_is_that_of_the_checkpoints_arrays() {
         let expected = if kind.is_vm { Model::Vm } else { Model::Cp };
         assert_eq!(model(&mut Input::from_bytes(&bytes_of(&made.root))).unwrap(), Some(expected));
     }
+}
+
+#[test]
+fn neighbors_are_the_programs_but_for_the_cells_that_it_chooses_them_for() {
+    let made = made(CP);
+    let scene = imported(&made).unwrap();
+    let program = Program::new(&made, false);
+    let random = Random::new(14, "neighbors");
+    let unit = scene.scales[program.config.step_scale].cloud.cell_size();
+    let share_of_others = |unit: DVec3| {
+        let (mut others, mut all) = (0, 0);
+        for n in 0..POINTS {
+            let point = DVec3::from_array([0, 1, 2].map(|axis| 2.0 * random.uniform(3 * n + axis) - 1.0));
+            for scale in 0..program.scales.len() {
+                let mut near: Vec<usize> = program.near(scale, point).into_iter().map(|n| n.1).collect();
+                near.sort_unstable();
+                others += u32::from(near != program.near_to_cell(scale, point, unit));
+                all += 1;
+            }
+        }
+        f64::from(others) / f64::from(all)
+    };
+    // The smaller the cells, the fewer points have other neighbors.
+    let shares = [1.0, 0.1, 0.01].map(|part| share_of_others(part * unit));
+    println!("points with other neighbors: {shares:?}");
+    assert!(shares[0] > 0.1 && shares[1] < 0.3 * shares[0] && shares[2] < 0.02, "{shares:?}");
 }
 
 /// Exchanges two parameters.
