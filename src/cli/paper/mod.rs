@@ -7,6 +7,7 @@ mod training;
 
 use std::path::{Path, PathBuf};
 
+use report::Report;
 use tables::{Name, Row};
 use training::{Scene, Trainings};
 
@@ -97,8 +98,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         }
         outcomes.push(of_row);
     }
-    let report = report::Report::new(args, &rows, &scenes, outcomes);
-    session.console.result(&report, report::Report::text)
+    let report = Report::new(args.table, args.downscale, &rows, &scenes, &outcomes);
+    session.console.result(&report, Report::text)
 }
 
 /// The rows that are asked for, with the settings of all.

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::Args;
 use super::figures::Figures;
 use super::tables::{Name, Row};
 use super::training::{Outcome, Scene};
@@ -13,8 +12,6 @@ use crate::cli::table::{Table, plural};
 pub(super) struct Report {
     table: Name,
     downscale: u32,
-    /// `None`: those of the presets.
-    steps: Option<u64>,
     seed: u64,
     scenes: Vec<String>,
     rows: Vec<ReportRow>,
@@ -38,8 +35,8 @@ struct ReportRow {
 }
 
 impl Report {
-    /// The results of `rows` on `scenes`.
-    pub(super) fn new(args: &Args, rows: &[Row], scenes: &[Scene], outcomes: Vec<Vec<Outcome>>) -> Self {
+    /// The results of `rows` of `table`, by row and scene, from photographs downscaled so many times.
+    pub(super) fn new(table: Name, downscale: u32, rows: &[Row], scenes: &[Scene], outcomes: &[Vec<Outcome>]) -> Self {
         let paper = |row: &Row| -> Vec<Option<Figures>> {
             let of_scene = |scene: &Scene| row.scenes.iter().find(|(name, _)| *name == scene.name).map(|of| of.1);
             scenes.iter().map(of_scene).collect()
@@ -55,6 +52,7 @@ impl Report {
                 |([a, b], [c, d]): ([Option<f64>; 2], [Option<f64>; 2])| [(a, c), (b, d)].map(|(x, y)| Some(x? - y?));
             Some(psnrs(n).into_iter().zip(base).map(change).collect())
         };
+        let seed = rows.first().map_or(0, |row| row.training.config.seed);
         let rows = (0..rows.len())
             .map(|n| ReportRow {
                 name: rows[n].name.clone(),
@@ -68,7 +66,7 @@ impl Report {
             })
             .collect();
         let scenes = scenes.iter().map(|scene| scene.name.clone()).collect();
-        Self { table: args.table, downscale: args.downscale, steps: args.steps, seed: args.seed, scenes, rows }
+        Self { table, downscale, seed, scenes, rows }
     }
 
     /// As text: each figure beside the paper's.
