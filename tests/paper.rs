@@ -12,9 +12,13 @@ fn strivec(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_strivec")).args(arguments).arg("--quiet").current_dir(folder).output().unwrap()
 }
 
-/// A prior in a second, and few rays.
+/// A prior in a second, few rays, and a scene that is seen from the first step on.
 const TINY: &str = "
 batch_rays = 64
+factor_deviation = 1.0
+occupancy_at = []
+[field]
+density_shift = 0.0
 [prior]
 voxels = 60000
 steps = [100, 150]

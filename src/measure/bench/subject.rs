@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 
 use crate::dataset::{Pixels, View};
 use crate::geometry::{Aabb, Camera, Lattice, Similarity};
-use crate::model::{ColorSpace, Frame, Occupancy, Scale, Scene, UpAxis};
+use crate::model::{ColorSpace, Form, Frame, Occupancy, Scale, Scene, UpAxis};
 use crate::prior::{self, ScaleShape, VoxelBoxes};
 use crate::train::{PrepareError, TrainConfig, initial_scene};
 
@@ -104,22 +104,28 @@ pub fn voxel_for(count: u64) -> f64 {
     (volume / count as f64).cbrt()
 }
 
-/// Makes the first density component of `scale`, of the form cp, a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the
-/// ball's surface.
+/// Makes the first density component of `scale` a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the ball's surface.
 fn write_gaussian(scale: &mut Scale, peak: f64) {
     let exponent = PEAK_IN_SHIFTS.ln() / (RADIUS * RADIUS);
     let cloud = &scale.cloud;
+    let (half_edge, cell, resolution) = (cloud.half_edge, cloud.cell_size(), cloud.resolution);
     let block = &mut scale.factors.density[0];
-    let (rank, tensor_len) = (block.rank as usize, block.tensor_len(cloud.resolution));
-    let vectors = block.form.factors(cloud.resolution);
-    for (factors, center) in block.values.chunks_exact_mut(tensor_len).zip(cloud.centers()) {
-        for a in 0..3 {
-            for vertex in 0..=cloud.resolution[a] {
-                let x = center[a] - cloud.half_edge[a] + f64::from(vertex) * cloud.cell_size()[a];
-                let value = peak.cbrt() * (-exponent * x * x).exp();
-                factors[(vectors[a].start + vertex as usize) * rank] = value as f32;
+    let (rank, tensor_len) = (block.rank as usize, block.tensor_len(resolution));
+    for (values, center) in block.values.chunks_exact_mut(tensor_len).zip(scale.cloud.centers()) {
+        let gaussian = |axis: usize, vertex: u32| {
+            let x = center[axis] - half_edge[axis] + f64::from(vertex) * cell[axis];
+            peak.cbrt() * (-exponent * x * x).exp()
+        };
+        let along = |axis: usize| (0..=resolution[axis]).map(move |vertex| gaussian(axis, vertex));
+        let rows: Vec<f64> = match block.form {
+            Form::Cp => (0..3).flat_map(along).collect(),
+            Form::Vm(axis) => {
+                let [first, second] = Form::matrix_axes(axis);
+                let matrix = along(second).flat_map(|of_second| along(first).map(move |of_first| of_first * of_second));
+                along(axis).chain(matrix).collect()
             }
-        }
+        };
+        values.iter_mut().step_by(rank).zip(rows).for_each(|(value, row)| *value = row as f32);
     }
 }
 
@@ -143,6 +149,7 @@ fn occupancy(bounds: Aabb, cell: DVec3) -> Occupancy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::FactorKind;
     use crate::render::{CpuRenderer, Renderer};
 
     fn config() -> TrainConfig {
@@ -155,15 +162,19 @@ mod tests {
 
     #[test]
     fn the_ball_is_solid_within_its_radius_and_nothing_is_far_outside() {
-        let scene = ball(&config(), 0).unwrap();
-        let renderer = CpuRenderer::new(&scene);
-        let view = &ball_views(4, 33)[1];
-        let picture = renderer.render(&view.camera);
-        let opacity = |column: usize, row: usize| picture.pixels[row * 33 + column].opacity;
-        assert!(opacity(16, 16) > 0.999, "{}", opacity(16, 16));
-        assert_eq!(opacity(0, 0), 0.0);
-        let depth = picture.pixels[16 * 33 + 16].depth;
-        assert!((f64::from(depth) - (DISTANCE - RADIUS)).abs() < 0.1, "{depth}");
+        for kind in [FactorKind::Cp, FactorKind::Vm] {
+            let mut config = config();
+            config.scales.iter_mut().for_each(|scale| scale.factors = kind);
+            let scene = ball(&config, 0).unwrap();
+            let renderer = CpuRenderer::new(&scene);
+            let view = &ball_views(4, 33)[1];
+            let picture = renderer.render(&view.camera);
+            let opacity = |column: usize, row: usize| picture.pixels[row * 33 + column].opacity;
+            assert!(opacity(16, 16) > 0.999, "{kind:?}: {}", opacity(16, 16));
+            assert_eq!(opacity(0, 0), 0.0);
+            let depth = picture.pixels[16 * 33 + 16].depth;
+            assert!((f64::from(depth) - (DISTANCE - RADIUS)).abs() < 0.1, "{kind:?}: {depth}");
+        }
     }
 
     #[test]
