@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::output::write_atomically_with;
 use super::progress::Progress;
+use super::state_file::beside;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, scene_file, write_atomically};
 use crate::digits::grouped;
@@ -231,17 +232,12 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
             Ok(Contents::Parameters { parameters: scene.parameter_count() })
         }
         Kind::Authors => {
-            let AuthorsFiles { checkpoint, beside } = authors_files(scene).map_err(failed())?;
+            let AuthorsFiles { checkpoint, beside: files } = authors_files(scene).map_err(failed())?;
             let stem = args.output.with_extension("");
-            let path = |end: &str| {
-                let mut name = stem.clone().into_os_string();
-                name.push(end);
-                PathBuf::from(name)
-            };
-            let beside: Vec<_> = beside.into_iter().map(|(end, bytes)| (path(&end), bytes)).collect();
-            beside.iter().try_for_each(|(path, _)| check_output(path, session.force))?;
+            let files: Vec<_> = files.into_iter().map(|(end, bytes)| (beside(&stem, &end), bytes)).collect();
+            files.iter().try_for_each(|(path, _)| check_output(path, session.force))?;
             write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
-            for (path, bytes) in &beside {
+            for (path, bytes) in &files {
                 write_atomically(path, bytes, session.force)?;
             }
             Ok(Contents::Parameters { parameters: scene.parameter_count() })

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::named_value::one_of;
 use super::output::check_scene_name;
+use super::state_file::beside;
 use super::table::plural;
 use super::{Error, Session, check_output, numbers, write_atomically};
 use crate::container::{self, EncodeOptions, Metadata};
@@ -75,7 +76,7 @@ struct Report<'a> {
     kind: String,
     scales: usize,
     tensors: usize,
-    /// Of the first scale, as the ranks.
+    /// Cells of the tensors of the first scale, whose ranks follow.
     resolution: [u32; 3],
     density_rank: u32,
     appearance_rank: u32,
@@ -134,11 +135,7 @@ fn read(args: &Args, options: &SceneOptions) -> Result<Scene, Error> {
         return tensorf::read(&mut input(&args.file)?, options).map_err(failed());
     };
     let stem = args.file.with_extension("");
-    let beside = |end: &str| {
-        let mut name = stem.clone().into_os_string();
-        name.push(end);
-        PathBuf::from(name)
-    };
+    let beside = |end: &str| beside(&stem, end);
     let given = |path: &Option<PathBuf>, option: &str, end: &str| {
         let path = path.clone().unwrap_or_else(|| beside(end));
         if path.is_file() { Ok(path) } else { Err(missing(args, option, &path)) }

@@ -87,6 +87,14 @@ pub(super) fn check_scene_name(path: &Path) -> Result<(), Error> {
     Err(Error::Usage(format!("{path}: the output is a .strivec file, not a .{extension} file; {instead}")))
 }
 
+/// Removes the file `path`, if it is there.
+pub(super) fn remove_file(path: &Path) -> Result<(), Error> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(Error::io("remove", path)(e)),
+        _ => Ok(()),
+    }
+}
+
 /// Creates the folder `path` and its parents if absent.
 pub(super) fn make_folder(path: &Path) -> Result<(), Error> {
     fs::create_dir_all(path).map_err(Error::io("make", path))

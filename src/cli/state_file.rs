@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::output::remove_file;
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::model::Scene;
@@ -54,10 +55,7 @@ impl StateFile {
 
     /// Removes the file of a finished run.
     pub(super) fn remove(&self) -> Result<(), Error> {
-        match std::fs::remove_file(&self.0) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io("remove", &self.0)(e)),
-            _ => Ok(()),
-        }
+        remove_file(&self.0)
     }
 
     /// The error of a run that was interrupted after `what`.

@@ -16,6 +16,7 @@ use super::settings::{Fitting, Precision, Settings};
 use super::state_file::{StateFile, beside};
 use super::table::plural;
 use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, reconstruct, step};
+use super::view_selection::evenly_spaced;
 use super::watch::Watch;
 use super::{Error, Session, check_output, refined_poses, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
@@ -195,9 +196,7 @@ pub(super) fn trained<'a>(args: &'a Args, mut config: TrainConfig, session: &Ses
 
 /// Up to [`HELD_OUT`] test views in `folder`, evenly spread.
 fn held_out(folder: &Path, options: &LoadOptions) -> Result<Vec<View>, Error> {
-    let all = LoadOptions { every: 1, ..options.clone() };
-    let count = dataset::load_cameras(folder, "test", None, &all)?.len();
-    let options = LoadOptions { every: count.div_ceil(HELD_OUT), ..all };
+    let options = evenly_spaced(folder, "test", HELD_OUT, options)?;
     Ok(dataset::load(folder, "test", &options)?.views)
 }
 

@@ -1,9 +1,11 @@
 //! Selection of views of a split.
 
 use std::ops::Range;
+use std::path::Path;
 
+use super::Error;
 use super::dataset::DatasetOptions;
-use crate::dataset::LoadOptions;
+use crate::dataset::{self, LoadOptions};
 
 /// Views by their number in the split, from 0.
 #[derive(Clone, Debug, clap::Args)]
@@ -24,6 +26,18 @@ impl ViewSelection {
         let (views, every) = (self.views.clone(), self.every.unwrap_or(1) as usize);
         LoadOptions { views, every, ..self.dataset.load_options(downscale) }
     }
+}
+
+/// `options` to load at most `count` views of `split`, evenly spaced over all.
+pub(super) fn evenly_spaced(
+    folder: &Path,
+    split: &str,
+    count: usize,
+    options: &LoadOptions,
+) -> Result<LoadOptions, Error> {
+    let all = LoadOptions { every: 1, ..options.clone() };
+    let number = dataset::load_cameras(folder, split, None, &all)?.len();
+    Ok(LoadOptions { every: number.div_ceil(count).max(1), ..all })
 }
 
 fn parse_range(text: &str) -> Result<Range<usize>, String> {

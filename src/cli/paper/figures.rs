@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a table says of a training.
+/// The figures of a training in a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Figures {
     /// In dB, the mean over views.

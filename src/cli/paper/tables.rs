@@ -113,7 +113,7 @@ impl Name {
         }
     }
 
-    /// What the paper's columns are.
+    /// The source of the paper's figures.
     pub(super) fn source(self) -> &'static str {
         match self {
             Self::Geometry => {

@@ -16,9 +16,10 @@ use crate::cli::approximations::Approximations;
 use crate::cli::backend::{Backend, BackendOptions};
 use crate::cli::dataset::DatasetOptions;
 use crate::cli::evaluation::{Evaluator, SceneToEvaluate};
-use crate::cli::output::make_folder;
+use crate::cli::output::{make_folder, remove_file};
 use crate::cli::state_file::beside;
 use crate::cli::training::interrupts;
+use crate::cli::view_selection::evenly_spaced;
 use crate::cli::{Error, Session, train, write_atomically};
 use crate::dataset::{self, LoadOptions};
 use crate::measure::PictureMeasure;
@@ -53,7 +54,7 @@ struct Record {
     measured: Option<Measured>,
 }
 
-/// What a training depends on.
+/// The inputs of a training. A record is of these alone.
 #[derive(PartialEq, Serialize, Deserialize)]
 struct Identity {
     folder: PathBuf,
@@ -68,7 +69,7 @@ struct Identity {
 struct Trained {
     bytes: u64,
     parameters: u64,
-    /// Of the prior and the steps.
+    /// Time of prior and training.
     seconds: f64,
 }
 
@@ -84,7 +85,7 @@ struct Measured {
     seconds_per_view: f64,
 }
 
-/// What a measuring depends on beside the scene.
+/// The views and measures of an evaluation.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 struct How {
     /// The split, and how its photographs are loaded.
@@ -136,7 +137,7 @@ impl Trainings<'_> {
             Some(trained) if file.is_file() => trained,
             _ => {
                 make_folder(&folder)?;
-                record.measured = None;
+                (record.trained, record.measured) = (None, None);
                 self.write(&path, &record)?;
                 let trained = self.train(training, scene, &file, dataset)?;
                 record.trained = Some(trained);
@@ -146,12 +147,15 @@ impl Trainings<'_> {
         };
         let views = self.views(scene, photographs)?;
         let how = How { views: format!("{} {views:?}", self.split), measures: self.measure_names() };
-        let measured = match record.measured.take() {
+        let measured = match record.measured {
             Some(measured) if measured.how == how => measured,
-            _ => self.measure(scene, &file, &views, how)?,
+            _ => {
+                let measured = self.measure(scene, &file, &views, how)?;
+                record.measured = Some(measured.clone());
+                self.write(&path, &record)?;
+                measured
+            }
         };
-        record.measured = Some(measured.clone());
-        self.write(&path, &record)?;
         Ok(Outcome {
             file,
             bytes: trained.bytes,
@@ -188,7 +192,7 @@ impl Trainings<'_> {
         words.extend(["--downscale", &downscale, "--checkpoint-every", CHECKPOINT_EVERY].map(OsString::from));
         let state = beside(file, ".state");
         if self.session.force {
-            remove(&state)?;
+            remove_file(&state)?;
         }
         if state.is_file() {
             words.push("--resume".into());
@@ -200,7 +204,7 @@ impl Trainings<'_> {
         args.settings.basics.dataset = dataset;
         let config = args.settings.configuration()?;
         // A scene without a record is of a run that ended before it wrote one.
-        remove(file)?;
+        remove_file(file)?;
         let trained = train::trained(&args, config, self.session).map_err(|error| {
             let is_stopped = interrupts().is_ok_and(|stopped| stopped.load(Ordering::SeqCst));
             if is_stopped { Error::Runtime("interrupted; the same command goes on from here".into()) } else { error }
@@ -215,8 +219,7 @@ impl Trainings<'_> {
     /// The views to measure.
     fn views(&self, scene: &Scene, photographs: LoadOptions) -> Result<LoadOptions, Error> {
         let Some(views) = self.views else { return Ok(photographs) };
-        let all = dataset::load_cameras(&scene.folder, self.split, None, &photographs)?.len();
-        Ok(LoadOptions { every: all.div_ceil(views).max(1), ..photographs })
+        evenly_spaced(&scene.folder, self.split, views, &photographs)
     }
 
     /// As `strivec eval` does it.
@@ -241,14 +244,6 @@ impl Trainings<'_> {
             lpips_alex: other("lpips_alex"),
             seconds_per_view: evaluated.seconds_per_view,
         })
-    }
-}
-
-/// Removes the file `path`, if it is there.
-fn remove(path: &Path) -> Result<(), Error> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io("remove", path)(e)),
-        _ => Ok(()),
     }
 }
 

@@ -7,6 +7,7 @@ use crate::cli::Error;
 use crate::cli::console::Console;
 use crate::cli::render::colors;
 use crate::cli::table::plural;
+use crate::cli::view_selection::evenly_spaced;
 use crate::container::Metadata;
 use crate::dataset::{self, Dataset, LoadOptions};
 use crate::geometry::Camera;
@@ -42,8 +43,7 @@ impl Views {
         scene: &Scene,
         console: &Console,
     ) -> Result<Self, Error> {
-        let all = dataset::load_cameras(folder, split, None, options)?.len();
-        let options = LoadOptions { every: all.div_ceil(count).max(1), ..options.clone() };
+        let options = evenly_spaced(folder, split, count, options)?;
         let Dataset { name, views, .. } = dataset::load(folder, split, &options)?;
         let photographs = views.iter().map(|view| {
             let camera = view.camera.mapped(&scene.frame.model_from_dataset);

@@ -104,7 +104,7 @@ impl Entries {
         Ok(Self(entries))
     }
 
-    /// What a scene cannot express, with a remedy.
+    /// Refuses settings that a scene cannot express, and names a remedy.
     fn check_expressible(&self) -> Result<(), Fault> {
         /// A setting, the condition on its value, and a remedy.
         type Rule = (&'static str, fn(&str) -> bool, &'static str);

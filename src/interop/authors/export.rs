@@ -54,7 +54,7 @@ pub fn authors_files(scene: &Scene) -> Result<AuthorsFiles, Error> {
         let shape = [matrix.features as usize, matrix.rank as usize];
         parameters.push((format!("basis_mat.{l}.weight"), Value::tensor(shape, matrix.weights.clone())));
     }
-    // Of the scales, that whose cells give exactly the step when they are read.
+    // The first scale whose cells give exactly the same step when they are read again.
     let cell = |l: usize| {
         let cells = DVec3::from_array(scene.scales[l].cloud.resolution.map(f64::from));
         2.0 * half_edges[l].as_dvec3() / cells
