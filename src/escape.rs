@@ -55,7 +55,7 @@ fn with_escapes<E: std::fmt::Display>(
 }
 
 /// True for characters that move the cursor, hide or reorder text, or are invisible. `tools/web/src/dom.ts` and
-/// `tools/python/strivec/__main__.py` have the same list.
+/// `format-spec/reader/strivec_reader/__main__.py` have the same list.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(c,

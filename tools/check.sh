@@ -164,7 +164,7 @@ for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
 done
 step cargo test --locked "${light[@]}"
-step env PYTHONPATH=tools/python PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/python/tests
+step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
 step tools/web/build.sh
 step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" npm --prefix tools/web test
 

@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """Compares what the two readers of the format make of changed files.
 
-    PYTHONPATH=tools/python python tools/measure/mutants.py target/release/strivec-pack -o mutants
+    PYTHONPATH=format-spec/reader python tools/measure/mutants.py target/release/strivec-pack -o mutants
 
 Takes the valid vectors apart, changes something, repairs the checksums of section, table, file and header, and lets
-`strivec-pack verify` and tools/python read each file. A change is one of: bytes of a payload's record, of its decoded
+`strivec-pack verify` and format-spec/reader read each file. A change is one of: bytes of a payload's record, of its decoded
 body (compressed again), or of its body as stored; bytes of a table entry or of the header; the length of a payload or of
 a decoded body; two sections that change places, or one that is there twice or not at all. Mutant N of a seed does not
 depend on the others. Compared are whether the file is refused, the group and the class of the error (section 7), and the
 sections that are skipped with the classes of their errors. Files on which the readers disagree are kept in the folder OUT,
 by seed and number, and printed.
 
-Needs numpy and zstandard, as tools/python does.
+Needs numpy and zstandard, as format-spec/reader does.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from pathlib import Path
 
 import zstandard
 
-import strivec
+import strivec_reader
 
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = struct.Struct("<12sHHIHHIIQQQQ")
@@ -184,8 +184,8 @@ def mutate(rng, file):
 def of_python(data):
     """The class of the error that refuses the file, or the sections that are skipped, by this reader."""
     try:
-        scene = strivec.read(data, MEMORY << 20)
-    except strivec.StrivecError as error:
+        scene = strivec_reader.read(data, MEMORY << 20)
+    except strivec_reader.StrivecError as error:
         return error.name, [], str(error)
     return None, sorted((skipped.name, skipped.error.name) for skipped in scene.skipped), ""
 

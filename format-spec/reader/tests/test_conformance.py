@@ -20,7 +20,7 @@ class Conformance(unittest.TestCase):
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
     def test_this_reader_conforms(self):
-        run = self.run_suite([sys.executable, "-m", "strivec", "--budget", str(64 << 20), "conform"])
+        run = self.run_suite([sys.executable, "-m", "strivec_reader", "--budget", str(64 << 20), "conform"])
         self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
         self.assertIn(" 0 failures, 0 other classes", run.stdout)
 

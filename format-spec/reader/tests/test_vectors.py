@@ -1,7 +1,7 @@
 """The reader against the test vectors of the format: it opens `fixtures/v1` with all probes within tolerance, and refuses
 `fixtures/hostile` with the right class of error.
 
-    PYTHONPATH=tools/python python -m unittest discover tools/python/tests
+    PYTHONPATH=format-spec/reader python -m unittest discover format-spec/reader/tests
 """
 
 import contextlib
@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-import strivec
-from strivec.__main__ import main
+import strivec_reader
+from strivec_reader.__main__ import main
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures"
 VALID = sorted((FIXTURES / "v1").glob("*.strivec"))
@@ -27,8 +27,8 @@ WITHOUT_PROBES = {"smallest"}
 def refusal(data, budget=HOSTILE_BUDGET):
     """The error with which a file is refused, or None if it opens."""
     try:
-        strivec.read(data, budget)
-    except strivec.StrivecError as error:
+        strivec_reader.read(data, budget)
+    except strivec_reader.StrivecError as error:
         return error
     return None
 
@@ -40,12 +40,12 @@ class ValidVectors(unittest.TestCase):
     def test_open_and_probes_hold(self):
         for path in VALID:
             with self.subTest(path.stem):
-                scene = strivec.open(path)
+                scene = strivec_reader.open(path)
                 self.assertEqual(bool(scene.skipped), path.stem == "newer-codes")
                 self.assertEqual(scene.probes is None, path.stem in WITHOUT_PROBES)
                 if scene.probes is None or path.stem in MADE_UP_PROBES:
                     continue
-                report = strivec.check_probes(scene)
+                report = strivec_reader.check_probes(scene)
                 self.assertGreater(report.compared, 0)
                 self.assertEqual(report.failed, [])
 
@@ -54,13 +54,13 @@ class ValidVectors(unittest.TestCase):
             if path.stem in MADE_UP_PROBES | WITHOUT_PROBES:
                 continue
             with self.subTest(path.stem):
-                scene = strivec.open(path)
+                scene = strivec_reader.open(path)
                 rules = dataclasses.replace(scene.rules, density_shift=scene.rules.density_shift + 0.01)
-                self.assertTrue(strivec.check_probes(dataclasses.replace(scene, rules=rules)).failed)
+                self.assertTrue(strivec_reader.check_probes(dataclasses.replace(scene, rules=rules)).failed)
 
     def test_same_numbers_however_written(self):
         def numbers(stem):
-            scene = strivec.open(FIXTURES / "v1" / f"{stem}.strivec")
+            scene = strivec_reader.open(FIXTURES / "v1" / f"{stem}.strivec")
             return np.concatenate(
                 [
                     array.ravel()
@@ -82,7 +82,7 @@ class ValidVectors(unittest.TestCase):
                 np.testing.assert_array_equal(numbers(one), numbers(other))
 
     def test_extras(self):
-        scene = strivec.open(FIXTURES / "v1" / "everything.strivec")
+        scene = strivec_reader.open(FIXTURES / "v1" / "everything.strivec")
         self.assertEqual(scene.license, "CC-BY-4.0, © somebody")
         self.assertEqual(scene.provenance.preset, "48 – künstlich")
         self.assertEqual(scene.quality.encoding_psnr, 54.5)
@@ -100,25 +100,25 @@ class ValidVectors(unittest.TestCase):
         self.assertEqual(scene.decoder.mode, "per ray")
 
     def test_sky(self):
-        scene = strivec.open(FIXTURES / "v1" / "sky.strivec")
+        scene = strivec_reader.open(FIXTURES / "v1" / "sky.strivec")
         self.assertEqual(scene.rules.sky.shape, (3, 25))
-        rays = strivec.trace(scene, np.full((1, 3), 100.0), np.ones((1, 3)) / np.sqrt(3.0))
+        rays = strivec_reader.trace(scene, np.full((1, 3), 100.0), np.ones((1, 3)) / np.sqrt(3.0))
         self.assertEqual((rays.opacities[0], rays.depths[0]), (1.0, 0.0))
         self.assertFalse(np.allclose(rays.colors[0], scene.frame.background))
         # The probes see another sky.
         sky = scene.rules.sky + np.eye(3, 25)
         rules = dataclasses.replace(scene.rules, sky=sky)
-        self.assertTrue(strivec.check_probes(dataclasses.replace(scene, rules=rules)).failed)
-        self.assertIsNone(strivec.open(FIXTURES / "v1" / "f32.strivec").rules.sky)
+        self.assertTrue(strivec_reader.check_probes(dataclasses.replace(scene, rules=rules)).failed)
+        self.assertIsNone(strivec_reader.open(FIXTURES / "v1" / "f32.strivec").rules.sky)
 
     def test_newer_minor_version(self):
-        scene = strivec.open(FIXTURES / "v1" / "newer-minor.strivec")
+        scene = strivec_reader.open(FIXTURES / "v1" / "newer-minor.strivec")
         self.assertGreater(scene.minor_version, 0)
         self.assertTrue(scene.unknown)
 
     def test_codes_of_a_later_version_in_ancillary_sections(self):
-        scene = strivec.open(FIXTURES / "v1" / "newer-codes.strivec")
-        self.assertEqual(scene.provenance, strivec.open(FIXTURES / "v1" / "smallest.strivec").provenance)
+        scene = strivec_reader.open(FIXTURES / "v1" / "newer-codes.strivec")
+        self.assertEqual(scene.provenance, strivec_reader.open(FIXTURES / "v1" / "smallest.strivec").provenance)
         self.assertIsNone(scene.thumbnail)
         self.assertEqual((scene.prefixes, scene.notes), ({}, {}))
         self.assertEqual(len(scene.cameras), 2)
@@ -140,8 +140,8 @@ class HostileVectors(unittest.TestCase):
     def test_refused_with_the_right_class(self):
         for name, expected in self.classes().items():
             with self.subTest(name):
-                with self.assertRaises(strivec.StrivecError) as caught:
-                    strivec.open(HOSTILE / f"{name}.strivec", HOSTILE_BUDGET)
+                with self.assertRaises(strivec_reader.StrivecError) as caught:
+                    strivec_reader.open(HOSTILE / f"{name}.strivec", HOSTILE_BUDGET)
                 self.assertEqual(caught.exception.name, expected, caught.exception)
 
     def classes(self):
@@ -157,7 +157,7 @@ class SkippedSections(unittest.TestCase):
         self.assertEqual(names, {path.stem for path in SKIPPED.glob("*.strivec")})
         for name in sorted(names):
             with self.subTest(name):
-                scene = strivec.open(SKIPPED / f"{name}.strivec")
+                scene = strivec_reader.open(SKIPPED / f"{name}.strivec")
                 found = sorted((skipped.name, skipped.error.name) for skipped in scene.skipped)
                 self.assertEqual(found, sorted((row[1], row[2]) for row in rows if row[0] == name))
 
@@ -170,14 +170,14 @@ class DamagedFiles(unittest.TestCase):
         for offset in range(len(data)):
             for flip in (0x01, 0xFF):
                 data[offset] ^= flip
-                is_seen = refusal(data) is not None or strivec.read(data).skipped
+                is_seen = refusal(data) is not None or strivec_reader.read(data).skipped
                 self.assertTrue(is_seen, f"byte {offset} ^ {flip:#04x}")
                 data[offset] ^= flip
         self.assertIsNone(refusal(data))
 
     def test_every_truncation_is_refused(self):
         for length in range(len(self.smallest)):
-            self.assertIsInstance(refusal(self.smallest[:length]), strivec.Truncated, f"{length} bytes")
+            self.assertIsInstance(refusal(self.smallest[:length]), strivec_reader.Truncated, f"{length} bytes")
 
     def test_transfers_as_text(self):
         data = self.smallest
@@ -190,7 +190,7 @@ class DamagedFiles(unittest.TestCase):
             data.decode("latin-1").encode("utf-8"),
             data.decode("utf-8", "replace").encode("utf-8"),
         ):
-            self.assertIsInstance(refusal(damaged), strivec.LineEndingDamage, str(damaged[:12]))
+            self.assertIsInstance(refusal(damaged), strivec_reader.LineEndingDamage, str(damaged[:12]))
 
 
 class Command(unittest.TestCase):

@@ -1,6 +1,6 @@
 """Names of files, and texts in them, are printed with escapes.
 
-    PYTHONPATH=tools/python python -m unittest discover tools/python/tests
+    PYTHONPATH=format-spec/reader python -m unittest discover format-spec/reader/tests
 """
 
 import contextlib
@@ -10,7 +10,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from strivec.__main__ import escaped, main
+from strivec_reader.__main__ import escaped, main
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures"
 NAME = "a\x1b]0;title\x07\r\nforged\u202e.strivec"

@@ -1,8 +1,8 @@
-"""The command: `python -m strivec info FILE` and `python -m strivec verify FILE...`.
+"""The command: `python -m strivec_reader info FILE` and `python -m strivec_reader verify FILE...`.
 
 Exit codes: 0 success; 2 usage error, or a file that cannot be read; 3 a damaged or invalid file, or probes out of
-tolerance; 4 the time did not suffice; 5 a file that this reader does not support or that exceeds the memory budget. Of several files, the largest
-code is returned.
+tolerance; 4 the time did not suffice; 5 a file that this reader does not support or that exceeds the memory budget. Of
+several files, the largest code is returned.
 """
 
 import argparse
@@ -27,7 +27,7 @@ UNSAFE = re.compile(
 
 def main(arguments=None):
     """Runs the command and returns its exit code."""
-    parser = argparse.ArgumentParser(prog="strivec", description="Read .strivec scenes")
+    parser = argparse.ArgumentParser(prog="strivec_reader", description="Read .strivec scenes")
     parser.add_argument(
         "--budget",
         type=int,

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 import zstandard
 
-from strivec import StrivecError, arrays, factors, limits, scales, sections
-from strivec.container import HEADER, ZSTD, Container, Payload
+from strivec_reader import StrivecError, arrays, factors, limits, scales, sections
+from strivec_reader.container import HEADER, ZSTD, Container, Payload
 
 ROOT = Path(__file__).resolve().parents[3]
 WEB = ROOT / "tools" / "web"

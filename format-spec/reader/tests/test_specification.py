@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-import strivec
-from strivec import field, limits
-from strivec.scales import _ascends, _total_order
+import strivec_reader
+from strivec_reader import field, limits
+from strivec_reader.scales import _ascends, _total_order
 
 ROOT = Path(__file__).resolve().parents[3]
 TEXT = (ROOT / "format-spec" / "v1.md").read_text(encoding="utf-8")
@@ -24,7 +24,7 @@ def row(name):
 
 class Example(unittest.TestCase):
     lines = EXAMPLE.split("```hexdump\n")[1].split("```")[0].splitlines()
-    scene = strivec.read(b"".join(bytes.fromhex(line[4:]) for line in lines))
+    scene = strivec_reader.read(b"".join(bytes.fromhex(line[4:]) for line in lines))
 
     def assert_close(self, name, found):
         np.testing.assert_allclose(row(name), found, rtol=1e-8, err_msg=name)
@@ -50,7 +50,7 @@ class Example(unittest.TestCase):
         self.assert_close("sigmoid(y)", 1.0 / (1.0 + np.exp(-output)))
 
     def test_values_of_a_ray(self):
-        rays = strivec.trace(self.scene, np.array([[2.001, 1.1, 2.203]]), DIRECTION[None])
+        rays = strivec_reader.trace(self.scene, np.array([[2.001, 1.1, 2.203]]), DIRECTION[None])
         np.testing.assert_allclose(row("color"), rays.colors[0], atol=1e-9)
         np.testing.assert_allclose(row("opacity"), rays.opacities, atol=1e-9)
         np.testing.assert_allclose(row("depth"), rays.depths, atol=1e-9)

@@ -1,8 +1,8 @@
 """A reader of .strivec scenes, written from the text of the format alone.
 
-    scene = strivec.open("lego.strivec")            # a strivec.scene.Scene, or a strivec.StrivecError
-    report = strivec.check_probes(scene)            # compares the file's stored rays with this reader's
-    rays = strivec.trace(scene, origins, directions)  # color, opacity and depth in float64
+    scene = strivec_reader.open("lego.strivec")              # a scene.Scene; raises StrivecError
+    report = strivec_reader.check_probes(scene)              # compares the file's stored rays with this reader's
+    rays = strivec_reader.trace(scene, origins, directions)  # color, opacity and depth in float64
 """
 
 from .errors import (
