@@ -1,14 +1,16 @@
-//! Results on standard output, messages on standard error.
+//! Results on standard output, messages on standard error; or both to the program that a command runs within.
 
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::Serialize;
 
 use super::Error;
+use super::host::Host;
 use crate::escape::{escaped, escaped_json, escaped_lines};
 
-/// The process's two streams.
+/// The process's two streams, or the host.
 pub(super) struct Console {
     /// The program's name, with which error messages begin.
     name: &'static str,
@@ -18,12 +20,36 @@ pub(super) struct Console {
     closed: AtomicBool,
     /// Rows of the picture that was drawn last; 0 if there is a message below it.
     drawn_rows: AtomicU32,
+    embedding: Option<Embedding>,
+}
+
+/// What takes the place of the streams.
+struct Embedding {
+    host: Arc<dyn Host>,
+    results: Mutex<Vec<String>>,
 }
 
 impl Console {
     /// No messages if `quiet`; results as JSON if `json`.
     pub(super) fn new(name: &'static str, quiet: bool, json: bool) -> Self {
-        Self { name, quiet, json, closed: AtomicBool::new(false), drawn_rows: AtomicU32::new(0) }
+        Self { name, quiet, json, closed: AtomicBool::new(false), drawn_rows: AtomicU32::new(0), embedding: None }
+    }
+
+    /// Keeps results, as JSON, and passes messages to `host`, unless `quiet`.
+    pub(super) fn of_host(host: Arc<dyn Host>, quiet: bool) -> Self {
+        let embedding = Embedding { host, results: Mutex::default() };
+        Self { embedding: Some(embedding), ..Self::new("", quiet, true) }
+    }
+
+    /// The results that were kept for a host.
+    pub(super) fn into_results(self) -> Vec<String> {
+        let results = self.embedding.map(|embedding| embedding.results.into_inner());
+        results.map_or_else(Vec::new, |results| results.unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The host that is to be told of progress.
+    pub(super) fn host(&self) -> Option<&dyn Host> {
+        self.embedding.as_ref().map(|embedding| &*embedding.host).filter(|_| !self.quiet)
     }
 
     pub(super) fn is_quiet(&self) -> bool {
@@ -51,6 +77,10 @@ impl Console {
 
     /// Prints `text`, which has no text of an untrusted file, in any output format, with a final line feed; see [`Console::result`].
     pub(super) fn print(&self, text: &str) -> Result<(), Error> {
+        if let Some(embedding) = &self.embedding {
+            embedding.results.lock().unwrap_or_else(PoisonError::into_inner).push(text.to_owned());
+            return Ok(());
+        }
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -67,7 +97,9 @@ impl Console {
 
     /// Prints a message of one line to standard error, unless quiet.
     pub(super) fn say(&self, message: &str) {
-        if !self.quiet {
+        if let Some(host) = self.host() {
+            host.message(&escaped(message));
+        } else if !self.quiet {
             self.drawn_rows.store(0, Ordering::Relaxed);
             // A failure to write to standard error cannot be reported.
             let _ = writeln!(io::stderr().lock(), "{}", escaped(message));
@@ -77,6 +109,9 @@ impl Console {
     /// Draws a picture of `rows` rows on standard error, which is a terminal, by the characters of `sequence`. It takes the
     /// place of the picture before, if no message came between.
     pub(super) fn draw(&self, sequence: &str, rows: u32) {
+        if self.embedding.is_some() {
+            return;
+        }
         let up = match self.drawn_rows.swap(rows, Ordering::Relaxed) {
             0 => String::new(),
             before => format!("\x1b[{before}A\r"),
@@ -90,6 +125,10 @@ impl Console {
         let mut text = format!("{}: {}\n", self.name, escaped(&error.to_string()));
         if let Error::WithLines { lines, .. } = error {
             text.extend(lines.iter().map(|line| format!("  {}\n", escaped(line))));
+        }
+        if let Some(embedding) = &self.embedding {
+            text.lines().for_each(|line| embedding.host.message(line));
+            return;
         }
         let _ = io::stderr().lock().write_all(text.as_bytes());
     }

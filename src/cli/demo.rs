@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
 use super::table::plural;
-use super::training::{encode, interrupts, train_through};
+use super::training::{encode, train_through};
 use super::{Error, Session, write_atomically};
 use crate::container::Encoding;
 use crate::dataset::{self, LoadOptions, SynthOptions};
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let load = |split| dataset::load(&folder, split, &LoadOptions::default());
     let (mut training, held_out) = (load("train")?, load("test")?);
     let start = Instant::now();
-    let scene = train_through(config, &mut training, &*interrupts()?, session)?;
+    let scene = train_through(config, &mut training, &*session.interrupts()?, session)?;
     let seconds_training = start.elapsed().as_secs_f64();
     let bytes = encode(&scene, Encoding::F16, &file)?;
     write_atomically(&file, &bytes, session.force)?;

@@ -60,7 +60,7 @@ impl Error {
     }
 
     /// Why the scene file `path` was not read, or could not be written.
-    pub(super) fn container(path: &Path, error: container::Error) -> Self {
+    pub fn container(path: &Path, error: container::Error) -> Self {
         let message = match &error {
             container::Error::NotStrivec { found } => {
                 format!("{}: not a .strivec file: it begins like {}", path.display(), format_of(found))

@@ -1,13 +1,13 @@
 //! `strivec info`: the contents of scene files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::scale_table::ScaleRow;
 use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
-use crate::container::{self, Contents, SceneFile};
+use crate::container::{self, Contents, Limits, SceneFile};
 use crate::digits::grouped;
 use crate::escape::{escaped, escaped_path};
 use crate::model::Coverage;
@@ -82,6 +82,19 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         all => session.console.result(&all, |all| all.iter().map(Info::text).collect::<Vec<_>>().join("\n"))?,
     }
     session.console.fail_with(errors)
+}
+
+/// What `strivec info --json` prints of the file `name` with these `bytes`.
+///
+/// # Errors
+///
+/// If the bytes are no scene file.
+pub fn info_of(name: &Path, bytes: &[u8]) -> Result<String, Error> {
+    let refused = |e| Error::container(name, e);
+    let scene_file = container::decode_scene_file(bytes, Limits::of_file(bytes.len() as u64)).map_err(refused)?;
+    let contents = container::sections(bytes).map_err(refused)?;
+    let info = Info::new(name.to_path_buf(), bytes.len() as u64, &scene_file, &contents);
+    serde_json::to_string(&info).map_err(|e| Error::Runtime(e.to_string()))
 }
 
 impl Info {

@@ -16,6 +16,7 @@ mod error;
 mod eval;
 mod evaluation;
 mod export;
+mod host;
 mod import;
 mod info;
 mod named_value;
@@ -50,14 +51,17 @@ mod view_selection;
 mod viewpoints;
 mod watch;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::version::version;
 pub use error::Error;
+pub use host::{Call, Host};
+pub use info::info_of;
 pub use output::{check_output, write_atomically};
-use session::{Globals, Session, run_command};
+use session::{Globals, Session, run_call, run_command};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file or too little memory.
@@ -122,7 +126,22 @@ enum Command {
 
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
-    run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), |command, session| match command {
+    run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), run)
+}
+
+/// Runs the command of `strivec` that `arguments` name, without the program's name, within another program. Returns its results:
+/// JSON, but for commands that print text in any case.
+///
+/// # Errors
+///
+/// Those of the command; [`Error::Usage`] for arguments that it does not have.
+pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
+    let words = std::iter::once(OsString::from("strivec")).chain(arguments.iter().cloned());
+    run_call(Cli::try_parse_from(words).map(|cli| (cli.globals, cli.command)), call, run)
+}
+
+fn run(command: &Command, session: &Session) -> Result<(), Error> {
+    match command {
         Command::Demo(args) => demo::run(args, session),
         Command::Pose(args) => pose::run(args, session),
         Command::Train(args) => train::run(args, session),
@@ -144,7 +163,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::run(args),
         Command::Completions(args) => shell::completions(args, Cli::command(), session),
         Command::Man(args) => shell::man(args, [Cli::command(), pack::command()], session),
-    })
+    }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::training::{import, interrupts, reconstruct};
+use super::training::{import, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
 use crate::digits::grouped;
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let options = args.settings.basics.photographs(&args.dataset, config.max_photograph_side, session)?;
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
     let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
-    let interrupted = interrupts()?;
+    let interrupted = session.interrupts()?;
     let start = Instant::now();
     let (occupied, prior_seconds) = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
         Some(occupied) => (occupied, None),

@@ -11,6 +11,8 @@ use crate::escape::escaped;
 
 /// The time between two lines if standard error is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
+/// The time between two reports to a host.
+const REPORT_EVERY: Duration = Duration::from_millis(200);
 const BAR: &str = "{prefix} {wide_bar} {pos}/{len}{msg}, {eta} left";
 
 /// The progress of one task.
@@ -18,14 +20,14 @@ pub(super) struct Progress<'a> {
     console: &'a Console,
     task: String,
     bar: ProgressBar,
-    /// The time of the last line; `None` if there is a bar or the console is quiet.
+    /// The time of the last line, or report to the host; `None` if there is a bar or the console is quiet.
     last_line: Option<Mutex<Instant>>,
 }
 
 impl<'a> Progress<'a> {
     /// Starts to show `task` of `total` steps; shows nothing if the console is quiet.
     pub(super) fn start(console: &'a Console, task: &str, total: u64) -> Self {
-        let terminal = std::io::stderr().is_terminal();
+        let terminal = console.host().is_none() && std::io::stderr().is_terminal();
         let shown = terminal && !console.is_quiet();
         let target = if shown { ProgressDrawTarget::stderr_with_hz(5) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(total), target);
@@ -43,9 +45,15 @@ impl<'a> Progress<'a> {
         self.bar.set_position(done);
         if let Some(last_line) = &self.last_line {
             let mut last = last_line.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            if last.elapsed() >= LINE_EVERY {
-                *last = Instant::now();
-                let total = self.bar.length().unwrap_or(done);
+            let host = self.console.host();
+            if last.elapsed() < if host.is_some() { REPORT_EVERY } else { LINE_EVERY } {
+                return;
+            }
+            *last = Instant::now();
+            let total = self.bar.length().unwrap_or(done);
+            if let Some(host) = host {
+                host.progress(&self.task, done, total, &escaped(&detail()));
+            } else {
                 let left = HumanDuration(self.bar.eta());
                 self.console.say(&format!("{}: {done}/{total}{}, {left} left", self.task, with_comma(&detail())));
             }

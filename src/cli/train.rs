@@ -15,7 +15,7 @@ use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
 use super::state_file::{StateFile, beside};
 use super::table::plural;
-use super::training::{Meter, cameras, find_distances, import, interrupts, is_opaque, place, reconstruct, step};
+use super::training::{Meter, cameras, find_distances, import, is_opaque, place, reconstruct, step};
 use super::view_selection::evenly_spaced;
 use super::watch::Watch;
 use super::{Error, Session, check_output, refined_poses, write_atomically};
@@ -105,7 +105,7 @@ pub(super) fn trained<'a>(args: &'a Args, mut config: TrainConfig, session: &Ses
         return Err(Error::Usage("give a dataset and --output".into()));
     };
     let files = Files::new(args, output, session)?;
-    let interrupted = interrupts()?;
+    let interrupted = session.interrupts()?;
     let saved = if args.resume { Some(files.state.read_training()?) } else { None };
     let max_side = saved.as_ref().map_or(&config, |(checkpoint, _)| &checkpoint.config).max_photograph_side;
     let options = args.settings.basics.photographs(folder, max_side, session)?;

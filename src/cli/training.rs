@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -39,24 +38,6 @@ const SKY_DEGREE: u32 = 2;
 /// The cameras of `dataset`'s photographs.
 pub(super) fn cameras(dataset: &Dataset) -> Vec<Camera> {
     dataset.views.iter().map(|view| view.camera).collect()
-}
-
-/// A flag that the first Ctrl-C or termination signal sets; the second one ends the process.
-pub(super) fn interrupts() -> Result<Arc<AtomicBool>, Error> {
-    // The process has one handler, which a command of several trainings asks for again.
-    static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
-    if let Some(interrupted) = INTERRUPTED.get() {
-        return Ok(Arc::clone(interrupted));
-    }
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::SeqCst) {
-            std::process::exit(4);
-        }
-    })
-    .map_err(|e| Error::Runtime(format!("cannot handle Ctrl-C: {e}")))?;
-    Ok(Arc::clone(INTERRUPTED.get_or_init(|| interrupted)))
 }
 
 /// A trainer at its first step: prior from the photographs, and placement.

@@ -179,6 +179,31 @@ impl<T: Real> Field<T> {
         activations.inputs = all_inputs;
     }
 
+    /// Writes the aggregated appearance components of the sample in `slot`, after the reduction over scales, to the first ΣR
+    /// numbers of `row`, and anything to the [`row_padding`] behind them. Returns the reduction, 1 over the number of covering
+    /// scales, if it is a mean. Adds to `count` the components that were read.
+    #[inline(always)]
+    pub(super) fn appearance_row<S: Simd>(
+        &self,
+        simd: S,
+        samples: &Samples<T>,
+        slot: usize,
+        row: &mut [T],
+        count: &mut usize,
+    ) -> Option<T> {
+        let scales = self.scales.len();
+        let mut end = 0;
+        for (s, scale) in self.scales.iter().enumerate() {
+            scale.appearance_of(simd, samples.contributions_of(slot, s, scales), &mut row[end..], count);
+            end += scale.appearance_rank();
+        }
+        (self.rules.appearance_reduction == Reduction::Mean).then(|| {
+            let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
+            row[..end].iter_mut().for_each(|v| *v *= reduction);
+            reduction
+        })
+    }
+
     /// Fills direction, PE(features) and PE(direction) in the first layer's inputs.
     #[inline(always)]
     fn encode_inputs(&self, rays: &[Ray], activations: &mut Activations<T>) {
@@ -241,6 +266,12 @@ impl<T: Real> Field<T> {
     }
 }
 
+/// The numbers behind a row of appearance components that registers may write to.
+#[inline(always)]
+pub(super) fn row_padding<T: Real, S: Simd>() -> usize {
+    3 * T::lanes::<S>()
+}
+
 /// Fills `components`, `reductions`, where rays are decoded `composites` (Σ w·f / Σ w), and in mode *residual*
 /// `own_colors`.
 struct GatherAppearance<'a, T> {
@@ -255,10 +286,10 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { field, samples, activations } = self;
-        let (width, scales, mode) = (field.component_count(), field.scales.len(), field.decoder.mode);
+        let (width, mode) = (field.component_count(), field.decoder.mode);
         let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
         let is_kept = activations.keeps_components || mode == DecoderMode::PerSample;
-        let padding = 3 * T::lanes::<S>();
+        let padding = row_padding::<T, S>();
         components.resize(width * if is_kept { shaded.len() } else { 1 } + padding, T::zero());
         composites.clear();
         composites.resize(width * composite_weights.len(), T::zero());
@@ -269,18 +300,8 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
             for sample in shaded.ray_range(ray) {
                 let slot = shaded.slots[sample] as usize;
                 let row = &mut components[width * if is_kept { sample } else { 0 }..][..width + padding];
-                let mut first = 0;
-                for (s, scale) in field.scales.iter().enumerate() {
-                    let contributions = samples.contributions_of(slot, s, scales);
-                    scale.appearance_of(simd, contributions, &mut row[first..], &mut count);
-                    first += scale.appearance_rank();
-                }
+                activations.reductions.extend(field.appearance_row(simd, samples, slot, row, &mut count));
                 let row = &mut row[..width];
-                if field.rules.appearance_reduction == Reduction::Mean {
-                    let reduction = T::one() / T::of(samples.covering_scales(slot, scales).max(1) as f64);
-                    row.iter_mut().for_each(|v| *v *= reduction);
-                    activations.reductions.push(reduction);
-                }
                 if mode == DecoderMode::Residual {
                     activations.own_colors.extend(field.decoder.own_color(simd, row));
                 }

@@ -98,13 +98,17 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// The optical depth σ·δ·distance_scale of a density feature f, with σ = softplus(f + density_shift) (spec 4.5,
-    /// 4.8).
+    /// The optical depth σ·δ·distance_scale of a density feature f (spec 4.5, 4.8).
     #[inline(always)]
     pub fn optical_depth(&self, feature: T) -> T {
+        self.density(feature) * T::of(self.rules.step * self.rules.distance_scale)
+    }
+
+    /// The density σ = softplus(f + density_shift) of a density feature f (spec 4.5).
+    #[inline(always)]
+    pub fn density(&self, feature: T) -> T {
         let x = feature + T::of(self.rules.density_shift);
-        let density = x.max(T::zero()) + (-x.abs()).exp_of_negative().ln_1p_of_unit();
-        density * T::of(self.rules.step * self.rules.distance_scale)
+        x.max(T::zero()) + (-x.abs()).exp_of_negative().ln_1p_of_unit()
     }
 
     /// The derivative of [`Field::optical_depth`] by the density feature.

@@ -18,6 +18,7 @@ mod index;
 mod march;
 mod matrix;
 mod neighbors;
+mod points;
 mod pool;
 mod positions;
 mod ray_marcher;

@@ -17,6 +17,15 @@ pub trait ArrayWriter {
     ///
     /// If it cannot be written.
     fn add<T: Element>(&mut self, name: &str, shape: &[usize], values: impl IntoIterator<Item = T>) -> io::Result<()>;
+
+    /// The same for `values` that the scene holds in this order.
+    ///
+    /// # Errors
+    ///
+    /// As for [`ArrayWriter::add`].
+    fn add_held(&mut self, name: &str, shape: &[usize], values: &[f32]) -> io::Result<()> {
+        self.add(name, shape, values.iter().copied())
+    }
 }
 
 impl<W: Write + Seek> ArrayWriter for NpzWriter<W> {
@@ -51,17 +60,17 @@ pub fn write_arrays(scene: &Scene, writer: &mut impl ArrayWriter) -> io::Result<
         for (part, blocks) in [("density", &scale.factors.density), ("appearance", &scale.factors.appearance)] {
             for block in blocks {
                 let shape = [tensors, block.form.rows(scale.cloud.resolution), block.rank as usize];
-                writer.add(&block_name(s, part, block.form), &shape, block.values.iter().copied())?;
+                writer.add_held(&block_name(s, part, block.form), &shape, &block.values)?;
             }
         }
         let matrix = &scale.appearance_matrix;
         let shape = [matrix.features as usize, matrix.rank as usize];
-        writer.add(&format!("scale{s}_matrix"), &shape, matrix.weights.iter().copied())?;
+        writer.add_held(&format!("scale{s}_matrix"), &shape, &matrix.weights)?;
     }
     for (l, layer) in scene.decoder.layers.iter().enumerate() {
         let shape = [layer.outputs as usize, layer.inputs as usize];
-        writer.add(&format!("decoder{l}_weights"), &shape, layer.weights.iter().copied())?;
-        writer.add(&format!("decoder{l}_bias"), &shape[..1], layer.bias.iter().copied())?;
+        writer.add_held(&format!("decoder{l}_weights"), &shape, &layer.weights)?;
+        writer.add_held(&format!("decoder{l}_bias"), &shape[..1], &layer.bias)?;
     }
     if let Some(occupancy) = &scene.occupancy {
         let [x, y, z] = occupancy.vertices.to_array().map(|n| n as usize);

@@ -7,6 +7,7 @@
 
 pub mod authors;
 mod cube;
+mod description;
 mod dvgo;
 mod error;
 mod factors;
@@ -29,6 +30,7 @@ pub mod tensorf;
 mod tensorf_export;
 mod torch;
 
+pub use description::{ArrayReader, Description};
 pub use dvgo::{DvgoOptions, dvgo_checkpoint};
 pub use error::Error;
 pub use factors::{ArrayWriter, block_name, write_arrays, write_factors};

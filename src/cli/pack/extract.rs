@@ -6,28 +6,18 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, UVec3};
-use serde::{Deserialize, Serialize};
-
 use super::convert::Written;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
 use crate::cli::table::plural;
 use crate::cli::{Error, Session};
-use crate::container::{self, EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
+use crate::container::{self, SceneFile};
 use crate::escape::escaped_path;
-use crate::geometry::{Aabb, Lattice};
-use crate::interop::{ArrayWriter, block_name, write_arrays};
-use crate::model::{
-    AppearanceMatrix, Block, Decoder, DecoderMode, FactorKind, Factors, Form, Frame, Linear, Occupancy, Placement,
-    Provenance, Rules, Scale, Scene, TensorCloud,
-};
+use crate::interop::{ArrayReader, ArrayWriter, Description, write_arrays};
 use crate::npy::{self, Element, Header, NpyError};
 
 /// The description's file name.
 const DESCRIPTION: &str = "scene.json";
-/// The description's layout: raised when a reader of the last one would misread it.
-const LAYOUT: u32 = 1;
 
 /// Arguments of `strivec-pack extract`.
 #[derive(Debug, clap::Args)]
@@ -65,47 +55,6 @@ pub(super) struct AssembleArgs {
     layout: LayoutArgs,
 }
 
-/// Everything but long arrays.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Description {
-    /// [`LAYOUT`].
-    layout: u32,
-    frame: Frame,
-    bounds: Aabb,
-    rules: Rules,
-    scales: Vec<ScaleDescription>,
-    decoder: DecoderDescription,
-    /// Bounds of the grid.
-    occupancy: Option<Aabb>,
-    provenance: Provenance,
-    license: Option<String>,
-    views: Option<Views>,
-    cameras: Vec<TrainingCamera>,
-    notes: BTreeMap<String, String>,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ScaleDescription {
-    /// Half edges of the tensors.
-    half: DVec3,
-    resolution: [u32; 3],
-    top_k: u32,
-    factor_kind: FactorKind,
-    /// The lattice; absent if centers are explicit.
-    lattice: Option<Lattice>,
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DecoderDescription {
-    mode: DecoderMode,
-    feature_frequencies: u32,
-    direction_frequencies: u32,
-    layers: usize,
-}
-
 /// Writes a file's scene as a folder.
 pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error> {
     if args.output.exists() {
@@ -116,7 +65,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
     // The folder is written under another name and then renamed, so that it is complete.
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let partial = tempfile::tempdir_in(parent).map_err(Error::io("make a folder in", parent))?;
-    let files = files_of(document)?;
+    let files = files_of(&document)?;
     for (name, bytes) in &files {
         let path = partial.path().join(name);
         fs::write(&path, bytes).map_err(Error::io("write", &path))?;
@@ -149,41 +98,11 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
 }
 
 /// Names and contents.
-fn files_of(document: SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
-    let SceneFile { scene, metadata, .. } = document;
+fn files_of(document: &SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     let mut arrays = ArrayFiles(BTreeMap::new());
-    write_arrays(&scene, &mut arrays).map_err(|e| Error::Runtime(e.to_string()))?;
+    write_arrays(&document.scene, &mut arrays).map_err(|e| Error::Runtime(e.to_string()))?;
     let ArrayFiles(mut files) = arrays;
-    let scale = |scale: &Scale| ScaleDescription {
-        half: scale.cloud.half_edge,
-        resolution: scale.cloud.resolution,
-        top_k: scale.top_k,
-        factor_kind: scale.factors.kind(),
-        lattice: match &scale.cloud.placement {
-            Placement::Lattice { lattice, .. } => Some(*lattice),
-            Placement::Explicit { .. } => None,
-        },
-    };
-    let decoder = &scene.decoder;
-    let description = Description {
-        layout: LAYOUT,
-        frame: scene.frame.clone(),
-        bounds: scene.bounds,
-        rules: scene.rules.clone(),
-        scales: scene.scales.iter().map(scale).collect(),
-        decoder: DecoderDescription {
-            mode: decoder.mode,
-            feature_frequencies: decoder.feature_frequencies,
-            direction_frequencies: decoder.direction_frequencies,
-            layers: decoder.layers.len(),
-        },
-        occupancy: scene.occupancy.as_ref().map(|o| o.bounds),
-        provenance: scene.provenance.clone(),
-        license: metadata.license,
-        views: metadata.views,
-        cameras: metadata.cameras,
-        notes: metadata.notes,
-    };
+    let description = Description::of(&document.scene, &document.metadata);
     let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Runtime(e.to_string()))?;
     files.insert(DESCRIPTION.into(), json);
     Ok(files)
@@ -208,90 +127,23 @@ impl Folder<'_> {
     fn document(&self) -> Result<SceneFile, Error> {
         let path = self.0.join(DESCRIPTION);
         let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
-        let malformed = |message: String| Error::Malformed(format!("{}: {message}", path.display()));
-        let d: Description = serde_json::from_slice(&bytes).map_err(|e| malformed(e.to_string()))?;
-        if d.layout != LAYOUT {
-            return Err(malformed(format!("layout {} is not supported; expected {LAYOUT}", d.layout)));
-        }
-        let scales = d.scales.into_iter().enumerate().map(|(s, scale)| self.scale(s, scale));
-        let scales = scales.collect::<Result<_, _>>()?;
-        let layers = (0..d.decoder.layers).map(|l| self.layer(l)).collect::<Result<_, _>>()?;
-        let decoder = Decoder {
-            mode: d.decoder.mode,
-            feature_frequencies: d.decoder.feature_frequencies,
-            direction_frequencies: d.decoder.direction_frequencies,
-            layers,
-        };
-        let occupancy = d.occupancy.map(|bounds| self.occupancy(bounds)).transpose()?;
-        let Description { frame, bounds, rules, provenance, license, views, cameras, notes, .. } = d;
-        let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
-        scene.check().map_err(|e| Error::Malformed(format!("{}: {e}", self.0.display())))?;
-        let encoding = EncodeOptions::lossless(&scene);
-        Ok(SceneFile { scene, metadata: Metadata { license, views, cameras, notes, ..Metadata::default() }, encoding })
+        let description: Description = serde_json::from_slice(&bytes).map_err(|e| self.refusal(e.to_string()))?;
+        description.scene(self)
+    }
+}
+
+impl ArrayReader for Folder<'_> {
+    type Error = Error;
+
+    fn has(&self, name: &str) -> bool {
+        self.0.join(format!("{name}.npy")).exists()
     }
 
-    fn scale(&self, s: usize, scale: ScaleDescription) -> Result<Scale, Error> {
-        let (placement, tensors) = match scale.lattice {
-            Some(lattice) => {
-                let ([tensors, _], cells) = self.array::<u32, 2>(&format!("scale{s}_cells"), [None, Some(3)])?;
-                let cells = cells.as_chunks::<3>().0.iter().map(|&cell| UVec3::from_array(cell)).collect();
-                (Placement::Lattice { lattice, cells }, tensors)
-            }
-            None => {
-                let ([tensors, _], centers) = self.array::<f64, 2>(&format!("scale{s}_centers"), [None, Some(3)])?;
-                let centers = centers.as_chunks::<3>().0.iter().map(|&center| DVec3::from_array(center)).collect();
-                (Placement::Explicit { centers }, tensors)
-            }
-        };
-        let limit = container::limits::RESOLUTION;
-        if let Some(cells) = scale.resolution.into_iter().find(|&cells| !limit.contains(&u64::from(cells))) {
-            let (file, most) = (self.0.join(DESCRIPTION), limit.end());
-            let message = format!("{}: scale {s} has {cells} cells; expected 1 to {most}", file.display());
-            return Err(Error::Malformed(message));
-        }
-        let blocks = |part: &str| -> Result<Vec<Block>, Error> {
-            let forms = match scale.factor_kind {
-                FactorKind::Cp => vec![Form::Cp],
-                FactorKind::Vm => (0..3).map(Form::Vm).collect(),
-            };
-            let is_there =
-                |form: &Form| *form == Form::Cp || self.0.join(format!("{}.npy", block_name(s, part, *form))).exists();
-            let block = |form: Form| {
-                let rows = form.rows(scale.resolution);
-                let name = block_name(s, part, form);
-                let ([.., rank], values) = self.array::<f32, 3>(&name, [Some(tensors), Some(rows), None])?;
-                Ok(Block { form, rank: count(rank)?, values })
-            };
-            forms.into_iter().filter(is_there).map(block).collect()
-        };
-        let factors = Factors { density: blocks("density")?, appearance: blocks("appearance")? };
-        let columns = Some(factors.appearance_rank() as usize);
-        let ([features, rank], weights) = self.array::<f32, 2>(&format!("scale{s}_matrix"), [None, columns])?;
-        Ok(Scale {
-            cloud: TensorCloud { placement, half_edge: scale.half, resolution: scale.resolution },
-            top_k: scale.top_k,
-            factors,
-            appearance_matrix: AppearanceMatrix { features: count(features)?, rank: count(rank)?, weights },
-        })
+    fn refusal(&self, message: String) -> Error {
+        Error::Malformed(format!("{}: {message}", self.0.join(DESCRIPTION).display()))
     }
 
-    fn layer(&self, l: usize) -> Result<Linear, Error> {
-        let ([outputs, inputs], weights) = self.array::<f32, 2>(&format!("decoder{l}_weights"), [None, None])?;
-        let (_, bias) = self.array::<f32, 1>(&format!("decoder{l}_bias"), [Some(outputs)])?;
-        Ok(Linear { inputs: count(inputs)?, outputs: count(outputs)?, weights, bias })
-    }
-
-    fn occupancy(&self, bounds: Aabb) -> Result<Occupancy, Error> {
-        let ([z, y, x], set) = self.array::<bool, 3>("occupancy", [None; 3])?;
-        let mut occupancy = Occupancy::empty(bounds, UVec3::new(count(x)?, count(y)?, count(z)?));
-        for bit in (0..set.len()).filter(|&bit| set[bit]) {
-            occupancy.words[bit / 64] |= 1 << (bit % 64);
-        }
-        Ok(occupancy)
-    }
-
-    /// The shape and numbers of an array with the `expected` lengths.
-    fn array<T: Element, const N: usize>(
+    fn read<T: Element, const N: usize>(
         &self,
         name: &str,
         expected: [Option<usize>; N],
@@ -326,9 +178,4 @@ impl Folder<'_> {
             .map_err(|e| malformed(e.to_string()))?;
         Ok((shape.try_into().expect("of this many dimensions"), values))
     }
-}
-
-/// `n` as the model's type of counts.
-fn count(n: usize) -> Result<u32, Error> {
-    u32::try_from(n).map_err(|_| Error::Malformed(format!("{n} is too large; expected fewer than 2^32")))
 }

@@ -16,13 +16,15 @@ mod schema;
 mod showing;
 mod verify;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
 pub(super) use packaging::{Extras, JUDGED, PROBED, Packing};
 
-use super::session::{Globals, run_command};
+use super::session::{Globals, Session, run_call, run_command};
+use super::{Call, Error};
 use crate::version::version;
 
 const EXIT_CODES: &str = "\
@@ -80,23 +82,34 @@ pub(super) fn command() -> clap::Command {
 
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
-    run_command(
-        "strivec-pack",
-        Cli::try_parse().map(|cli| (cli.globals, cli.command)),
-        |command, session| match command {
-            Command::Pack(args) => package::run(args, session),
-            Command::Info(args) => info::run(args, session),
-            Command::Verify(args) => verify::run(args, session),
-            Command::Conform(args) => conform::run(args, session),
-            Command::Diff(args) => diff::run(args, session),
-            Command::Convert(args) => convert::run(args, session),
-            Command::Prune(args) => edit::prune(args, session),
-            Command::Crop(args) => edit::crop(args, session),
-            Command::Transform(args) => edit::transform(args, session),
-            Command::Extract(args) => extract::extract(args, session),
-            Command::Assemble(args) => extract::assemble(args, session),
-            Command::Notes(args) => notes::run(args, session),
-            Command::Schema => schema::run(session),
-        },
-    )
+    run_command("strivec-pack", Cli::try_parse().map(|cli| (cli.globals, cli.command)), run)
+}
+
+/// Runs the command of `strivec-pack` that `arguments` name, without the program's name, within another program. Returns its results:
+/// JSON, but for commands that print text in any case.
+///
+/// # Errors
+///
+/// As for [`call`](super::call).
+pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
+    let words = std::iter::once(OsString::from("strivec-pack")).chain(arguments.iter().cloned());
+    run_call(Cli::try_parse_from(words).map(|cli| (cli.globals, cli.command)), call, run)
+}
+
+fn run(command: &Command, session: &Session) -> Result<(), Error> {
+    match command {
+        Command::Pack(args) => package::run(args, session),
+        Command::Info(args) => info::run(args, session),
+        Command::Verify(args) => verify::run(args, session),
+        Command::Conform(args) => conform::run(args, session),
+        Command::Diff(args) => diff::run(args, session),
+        Command::Convert(args) => convert::run(args, session),
+        Command::Prune(args) => edit::prune(args, session),
+        Command::Crop(args) => edit::crop(args, session),
+        Command::Transform(args) => edit::transform(args, session),
+        Command::Extract(args) => extract::extract(args, session),
+        Command::Assemble(args) => extract::assemble(args, session),
+        Command::Notes(args) => notes::run(args, session),
+        Command::Schema => schema::run(session),
+    }
 }

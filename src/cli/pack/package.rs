@@ -13,7 +13,7 @@ use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
 use crate::cli::state_file::{StateFile, read_state};
 use crate::cli::table::plural;
-use crate::cli::training::{interrupts, run_steps};
+use crate::cli::training::run_steps;
 use crate::cli::{Error, Session, quantity};
 use crate::container::{EncodeOptions, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -210,7 +210,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             "--tune keeps its state beside the output: give a file or a folder, and no --dry-run".into(),
         ));
     }
-    let interrupted = args.tuning.tune.as_ref().map(|_| interrupts()).transpose()?;
+    let interrupted = args.tuning.tune.as_ref().map(|_| session.interrupts()).transpose()?;
     let photographs = args.data.load()?;
     let mut rows = Vec::new();
     for path in &paths {

@@ -18,7 +18,6 @@ use crate::cli::dataset::DatasetOptions;
 use crate::cli::evaluation::{Evaluator, SceneToEvaluate};
 use crate::cli::output::{make_folder, remove_file};
 use crate::cli::state_file::beside;
-use crate::cli::training::interrupts;
 use crate::cli::view_selection::evenly_spaced;
 use crate::cli::{Error, Session, train, write_atomically};
 use crate::dataset::{self, LoadOptions};
@@ -206,7 +205,7 @@ impl Trainings<'_> {
         // A scene without a record is of a run that ended before it wrote one.
         remove_file(file)?;
         let trained = train::trained(&args, config, self.session).map_err(|error| {
-            let is_stopped = interrupts().is_ok_and(|stopped| stopped.load(Ordering::SeqCst));
+            let is_stopped = self.session.interrupts().is_ok_and(|stopped| stopped.load(Ordering::SeqCst));
             if is_stopped { Error::Runtime("interrupted; the same command goes on from here".into()) } else { error }
         })?;
         Ok(Trained { bytes: trained.bytes, parameters: trained.parameters, seconds: trained.seconds })

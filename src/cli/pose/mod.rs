@@ -22,7 +22,6 @@ use std::time::Instant;
 use super::output::make_folder;
 use super::progress::Progress;
 use super::table::plural;
-use super::training::interrupts;
 use super::{Error, Session, write_atomically};
 use folder::{Capture, DATABASE, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
 use frames::Video;
@@ -76,7 +75,7 @@ pub(super) struct Args {
 
 /// Computes the poses.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
-    let interrupted = interrupts()?;
+    let interrupted = session.interrupts()?;
     let metadata = fs::metadata(&args.source).map_err(Error::io("read", &args.source))?;
     if let Some(file) = &args.options.vocab_tree {
         fs::File::open(file).map_err(Error::io("read", file))?;

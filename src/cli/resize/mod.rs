@@ -18,7 +18,7 @@ use super::progress::Progress;
 use super::settings::{Basics, Precision, Preset};
 use super::state_file::StateFile;
 use super::table::plural;
-use super::training::{interrupts, run_steps};
+use super::training::run_steps;
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
 use crate::container::{self, EncodeOptions, Metadata, SceneFile};
 use crate::dataset::{self, Dataset};
@@ -273,7 +273,7 @@ impl Common {
         }
         let state = StateFile::new(self.checkpoint.as_deref(), &self.output, self.resume, session)?;
         let (document, _) = scene_file::read(&self.file, &session.console)?;
-        let interrupted = interrupts()?;
+        let interrupted = session.interrupts()?;
         let dataset = dataset::load(&self.dataset, "train", &self.basics.photographs(&self.dataset, None, session)?)?;
         let start = Instant::now();
         let inputs = Inputs { document, dataset, state, interrupted };

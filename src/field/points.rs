@@ -1,0 +1,166 @@
+//! The field at points that are on no ray.
+
+use glam::DVec3;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::decoder::row_padding;
+use super::{Field, Matrix, MatrixMut, Pool, Real, Samples, multiply, vectorized};
+
+/// Points that a thread evaluates together.
+const CHUNK: usize = 256;
+
+/// What is evaluated at a chunk of points, reused from one to the next.
+#[derive(Default)]
+struct Scratch<T> {
+    samples: Samples<T>,
+    /// \[slot\]\[ΣR\] appearance components.
+    components: Vec<T>,
+    /// \[slot\]\[P\] appearance features.
+    features: Vec<T>,
+}
+
+impl<T: Real> Field<T> {
+    /// \[point\] the densities σ (spec 4.5) at `points`, in model space: 0 where no sample counts, outside the bounds, the tensors
+    /// or the occupied cells. On all threads.
+    pub fn densities(&self, points: &[DVec3]) -> Vec<T> {
+        self.at_points(
+            points,
+            1,
+            #[inline(always)]
+            |Scratch { samples, .. }, densities| {
+                self.gather_density(samples);
+                for (index, &feature) in samples.distances.iter().zip(&samples.features) {
+                    densities[index.floor_i32() as usize] = self.density(feature);
+                }
+            },
+        )
+    }
+
+    /// \[point\]\[P\] the appearance features (spec 4.6) at `points`, in model space: zeros where no sample counts. On all threads.
+    pub fn appearances(&self, points: &[DVec3]) -> Vec<T> {
+        let width = self.decoder.features;
+        self.at_points(
+            points,
+            width,
+            #[inline(always)]
+            |scratch, values| {
+                Arch::new().dispatch(GatherRows { field: self, scratch });
+                let Scratch { samples, components, features } = scratch;
+                let (slots, ranks) = (samples.distances.len(), self.component_count());
+                features.resize(slots * width, T::zero());
+                multiply(
+                    MatrixMut::new(features, slots, width, width),
+                    Matrix::new(components, slots, ranks, ranks),
+                    Matrix::new(&self.decoder.appearance, width, ranks, ranks).transposed(),
+                    false,
+                );
+                for (index, row) in samples.distances.iter().zip(features.chunks_exact(width)) {
+                    values[index.floor_i32() as usize * width..][..width].copy_from_slice(row);
+                }
+            },
+        )
+    }
+
+    /// \[point\]\[width\] what `evaluate` writes for chunks of `points`, by the samples at those that count; their distances are
+    /// their places in the chunk. Zeros for the others.
+    #[inline(always)]
+    fn at_points(&self, points: &[DVec3], width: usize, evaluate: impl Fn(&mut Scratch<T>, &mut [T]) + Sync) -> Vec<T> {
+        let mut values = vec![T::zero(); points.len() * width];
+        let pool = Pool::<Scratch<T>>::default();
+        values.par_chunks_mut(CHUNK * width).zip(points.par_chunks(CHUNK)).for_each(|(values, points)| {
+            pool.with(|scratch| {
+                vectorized(
+                    #[inline(always)]
+                    || {
+                        self.locate(points, &mut scratch.samples);
+                        evaluate(scratch, values);
+                    },
+                );
+            });
+        });
+        values
+    }
+
+    /// Makes samples of the `points` that count, with their indices as distances.
+    #[inline(always)]
+    fn locate(&self, points: &[DVec3], samples: &mut Samples<T>) {
+        samples.clear(0);
+        samples.set_pending(points.iter().enumerate().filter_map(|(index, &point)| {
+            let position = self.rules.contracted(point);
+            let relative = self.relative(position);
+            let is_occupied = || self.occupancy.as_ref().is_none_or(|cells| cells.contains(relative));
+            (self.bounds.contains(position) && is_occupied()).then_some((T::of_i32(index as i32), relative))
+        }));
+        self.find_neighbors(samples);
+        self.assign_covered_slots(samples, 0..samples.pending.len());
+    }
+}
+
+/// Fills the appearance components of all slots.
+struct GatherRows<'a, T> {
+    field: &'a Field<T>,
+    scratch: &'a mut Scratch<T>,
+}
+
+impl<T: Real> WithSimd for GatherRows<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { field, scratch: Scratch { samples, components, .. } } = self;
+        let (width, slots) = (field.component_count(), samples.distances.len());
+        components.resize(slots * width + row_padding::<T, S>(), T::zero());
+        let mut count = 0;
+        for slot in 0..slots {
+            field.appearance_row(simd, samples, slot, &mut components[slot * width..], &mut count);
+        }
+        components.truncate(slots * width);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::decode;
+    use crate::model::ReferenceField;
+
+    #[test]
+    fn points_have_the_numbers_of_the_reference() {
+        for name in ["occupancy", "contracted", "reductions-mean", "vm"] {
+            let path = format!("{}/fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"));
+            let scene = decode(&std::fs::read(path).unwrap()).unwrap();
+            let (field, reference) = (Field::<f64>::new(&scene), ReferenceField::new(&scene));
+            // Beyond the bounds too, and with more points than a chunk has.
+            let (center, size) = (scene.bounds.center(), scene.bounds.size());
+            let points: Vec<DVec3> = (0..11 * 11 * 11)
+                .map(|n| {
+                    center
+                        + size
+                            * 0.11
+                            * (DVec3::new(f64::from(n % 11), f64::from(n / 11 % 11), f64::from(n / 121)) - 5.03)
+                })
+                .collect();
+            let (densities, appearances) = (field.densities(&points), field.appearances(&points));
+            let width = field.decoder.features;
+            let mut counting = 0;
+            for (n, &point) in points.iter().enumerate() {
+                let position = scene.rules.contracted(point);
+                let at = reference.locate(position);
+                let counts = at.covered && scene.bounds.contains(position) && reference.occupied(position).0;
+                let (density, features) = match counts {
+                    true => {
+                        (reference.density(reference.density_feature(&at).feature), reference.appearance_features(&at))
+                    }
+                    false => (0.0, vec![0.0; width]),
+                };
+                counting += usize::from(counts);
+                let found = std::iter::once(&densities[n]).chain(&appearances[n * width..][..width]);
+                for (found, expected) in found.zip(std::iter::once(density).chain(features)) {
+                    assert!((found - expected).abs() <= 1e-9 * expected.abs().max(1.0), "{name}: {found}, {expected}");
+                }
+            }
+            assert!((10..points.len()).contains(&counting), "{name}: {counting} of {} points count", points.len());
+        }
+    }
+}
