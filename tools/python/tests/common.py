@@ -1,0 +1,35 @@
+"""What the tests share."""
+
+import pathlib
+import sys
+
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+FIXTURES = ROOT / "fixtures" / "v1"
+sys.path[:0] = [str(ROOT / "format-spec" / "reader"), str(ROOT / "tools" / "python" / "examples")]
+
+import strivec  # noqa: E402
+
+
+def fixture(name):
+    """A scene of the format's test vectors."""
+    return strivec.Scene.load(FIXTURES / f"{name}.strivec")
+
+
+def points_in(scene, count=200, seed=0):
+    """Points in and around the bounds of `scene`, in model space."""
+    bounds = scene.description["bounds"]
+    low, high = np.array(bounds["min"]), np.array(bounds["max"])
+    return np.random.default_rng(seed).uniform(low - 0.1 * (high - low), high + 0.1 * (high - low), (count, 3))
+
+
+def rays_to(scene, count=60, seed=0):
+    """Rays in model space from around the scene to points in it, origins and directions."""
+    bounds = scene.description["bounds"]
+    low, high = np.array(bounds["min"]), np.array(bounds["max"])
+    random = np.random.default_rng(seed)
+    outward = random.normal(size=(count, 3))
+    origins = (low + high) / 2 + 1.2 * np.linalg.norm(high - low) * outward / np.linalg.norm(outward, axis=1)[:, None]
+    toward = random.uniform(low, high, (count, 3)) - origins
+    return origins, toward / np.linalg.norm(toward, axis=1)[:, None]
