@@ -1,0 +1,249 @@
+"""What is done, in a store of any kind that fsspec knows.
+
+    objects/STAGE/KEY/          the files of a stage's result, and `done.json`, which is written last
+    checkpoints/KEY.state       of trainings that are not done
+    runs/STAGE/KEY/ID.json      one for each time that a stage was begun
+    inputs/ID.json              the digests of input files, by address, size and time
+    scenes/NAME.strivec         the results, and NAME.json with the facts of all stages
+    failed/NAME.json            scenes that could not be made, and why
+
+A key is the digest of a stage's inputs, settings and version, so a result that exists is the result. Files appear whole: stores of
+objects write so, and in folders a file is written under another name and renamed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import random
+import shutil
+import tarfile
+import tempfile
+import time
+import uuid
+import zipfile
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, Optional, TypeVar
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from ..errors import InputError
+
+T = TypeVar("T")
+
+TRIES = 6
+"""Times that a request is made before its failure counts."""
+FIRST_WAIT = 0.1
+"""Seconds before the second; each wait is twice as long."""
+
+
+_LASTING = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, TypeError, ValueError)
+"""Failures that another try does not mend."""
+_FULL = (errno.EDQUOT, errno.ENOSPC)
+"""Those of a full disk."""
+
+
+def digest(value: Any) -> str:
+    """The SHA-256 of a value as canonical JSON."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def tried(place: str, request: Callable[[], T]) -> T:
+    """Makes a request of a store, again after a failure that may pass. Raises an InputError that names `place`."""
+    for left in reversed(range(TRIES)):
+        try:
+            return request()
+        except Exception as error:  # Each kind of store has its own.
+            if left == 0 or isinstance(error, _LASTING) or getattr(error, "errno", None) in _FULL:
+                raise InputError(f"{place}: {_reason(error)}") from error
+            time.sleep(FIRST_WAIT * 2 ** (TRIES - 1 - left) * random.uniform(0.5, 1.0))
+    raise AssertionError("a loop of tries ends in a result or an error")
+
+
+def _reason(error: Exception) -> str:
+    return (getattr(error, "strerror", None) or str(error) or type(error).__name__).rstrip(".")
+
+
+class Store:
+    """The folder at an fsspec URL."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        self.fs, self.root = fsspec.core.url_to_fs(self.url)
+        self.is_local = isinstance(self.fs, LocalFileSystem)
+
+    def path(self, name: str) -> str:
+        """The address of the file `name` within its file system."""
+        return f"{self.root.rstrip('/')}/{name}"
+
+    def place(self, name: str) -> str:
+        """The address that people read."""
+        return f"{self.url}/{name}"
+
+    def exists(self, name: str) -> bool:
+        """Whether there is a file `name`."""
+        return tried(self.place(name), lambda: self.fs.isfile(self.path(name)))
+
+    def read(self, name: str) -> bytes:
+        """The bytes of the file `name`."""
+        return tried(self.place(name), lambda: self.fs.cat_file(self.path(name)))
+
+    def write(self, name: str, data: bytes) -> None:
+        """Writes the file `name`, whole."""
+
+        def write() -> None:
+            if not self.is_local:
+                self.fs.pipe_file(self.path(name), data)
+                return
+            with self._renamed(name) as partial:
+                with open(partial, "wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
+
+        tried(self.place(name), write)
+
+    def upload(self, local: Path, name: str) -> None:
+        """Writes the file `name` from a local one, whole."""
+
+        def write() -> None:
+            if not self.is_local:
+                self.fs.put_file(str(local), self.path(name))
+                return
+            with self._renamed(name) as partial:
+                shutil.copyfile(local, partial)
+
+        tried(self.place(name), write)
+
+    def download(self, name: str, local: Path) -> None:
+        """Copies the file `name` to a local one, which appears whole."""
+        partial = local.with_name(f".{local.name}-{uuid.uuid4().hex}")
+        try:
+            tried(self.place(name), lambda: self.fs.get_file(self.path(name), str(partial)))
+            os.replace(partial, local)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def remove(self, name: str) -> None:
+        """Removes the file `name`, if it is there."""
+
+        def remove() -> None:
+            with contextlib.suppress(FileNotFoundError):
+                self.fs.rm_file(self.path(name))
+
+        tried(self.place(name), remove)
+
+    def read_json(self, name: str) -> Optional[Any]:
+        """The value in the file `name`; None without a file, or with one that is no JSON."""
+        if not self.exists(name):
+            return None
+        try:
+            return json.loads(self.read(name))
+        except ValueError:
+            return None
+
+    def write_json(self, name: str, value: Any) -> None:
+        """Writes `value` as the file `name`."""
+        self.write(name, json.dumps(value, indent=1, sort_keys=True).encode())
+
+    @contextlib.contextmanager
+    def _renamed(self, name: str) -> Iterator[str]:
+        """A path beside the file `name` of a local store, whose file then becomes it."""
+        path = self.path(name)
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        partial = f"{path}.{uuid.uuid4().hex}.partial"
+        try:
+            yield partial
+            os.replace(partial, path)
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(partial)
+
+
+class Input:
+    """A file or a folder at an fsspec URL."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url.rstrip("/")
+        self.fs, self.root = fsspec.core.url_to_fs(self.url)
+
+    def files(self) -> Dict[str, Dict[str, Any]]:
+        """What the store knows of its files, by their names in it; a single file has the name ""."""
+
+        def find() -> Dict[str, Dict[str, Any]]:
+            found = self.fs.find(self.root, detail=True)
+            return {path[len(self.root) :].lstrip("/"): info for path, info in found.items()}
+
+        files = tried(self.url, find)
+        if not files:
+            raise InputError(f"{self.url}: there is no such file or folder, or it is empty")
+        return files
+
+    def identity(self, cache: Store) -> str:
+        """The digest of the names and the contents of its files. Contents are read once: `cache` keeps their digests, which hold as long
+        as a file has its size and its time, or its version."""
+        name = f"inputs/{digest(self.url)}.json"
+        known = cache.read_json(name) or {}
+        digests = {}
+        for file, info in sorted(self.files().items()):
+            state = [info.get("size"), *(str(info[key]) for key in ("ETag", "etag", "mtime", "LastModified") if key in info)]
+            before = known.get(file)
+            if before is not None and before[0] == state and len(state) > 1:
+                digests[file] = before
+            else:
+                digests[file] = [state, self._digest_of(file)]
+        if digests != known:
+            cache.write_json(name, digests)
+        return digest({file: sha256 for file, (_, sha256) in digests.items()})
+
+    def _digest_of(self, file: str) -> str:
+        path = f"{self.root}/{file}" if file else self.root
+
+        def read() -> str:
+            sha256 = hashlib.sha256()
+            with self.fs.open(path, "rb") as source:
+                while block := source.read(1 << 20):
+                    sha256.update(block)
+            return sha256.hexdigest()
+
+        return tried(f"{self.url}/{file}", read)
+
+    @contextlib.contextmanager
+    def local(self) -> Iterator[Path]:
+        """Its path on this machine: its own, or that of a copy, which is removed at the end. Archives are unpacked."""
+        is_archive = self.url.endswith((".zip", ".tar", ".tar.gz", ".tgz"))
+        if isinstance(self.fs, LocalFileSystem) and not is_archive:
+            if not os.path.exists(self.root):
+                raise InputError(f"{self.url}: there is no such file or folder")
+            yield Path(self.root)
+            return
+        with tempfile.TemporaryDirectory(prefix="strivec-input-") as folder:
+            target = Path(folder) / self.root.rstrip("/").rsplit("/", 1)[-1]
+            for file in self.files():
+                remote = f"{self.root}/{file}" if file else self.root
+                path = target / file if file else target
+                if target not in (path, *path.parents):
+                    raise InputError(f"{self.url}: the name {file!r} leads out of the folder")
+                path.parent.mkdir(parents=True, exist_ok=True)
+                tried(f"{self.url}/{file}", lambda remote=remote, path=path: self.fs.get_file(remote, str(path)))
+            yield _unpacked(target, Path(folder) / "unpacked", self.url) if is_archive else target
+
+
+def _unpacked(archive: Path, folder: Path, place: str) -> Path:
+    """The folder in an archive: its only folder, if it holds nothing else."""
+    folder.mkdir()
+    try:
+        if archive.suffix == ".zip":
+            with zipfile.ZipFile(archive) as packed:
+                packed.extractall(folder)
+        else:
+            with tarfile.open(archive) as packed:
+                packed.extractall(folder, filter="data")
+    except (zipfile.BadZipFile, tarfile.TarError) as error:
+        raise InputError(f"{place}: {error}") from error
+    entries = [entry for entry in folder.iterdir() if not entry.name.startswith(("__MACOSX", "."))]
+    return entries[0] if len(entries) == 1 and entries[0].is_dir() else folder

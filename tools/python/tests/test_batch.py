@@ -1,0 +1,216 @@
+"""Batches, if the extra `ray` is installed."""
+
+import errno
+import json
+import pathlib
+import sys
+import tempfile
+import unittest
+import zipfile
+
+from common import ROOT, strivec
+
+try:
+    import fsspec
+    import pyarrow.parquet
+    import ray
+except ImportError:
+    ray = None
+else:
+    from fsspec.implementations.memory import MemoryFileSystem
+    from strivec.batch import report, specification, stages, store
+
+    sys.path.append(str(ROOT / "tools" / "measure"))
+    import batch as measured
+
+    class FlakyFileSystem(MemoryFileSystem):
+        """A store in memory that fails every third request."""
+
+        protocol = "flaky"
+        requests = 0
+        cachable = False
+
+        def _counted(self):
+            FlakyFileSystem.requests += 1
+            if FlakyFileSystem.requests % 3 == 0:
+                raise ConnectionError("the connection was reset")
+
+        def cat_file(self, path, *arguments, **options):
+            self._counted()
+            return super().cat_file(path, *arguments, **options)
+
+        def pipe_file(self, path, value, *arguments, **options):
+            self._counted()
+            return super().pipe_file(path, value, *arguments, **options)
+
+        def put_file(self, *arguments, **options):
+            self._counted()
+            return super().put_file(*arguments, **options)
+
+        def get_file(self, *arguments, **options):
+            self._counted()
+            return super().get_file(*arguments, **options)
+
+    class FullFileSystem(MemoryFileSystem):
+        """A store in memory that is full."""
+
+        protocol = "full"
+        tries = 0
+        cachable = False
+
+        def pipe_file(self, path, value, *arguments, **options):
+            FullFileSystem.tries += 1
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    fsspec.register_implementation("flaky", FlakyFileSystem, clobber=True)
+    fsspec.register_implementation("full", FullFileSystem, clobber=True)
+
+
+@unittest.skipIf(ray is None, "the extra ray is not installed")
+class Batches(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="strivec-test-")
+        self.addCleanup(folder.cleanup)
+        self.path = pathlib.Path(folder.name)
+
+    def test_specifications_are_refused_with_the_place(self):
+        for text, place in (
+            ("", "output"),
+            ("output = 1", "output"),
+            ('output = "x"', "scene"),
+            ('output = "x"\nother = 1\n[[scene]]', "other"),
+            ('output = "x"\n[[scene]]', "name of scene 0"),
+            ('output = "x"\n[[scene]]\nname = "../a"\ndataset = "d"', "name of scene 0"),
+            ('output = "x"\n[[scene]]\nname = "a"\ndataset = "d"\n[[scene]]\nname = "a"\ndataset = "d"', "scene 1"),
+            ('output = "x"\n[[scene]]\nname = "a"\ndataset = "d"\nprior = "p"', "prior of scene 0"),
+            ('output = "x"\n[[scene]]\nname = "a"\ndataset = "d"\ntrain = 1', "train of scene 0"),
+            ('output = "x"\n[[scene]]\nname = "a"\ndataset = "d"\ntrane = {}', "trane"),
+            ("output = ", "batch.toml"),
+        ):
+            with self.subTest(text), self.assertRaises(strivec.MalformedError) as caught:
+                specification.read(text, "batch.toml")
+            self.assertIn("batch.toml", str(caught.exception))
+            self.assertIn(place, str(caught.exception))
+        read = specification.read(
+            'output = "x"\ndefaults.train = { steps = 1, seed = 2 }\n[[scene]]\nname = "a"\ndataset = "d"\ntrain = { steps = 3 }',
+            "batch.toml",
+        )
+        self.assertEqual(read.jobs[0].of("train"), {"steps": 3, "seed": 2})
+
+    def test_a_store_that_fails_every_third_request_serves(self):
+        flaky = store.Store("flaky://store")
+        for number in range(30):
+            flaky.write_json(f"values/{number}.json", number)
+        self.assertEqual([flaky.read_json(f"values/{number}.json") for number in range(30)], list(range(30)))
+        self.assertGreater(FlakyFileSystem.requests, 80)
+
+    def test_a_full_store_is_a_clear_error_at_once(self):
+        with self.assertRaisesRegex(strivec.InputError, "full://store/x: No space left on device"):
+            store.Store("full://store").write("x", b"data")
+        self.assertEqual(FullFileSystem.tries, 1)
+        with self.assertRaisesRegex(strivec.InputError, "/dev/full|Not a directory"):
+            store.Store("/dev/full/store").write("x", b"data")
+
+    def test_a_failed_write_leaves_what_was_there(self):
+        here = store.Store(str(self.path))
+        here.write("x", b"before")
+        with self.assertRaises(strivec.InputError):
+            here.upload(self.path / "absent", "x")
+        self.assertEqual(here.read("x"), b"before")
+        self.assertEqual([path.name for path in self.path.iterdir()], ["x"])
+
+    def test_identities_are_those_of_contents(self):
+        cache = store.Store(str(self.path / "cache"))
+        for name in ("a", "b"):
+            (self.path / name).mkdir()
+            (self.path / name / "file").write_text("text")
+        one, other = (store.Input(str(self.path / name)).identity(cache) for name in ("a", "b"))
+        self.assertEqual(one, other)
+        (self.path / "b" / "file").write_text("texts")
+        self.assertNotEqual(store.Input(str(self.path / "b")).identity(cache), one)
+        with self.assertRaisesRegex(strivec.InputError, "absent"):
+            store.Input(str(self.path / "absent")).identity(cache)
+
+    def test_archives_are_unpacked_and_stay_within_their_folder(self):
+        (scene,) = measured.datasets(self.path, 1, 16)
+        archive = self.path / "data.zip"
+        with zipfile.ZipFile(archive, "w") as packed:
+            for file in scene.rglob("*"):
+                packed.write(file, f"data/{file.relative_to(scene)}")
+        with store.Input(str(archive)).local() as folder:
+            self.assertEqual(strivec.dataset(folder)["splits"][0]["photographs"], 12)
+        with zipfile.ZipFile(archive, "w") as packed:
+            packed.writestr("../../outside", "x")
+        with store.Input(str(archive)).local() as folder:
+            self.assertEqual([path.name for path in folder.iterdir()], ["outside"])
+
+    def test_stages_of_one_scene_without_ray(self):
+        (scene,) = measured.datasets(self.path, 1, 24)
+        batch = measured.batch_of([scene], f"flaky://{self.path.name}", 60)
+        keys, done = {}, []
+        for name in stages.wanted(batch.jobs[0]):
+            one = stages.run(batch.output, batch.jobs[0], name, keys, 1)
+            self.assertTrue(one.is_new)
+            again = stages.run(batch.output, batch.jobs[0], name, keys, 1)
+            self.assertEqual((again.key, again.facts, again.is_new), (one.key, one.facts, False))
+            keys[name] = one.key
+            done.append(one)
+        row = stages.publish(batch.output, batch.jobs[0], done)
+        self.assertGreater(row["psnr"], 5.0)
+        data = store.Store(batch.output).read(row["file"])
+        self.assertEqual(strivec.Scene.loads(data).info()["steps"], 60)
+
+    def test_a_training_goes_on_from_the_checkpoint_of_another_machine(self):
+        (scene,) = measured.datasets(self.path, 1, 24)
+        whole, cut = (measured.batch_of([scene], str(self.path / name), 400) for name in ("whole", "cut"))
+        job = whole.jobs[0]
+        plan = stages.run(whole.output, job, "plan", {}, 1)
+        expected = stages.run(whole.output, job, "train", {"plan": plan.key}, 1)
+
+        class Death(BaseException):
+            """Of a machine, as far as the store knows."""
+
+        told = stages.Work.told
+
+        def dying(work, event):
+            told(work, event)
+            if work.store.exists(f"checkpoints/{work.key}.state"):
+                raise Death
+
+        stages.Work.told = dying
+        try:
+            with self.assertRaises(Death):
+                stages.run(cut.output, job, "train", {}, 1)
+        finally:
+            stages.Work.told = told
+        one = stages.run(cut.output, job, "train", {}, 1)
+        files = [
+            store.Store(url).read(f"objects/train/{key}/scene.strivec")
+            for url, key in ((whole.output, expected.key), (cut.output, one.key))
+        ]
+        self.assertEqual(*files)
+        self.assertFalse(store.Store(cut.output).exists(f"checkpoints/{one.key}.state"))
+
+    def test_a_batch_survives_the_death_of_a_machine(self):
+        folders = measured.datasets(self.path, 3, 24)
+        output = self.path / "done"
+        jobs, _, killed = measured.run(measured.batch_of(folders, output, 300), kills=(1,))
+        self.assertEqual(killed, 1)
+        self.assertEqual([one.state for one in jobs], ["done", "done", "done", "failed"], [one.error for one in jobs])
+        self.assertEqual(measured.begun_again(output), [])
+        letter = json.loads((output / "failed" / "broken.json").read_text())
+        self.assertEqual((letter["class"], letter["stage"]), ("MalformedError", "plan"))
+        self.assertIn("transforms_train.json", letter["error"])
+        table = pyarrow.parquet.read_table(output / "results.parquet").to_pylist()
+        self.assertEqual([row["state"] for row in table], ["done", "done", "done", "failed"])
+        page = (output / "index.html").read_text(encoding="utf-8")
+        self.assertIn("3 of 4 scenes", page)
+        self.assertIn('href="scenes/data00.strivec"', page)
+
+    def test_texts_of_files_are_harmless_in_the_gallery(self):
+        self.assertEqual(report.safe("<b>\u202e\n"), "&lt;b&gt;\\u202e\\n")
+        self.assertEqual(report.safe_line("\x1b[2J"), "\\x1b[2J")
+
+
+if __name__ == "__main__":
+    unittest.main()
