@@ -231,3 +231,38 @@ fn trace_info_has_the_references_normals_and_the_same_pixels() {
     // The other rays are near a decision, at which the density jumps.
     assert!(normals > 100 && close * 100 >= normals * 98, "{close} of {normals}");
 }
+
+#[test]
+fn points_have_the_numbers_of_the_reference() {
+    for name in ["occupancy", "contracted", "reductions-mean", "vm"] {
+        let path = format!("{}/fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"));
+        let scene = strivec::container::decode(&std::fs::read(path).unwrap()).unwrap();
+        let field = Field::<f64>::new(&scene);
+        let reference = ReferenceField::new(&scene);
+        // Beyond the bounds too, and more points than are evaluated together.
+        let (center, size) = (scene.bounds.center(), scene.bounds.size());
+        let along = |n: u32| 0.11 * (f64::from(n % 11) - 5.03);
+        let points: Vec<DVec3> =
+            (0..11 * 11 * 11).map(|n| center + size * DVec3::new(along(n), along(n / 11), along(n / 121))).collect();
+        let (densities, appearances) = (field.densities(&points), field.appearances(&points));
+        let width = field.decoder.features;
+        let mut counting = 0;
+        for (n, &point) in points.iter().enumerate() {
+            let position = scene.rules.contracted(point);
+            let at = reference.locate(position);
+            let counts = at.covered && scene.bounds.contains(position) && reference.occupied(position).0;
+            let expected = if counts {
+                let density = reference.density(reference.density_feature(&at).feature);
+                [vec![density], reference.appearance_features(&at)].concat()
+            } else {
+                vec![0.0; 1 + width]
+            };
+            counting += usize::from(counts);
+            let found = std::iter::once(&densities[n]).chain(&appearances[n * width..][..width]);
+            for (found, expected) in found.zip(expected) {
+                assert!((found - expected).abs() <= 1e-9 * expected.abs().max(1.0), "{name}: {found}, {expected}");
+            }
+        }
+        assert!((10..points.len()).contains(&counting), "{name}: {counting} of {} points count", points.len());
+    }
+}
