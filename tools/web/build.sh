@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
-# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them. Copies it into the
-# Python package, for scenes that are published from there. Prints the compressed size of the WebAssembly, and fails if it exceeds
-# the limit below.
+# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them. Prints the
+# compressed size of the WebAssembly, and fails if it exceeds the limit below.
 #
 #   tools/web/build.sh
 #
@@ -35,7 +34,6 @@ node_modules/.bin/wasm-opt -Oz --enable-bulk-memory --enable-mutable-globals --e
     src/generated/strivec_bg.wasm -o src/generated/strivec_bg.wasm
 node_modules/.bin/tsc
 node_modules/.bin/vite build --logLevel warn
-node_modules/.bin/vite build --logLevel warn --config vite.whole.config.ts
 # Type declarations for users of the package.
 node_modules/.bin/tsc --noEmit false --declaration --emitDeclarationOnly --outDir dist/types
 
@@ -51,7 +49,3 @@ if (gzip > Number(maxBytes)) {
   process.exit(1);
 }
 JS
-
-rm -rf ../python/strivec/web
-cp -R dist ../python/strivec/web
-rm -r ../python/strivec/web/types
