@@ -15,7 +15,7 @@ SUITE = ROOT / "format-spec" / "conformance"
 
 class Conformance(unittest.TestCase):
     def run_suite(self, reader):
-        environment = {**os.environ, "PYTHONPATH": str(ROOT / "tools" / "python")}
+        environment = {**os.environ, "PYTHONPATH": str(ROOT / "format-spec" / "reader")}
         command = [sys.executable, str(SUITE / "run.py"), *reader]
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
