@@ -23,7 +23,7 @@ pub(super) struct Console {
     embedding: Option<Embedding>,
 }
 
-/// What takes the place of the streams.
+/// The host of a command that runs within another program, and the results that are kept for it.
 struct Embedding {
     host: Arc<dyn Host>,
     results: Mutex<Vec<String>>,

@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.fail_with(errors)
 }
 
-/// What `strivec info --json` prints of the file `name` with these `bytes`.
+/// The facts of the scene file `name` with these `bytes`, in the JSON of `strivec info --json`.
 ///
 /// # Errors
 ///

@@ -10,7 +10,7 @@ use super::{Field, Matrix, MatrixMut, Pool, Real, Samples, multiply, vectorized}
 /// Points that a thread evaluates together.
 const CHUNK: usize = 256;
 
-/// What is evaluated at a chunk of points, reused from one to the next.
+/// The samples at a chunk of points and their numbers. Reused from one chunk to the next.
 #[derive(Default)]
 struct Scratch<T> {
     samples: Samples<T>,

@@ -12,7 +12,7 @@ use strivec::train::TrainConfig;
 use crate::errors::Failure;
 use crate::work::{caught, next, spawn};
 
-/// What a command's thread sends.
+/// Messages from the thread of a command.
 enum Event {
     Message(String),
     Progress { task: String, done: u64, total: u64, detail: String },

@@ -76,22 +76,25 @@ impl NativeScene {
         })
     }
 
-    /// Evaluates the field at `points`; see [`Field::densities`].
-    fn at_points(
+    /// The numbers of the field at `points`, in an array of their count and the lengths `row`; see [`Field::densities`].
+    fn at_points<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         points: &PyReadonlyArrayDyn<'_, f64>,
         in_dataset: bool,
+        row: &[usize],
         evaluate: impl FnOnce(&Field<f32>, &[DVec3]) -> Vec<f32> + Send + 'static,
-    ) -> PyResult<Vec<f32>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let mut points = vectors(points, "points")?;
+        let shape = [&[points.len()], row].concat();
         let (scene, field) = (Arc::clone(&self.scene), Arc::clone(&self.field));
-        detached(py, move || {
+        let values = detached(py, move || {
             if in_dataset {
                 points.iter_mut().for_each(|point| *point = scene.frame.model_from_dataset.point(*point));
             }
             Ok(evaluate(field.get_or_init(|| Field::new(&scene)), &points))
-        })
+        })?;
+        shaped(py, values, &shape)
     }
 }
 
@@ -193,9 +196,7 @@ impl NativeScene {
         points: PyReadonlyArrayDyn<'_, f64>,
         in_dataset: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let values = self.at_points(py, &points, in_dataset, |field, points| field.densities(points))?;
-        let count = values.len();
-        shaped(py, values, &[count])
+        self.at_points(py, &points, in_dataset, &[], |field, points| field.densities(points))
     }
 
     /// The appearance features at `points`, f32 \[n\]\[P\].
@@ -206,8 +207,6 @@ impl NativeScene {
         in_dataset: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let width = self.scene.features() as usize;
-        let values = self.at_points(py, &points, in_dataset, |field, points| field.appearances(points))?;
-        let count = values.len() / width;
-        shaped(py, values, &[count, width])
+        self.at_points(py, &points, in_dataset, &[width], |field, points| field.appearances(points))
     }
 }

@@ -31,7 +31,7 @@ pub(crate) fn detached<T: Send + 'static>(
     }
 }
 
-/// What `work` returns; a panic is a failure.
+/// Calls `work`, and turns a panic into a failure.
 pub(crate) fn caught<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| Err(Failure::of_panic(payload.as_ref())))
 }

@@ -69,7 +69,11 @@ def summary(scene: Scene) -> str:
     return f'<div style="display: flex; gap: 1em; align-items: center">{picture}<table>{table}</table></div>'
 
 
+def printable(text: str) -> str:
+    """Text of an untrusted file without characters that move a cursor, or hide or reorder others."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def safe(text: str) -> str:
-    """Text of an untrusted file, for HTML: without characters that hide or reorder others."""
-    shown = (c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
-    return html.escape("".join(shown))
+    """Text of an untrusted file, for HTML."""
+    return html.escape(printable(text))

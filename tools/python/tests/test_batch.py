@@ -209,7 +209,7 @@ class Batches(unittest.TestCase):
 
     def test_texts_of_files_are_harmless_in_the_gallery(self):
         self.assertEqual(report.safe("<b>\u202e\n"), "&lt;b&gt;\\u202e\\n")
-        self.assertEqual(report.safe_line("\x1b[2J"), "\\x1b[2J")
+        self.assertEqual(report.printable("\x1b[2J"), "\\x1b[2J")
 
 
 if __name__ == "__main__":

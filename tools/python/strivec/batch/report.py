@@ -10,7 +10,7 @@ import sys
 import time
 from typing import Any, Dict, List
 
-from ..notebook import safe
+from ..notebook import printable, safe
 from .schedule import Progress
 from .stages import summary
 from .store import Store
@@ -49,16 +49,11 @@ class Terminal:
             up = f"\x1b[{self.drawn}A\x1b[J" if self.drawn else ""
             running = [f"  {one.job.name:<24} {one.state}" for one in jobs if one.state not in ("done", "failed", "waiting")]
             table = [f"{time.time() - self.start:.0f} s: {counts}", *running[:20]]
-            print(up + "\n".join([*map(safe_line, lines), *table]), file=sys.stderr)
+            print(up + "\n".join([*map(printable, lines), *table]), file=sys.stderr)
             self.drawn = len(table)
         else:
             for line in lines:
-                print(f"{safe_line(line)} ({counts})", file=sys.stderr, flush=True)
-
-
-def safe_line(text: str) -> str:
-    """`text` without characters that move the cursor."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+                print(f"{printable(line)} ({counts})", file=sys.stderr, flush=True)
 
 
 def write(store: Store, jobs: List[Progress]) -> None:

@@ -43,16 +43,11 @@ class Progress:
         return {one.stage: one.key for one in self.done}
 
 
-def _task(url: str, job: Job, name: str, keys: Dict[str, str], cores: int) -> Done:
-    """A stage, on a worker. Errors become ones that Ray can carry."""
-    return stages.run(url, job, name, keys, cores)
-
-
 def run(
     batch: Batch,
     cores: int = 1,
     told: Callable[[List[Progress]], None] = lambda jobs: None,
-    task: Callable[..., Done] = _task,
+    task: Callable[..., Done] = stages.run,
     finish: Callable[..., Dict[str, Any]] = stages.publish,
 ) -> List[Progress]:
     """Makes all scenes of `batch` on the cluster that Ray is connected to, with `cores` for each large stage. `told` learns of
