@@ -9,6 +9,7 @@ mod growth;
 mod peak;
 mod placement;
 mod process;
+mod query;
 mod render;
 mod repeats;
 mod report;
@@ -45,6 +46,8 @@ enum What {
     Train(train::Args),
     /// Measure frames by stage
     Render(render::Args),
+    /// Measure densities and features at points
+    Query(query::Args),
     /// Measure reading, writing and upsampling of scenes
     Files(files::Args),
     /// Measure how time and memory grow with pixels, tensors, ranks, batch and march step
@@ -70,6 +73,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         Some(What::Peak(args)) => session.console.result(&peak::measure(args), report::peak),
         Some(What::Train(args)) => session.console.result(&train::measure(args, session)?, train::Report::text),
         Some(What::Render(args)) => session.console.result(&render::measure(args, session)?, render::Report::text),
+        Some(What::Query(args)) => session.console.result(&query::measure(args, session)?, query::Report::text),
         Some(What::Files(args)) => session.console.result(&files::measure(args, session)?, files::Report::text),
         Some(What::Growth(args)) => session.console.result(&growth::measure(args, session)?, growth::Report::text),
         Some(What::Placement(args)) => session.console.result(&placement::measure(args)?, placement::Report::text),
