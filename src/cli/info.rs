@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::scale_table::ScaleRow;
 use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
-use crate::container::{self, Contents, Limits, SceneFile};
+use crate::container::{self, Contents, Metadata};
 use crate::digits::grouped;
 use crate::escape::{escaped, escaped_path};
-use crate::model::Coverage;
+use crate::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -70,7 +70,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let one = |path: &PathBuf| {
         let (scene_file, bytes) = scene_file::read(path, &session.console)?;
         let contents = container::sections(&bytes).map_err(|e| Error::container(path, e))?;
-        Ok(Info::new(path.clone(), bytes.len() as u64, &scene_file, &contents))
+        Ok(Info::new(path.clone(), bytes.len() as u64, &scene_file.scene, &scene_file.metadata, &contents))
     };
     let (infos, errors): (Vec<_>, Vec<_>) = args.files.iter().map(one).partition(Result::is_ok);
     let infos: Vec<Info> = infos.into_iter().flatten().collect();
@@ -84,22 +84,19 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.fail_with(errors)
 }
 
-/// The facts of the scene file `name` with these `bytes`, in the JSON of `strivec info --json`.
+/// The facts of a scene and its metadata, whose file has the name `name` and these `bytes`, in the JSON of `strivec info --json`.
 ///
 /// # Errors
 ///
 /// If the bytes are no scene file.
-pub fn info_of(name: &Path, bytes: &[u8]) -> Result<String, Error> {
-    let refused = |e| Error::container(name, e);
-    let scene_file = container::decode_scene_file(bytes, Limits::of_file(bytes.len() as u64)).map_err(refused)?;
-    let contents = container::sections(bytes).map_err(refused)?;
-    let info = Info::new(name.to_path_buf(), bytes.len() as u64, &scene_file, &contents);
+pub fn info_of(name: &Path, bytes: &[u8], scene: &Scene, metadata: &Metadata) -> Result<String, Error> {
+    let contents = container::sections(bytes).map_err(|e| Error::container(name, e))?;
+    let info = Info::new(name.to_path_buf(), bytes.len() as u64, scene, metadata, &contents);
     serde_json::to_string(&info).map_err(|e| Error::Runtime(e.to_string()))
 }
 
 impl Info {
-    pub(super) fn new(file: PathBuf, bytes: u64, scene_file: &SceneFile, contents: &Contents) -> Self {
-        let scene = &scene_file.scene;
+    pub(super) fn new(file: PathBuf, bytes: u64, scene: &Scene, metadata: &Metadata, contents: &Contents) -> Self {
         let provenance = scene.provenance.clone();
         Self {
             file,
@@ -127,7 +124,7 @@ impl Info {
             seed: provenance.seed,
             tool: provenance.tool,
             sections: contents.sections.iter().map(|s| (s.to_string(), s.length)).collect(),
-            warnings: scene_file.metadata.skipped.iter().map(ToString::to_string).collect(),
+            warnings: metadata.skipped.iter().map(ToString::to_string).collect(),
         }
     }
 

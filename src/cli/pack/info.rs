@@ -76,7 +76,7 @@ impl Row {
             entry.0 += section.length;
             entry.1 += section.length as f64 / bytes as f64;
         }
-        let info = Info::new(path, bytes, &document, contents);
+        let info = Info::new(path, bytes, &document.scene, &document.metadata, contents);
         let Metadata { license, quality, probes, cameras, notes, unknown, .. } = document.metadata;
         let quality = quality.unwrap_or_default();
         Self {

@@ -158,7 +158,7 @@ impl NativeScene {
 
     /// The facts that `strivec info` prints, as JSON.
     fn info(&self) -> PyResult<String> {
-        Ok(cli::info_of(&self.name, &self.bytes).map_err(Failure::from)?)
+        Ok(cli::info_of(&self.name, &self.bytes, &self.scene, &self.metadata).map_err(Failure::from)?)
     }
 
     /// All but the long arrays, as JSON.
