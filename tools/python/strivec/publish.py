@@ -92,8 +92,8 @@ def publish(
 
 def _page(scene: Scene, title: str) -> str:
     script = player_file("strivec-viewer-whole.js").read_text(encoding="utf-8")
-    # In a page, this would end the script.
-    script = script.replace("</script", "<\\/script")
+    # In a page, these would end the script, or begin a comment.
+    script = script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
     data = base64.b64encode(scene.dumps()).decode()
     return _PAGE.format(title=html.escape(title), script=script, scene=data, name=_SCENE.join('""'))
 

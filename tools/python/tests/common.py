@@ -1,7 +1,10 @@
 """What the tests share."""
 
+import importlib
+import os
 import pathlib
 import sys
+import unittest
 
 import numpy as np
 
@@ -10,6 +13,26 @@ FIXTURES = ROOT / "fixtures" / "v1"
 sys.path[:0] = [str(ROOT / "format-spec" / "reader"), str(ROOT / "tools" / "python" / "examples")]
 
 import strivec  # noqa: E402
+
+
+def skip(reason):
+    """Skips a test, which fails instead if the environment has STRIVEC_ALL_TESTS."""
+    if os.environ.get("STRIVEC_ALL_TESTS"):
+        raise AssertionError(f"not tested: {reason}")
+    raise unittest.SkipTest(reason)
+
+
+def optional(*names):
+    """The modules `names`; without one of them, the file's tests are skipped."""
+    try:
+        return [importlib.import_module(name) for name in names]
+    except ImportError as error:
+        skip(str(error))
+
+
+def web_player():
+    """Whether the package has the web player."""
+    return (pathlib.Path(strivec.__file__).parent / "web").is_dir()
 
 
 def fixture(name):

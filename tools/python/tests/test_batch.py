@@ -8,65 +8,62 @@ import tempfile
 import unittest
 import zipfile
 
-from common import ROOT, strivec
+from common import ROOT, optional, strivec
 
-try:
-    import fsspec
-    import pyarrow.parquet
-    import ray
-except ImportError:
-    ray = None
-else:
-    from fsspec.implementations.memory import MemoryFileSystem
-    from strivec.batch import report, specification, stages, store
+fsspec, pyarrow, _, _ = optional("fsspec", "pyarrow", "pyarrow.parquet", "ray")
 
-    sys.path.append(str(ROOT / "tools" / "measure"))
-    import batch as measured
+from fsspec.implementations.memory import MemoryFileSystem  # noqa: E402
+from strivec.batch import report, specification, stages, store  # noqa: E402
 
-    class FlakyFileSystem(MemoryFileSystem):
-        """A store in memory that fails every third request."""
-
-        protocol = "flaky"
-        requests = 0
-        cachable = False
-
-        def _counted(self):
-            FlakyFileSystem.requests += 1
-            if FlakyFileSystem.requests % 3 == 0:
-                raise ConnectionError("the connection was reset")
-
-        def cat_file(self, path, *arguments, **options):
-            self._counted()
-            return super().cat_file(path, *arguments, **options)
-
-        def pipe_file(self, path, value, *arguments, **options):
-            self._counted()
-            return super().pipe_file(path, value, *arguments, **options)
-
-        def put_file(self, *arguments, **options):
-            self._counted()
-            return super().put_file(*arguments, **options)
-
-        def get_file(self, *arguments, **options):
-            self._counted()
-            return super().get_file(*arguments, **options)
-
-    class FullFileSystem(MemoryFileSystem):
-        """A store in memory that is full."""
-
-        protocol = "full"
-        tries = 0
-        cachable = False
-
-        def pipe_file(self, path, value, *arguments, **options):
-            FullFileSystem.tries += 1
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    fsspec.register_implementation("flaky", FlakyFileSystem, clobber=True)
-    fsspec.register_implementation("full", FullFileSystem, clobber=True)
+sys.path.append(str(ROOT / "tools" / "measure"))
+import batch as measured  # noqa: E402
 
 
-@unittest.skipIf(ray is None, "the extra ray is not installed")
+class FlakyFileSystem(MemoryFileSystem):
+    """A store in memory that fails every third request."""
+
+    protocol = "flaky"
+    requests = 0
+    cachable = False
+
+    def _counted(self):
+        FlakyFileSystem.requests += 1
+        if FlakyFileSystem.requests % 3 == 0:
+            raise ConnectionError("the connection was reset")
+
+    def cat_file(self, path, *arguments, **options):
+        self._counted()
+        return super().cat_file(path, *arguments, **options)
+
+    def pipe_file(self, path, value, *arguments, **options):
+        self._counted()
+        return super().pipe_file(path, value, *arguments, **options)
+
+    def put_file(self, *arguments, **options):
+        self._counted()
+        return super().put_file(*arguments, **options)
+
+    def get_file(self, *arguments, **options):
+        self._counted()
+        return super().get_file(*arguments, **options)
+
+
+class FullFileSystem(MemoryFileSystem):
+    """A store in memory that is full."""
+
+    protocol = "full"
+    tries = 0
+    cachable = False
+
+    def pipe_file(self, path, value, *arguments, **options):
+        FullFileSystem.tries += 1
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+fsspec.register_implementation("flaky", FlakyFileSystem, clobber=True)
+fsspec.register_implementation("full", FullFileSystem, clobber=True)
+
+
 class Batches(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory(prefix="strivec-test-")

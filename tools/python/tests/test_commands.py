@@ -10,7 +10,7 @@ import tempfile
 import textwrap
 import unittest
 
-from common import FIXTURES, fixture, strivec
+from common import FIXTURES, fixture, skip, strivec, web_player
 
 
 class Commands(unittest.TestCase):
@@ -99,13 +99,11 @@ class Commands(unittest.TestCase):
         self.assertTrue((self.path / "scene.strivec.state").exists())
 
     def test_a_page_holds_the_scene(self):
-        from strivec import publish
-
         scene = fixture("everything").with_parts(notes={"a": "</script><script>alert(1)</script>"})
-        if not (pathlib.Path(publish.__file__).parent / "web").is_dir():
+        if not web_player():
             with self.assertRaisesRegex(strivec.RunError, "tools/web/build.sh"):
                 scene.publish(self.path / "scene.html")
-            self.skipTest("the web player is not built")
+            skip("the web player is not built")
         page = scene.publish(self.path / "scene.html", title="<b>A scene</b>")
         text = page.read_text(encoding="utf-8")
         self.assertIn("<title>&lt;b&gt;A scene&lt;/b&gt;</title>", text)

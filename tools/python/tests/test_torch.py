@@ -3,15 +3,11 @@
 import unittest
 
 import numpy as np
-from common import fixture, points_in, rays_to, strivec
+from common import fixture, optional, points_in, rays_to, strivec
 
-try:
-    import torch
-except ImportError:
-    torch = None
+(torch,) = optional("torch")
 
 
-@unittest.skipIf(torch is None, "PyTorch is not installed")
 class Module(unittest.TestCase):
     def test_the_module_s_numbers_are_those_of_the_scene(self):
         from torch_module import Scene

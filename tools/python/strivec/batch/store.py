@@ -239,11 +239,19 @@ def _unpacked(archive: Path, folder: Path, place: str) -> Path:
     try:
         if archive.suffix == ".zip":
             with zipfile.ZipFile(archive) as packed:
+                _check_room(folder, sum(info.file_size for info in packed.infolist()))
                 packed.extractall(folder)
         else:
             with tarfile.open(archive) as packed:
+                _check_room(folder, sum(info.size for info in packed))
                 packed.extractall(folder, filter="data")
-    except (zipfile.BadZipFile, tarfile.TarError) as error:
-        raise InputError(f"{place}: {error}") from error
+    except (zipfile.BadZipFile, tarfile.TarError, OSError) as error:
+        raise InputError(f"{place}: {_reason(error)}") from error
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(("__MACOSX", "."))]
     return entries[0] if len(entries) == 1 and entries[0].is_dir() else folder
+
+
+def _check_room(folder: Path, needed: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise OSError(errno.ENOSPC, f"unpacked it takes {needed:,} bytes; {free:,} are free in {folder.parent}")
