@@ -43,7 +43,7 @@ def batch_of(folders, output, steps):
     if not broken.exists():
         broken.mkdir()
         (broken / "transforms_train.json").write_text('{"camera_angle_x": 0.7, "frames": [{"file_path": "absent"', encoding="utf-8")
-    scenes = "".join(f'[[scene]]\nname = "{path.name}"\ndataset = "{path}"\n' for path in [*folders, broken])
+    scenes = "".join(f'[[scene]]\nname = "{path.name}"\ndataset = "{path}"\n{prior(path)}' for path in [*folders, broken])
     text = f"""
 output = "{output}"
 defaults.train = {{ preset = "fast", steps = {steps}, batch = 256, checkpoint_every = {max(steps // 8, 1)} }}
@@ -51,6 +51,12 @@ defaults.pack = {{ lossless = true, no_prefixes = true }}
 defaults.evaluate = {{ split = "test" }}
 {scenes}"""
     return specification.read(text, "batch")
+
+
+def prior(folder):
+    """The line that names the mesh of every second dataset; the others' priors come from photographs."""
+    mesh = folder / "mesh.ply"
+    return f'prior = ["{mesh}"]\n' if folder.name.endswith(tuple("02468")) and mesh.exists() else ""
 
 
 class Killer(threading.Thread):

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them. Prints the
-# compressed size of the WebAssembly, and fails if it exceeds the limit below.
+# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them, and copies it for
+# wheels to tools/python/strivec/web. Prints the compressed size of the WebAssembly, and fails if it exceeds the limit below.
 #
 #   tools/web/build.sh
 #
@@ -34,6 +34,9 @@ node_modules/.bin/wasm-opt -Oz --enable-bulk-memory --enable-mutable-globals --e
     src/generated/strivec_bg.wasm -o src/generated/strivec_bg.wasm
 node_modules/.bin/tsc
 node_modules/.bin/vite build --logLevel warn
+node_modules/.bin/vite build --logLevel warn --config vite.whole.config.ts
+rm -rf ../python/strivec/web
+cp -r dist ../python/strivec/web
 # Type declarations for users of the package.
 node_modules/.bin/tsc --noEmit false --declaration --emitDeclarationOnly --outDir dist/types
 

@@ -143,7 +143,7 @@ class Batches(unittest.TestCase):
 
     def test_stages_of_one_scene_without_ray(self):
         (scene,) = measured.datasets(self.path, 1, 24)
-        batch = measured.batch_of([scene], f"flaky://{self.path.name}", 60)
+        batch = measured.batch_of([scene], f"flaky://{self.path.name}", 200)
         keys, done = {}, []
         for name in stages.wanted(batch.jobs[0]):
             one = stages.run(batch.output, batch.jobs[0], name, keys, 1)
@@ -155,7 +155,7 @@ class Batches(unittest.TestCase):
         row = stages.publish(batch.output, batch.jobs[0], done)
         self.assertGreater(row["psnr"], 5.0)
         data = store.Store(batch.output).read(row["file"])
-        self.assertEqual(strivec.Scene.loads(data).info()["steps"], 60)
+        self.assertEqual(strivec.Scene.loads(data).info()["steps"], 200)
 
     def test_a_training_goes_on_from_the_checkpoint_of_another_machine(self):
         (scene,) = measured.datasets(self.path, 1, 24)

@@ -29,7 +29,7 @@ class Commands(unittest.TestCase):
         events = []
         settings = strivec.settings("fast")
         settings["batch_rays"] = 256
-        result = strivec.train(dataset, file, settings=settings, steps=300, callback=events.append)
+        result = strivec.train(dataset, file, settings=settings, steps=300, prior=[dataset / "mesh.ply"], callback=events.append)
         self.assertEqual(result["steps"], 300)
         self.assertTrue(any(isinstance(event, strivec.Message) for event in events), events)
         progress = [event for event in events if isinstance(event, strivec.Progress) and event.task == "train"]
@@ -64,6 +64,7 @@ class Commands(unittest.TestCase):
                 call()
 
     def test_a_file_s_name_is_no_option(self):
+        self.addCleanup(os.chdir, os.getcwd())
         os.chdir(self.path)
         fixture("smallest").save("--json")
         self.assertEqual(strivec.command("info", "--json")["tool"], fixture("smallest").info()["tool"])
@@ -76,7 +77,7 @@ class Commands(unittest.TestCase):
                 raise KeyError("enough")
 
         with self.assertRaises(KeyError):
-            strivec.train(dataset, file, preset="fast", steps=100_000, callback=stop)
+            strivec.train(dataset, file, preset="fast", steps=100_000, prior=[dataset / "mesh.ply"], callback=stop)
         self.assertFalse(file.exists())
         self.assertTrue((self.path / "scene.strivec.state").exists())
 
@@ -86,7 +87,8 @@ class Commands(unittest.TestCase):
             import strivec
             def told(event):
                 print("begun", flush=True) if isinstance(event, strivec.Progress) and event.task == "train" else None
-            strivec.train({str(dataset)!r}, {str(file)!r}, preset="fast", steps=100000, callback=told)
+            prior = [{str(dataset / "mesh.ply")!r}]
+            strivec.train({str(dataset)!r}, {str(file)!r}, preset="fast", steps=100000, prior=prior, callback=told)
         """
         process = subprocess.Popen(
             [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -2,6 +2,7 @@
 //
 // Needs dist/ (build.sh), Chromium ($CHROMIUM, default /usr/bin/chromium) and the commands ($STRIVEC, default: the one in the
 // build folder, and strivec-pack beside it). Works without a graphics processor: Chromium then computes by SwiftShader, slowly, so pictures are small.
+// $STRIVEC_PYTHON is a Python that has the package of tools/python, whose pages are tested too.
 // Leaves pictures in $STRIVEC_WEB_OUT, default a new folder in the system's own.
 
 import { execFileSync } from "node:child_process";
@@ -15,6 +16,7 @@ export const root = resolve(web, "../..");
 export const dist = join(web, "dist");
 const build = resolve(root, process.env.CARGO_TARGET_DIR ?? "target");
 export const strivec = process.env.STRIVEC ?? join(build, "release/strivec");
+export const python = process.env.STRIVEC_PYTHON;
 const pack = process.env.STRIVEC_PACK ?? join(strivec, "../strivec-pack");
 export const out = resolve(process.env.STRIVEC_WEB_OUT ?? mkdtempSync(join(tmpdir(), "strivec-web-")));
 mkdirSync(out, { recursive: true });

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import collections
 import html
 import io
@@ -67,7 +66,7 @@ def write(store: Store, jobs: List[Progress]) -> None:
     buffer = io.BytesIO()
     pyarrow.parquet.write_table(table, buffer)
     store.write("results.parquet", buffer.getvalue())
-    store.write("index.html", _gallery(store, jobs, rows).encode())
+    store.write("index.html", _gallery(jobs, rows).encode())
 
 
 def _row(one: Progress) -> Dict[str, Any]:
@@ -76,9 +75,9 @@ def _row(one: Progress) -> Dict[str, Any]:
     return {**row, "state": one.state, "error": one.error, "wall_minutes": wall and wall / 60.0}
 
 
-def _gallery(store: Store, jobs: List[Progress], rows: List[Dict[str, Any]]) -> str:
+def _gallery(jobs: List[Progress], rows: List[Dict[str, Any]]) -> str:
     made = sum(row["state"] == "done" for row in rows)
-    articles = "\n".join(_article(store, one, row) for one, row in zip(jobs, rows))
+    articles = "\n".join(_article(one, row) for one, row in zip(jobs, rows))
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{made} of {len(rows)} scenes</title><style>{_STYLE}</style></head>
 <body><h1>{made} of {len(rows)} scenes</h1><main>
@@ -87,12 +86,11 @@ def _gallery(store: Store, jobs: List[Progress], rows: List[Dict[str, Any]]) -> 
 """
 
 
-def _article(store: Store, one: Progress, row: Dict[str, Any]) -> str:
+def _article(one: Progress, row: Dict[str, Any]) -> str:
     name = safe(one.job.name)
     if one.state != "done":
         return f'<article class="failed"><h2>{name}</h2><pre>{safe(one.error or one.state)}</pre></article>'
-    thumbnail = store.read(f"objects/thumbnail/{one.keys['thumbnail']}/thumbnail.png")
-    picture = f'<img alt="" src="data:image/png;base64,{base64.b64encode(thumbnail).decode()}">'
+    picture = f'<img alt="" loading="lazy" src="{html.escape(row["picture"], quote=True)}">'
     psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f} dB · "
     facts = f"{psnr}{row['bytes'] / 1e6:.2f} MB · {row['parameters']:,} parameters · {row['minutes']:.1f} min"
     address = html.escape(row["file"], quote=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
 from typing import Any, Callable, Dict, List, Optional
 
 import ray
 
-from ..errors import Error, InputError
+from ..errors import InputError
 from . import stages
 from .specification import Batch, Job
 from .stages import STAGES, Done
@@ -22,6 +23,10 @@ SMALL_MEMORY = 1 << 30
 """Bytes that a stage takes before there is a plan."""
 AHEAD = 4
 """Tasks a core that are handed to Ray before others have ended."""
+LOOK_EVERY = 0.5
+"""Seconds between two looks at all jobs and at the cluster."""
+PUBLISH = "publish"
+"""The last task of a job, after its stages."""
 
 
 @dataclass
@@ -32,7 +37,7 @@ class Progress:
     waiting: List[str]
     done: List[Done] = field(default_factory=list)
     state: str = "waiting"
-    """waiting, a stage's name, done or failed"""
+    """waiting, a stage's name, publish, done or failed"""
     error: Optional[str] = None
     begun: Optional[float] = None
     ended: Optional[float] = None
@@ -50,41 +55,51 @@ def run(
     task: Callable[..., Done] = stages.run,
     finish: Callable[..., Dict[str, Any]] = stages.publish,
 ) -> List[Progress]:
-    """Makes all scenes of `batch` on the cluster that Ray is connected to, with `cores` for each large stage. `told` learns of
-    every change. A job that fails does not keep others: its error goes to the store. Returns all jobs."""
+    """Makes all scenes of `batch` on the cluster that Ray is connected to, with `cores` for each large stage. `told` learns now and
+    then where the jobs are. A job that fails does not keep others: its error goes to the store. Returns all jobs."""
     store = Store(batch.output)
-    jobs = [Progress(job, stages.wanted(job)) for job in batch.jobs]
-    queue = list(jobs)
+    jobs = [Progress(job, [*stages.wanted(job), PUBLISH]) for job in batch.jobs]
+    queue = jobs[::-1]
     running: Dict[Any, Progress] = {}
-    most = max(AHEAD * int(ray.cluster_resources().get("CPU", 1)), 1)
+    do_stage, do_publish = ray.remote(task), ray.remote(finish)
 
     def begin(progress: Progress) -> None:
         name = progress.waiting[0]
-        stage = STAGES[name]
+        is_large = name != PUBLISH and STAGES[name].is_large
         plan = next((one.facts for one in progress.done if one.stage == "plan"), {})
+        memory = int(plan.get("memory_bytes", SMALL_MEMORY)) if is_large else SMALL_MEMORY
         options = {
-            "num_cpus": cores if stage.is_large else 1,
-            "memory": int(plan.get("memory_bytes", SMALL_MEMORY)) if stage.is_large else SMALL_MEMORY,
+            "num_cpus": cores if is_large else 1,
+            # A machine that has less may still do it; Ray would wait for ever for one that has more.
+            "memory": min(memory, largest_memory),
             "max_retries": SYSTEM_RETRIES,
+            "retry_exceptions": False,
             "name": f"{progress.job.name}: {name}",
         }
-        # A machine that has less may still do it; Ray would wait for ever for one that has more.
-        options["memory"] = min(options["memory"], _largest_memory())
-        remote = ray.remote(task).options(retry_exceptions=False, **options)
         progress.state = name
         progress.begun = progress.begun or time.time()
-        running[remote.remote(batch.output, progress.job, name, progress.keys, options["num_cpus"])] = progress
+        if name == PUBLISH:
+            reference = do_publish.options(**options).remote(batch.output, progress.job, progress.done)
+        else:
+            arguments = batch.output, progress.job, name, progress.keys, options["num_cpus"]
+            reference = do_stage.options(**options).remote(*arguments)
+        running[reference] = progress
 
     tries: Dict[str, int] = {}
+    looked_at = -math.inf
     while queue or running:
+        if time.monotonic() - looked_at >= LOOK_EVERY:
+            looked_at = time.monotonic()
+            told(jobs)
+            # Clusters grow and shrink.
+            most, largest_memory = AHEAD * max(int(ray.cluster_resources().get("CPU", 1)), 1), _largest_memory()
         while queue and len(running) < most:
-            begin(queue.pop(0))
-        told(jobs)
+            begin(queue.pop())
         ended, _ = ray.wait(list(running), num_returns=1, timeout=1.0)
         for reference in ended:
             progress = running.pop(reference)
             try:
-                one = ray.get(reference)
+                result = ray.get(reference)
             except Exception as error:  # Whatever a worker raised, others go on.
                 cause = getattr(error, "cause", None) or error
                 label = f"{progress.job.name}/{progress.waiting[0]}"
@@ -94,28 +109,22 @@ def run(
                 else:
                     _fail(store, progress, cause)
                 continue
-            progress.done.append(one)
-            progress.waiting.pop(0)
-            if progress.waiting:
+            if progress.waiting.pop(0) == PUBLISH:
+                progress.state, progress.ended = "done", time.time()
+            else:
+                progress.done.append(result)
                 begin(progress)
-                continue
-            try:
-                finish(batch.output, progress.job, progress.done)
-            except Error as error:
-                _fail(store, progress, error)
-                continue
-            progress.state, progress.ended = "done", time.time()
     told(jobs)
     return jobs
 
 
 def _fail(store: Store, progress: Progress, error: BaseException) -> None:
     """Ends a job, and keeps its error where people look."""
-    progress.error, progress.ended = f"{progress.waiting[0] if progress.waiting else 'publish'}: {error}", time.time()
-    progress.state = "failed"
+    stage = progress.waiting[0]
+    progress.state, progress.error, progress.ended = "failed", f"{stage}: {error}", time.time()
     letter = {
         "scene": progress.job.name,
-        "stage": progress.waiting[0] if progress.waiting else "publish",
+        "stage": stage,
         "class": type(error).__name__,
         "error": Exception.__str__(error),
         "log": list(getattr(error, "lines", [])),

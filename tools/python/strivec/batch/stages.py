@@ -261,12 +261,13 @@ def _inputs(
 def publish(url: str, job: Job, done: List[Done]) -> Facts:
     """Puts the results of a job where people look; returns the facts of its row."""
     store = Store(url)
-    keys = {one.stage: one.key for one in done}
+    keys, row = {one.stage: one.key for one in done}, summary(job, done)
     with tempfile.TemporaryDirectory() as folder:
-        local = Path(folder) / "packed.strivec"
-        store.download(f"objects/pack/{keys['pack']}/packed.strivec", local)
-        store.upload(local, f"scenes/{job.name}.strivec")
-    row = summary(job, done)
+        for stage, published in (("pack", row["file"]), ("thumbnail", row["picture"])):
+            (file,) = STAGES[stage].files
+            local = Path(folder) / file
+            store.download(f"objects/{stage}/{keys[stage]}/{file}", local)
+            store.upload(local, published)
     store.write_json(f"scenes/{job.name}.json", {"row": row, "keys": keys})
     store.remove(f"failed/{job.name}.json")
     return row
@@ -280,6 +281,7 @@ def summary(job: Job, done: List[Done]) -> Facts:
         "scene": job.name,
         "dataset": job.dataset,
         "file": f"scenes/{job.name}.strivec",
+        "picture": f"scenes/{job.name}.png",
         "psnr": evaluated.get("psnr"),
         "ssim": evaluated.get("ssim"),
         "bytes": facts["pack"]["bytes"],

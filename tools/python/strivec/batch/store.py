@@ -4,7 +4,7 @@
     checkpoints/KEY.state       of trainings that are not done
     runs/STAGE/KEY/ID.json      one for each time that a stage was begun
     inputs/ID.json              the digests of input files, by address, size and time
-    scenes/NAME.strivec         the results, and NAME.json with the facts of all stages
+    scenes/NAME.strivec         the results, NAME.png with a picture, and NAME.json with the facts of all stages
     failed/NAME.json            scenes that could not be made, and why
 
 A key is the digest of a stage's inputs, settings and version, so a result that exists is the result. Files appear whole: stores of
