@@ -32,7 +32,7 @@ def main() -> int:
         except OSError as error:
             print(f"strivec-batch: {arguments.batch}: cannot read it: {error.strerror}", file=sys.stderr)
             return 1
-        ray.init(address=arguments.address, log_to_driver=False, logging_level="warning")
+        ray.init(address=arguments.address or "local", log_to_driver=False, logging_level="warning")
         terminal = report.Terminal()
         jobs = schedule.run(batch, arguments.cores, (lambda jobs: None) if arguments.quiet else terminal.told)
         report.write(Store(batch.output), jobs)

@@ -12,15 +12,14 @@ import json
 import os
 import random
 import time
-from collections import Counter
 from typing import Any, Dict, List
 
-from .schedule import run
+from .schedule import SMALL_MEMORY, run
 from .specification import Batch, Job
 from .stages import Done
 
 SECONDS = {"plan": 6.0, "train": 600.0, "pack": 20.0, "evaluate": 12.0, "thumbnail": 1.0}
-"""Of the stages of a scan, by default; docs/scale.md has measured ones."""
+"""Of the stages of a scan, by default."""
 
 
 def simulate(
@@ -29,9 +28,24 @@ def simulate(
     """Runs `jobs` with stages of `seconds` on as many `workers` of one core each."""
     import ray
 
-    ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False, logging_level="error")
+    machine = {"num_cpus": workers, "_memory": workers * SMALL_MEMORY}
+    ray.init(address="local", include_dashboard=False, log_to_driver=False, logging_level="error", **machine)
     try:
-        finished: Counter = Counter()
+
+        @ray.remote(num_cpus=0)
+        class Published:
+            """How often each job was published, by all workers."""
+
+            def __init__(self) -> None:
+                self.times: Dict[str, int] = {}
+
+            def add(self, name: str) -> None:
+                self.times[name] = self.times.get(name, 0) + 1
+
+            def all(self) -> Dict[str, int]:
+                return self.times
+
+        published = Published.remote()
 
         def wait(url: str, job: Job, name: str, keys: Dict[str, str], cores: int) -> Done:
             # Each time that a stage is begun, it dies or not by other numbers.
@@ -44,7 +58,7 @@ def simulate(
             return Done(name, f"{job.name}-{name}", {"stage_seconds": length, "memory_bytes": 1}, is_new=True)
 
         def finish(url: str, job: Job, done: List[Done]) -> Dict[str, Any]:
-            finished[job.name] += 1
+            ray.get(published.add.remote(job.name))
             return {}
 
         options: Dict[str, Dict[str, Any]] = {"evaluate": {}}
@@ -52,6 +66,7 @@ def simulate(
         start = time.perf_counter()
         ended = run(batch, task=wait, finish=finish)
         wall = time.perf_counter() - start
+        times = ray.get(published.all.remote())
     finally:
         ray.shutdown()
     work = jobs * sum(seconds.values()) * scale
@@ -61,7 +76,7 @@ def simulate(
         "deaths": deaths,
         "scale": scale,
         "done": sum(one.state == "done" for one in ended),
-        "ended_once": sum(count == 1 for count in finished.values()),
+        "ended_once": sum(count == 1 for count in times.values()),
         "wall_seconds": wall,
         "stages_a_second": jobs * len(seconds) / wall,
         "busy_share": work / (wall * workers),
