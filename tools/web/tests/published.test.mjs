@@ -1,4 +1,4 @@
-// What the Python package makes of the page, in Chromium: a folder, one HTML file, and the widget of a notebook.
+// The pages that the Python package writes, and its widget for notebooks, in Chromium.
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -57,7 +57,7 @@ test("the folder on a server, and the file from disk, show the same scene", { sk
 
 test("a notebook's widget shows the scene and tells the camera", { skip }, async () => {
   const module = inPython("-c", `import strivec; print(strivec.Scene.load(${JSON.stringify(SCENE)}).widget()._esm)`);
-  // What anywidget does with the module, and Jupyter with its model.
+  // A page that calls the module as anywidget does, with a model like that of Jupyter.
   const host = `
     import widget from ${JSON.stringify(`data:text/javascript;base64,${Buffer.from(module).toString("base64")}`)};
     const bytes = Uint8Array.from(atob("${readFileSync(SCENE).toString("base64")}"), (letter) => letter.charCodeAt(0));
