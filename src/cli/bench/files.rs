@@ -143,12 +143,11 @@ impl Report {
     pub(super) fn text(&self) -> String {
         let mut table = Table::new(["files", "threads", "ms", "quartiles", "MB", "MB/s"]);
         for row in &self.rows {
-            let [low, high] = row.seconds.quartiles;
             table.row([
                 row.name.clone(),
                 row.threads.to_string(),
                 report::ms(row.seconds.median),
-                format!("{} to {}", report::ms(low), report::ms(high)),
+                report::quartiles(&row.seconds),
                 format!("{:.2}", 1e-6 * row.bytes as f64),
                 format!("{:.0}", 1e-6 * row.handled_bytes as f64 / row.seconds.median),
             ]);

@@ -92,14 +92,13 @@ impl Report {
     pub(super) fn text(&self) -> String {
         let mut table = Table::new(["query", "threads", "ms", "quartiles", "M points/s", "covered"]);
         for row in &self.rows {
-            let [low, high] = row.seconds.quartiles;
             table.row([
                 row.what.to_owned(),
                 row.threads.to_string(),
                 report::ms(row.seconds.median),
-                format!("{} to {}", report::ms(low), report::ms(high)),
+                report::quartiles(&row.seconds),
                 format!("{:.2}", 1e-6 * self.points as f64 / row.seconds.median),
-                format!("{:.1} %", 100.0 * row.covered_share),
+                report::percent(row.covered_share),
             ]);
         }
         format!("{}, {} points\n{}", self.subject, grouped(self.points), table.text())

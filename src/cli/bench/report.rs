@@ -73,8 +73,13 @@ pub(super) fn scaling(measured: &[&Measured]) -> String {
 
 /// Median and quartiles of seconds.
 pub(super) fn seconds(spread: &Spread) -> String {
+    format!("{} ms (quartiles {}, {})", ms(spread.median), quartiles(spread), plural(spread.count, "run"))
+}
+
+/// The quartiles of seconds, in milliseconds.
+pub(super) fn quartiles(spread: &Spread) -> String {
     let [low, high] = spread.quartiles;
-    format!("{} ms (quartiles {} to {}, {})", ms(spread.median), ms(low), ms(high), plural(spread.count, "run"))
+    format!("{} to {}", ms(low), ms(high))
 }
 
 /// Bytes of memory at the peak, if known.
