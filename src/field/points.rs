@@ -21,12 +21,13 @@ struct Scratch<T> {
 }
 
 impl<T: Real> Field<T> {
-    /// \[point\] the densities σ (spec 4.5) at `points`, in model space: 0 where no sample counts, outside the bounds, the tensors
-    /// or the occupied cells. On all threads.
-    pub fn densities(&self, points: &[DVec3]) -> Vec<T> {
+    /// Writes to \[point\] `densities` the densities σ (spec 4.5) at the points `point(0)`, `point(1)`, …, in model space: 0 where no
+    /// sample counts, outside the bounds, the tensors or the occupied cells. On all threads.
+    pub fn densities(&self, point: impl Fn(usize) -> DVec3 + Sync, densities: &mut [T]) {
         self.at_points(
-            points,
+            point,
             1,
+            densities,
             #[inline(always)]
             |Scratch { samples, .. }, densities| {
                 self.gather_density(samples);
@@ -37,12 +38,14 @@ impl<T: Real> Field<T> {
         )
     }
 
-    /// \[point\]\[P\] the appearance features (spec 4.6) at `points`, in model space: zeros where no sample counts. On all threads.
-    pub fn appearances(&self, points: &[DVec3]) -> Vec<T> {
+    /// Writes to \[point\]\[P\] `appearances` the appearance features (spec 4.6) at the points `point(0)`, `point(1)`, …, in model
+    /// space: zeros where no sample counts. On all threads.
+    pub fn appearances(&self, point: impl Fn(usize) -> DVec3 + Sync, appearances: &mut [T]) {
         let width = self.decoder.features;
         self.at_points(
-            points,
+            point,
             width,
+            appearances,
             #[inline(always)]
             |scratch, values| {
                 Arch::new().dispatch(GatherRows { field: self, scratch });
@@ -62,31 +65,37 @@ impl<T: Real> Field<T> {
         )
     }
 
-    /// \[point\]\[width\] what `evaluate` writes for chunks of `points`, by the samples at those that count; their distances are
-    /// their places in the chunk. Zeros for the others.
+    /// Writes to \[point\]\[width\] `values` what `evaluate` makes of chunks of points, by the samples at those that count; their
+    /// distances are their places in the chunk. Zeros for the others.
     #[inline(always)]
-    fn at_points(&self, points: &[DVec3], width: usize, evaluate: impl Fn(&mut Scratch<T>, &mut [T]) + Sync) -> Vec<T> {
-        let mut values = vec![T::zero(); points.len() * width];
+    fn at_points(
+        &self,
+        point: impl Fn(usize) -> DVec3 + Sync,
+        width: usize,
+        values: &mut [T],
+        evaluate: impl Fn(&mut Scratch<T>, &mut [T]) + Sync,
+    ) {
         let pool = Pool::<Scratch<T>>::default();
-        values.par_chunks_mut(CHUNK * width).zip(points.par_chunks(CHUNK)).for_each(|(values, points)| {
+        values.par_chunks_mut(CHUNK * width).enumerate().for_each(|(chunk, values)| {
+            values.fill(T::zero());
             pool.with(|scratch| {
                 vectorized(
                     #[inline(always)]
                     || {
+                        let points = (0..values.len() / width).map(|n| point(CHUNK * chunk + n));
                         self.locate(points, &mut scratch.samples);
                         evaluate(scratch, values);
                     },
                 );
             });
         });
-        values
     }
 
     /// Makes samples of the `points` that count, with their indices as distances.
     #[inline(always)]
-    fn locate(&self, points: &[DVec3], samples: &mut Samples<T>) {
+    fn locate(&self, points: impl Iterator<Item = DVec3>, samples: &mut Samples<T>) {
         samples.clear(0);
-        samples.set_pending(points.iter().enumerate().filter_map(|(index, &point)| {
+        samples.set_pending(points.enumerate().filter_map(|(index, point)| {
             let position = self.rules.contracted(point);
             let relative = self.relative(position);
             let is_occupied = || self.occupancy.as_ref().is_none_or(|cells| cells.contains(relative));

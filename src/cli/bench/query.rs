@@ -64,9 +64,13 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, subject) = render::subject(args.file.as_ref(), &session.console)?;
     let (points, field) = (points_in(&scene, args.points), Field::<f32>::new(&scene));
     let rows = args.repeats.in_each_pool(|| {
-        let row = |what, query: &dyn Fn() -> Vec<f32>| {
+        let row = |what, width, query: &dyn Fn(&mut [f32])| {
+            let query = || {
+                let mut values = vec![0.0; points.len() * width];
+                query(&mut values);
+                values
+            };
             let values = query();
-            let width = values.len() / points.len();
             let covered = values.chunks_exact(width).filter(|values| values.iter().any(|&v| v != 0.0)).count();
             let covered_share = covered as f64 / points.len() as f64;
             let Ok((seconds, _)) = args.repeats.runs().time(|| {
@@ -75,7 +79,9 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
             });
             Row { what, threads: rayon::current_num_threads(), seconds, covered_share }
         };
-        Ok([row("density", &|| field.densities(&points)), row("features", &|| field.appearances(&points))])
+        let densities = |values: &mut [f32]| field.densities(|n| points[n], values);
+        let features = |values: &mut [f32]| field.appearances(|n| points[n], values);
+        Ok([row("density", 1, &densities), row("features", field.decoder.features, &features)])
     })?;
     Ok(Report { subject, points: args.points, rows: rows.into_iter().flatten().collect() })
 }

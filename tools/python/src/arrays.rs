@@ -3,7 +3,6 @@
 use std::io;
 use std::sync::Arc;
 
-use glam::DVec3;
 use numpy::ndarray::{ArrayView, IxDyn};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyOSError;
@@ -71,15 +70,12 @@ pub(crate) fn shaped<'py, T: numpy::Element>(
     Ok(PyArray1::from_vec(py, values).reshape(IxDyn(shape))?.into_any())
 }
 
-/// The points or directions in `array`, of shape \[n\]\[3\].
-pub(crate) fn vectors(array: &PyReadonlyArrayDyn<'_, f64>, name: &str) -> Result<Vec<DVec3>, Failure> {
-    match array.shape() {
-        [_, 3] => {
-            let numbers: Vec<f64> = array.as_array().iter().copied().collect();
-            Ok(numbers.as_chunks::<3>().0.iter().map(|&v| DVec3::from_array(v)).collect())
-        }
-        shape => Err(Failure::usage(format!("{name} must have the shape (n, 3); found {shape:?}"))),
-    }
+/// The points or directions in `array`, contiguous of shape \[n\]\[3\].
+pub(crate) fn vectors<'a>(array: &'a PyReadonlyArrayDyn<'_, f64>, name: &str) -> Result<&'a [[f64; 3]], Failure> {
+    let [_, 3] = array.shape() else {
+        return Err(Failure::usage(format!("{name} must have the shape (n, 3); found {:?}", array.shape())));
+    };
+    Ok(array.as_slice().map_err(|e| Failure::usage(format!("{name}: {e}")))?.as_chunks().0)
 }
 
 /// The arrays of a dictionary of Python.

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use glam::DVec3;
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use strivec::geometry::{Camera, Lens, Ray, Similarity};
@@ -115,7 +116,8 @@ impl NativeRenderer {
                 format!("expected as many directions as origins; found {}, {}", directions.len(), origins.len());
             return Err(Failure::usage(message).into());
         }
-        if let Some(found) = directions.iter().find(|direction| !direction.is_normalized()) {
+        let [origins, directions] = [origins, directions].map(|all| all.iter().map(|&v| DVec3::from_array(v)));
+        if let Some(found) = directions.clone().find(|direction| !direction.is_normalized()) {
             return Err(Failure::usage(format!("directions must have the length 1; found {found}")).into());
         }
         let map = self.model_from_dataset;
@@ -123,7 +125,7 @@ impl NativeRenderer {
             true => Ray { origin: map.point(origin), direction: map.rotation * direction },
             false => Ray { origin, direction },
         };
-        let rays: Vec<Ray> = origins.into_iter().zip(directions).map(ray).collect();
+        let rays: Vec<Ray> = origins.zip(directions).map(ray).collect();
         let drawing = Arc::clone(&self.drawing);
         let pixels = detached(py, move || {
             Ok(match &*drawing {

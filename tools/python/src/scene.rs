@@ -20,7 +20,10 @@ use strivec::model::Scene;
 
 use crate::arrays::{Dictionary, arrays_of, shaped, vectors};
 use crate::errors::Failure;
-use crate::work::detached;
+use crate::work::{caught, detached};
+
+/// Points between two looks for Ctrl-C.
+const BLOCK: usize = 1 << 18;
 
 /// A scene with the bytes of its file. Nothing changes it; edits return another.
 #[pyclass(frozen, module = "strivec._strivec")]
@@ -76,24 +79,34 @@ impl NativeScene {
         })
     }
 
-    /// The numbers of the field at `points`, in an array of their count and the lengths `row`; see [`Field::densities`].
+    /// What `evaluate` writes for `points`, in an array of their count and the lengths `row`; see [`Field::densities`]. Ctrl-C ends
+    /// it after a block of points.
     fn at_points<'py>(
         &self,
         py: Python<'py>,
         points: &PyReadonlyArrayDyn<'_, f64>,
         in_dataset: bool,
         row: &[usize],
-        evaluate: impl FnOnce(&Field<f32>, &[DVec3]) -> Vec<f32> + Send + 'static,
+        evaluate: impl Fn(&Field<f32>, &(dyn Fn(usize) -> DVec3 + Sync), &mut [f32]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let mut points = vectors(points, "points")?;
+        let points = vectors(points, "points")?;
         let shape = [&[points.len()], row].concat();
-        let (scene, field) = (Arc::clone(&self.scene), Arc::clone(&self.field));
-        let values = detached(py, move || {
-            if in_dataset {
-                points.iter_mut().for_each(|point| *point = scene.frame.model_from_dataset.point(*point));
-            }
-            Ok(evaluate(field.get_or_init(|| Field::new(&scene)), &points))
-        })?;
+        let width = row.iter().product::<usize>();
+        let mut values = vec![0.0; points.len() * width];
+        let map = in_dataset.then_some(&self.scene.frame.model_from_dataset);
+        for (points, values) in points.chunks(BLOCK).zip(values.chunks_mut(BLOCK * width)) {
+            let point = |n: usize| {
+                let point = DVec3::from_array(points[n]);
+                map.map_or(point, |map| map.point(point))
+            };
+            py.detach(|| {
+                caught(|| {
+                    evaluate(self.field.get_or_init(|| Field::new(&self.scene)), &point, values);
+                    Ok(())
+                })
+            })?;
+            py.check_signals()?;
+        }
         shaped(py, values, &shape)
     }
 }
@@ -196,7 +209,7 @@ impl NativeScene {
         points: PyReadonlyArrayDyn<'_, f64>,
         in_dataset: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.at_points(py, &points, in_dataset, &[], |field, points| field.densities(points))
+        self.at_points(py, &points, in_dataset, &[], |field, point, values| field.densities(point, values))
     }
 
     /// The appearance features at `points`, f32 \[n\]\[P\].
@@ -207,6 +220,6 @@ impl NativeScene {
         in_dataset: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let width = self.scene.features() as usize;
-        self.at_points(py, &points, in_dataset, &[width], |field, points| field.appearances(points))
+        self.at_points(py, &points, in_dataset, &[width], |field, point, values| field.appearances(point, values))
     }
 }
