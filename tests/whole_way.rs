@@ -222,6 +222,10 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_behind_it_what_is_seen_p
     fs::write(folder.join("moved.json"), poses.to_string()).unwrap();
     let moved = eval(&["--aligned-to", "moved.json"]);
     assert!(moved < refined - 1.0, "a shift shows: {moved} and {refined} dB");
+    let compared = json(folder, &["compare", "a.strivec", "a.strivec", "data", "--aligned-to", "moved.json"]);
+    for file in compared["files"].as_array().unwrap() {
+        assert_eq!(file["psnr"].as_f64().unwrap(), moved);
+    }
 
     for (text, expected) in [
         ("{", "not the refined poses"),

@@ -8,12 +8,12 @@ use serde::Serialize;
 use super::approximations::Approximations;
 use super::backend::BackendOptions;
 use super::evaluation::{
-    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, SceneToEvaluate, ShownView,
+    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate,
+    ShownView,
 };
 use super::table::{Table, plural};
-use super::view_selection::ViewSelection;
 use super::{Error, Session};
-use crate::dataset::{self, Dataset, View};
+use crate::dataset::{Dataset, View};
 use crate::digits::{grouped, numbers};
 use crate::measure::{PairedDifference, ViewReport};
 
@@ -33,17 +33,8 @@ pub(super) struct Args {
     /// Scene files; the others are compared with the first
     #[arg(value_name = "FILE", required = true, num_args = 2..=MAX_FILES)]
     files: Vec<PathBuf>,
-    /// Dataset folder
-    #[arg(required = true)]
-    dataset: PathBuf,
-    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
-    #[arg(long, value_name = "S", default_value = "test")]
-    split: String,
-    /// Downscale photographs N times
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    downscale: u32,
     #[command(flatten)]
-    selection: ViewSelection,
+    photographs: Photographs,
     #[command(flatten)]
     backend: BackendOptions,
     #[command(flatten)]
@@ -103,8 +94,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let measures = args.measures.load()?;
     let scenes: Vec<_> =
         args.files.iter().map(|file| SceneToEvaluate::read(file, session)).collect::<Result<_, _>>()?;
-    let options = args.selection.options(args.downscale);
-    let Dataset { name, views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
+    let Dataset { name, views, .. } = args.photographs.load()?;
     check_backgrounds(&scenes, &views)?;
 
     let evaluator = Evaluator {
@@ -121,7 +111,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         files.push(evaluator.evaluate(scene, &views, |view| pictures.add(view, &letter(n).to_string()))?);
     }
     let differences = files[1..].iter().map(|file| Differences::new(file, &files[0])).collect();
-    let comparison = Comparison { dataset: &name, split: &args.split, downscale: args.downscale, files, differences };
+    let Photographs { split, downscale, .. } = &args.photographs;
+    let comparison = Comparison { dataset: &name, split, downscale: *downscale, files, differences };
     let reports: Vec<(&Path, _)> = comparison.files.iter().map(|file| (file.file.as_path(), &file.report)).collect();
     args.outputs.write(&reports, || page(&comparison, pictures.into_views()), session)?;
     session.console.result(&comparison, text)

@@ -7,14 +7,13 @@ use serde::Serialize;
 use super::approximations::Approximations;
 use super::backend::BackendOptions;
 use super::evaluation::{
-    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, SceneToEvaluate, Shown,
-    ShownView,
+    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate,
+    Shown, ShownView,
 };
 use super::output::{check_outputs, make_folder};
 use super::table::Table;
-use super::view_selection::ViewSelection;
-use super::{Error, Session, refined_poses, write_atomically};
-use crate::dataset::{self, Dataset, LoadOptions, View};
+use super::{Error, Session, write_atomically};
+use crate::dataset::Dataset;
 use crate::digits::grouped;
 use crate::measure::{
     Canvas, ERROR_FULL, Parity, RegionReport, Report, ViewReport, color_png, error_map, side_by_side,
@@ -35,20 +34,8 @@ The PSNR after a color fit is that after the best affine map of a view's colors:
 pub(super) struct Args {
     /// Scene file
     file: PathBuf,
-    /// Dataset folder
-    dataset: PathBuf,
-    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
-    #[arg(long, value_name = "S", default_value = "test")]
-    split: String,
-    /// Downscale photographs N times
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    downscale: u32,
     #[command(flatten)]
-    selection: ViewSelection,
-    /// Refined poses of the training views, as `train --refine-poses` writes them: views move by the similarity from the
-    /// dataset's poses to these [default: views stay where the dataset has them]
-    #[arg(long, value_name = "FILE")]
-    aligned_to: Option<PathBuf>,
+    photographs: Photographs,
     /// Folder for one picture per view: photograph, rendering and error (brightest at 0.2 and above)
     #[arg(long, value_name = "DIR")]
     sheets: Option<PathBuf>,
@@ -81,17 +68,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.outputs.check(session)?;
     let measures = args.measures.load()?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
-    let options = args.selection.options(args.downscale);
-    let Dataset { name, mut views, .. } = dataset::load(&args.dataset, &args.split, &options)?;
-    if let Some(path) = &args.aligned_to {
-        let all = LoadOptions { views: None, every: 1, ..options };
-        let (map, focal_scale) =
-            refined_poses::alignment(path, &dataset::load_cameras(&args.dataset, "train", None, &all)?)?;
-        for View { camera, .. } in &mut views {
-            *camera = camera.mapped(&map);
-            camera.focal = camera.focal.map(|focal| focal_scale * focal);
-        }
-    }
+    let Dataset { name, views, .. } = args.photographs.load()?;
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;
         let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, &view.name)).collect();
@@ -112,7 +89,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         }
         pictures.add(view, "")
     })?;
-    let evaluation = Evaluation { dataset: &name, split: &args.split, downscale: args.downscale, evaluated };
+    let Photographs { split, downscale, .. } = &args.photographs;
+    let evaluation = Evaluation { dataset: &name, split, downscale: *downscale, evaluated };
     let reports = [(args.file.as_path(), &evaluation.evaluated.report)];
     args.outputs.write(&reports, || page(&evaluation, pictures.into_views()), session)?;
     session.console.result(&evaluation, |evaluation| text(&evaluation.evaluated))

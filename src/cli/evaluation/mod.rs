@@ -7,6 +7,7 @@ mod measure_options;
 mod metric;
 mod output_options;
 mod page;
+mod photographs;
 mod view_pictures;
 
 pub(super) use evaluator::{Evaluated, Evaluator, SceneToEvaluate, Shown};
@@ -14,4 +15,5 @@ pub(super) use measure_options::MeasureOptions;
 pub(super) use metric::Metric;
 pub(super) use output_options::OutputOptions;
 pub(super) use page::{Cell, Page, PageTable};
+pub(super) use photographs::Photographs;
 pub(super) use view_pictures::ShownView;

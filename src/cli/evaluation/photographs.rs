@@ -1,0 +1,48 @@
+//! Options of the photographs that pictures are compared with.
+
+use std::path::PathBuf;
+
+use crate::cli::view_selection::ViewSelection;
+use crate::cli::{Error, refined_poses};
+use crate::dataset::{self, Dataset, LoadOptions, View};
+
+/// The selected views of a dataset.
+#[derive(Clone, Debug, clap::Args)]
+pub(in crate::cli) struct Photographs {
+    /// Dataset folder
+    dataset: PathBuf,
+    /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
+    #[arg(long, value_name = "S", default_value = "test")]
+    pub(in crate::cli) split: String,
+    /// Downscale photographs N times
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(in crate::cli) downscale: u32,
+    #[command(flatten)]
+    selection: ViewSelection,
+    /// Refined poses of the training views, as `train --refine-poses` writes them: views move by the similarity from the
+    /// dataset's poses to these [default: views stay where the dataset has them]
+    #[arg(long, value_name = "FILE")]
+    aligned_to: Option<PathBuf>,
+}
+
+impl Photographs {
+    /// The dataset with the selected views alone, moved to the refined poses if they are given.
+    ///
+    /// # Errors
+    ///
+    /// If the dataset or the file of poses cannot be read or is refused.
+    pub(in crate::cli) fn load(&self) -> Result<Dataset, Error> {
+        let options = self.selection.options(self.downscale);
+        let mut dataset = dataset::load(&self.dataset, &self.split, &options)?;
+        if let Some(path) = &self.aligned_to {
+            let all = LoadOptions { views: None, every: 1, ..options };
+            let cameras = dataset::load_cameras(&self.dataset, "train", None, &all)?;
+            let (map, focal_scale) = refined_poses::alignment(path, &cameras)?;
+            for View { camera, .. } in &mut dataset.views {
+                *camera = camera.mapped(&map);
+                camera.focal = camera.focal.map(|focal| focal_scale * focal);
+            }
+        }
+        Ok(dataset)
+    }
+}
