@@ -75,6 +75,7 @@ class Batches(unittest.TestCase):
             ("", "output"),
             ("output = 1", "output"),
             ('output = "x"', "scene"),
+            ('output = "x"\nscene = [1]', "scene 0"),
             ('output = "x"\nother = 1\n[[scene]]', "other"),
             ('output = "x"\n[[scene]]', "name of scene 0"),
             ('output = "x"\n[[scene]]\nname = "../a"\ndataset = "d"', "name of scene 0"),

@@ -91,6 +91,8 @@ def read(text: str, place: str) -> Batch:
     jobs: Dict[str, Job] = {}
     for number, scene in enumerate(scenes):
         where = f"scene {number}"
+        if not isinstance(scene, dict):
+            raise refuse(where, "a table", scene)
         for key in _STRINGS:
             if not isinstance(scene.get(key), str):
                 raise refuse(f"{key} of {where}", "text", scene.get(key))
