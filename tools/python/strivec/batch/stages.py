@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import shutil
 import socket
+import sys
 import tempfile
 import time
 import uuid
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Tuple
@@ -26,6 +28,8 @@ LAYOUT = 1
 """Raised when the stages of an older version made something else of the same inputs."""
 CHECKPOINT_EVERY = 500
 """Steps between two checkpoints of a training, unless its options say otherwise."""
+UPLOAD_SHARE = 0.05
+"""The most of a training's time that its checkpoints are on their way to the store: fewer are sent where that is slow."""
 TAIL = 40
 """Lines of a job's log that are kept of a failure."""
 
@@ -101,18 +105,22 @@ def _train(work: Work) -> Facts:
         options["resume"] = True
     else:
         options["prior"] = _prior_of(work)
-    sent = state.stat().st_mtime_ns if state.exists() else 0
+    sent, next_at = state.stat().st_mtime_ns if state.exists() else 0, 0.0
+    sent_bytes = 0
 
     def told(event: Any) -> None:
-        nonlocal sent
+        nonlocal sent, sent_bytes, next_at
         work.told(event)
-        if state.exists() and state.stat().st_mtime_ns != sent:
+        start = time.monotonic()
+        if start >= next_at and state.exists() and state.stat().st_mtime_ns != sent:
             sent = state.stat().st_mtime_ns
+            sent_bytes += state.stat().st_size
             work.store.upload(state, remote)
+            next_at = start + (time.monotonic() - start) / UPLOAD_SHARE
 
     options["callback"] = told
     facts = commands.train(work.inputs["dataset"], work.folder / "scene.strivec", **options)
-    return {name: facts[name] for name in ("bytes", "parameters", "steps", "seconds")}
+    return {**{name: facts[name] for name in ("bytes", "parameters", "steps", "seconds")}, "checkpoint_bytes": sent_bytes}
 
 
 def _pack(work: Work) -> Facts:
@@ -212,6 +220,7 @@ def run(url: str, job: Job, name: str, done: Dict[str, str], cores: int) -> Done
         folder.mkdir()
         work = Work(store, job, key, cores, inputs, folder)
         start = time.perf_counter()
+        _forget_peak_memory()
         try:
             facts = stage.run(work)
         except Error as error:
@@ -228,7 +237,7 @@ def run(url: str, job: Job, name: str, done: Dict[str, str], cores: int) -> Done
             "stage_seconds": time.perf_counter() - start,
             "stage_cores": cores,
             "stage_bytes": size,
-            "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            "peak_memory_bytes": _peak_memory(),
         }
     store.write_json(f"{place}/done.json", facts)
     if name == "train":
@@ -293,6 +302,21 @@ def summary(job: Job, done: List[Done]) -> Facts:
         "reused_stages": sum(not one.is_new for one in done),
         **{f"seconds_{one.stage}": one.facts["stage_seconds"] for one in done},
     }
+
+
+def _forget_peak_memory() -> None:
+    """Begins the peak memory of this process anew, as a worker does many stages; only Linux can."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def _peak_memory() -> int:
+    """The peak memory of this process, in bytes."""
+    with suppress(OSError):
+        found = re.search(r"^VmHWM:\s+(\d+) kB$", Path("/proc/self/status").read_text(encoding="ascii"), re.MULTILINE)
+        if found:
+            return int(found[1]) * 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _write_json(path: Path, value: Any) -> None:
