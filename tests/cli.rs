@@ -194,6 +194,8 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     let lean = plan(&["--auto", "--max-params", "200k", "--json"]);
     let lean: serde_json::Value = serde_json::from_slice(&lean.stdout).unwrap();
     assert_eq!(lean["parameters"], 200_000, "training begins with more: {lean}");
+    assert_eq!((&json["gives_up_parameters"], &lean["gives_up_parameters"]), (&false.into(), &true.into()));
+    assert!(text(&plan(&["--auto", "--max-params", "200k"]).stdout).contains("at most 200 000"));
     let at_first: u64 = lean["scales"].as_array().unwrap().iter().map(|s| s["parameters"].as_u64().unwrap()).sum();
     assert!((200_001..=2_000_000).contains(&at_first), "{lean}");
 
