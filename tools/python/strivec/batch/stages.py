@@ -28,8 +28,10 @@ LAYOUT = 1
 """Raised when the stages of an older version made something else of the same inputs."""
 CHECKPOINT_EVERY = 500
 """Steps between two checkpoints of a training, unless its options say otherwise."""
+UPLOAD_EVERY = 60.0
+"""Least seconds between two checkpoints that go to the store: they are the most that a batch moves."""
 UPLOAD_SHARE = 0.05
-"""The most of a training's time that its checkpoints are on their way to the store: fewer are sent where that is slow."""
+"""The most of a training's time that checkpoints are on their way: fewer are sent where that is slow."""
 TAIL = 40
 """Lines of a job's log that are kept of a failure."""
 
@@ -116,7 +118,7 @@ def _train(work: Work) -> Facts:
             sent = state.stat().st_mtime_ns
             sent_bytes += state.stat().st_size
             work.store.upload(state, remote)
-            next_at = start + (time.monotonic() - start) / UPLOAD_SHARE
+            next_at = start + max(UPLOAD_EVERY, (time.monotonic() - start) / UPLOAD_SHARE)
 
     options["callback"] = told
     facts = commands.train(work.inputs["dataset"], work.folder / "scene.strivec", **options)
