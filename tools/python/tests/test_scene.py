@@ -195,7 +195,7 @@ class Queries(unittest.TestCase):
 
     def test_other_threads_go_on(self):
         scene = fixture("everything")
-        camera = strivec.Camera.look_at((3.0, 2.0, 1.0), (0.0, 0.0, 0.0), size=(160, 160))
+        camera = strivec.Camera.look_at((3.0, 2.0, 1.0), (0.0, 0.0, 0.0), size=(480, 480))
         ticks = []
         ended = threading.Event()
 
