@@ -13,7 +13,7 @@ from common import ROOT, optional, strivec
 fsspec, pyarrow, _, _ = optional("fsspec", "pyarrow", "pyarrow.parquet", "ray")
 
 from fsspec.implementations.memory import MemoryFileSystem  # noqa: E402
-from strivec.batch import report, specification, stages, store  # noqa: E402
+from strivec.batch import report, schedule, specification, stages, store  # noqa: E402
 
 sys.path.append(str(ROOT / "tools" / "measure"))
 import batch as measured  # noqa: E402
@@ -204,6 +204,21 @@ class Batches(unittest.TestCase):
         page = (output / "index.html").read_text(encoding="utf-8")
         self.assertIn("3 of 4 scenes", page)
         self.assertIn('href="scenes/data00.strivec"', page)
+
+    def test_warnings_of_all_stages_are_in_the_gallery(self):
+        job = specification.Job("a", "data")
+        made = []
+        for stage, said in (("train", "warning: <1> photograph"), ("pack", "no warning: of this")):
+            work = stages.Work(None, job, "key", 1, {}, self.path)
+            work.told(strivec.Message(said))
+            facts = {"bytes": 1, "parameters": 1, "steps": 1, "stage_seconds": 1.0, "peak_memory_bytes": 1}
+            made.append(stages.Done(stage, "key", {**facts, "warnings": work.warnings}, True))
+        report.write(store.Store(str(self.path)), [schedule.Progress(job, [], made, "done")])
+        page = (self.path / "index.html").read_text(encoding="utf-8")
+        self.assertIn("<pre>&lt;1&gt; photograph</pre>", page)
+        self.assertNotIn("of this", page)
+        (row,) = pyarrow.parquet.read_table(self.path / "results.parquet").to_pylist()
+        self.assertEqual(row["warnings"], "<1> photograph")
 
     def test_texts_of_files_are_harmless_in_the_gallery(self):
         self.assertEqual(report.safe("<b>\u202e\n"), "&lt;b&gt;\\u202e\\n")

@@ -94,4 +94,5 @@ def _article(one: Progress, row: Dict[str, Any]) -> str:
     psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f} dB · "
     facts = f"{psnr}{row['bytes'] / 1e6:.2f} MB · {row['parameters']:,} parameters · {row['minutes']:.1f} min"
     address = html.escape(row["file"], quote=True)
-    return f'<article>{picture}<h2><a href="{address}">{name}</a></h2>{facts}</article>'
+    warnings = "".join(f"<pre>{safe(line)}</pre>" for line in row["warnings"].splitlines())
+    return f'<article>{picture}<h2><a href="{address}">{name}</a></h2>{facts}{warnings}</article>'

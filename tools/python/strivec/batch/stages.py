@@ -34,6 +34,8 @@ UPLOAD_SHARE = 0.05
 """The most of a training's time that checkpoints are on their way: fewer are sent where that is slow."""
 TAIL = 40
 """Lines of a job's log that are kept of a failure."""
+_WARNING = "warning: "
+"""How messages begin that are warnings."""
 
 Facts = Dict[str, Any]
 
@@ -49,7 +51,7 @@ class Done:
     stage: str
     key: str
     facts: Facts
-    """What the stage told, and its seconds, cores, peak memory and bytes."""
+    """What the stage told, and its seconds, cores, peak memory, bytes and warnings."""
     is_new: bool
     """False if it was there before."""
 
@@ -60,11 +62,14 @@ class Work:
     def __init__(self, store: Store, job: Job, key: str, cores: int, inputs: Dict[str, Path], folder: Path) -> None:
         self.store, self.job, self.key, self.cores, self.inputs, self.folder = store, job, key, cores, inputs, folder
         self.log: List[str] = []
+        self.warnings: List[str] = []
 
     def told(self, event: Any) -> None:
         """Takes a message or progress of a command."""
         if isinstance(event, commands.Message):
             self.log.append(event.text)
+            if event.text.startswith(_WARNING):
+                self.warnings.append(event.text[len(_WARNING) :])
         elif not self.log or not self.log[-1].startswith(f"{event.task}: "):
             self.log.append(f"{event.task}: {event.done}/{event.total}, {event.detail}")
         else:
@@ -240,6 +245,7 @@ def run(url: str, job: Job, name: str, done: Dict[str, str], cores: int) -> Done
             "stage_cores": cores,
             "stage_bytes": size,
             "peak_memory_bytes": _peak_memory(),
+            "warnings": work.warnings,
         }
     store.write_json(f"{place}/done.json", facts)
     if name == "train":
@@ -301,6 +307,7 @@ def summary(job: Job, done: List[Done]) -> Facts:
         "minutes": sum(one.facts["stage_seconds"] for one in done) / 60.0,
         "planned_minutes": plan.get("minutes"),
         "peak_memory_bytes": max(one.facts["peak_memory_bytes"] for one in done),
+        "warnings": "\n".join(warning for one in done for warning in one.facts["warnings"]),
         "reused_stages": sum(not one.is_new for one in done),
         **{f"seconds_{one.stage}": one.facts["stage_seconds"] for one in done},
     }
