@@ -134,18 +134,18 @@ impl Report {
             minutes if minutes < 120.0 => format!("{minutes:.1} min"),
             minutes => format!("{:.1} hours", minutes / 60.0),
         };
-        let about = if self.gives_up_parameters { "at most" } else { "about" };
+        let (most, about) = if self.gives_up_parameters { ("at most ", "at most ") } else { ("", "about ") };
         let (mut file, mut more) =
-            (format!("{about} {:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6), "");
+            (format!("{about}{:.2} MB in 16-bit floating point", self.file_bytes as f64 / 1e6), "");
         if let Some(most) = self.max_file_bytes {
             (file, more) = (format!("at most {:.2} MB", most as f64 / 1e6), ", and a quarter more for the file's size");
         }
         let lines = [
             ("network", format!("{} parameters", grouped(self.decoder_parameters))),
-            ("parameters", format!("{}{}", if self.gives_up_parameters { "at most " } else { "" }, grouped(self.parameters))),
+            ("parameters", format!("{most}{}", grouped(self.parameters))),
             ("file", file),
             ("memory", format!("about {:.1} GB at the peak", self.memory_bytes as f64 / 1e9)),
-            ("training", format!("{about} {duration} with {threads} of this machine{more}")),
+            ("training", format!("{about}{duration} with {threads} of this machine{more}")),
         ];
         let figures: String = lines.iter().map(|(name, value)| format!("{name:<10}  {value}\n")).collect();
         let reasons: String = self.reasons.iter().map(|reason| format!("- {reason}\n")).collect();

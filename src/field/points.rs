@@ -35,7 +35,7 @@ impl<T: Real> Field<T> {
                     densities[index.floor_i32() as usize] = self.density(feature);
                 }
             },
-        )
+        );
     }
 
     /// Writes to \[point\]\[P\] `appearances` the appearance features (spec 4.6) at the points `point(0)`, `point(1)`, …, in model
@@ -62,7 +62,7 @@ impl<T: Real> Field<T> {
                     values[index.floor_i32() as usize * width..][..width].copy_from_slice(row);
                 }
             },
-        )
+        );
     }
 
     /// Writes to \[point\]\[width\] `values` what `evaluate` makes of chunks of points, by the samples at those that count; their
