@@ -245,7 +245,7 @@ fn points_have_the_numbers_of_the_reference() {
         let points: Vec<DVec3> =
             (0..11 * 11 * 11).map(|n| center + size * DVec3::new(along(n), along(n / 11), along(n / 121))).collect();
         let width = field.decoder.features;
-        // What was there before does not count.
+        // NaN marks values that are not written.
         let (mut densities, mut appearances) = (vec![f64::NAN; points.len()], vec![f64::NAN; points.len() * width]);
         field.densities(|n| points[n], &mut densities);
         field.appearances(|n| points[n], &mut appearances);

@@ -61,7 +61,7 @@ struct Report {
     memory_bytes: u64,
     /// Time of the training steps.
     minutes: f64,
-    /// Whether training gives up parameters that the pictures do not need: parameters, bytes and minutes are then upper bounds.
+    /// Whether training prunes components; then `parameters`, `file_bytes` and `minutes` are upper bounds.
     gives_up_parameters: bool,
     /// Time of the coarse reconstruction; absent if the prior is from files.
     prior_seconds: Option<f64>,

@@ -22,7 +22,7 @@ use crate::arrays::{Dictionary, arrays_of, shaped, vectors};
 use crate::errors::Failure;
 use crate::work::{caught, detached};
 
-/// Points between two looks for Ctrl-C.
+/// Points that are evaluated between two checks for Ctrl-C.
 const BLOCK: usize = 1 << 18;
 
 /// A scene with the bytes of its file. Nothing changes it; edits return another.
@@ -79,8 +79,8 @@ impl NativeScene {
         })
     }
 
-    /// What `evaluate` writes for `points`, in an array of their count and the lengths `row`; see [`Field::densities`]. Ctrl-C ends
-    /// it after a block of points.
+    /// Evaluates the field at `points` by `evaluate`, such as [`Field::densities`], into an f32 array of shape \[point\]\[row\]. Ctrl-C
+    /// stops it after the current block of points.
     fn at_points<'py>(
         &self,
         py: Python<'py>,
