@@ -24,7 +24,8 @@ class Readme(unittest.TestCase):
         self.assertEqual(names["picture"].color.shape, (400, 400, 3))
         self.assertEqual(names["sigma"].shape, (1,))
         # Less work, and over the file that is there.
-        example = examples[1].replace('settings("24")', 'settings("preview")').replace("steps=3000", "steps=200, force=True").replace("= 1024", "= 256")
+        example = examples[1].replace('settings("24")', 'settings("preview")').replace("= 1024", "= 256")
+        example = example.replace("steps=3000", "steps=200, force=True")
         exec(example, names)
         self.assertEqual(strivec.Scene.load("small.strivec").info()["steps"], 200)
 

@@ -12,6 +12,7 @@ import json
 import os
 import random
 import time
+from collections import Counter
 from typing import Any, Dict, List
 
 from .schedule import SMALL_MEMORY, run
@@ -37,12 +38,12 @@ def simulate(
             """How often each job was published, by all workers."""
 
             def __init__(self) -> None:
-                self.times: Dict[str, int] = {}
+                self.times: Counter = Counter()
 
             def add(self, name: str) -> None:
-                self.times[name] = self.times.get(name, 0) + 1
+                self.times[name] += 1
 
-            def all(self) -> Dict[str, int]:
+            def all(self) -> Counter:
                 return self.times
 
         published = Published.remote()

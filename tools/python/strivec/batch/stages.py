@@ -119,9 +119,11 @@ def _train(work: Work) -> Facts:
         nonlocal sent, sent_bytes, next_at
         work.told(event)
         start = time.monotonic()
-        if start >= next_at and state.exists() and state.stat().st_mtime_ns != sent:
-            sent = state.stat().st_mtime_ns
-            sent_bytes += state.stat().st_size
+        if start < next_at or not state.exists():
+            return
+        found = state.stat()
+        if found.st_mtime_ns != sent:
+            sent, sent_bytes = found.st_mtime_ns, sent_bytes + found.st_size
             work.store.upload(state, remote)
             next_at = start + max(UPLOAD_EVERY, (time.monotonic() - start) / UPLOAD_SHARE)
 
