@@ -4,7 +4,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Poll, Waker};
 
 use super::error::GpuError;
-use super::shader::{Extensions, Shape, Stage};
+use super::packed::BufferLimits;
+use super::shader::{CHUNK_SHIFT, Extensions, Shape, Stage, TEXTURE_SHIFT};
 
 /// An open device.
 #[derive(Clone, Debug)]
@@ -13,6 +14,8 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     adapter: wgpu::Adapter,
     info: wgpu::AdapterInfo,
+    /// True if shaders are made for a software device.
+    is_software: bool,
     /// The first uncaptured device error.
     uncaptured_error: Arc<Mutex<Option<String>>>,
 }
@@ -51,7 +54,16 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             first.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());
         }));
-        Ok(Self { device, queue, info: adapter.get_info(), adapter, uncaptured_error })
+        let info = adapter.get_info();
+        let is_software = info.device_type == wgpu::DeviceType::Cpu;
+        Ok(Self { device, queue, info, adapter, is_software, uncaptured_error })
+    }
+
+    /// The same device, with the shaders of a graphics processor also if it is a software device. Pictures stay the same;
+    /// for tests.
+    #[must_use]
+    pub fn as_hardware(self) -> Self {
+        Self { is_software: false, ..self }
     }
 
     /// The adapter's name, driver and kind.
@@ -79,8 +91,22 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
+    /// The device's limits for a scene.
+    pub(super) fn scene_limits(&self) -> BufferLimits {
+        let limits = self.device.limits();
+        BufferLimits {
+            // Rays, samples and counters take three bindings of a stage.
+            chunks: limits.max_storage_buffers_per_shader_stage.saturating_sub(3),
+            chunk_shift: CHUNK_SHIFT,
+            texture_rows: limits.max_texture_dimension_2d,
+            workgroup_bytes: limits.max_compute_workgroup_storage_size,
+            extensions: self.extensions(),
+            is_software: self.is_software,
+        }
+    }
+
     /// The WGSL extensions that the device supports.
-    pub(super) fn extensions(&self) -> Extensions {
+    fn extensions(&self) -> Extensions {
         let features = self.device.features();
         Extensions {
             f16: features.contains(wgpu::Features::SHADER_F16),
@@ -132,6 +158,33 @@ impl Gpu {
         let buffer = self.buffer(label, bytes.len() as u64, usage);
         self.queue.write_buffer(&buffer, 0, bytes);
         buffer
+    }
+
+    /// A new texture of the quads `words`, in rows of 1 << [`TEXTURE_SHIFT`].
+    pub(super) fn upload_texture(&self, label: &str, words: &[u32]) -> wgpu::Texture {
+        let extent = |width: usize, height: usize| wgpu::Extent3d {
+            width: width as u32,
+            height: height as u32,
+            depth_or_array_layers: 1,
+        };
+        let width = 1 << TEXTURE_SHIFT;
+        let rows = words.chunks(4 * width);
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: extent(width, rows.len().max(1)),
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Uint,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        for (y, row) in (0..).zip(rows) {
+            let to = wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x: 0, y, z: 0 }, ..texture.as_image_copy() };
+            let bytes = bytemuck::cast_slice(row);
+            self.queue.write_texture(to, bytes, wgpu::TexelCopyBufferLayout::default(), extent(row.len() / 4, 1));
+        }
+        texture
     }
 
     /// Reads the bytes of `buffer`, which must be mappable, after all work submitted before.

@@ -4,7 +4,7 @@ use super::device::{Gpu, Mapping};
 use super::error::GpuError;
 use super::job::{Drawing, InFlightBatch, Job};
 use super::layout::{Counters, Frame};
-use super::renderer::GpuRenderer;
+use super::renderer::{GpuRenderer, SceneBuffer};
 use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
 
 /// The most strides of a ray over all passes: twice the samples that a valid scene allows.
@@ -135,11 +135,20 @@ impl GpuRenderer {
             6 => &work.workgroups,
             _ => &work.pixels,
         };
-        let own = bindings.iter().map(|&b| (b, buffer(b)));
-        let chunks = (FIRST_CHUNK..).zip(self.chunks.iter().filter(|_| reads_scene));
-        let entries: Vec<_> = (own.chain(chunks))
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
+        let mut resources: Vec<_> = bindings.iter().map(|&b| (b, buffer(b).as_entire_binding())).collect();
+        let view;
+        match &self.scene_buffer {
+            _ if !reads_scene => {}
+            SceneBuffer::Chunks(chunks) => {
+                resources.extend((FIRST_CHUNK..).zip(chunks.iter().map(wgpu::Buffer::as_entire_binding)));
+            }
+            SceneBuffer::Texture(texture) => {
+                view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+                resources.push((FIRST_CHUNK, wgpu::BindingResource::TextureView(&view)));
+            }
+        }
+        let entries: Vec<_> =
+            resources.into_iter().map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(stage.name()),
             layout: &pipeline.get_bind_group_layout(0),

@@ -2,7 +2,7 @@
 
 use super::error::GpuError;
 use super::layout::{Layer, Scale, SceneHead};
-use super::shader::{Extensions, Precision, Shape};
+use super::shader::{Extensions, Precision, Shape, TEXTURE_SHIFT};
 use crate::field::{Dense, Field, FieldFactors, FieldScale, FieldSky};
 use crate::model::Form;
 
@@ -16,6 +16,10 @@ pub(super) struct BufferLimits {
     /// Bytes of workgroup memory.
     pub(super) workgroup_bytes: u32,
     pub(super) extensions: Extensions,
+    /// See [`Shape::is_software`].
+    pub(super) is_software: bool,
+    /// The most rows of a texture.
+    pub(super) texture_rows: u32,
 }
 
 /// A scene, packed for a device.
@@ -83,6 +87,7 @@ fn shape_of(
     Shape {
         precision,
         extensions: limits.extensions,
+        is_software: limits.is_software,
         chunks: 0,
         chunk_shift: limits.chunk_shift,
         scales: scales.len() as u32,
@@ -147,8 +152,13 @@ fn sky_of(field: &Field<f32>) -> Vec<[f32; 4]> {
 
 /// Checks that the scene buffer and the decoder's tile are within `limits`.
 fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<(), GpuError> {
-    if shape.chunks > limits.chunks {
-        let limit = u64::from(limits.chunks) << (limits.chunk_shift + 4);
+    let most_quads = if limits.is_software {
+        u64::from(limits.texture_rows) << TEXTURE_SHIFT
+    } else {
+        u64::from(limits.chunks) << limits.chunk_shift
+    };
+    if words.quads() > most_quads {
+        let limit = 16 * most_quads;
         return Err(GpuError::TooLarge { what: "bytes of scene data", found: 16 * words.quads(), limit });
     }
     if shape.rows().is_none() {

@@ -5,7 +5,7 @@ use super::error::GpuError;
 use super::job::{Drawing, Job};
 use super::layout::{Frame, PixelPair, Ray as DeviceRay, SceneHead};
 use super::packed::{BufferLimits, Packed};
-use super::shader::{CHUNK_SHIFT, Precision, RAY_LANES, Stage, TILE};
+use super::shader::{Precision, RAY_LANES, Stage, TILE};
 use super::workspace::{StageTime, Workspace};
 use crate::field::Field;
 use crate::geometry::{Aabb, Camera, Contraction, Ray, RayPath};
@@ -21,8 +21,7 @@ pub struct GpuRenderer {
     pub(super) pipelines: Vec<wgpu::ComputePipeline>,
     /// The uniform `scene`.
     pub(super) scene: wgpu::Buffer,
-    /// The scene buffer, split over bindings.
-    pub(super) chunks: Vec<wgpu::Buffer>,
+    pub(super) scene_buffer: SceneBuffer,
     pub(super) workspace: Workspace,
     /// The picture being drawn.
     pub(super) job: Option<Job>,
@@ -39,6 +38,25 @@ pub struct GpuRenderer {
     background: [f32; 3],
 }
 
+/// The scene buffer on the device.
+#[derive(Debug)]
+pub(super) enum SceneBuffer {
+    /// Split over bindings.
+    Chunks(Vec<wgpu::Buffer>),
+    /// For a software device.
+    Texture(wgpu::Texture),
+}
+
+impl SceneBuffer {
+    /// Bytes of device memory.
+    fn bytes(&self) -> u64 {
+        match self {
+            Self::Chunks(chunks) => chunks.iter().map(wgpu::Buffer::size).sum(),
+            Self::Texture(texture) => 16 * u64::from(texture.width()) * u64::from(texture.height()),
+        }
+    }
+}
+
 /// Maximum loop iterations per invocation on software adapters. Mesa's llvmpipe silently ends the loops of a workgroup
 /// after 65 535 iterations, some of which serve other invocations of the group.
 const MAX_ITERATIONS: u32 = 1 << 15;
@@ -52,7 +70,7 @@ impl GpuRenderer {
     ///
     /// If an option is out of range, `density_cache` is set, or the scene exceeds a limit of the device.
     pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
-        Self::with_limits(gpu, scene, approximation, precision, gpu.limits())
+        Self::with_limits(gpu, scene, approximation, precision, gpu.scene_limits())
     }
 
     /// As [`GpuRenderer::new`], within `limits`.
@@ -73,9 +91,12 @@ impl GpuRenderer {
         let packed = Packed::new(&field, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
-        let chunks = (packed.words.chunks(4 << limits.chunk_shift))
-            .map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage))
-            .collect();
+        let scene_buffer = if limits.is_software {
+            SceneBuffer::Texture(gpu.upload_texture("quads", &packed.words))
+        } else {
+            let chunks = packed.words.chunks(4 << limits.chunk_shift);
+            SceneBuffer::Chunks(chunks.map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage)).collect())
+        };
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
         let strides = match gpu.info().device_type {
             wgpu::DeviceType::Cpu => (MAX_ITERATIONS / packed.iterations_per_sample).max(1),
@@ -86,7 +107,7 @@ impl GpuRenderer {
             gpu: gpu.clone(),
             pipelines,
             scene,
-            chunks,
+            scene_buffer,
             workspace: Workspace::new(gpu, RAY_LANES, 1),
             job: None,
             has_normals: false,
@@ -229,8 +250,7 @@ impl GpuRenderer {
 
     /// Bytes of device memory: of the scene, and of the batch and picture buffers.
     pub fn memory_bytes(&self) -> [u64; 2] {
-        let scene = self.scene.size() + self.chunks.iter().map(wgpu::Buffer::size).sum::<u64>();
-        [scene, self.workspace.bytes()]
+        [self.scene.size() + self.scene_buffer.bytes(), self.workspace.bytes()]
     }
 
     /// `ray` as the first stage computes it, but in 64 bits.
@@ -281,20 +301,6 @@ impl GpuRenderer {
     }
 }
 
-impl Gpu {
-    /// The device's limits for a scene.
-    fn limits(&self) -> BufferLimits {
-        let limits = self.device.limits();
-        BufferLimits {
-            // Rays, samples and counters take three bindings of a stage.
-            chunks: limits.max_storage_buffers_per_shader_stage.saturating_sub(3),
-            chunk_shift: CHUNK_SHIFT,
-            workgroup_bytes: limits.max_compute_workgroup_storage_size,
-            extensions: self.extensions(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
@@ -321,21 +327,26 @@ mod tests {
         let mut renderer = renderer.unwrap();
         let picture = renderer.render(camera).unwrap();
         assert!(picture.pixels.iter().any(|p| p.opacity > 0.1));
-        (picture, renderer.chunks.len())
+        let chunks = match &renderer.scene_buffer {
+            SceneBuffer::Chunks(chunks) => chunks.len(),
+            SceneBuffer::Texture(_) => 0,
+        };
+        (picture, chunks)
     }
 
     /// A scene of more than 128 MiB is too large for a test; bindings of 4 KiB split a small scene as often.
     #[test]
     fn a_scene_in_many_bindings_is_the_same() {
-        let gpu = Gpu::open().unwrap();
+        let gpu = Gpu::open().unwrap().as_hardware();
         let scene = fixture(include_bytes!("../../../fixtures/v1/occupancy.strivec"));
         for precision in [Precision::F32, Precision::F16] {
-            let (whole, _) = picture(&gpu, &scene, precision, gpu.limits());
-            let (split, chunks) = picture(&gpu, &scene, precision, BufferLimits { chunk_shift: 8, ..gpu.limits() });
+            let (whole, _) = picture(&gpu, &scene, precision, gpu.scene_limits());
+            let (split, chunks) =
+                picture(&gpu, &scene, precision, BufferLimits { chunk_shift: 8, ..gpu.scene_limits() });
             assert!(chunks > 2);
             assert_eq!(whole, split);
         }
-        let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.limits() };
+        let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.scene_limits() };
         let refused = Packed::new(&Field::new(&scene.0), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of scene data", limit: 512, .. })),
@@ -346,18 +357,20 @@ mod tests {
     #[test]
     fn a_device_without_extensions_draws_the_same() {
         let gpu = Gpu::open().unwrap();
-        println!("{:?}", gpu.extensions());
-        let plain = BufferLimits { extensions: Extensions::default(), ..gpu.limits() };
+        println!("{:?}", gpu.scene_limits().extensions);
+        let plain = BufferLimits { extensions: Extensions::default(), ..gpu.scene_limits() };
         for bytes in [
             &include_bytes!("../../../fixtures/v1/occupancy.strivec")[..],
             include_bytes!("../../../fixtures/v1/per-ray.strivec"),
             include_bytes!("../../../fixtures/v1/residual.strivec"),
         ] {
             let scene = fixture(bytes);
-            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F32, limits).0);
+            let [with, without] =
+                [gpu.scene_limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F32, limits).0);
             assert_eq!(with, without);
             // The decoder's activations are rounded to 16 bits in one of them, the factors in both.
-            let [with, without] = [gpu.limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F16, limits).0);
+            let [with, without] =
+                [gpu.scene_limits(), plain].map(|limits| picture(&gpu, &scene, Precision::F16, limits).0);
             let far = (with.pixels.iter().zip(&without.pixels))
                 .flat_map(|(a, b)| [0, 1, 2].map(|c| (a.color[c] - b.color[c]).abs()))
                 .fold(0.0, f32::max);

@@ -20,6 +20,8 @@ const MAX_ACROSS: u32 = 65535;
 pub(super) const CHUNK_SHIFT: u32 = 23;
 /// The first binding of the scene buffer.
 pub(super) const FIRST_CHUNK: u32 = 8;
+/// Log₂ of the quads of a row, if the scene buffer is a texture.
+pub(super) const TEXTURE_SHIFT: u32 = 13;
 /// Bytes of an interpolation site in the decoder's workgroup memory.
 const SITE_BYTES: u32 = 32;
 
@@ -48,6 +50,9 @@ pub(super) struct Extensions {
 pub(super) struct Shape {
     pub(super) precision: Precision,
     pub(super) extensions: Extensions,
+    /// True for a software device: the scene buffer is a texture, which such devices read several times as fast, and each
+    /// lane of the decoder gathers the components of a row of its own.
+    pub(super) is_software: bool,
     /// Number of bindings of the scene buffer.
     pub(super) chunks: u32,
     /// Log₂ of the quads of one binding.
@@ -158,12 +163,20 @@ impl Shape {
         ] {
             let _ = writeln!(text, "const {name}: bool = {value};");
         }
-        for chunk in 0..self.chunks {
-            let binding = FIRST_CHUNK + chunk;
-            let _ = writeln!(text, "@group(0) @binding({binding}) var<storage, read> quads{chunk}: array<vec4<u32>>;");
+        if self.is_software {
+            let _ = writeln!(text, "@group(0) @binding({FIRST_CHUNK}) var quads: texture_2d<u32>;");
+        } else {
+            for chunk in 0..self.chunks {
+                let binding = FIRST_CHUNK + chunk;
+                let _ =
+                    writeln!(text, "@group(0) @binding({binding}) var<storage, read> quads{chunk}: array<vec4<u32>>;");
+            }
         }
         text += "fn quad(i: u32) -> vec4<u32> {\n";
-        if self.chunks > 1 {
+        if self.is_software {
+            let mask = (1_u32 << TEXTURE_SHIFT) - 1;
+            let _ = writeln!(text, "    return textureLoad(quads, vec2(i & {mask}u, i >> {TEXTURE_SHIFT}u), 0);\n}}");
+        } else if self.chunks > 1 {
             let (shift, mask) = (self.chunk_shift, (1_u32 << self.chunk_shift) - 1);
             let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {shift}u {{");
             for chunk in 1..self.chunks {
@@ -220,7 +233,7 @@ impl Stage {
     }
 
     /// The shader's files after the prelude.
-    fn files(self, extensions: Extensions) -> &'static [&'static str] {
+    fn files(self, shape: &Shape) -> &'static [&'static str] {
         macro_rules! shader {
             ($name:literal) => {
                 include_str!(concat!("../../../shaders/", $name, ".wgsl"))
@@ -247,10 +260,21 @@ impl Stage {
                 DENSITY,
                 shader!("march"),
             ],
-            Self::Compact if extensions.subgroups => &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")],
+            Self::Compact if shape.extensions.subgroups => {
+                &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")]
+            }
             Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
-            Self::Decoder => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("decoder")],
+            Self::Decoder => {
+                const BY_LANE: &str = shader!("components_by_lane");
+                const BY_TILE: &str = shader!("components_by_tile");
+                const DECODER: &str = shader!("decoder");
+                if shape.is_software {
+                    &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, BY_LANE, DECODER]
+                } else {
+                    &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, BY_TILE, DECODER]
+                }
+            }
             Self::Resolve => &[LAYOUT, REAL, shader!("sky"), shader!("resolve")],
             Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
         }
@@ -271,7 +295,7 @@ impl Stage {
 
     /// The complete shader for scenes of `shape`.
     pub(super) fn source(self, shape: &Shape) -> String {
-        shape.prelude() + &self.files(shape.extensions).join("\n")
+        shape.prelude() + &self.files(shape).join("\n")
     }
 }
 
@@ -282,6 +306,7 @@ impl Default for Shape {
         Self {
             precision: Precision::F32,
             extensions: Extensions::default(),
+            is_software: false,
             chunks: 1,
             chunk_shift: CHUNK_SHIFT,
             scales: 3,
@@ -322,6 +347,16 @@ mod tests {
             Shape { precision: Precision::F16, extensions: both, ..paper.clone() },
             Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
             Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
+            Shape { is_software: true, ..paper.clone() },
+            Shape { is_software: true, decoder_mode: DecoderMode::Residual, blocks: 3, ..paper.clone() },
+            Shape {
+                is_software: true,
+                precision: Precision::F16,
+                extensions: both,
+                decoder_mode: DecoderMode::PerRay,
+                appearance_reduction: Reduction::Mean,
+                ..paper.clone()
+            },
             Shape { contracted: true, ..paper.clone() },
             Shape { blocks: 3, ..paper.clone() },
             Shape { sky_degree: 1, ..paper.clone() },
@@ -369,9 +404,9 @@ mod tests {
 
     #[test]
     fn stages_use_their_bindings_and_at_most_four_storage_buffers() {
-        let shape = Shape::default();
-        for stage in Stage::ALL {
-            let (module, info) = validated(&stage.source(&shape)).unwrap();
+        let both = [false, true].map(|is_software| Shape { is_software, ..Shape::default() });
+        for (shape, stage) in both.iter().flat_map(|shape| Stage::ALL.map(|stage| (shape, stage))) {
+            let (module, info) = validated(&stage.source(shape)).unwrap();
             let used = |(handle, global): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
                 let used = !info.get_entry_point(0)[handle].is_empty();
                 Some((global.binding.as_ref().filter(|_| used)?.binding, global.space))
