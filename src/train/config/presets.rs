@@ -18,9 +18,11 @@ const DECAY: f64 = 0.1;
 const BEST_DECAY: f64 = 0.25;
 const BEST_COOLDOWN: f64 = 0.15;
 /// The most that one percent of the parameters may cost, in dB: half of the parameters cost 0.1 dB.
-const BEST_MAX_LOSS: f64 = 0.12;
-/// Three times as much is too much; photographs of 800×800 gain nothing (docs/experiments/2026-11-26-weight-decay.md).
+const BEST_MAX_LOSS: f64 = 0.1;
+/// Three times as much is too much (docs/experiments/2026-11-26-weight-decay.md), and so is as much in the longer runs
+/// of the best quality.
 const PREVIEW_FACTOR_DECAY: f64 = 0.01;
+const BEST_FACTOR_DECAY: f64 = 0.003;
 /// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
 const FINE_STEP_CELLS: f64 = 2.0 / 3.0;
 /// Steps of the preset for scans (paper, The ScanNet dataset).
@@ -102,7 +104,7 @@ impl TrainConfig {
             "360" => {
                 let mut preset = best().with_steps(SURROUNDINGS_STEPS);
                 preset.batch_rays = 4096;
-                (preset.learning_rate_decay, preset.cooldown) = (DECAY, 0.0);
+                (preset.learning_rate_decay, preset.cooldown, preset.factor_decay) = (DECAY, 0.0, 0.0);
                 preset.shell = Some(SURROUNDINGS_SHELL);
                 preset.factor_learning_rate = 0.03;
                 preset.density_l1 = 1e-4;
@@ -220,6 +222,7 @@ fn best() -> TrainConfig {
     preset.batch_rays = BEST_BATCH;
     (preset.learning_rate_decay, preset.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
     preset.lean.max_loss = BEST_MAX_LOSS;
+    preset.factor_decay = BEST_FACTOR_DECAY;
     // The first two scales have cells about as wide as a pixel of photographs of 800×800. Training gives up a third of
     // the third scale's anyway.
     let finer = [[29, 43, 65, 93, 125, 161], [15, 23, 35, 47, 63, 81]];
