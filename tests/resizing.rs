@@ -332,17 +332,24 @@ fn cells_that_are_too_coarse_become_finer() {
 }
 
 #[test]
-fn a_shrunk_scene_has_the_march_of_the_end_unless_that_is_off() {
+fn a_shrunk_scene_has_a_faster_march_unless_that_is_off() {
     let scene = colorful();
     let views = noisy(&views(&scene));
     let goal = ShrinkGoal::Parameters(scene.nonzero_parameter_count() * 3 / 4);
-    let least_weight = |finish: FinishConfig| {
+    let rules_of = |scene: &Scene, finish: FinishConfig| {
         let tuning = Tuning { steps: 30, config: TrainConfig { finish, ..config() } };
-        shrunk(&scene, &views, goal, &tuning).scene.rules.min_weight
+        let rules = shrunk(scene, &views, goal, &tuning).scene.rules;
+        [rules.step, rules.min_weight]
     };
     let finish = FinishConfig { min_weight: 7e-4, max_loss: 100.0, ..FinishConfig::default() };
-    assert_eq!(least_weight(finish), 7e-4);
-    assert_eq!(least_weight(FinishConfig::off()), scene.rules.min_weight);
+    let before = scene.rules.step;
+    let [step, least_weight] = rules_of(&scene, finish.clone());
+    assert!(before < step && step <= 1.1 * before, "{before}, {step}");
+    assert_eq!(least_weight, 1.4e-3);
+    assert_eq!(rules_of(&scene, FinishConfig::off()), [before, scene.rules.min_weight]);
+    let mut coarse = scene.clone();
+    coarse.rules.step *= 2.0;
+    assert_eq!(rules_of(&coarse, finish)[0], coarse.rules.step, "steps longer than that stay");
 }
 
 #[test]
