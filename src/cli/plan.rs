@@ -61,7 +61,8 @@ struct Report {
     memory_bytes: u64,
     /// Time of the training steps.
     minutes: f64,
-    /// Whether training prunes components; then `parameters`, `file_bytes` and `minutes` are upper bounds.
+    /// True if training prunes components: the scene then has at most `parameters`, its file at most `file_bytes`, and
+    /// training takes at most `minutes`.
     gives_up_parameters: bool,
     /// Time of the coarse reconstruction; absent if the prior is from files.
     prior_seconds: Option<f64>,
