@@ -246,6 +246,7 @@ impl Stage {
         const NEIGHBORS: &str = shader!("neighbors");
         const GATHER: &str = shader!("gather");
         const DENSITY: &str = shader!("density");
+        const DECODER: &str = shader!("decoder");
         match self {
             Self::Rays => &[LAYOUT, PATH, shader!("rays")],
             Self::March => &[
@@ -265,15 +266,11 @@ impl Stage {
             }
             Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
+            Self::Decoder if shape.is_software => {
+                &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("components_by_lane"), DECODER]
+            }
             Self::Decoder => {
-                const BY_LANE: &str = shader!("components_by_lane");
-                const BY_TILE: &str = shader!("components_by_tile");
-                const DECODER: &str = shader!("decoder");
-                if shape.is_software {
-                    &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, BY_LANE, DECODER]
-                } else {
-                    &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, BY_TILE, DECODER]
-                }
+                &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("components_by_tile"), DECODER]
             }
             Self::Resolve => &[LAYOUT, REAL, shader!("sky"), shader!("resolve")],
             Self::Normals => &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, DENSITY, shader!("normals")],
