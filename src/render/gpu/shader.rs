@@ -163,29 +163,7 @@ impl Shape {
         ] {
             let _ = writeln!(text, "const {name}: bool = {value};");
         }
-        if self.is_software {
-            let _ = writeln!(text, "@group(0) @binding({FIRST_CHUNK}) var quads: texture_2d<u32>;");
-        } else {
-            for chunk in 0..self.chunks {
-                let binding = FIRST_CHUNK + chunk;
-                let _ =
-                    writeln!(text, "@group(0) @binding({binding}) var<storage, read> quads{chunk}: array<vec4<u32>>;");
-            }
-        }
-        text += "fn quad(i: u32) -> vec4<u32> {\n";
-        if self.is_software {
-            let mask = (1_u32 << TEXTURE_SHIFT) - 1;
-            let _ = writeln!(text, "    return textureLoad(quads, vec2(i & {mask}u, i >> {TEXTURE_SHIFT}u), 0);\n}}");
-        } else if self.chunks > 1 {
-            let (shift, mask) = (self.chunk_shift, (1_u32 << self.chunk_shift) - 1);
-            let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {shift}u {{");
-            for chunk in 1..self.chunks {
-                let _ = writeln!(text, "        case {chunk}u: {{ return quads{chunk}[within]; }}");
-            }
-            text += "        default: { return quads0[within]; }\n    }\n}\n";
-        } else {
-            text += "    return quads0[i];\n}\n";
-        }
+        self.write_scene_access(&mut text);
         text += match self.precision {
             Precision::F32 => "fn factor(i: u32) -> vec4<f32> {\n    return bitcast<vec4<f32>>(quad(i));\n}\n",
             Precision::F16 => {
@@ -199,6 +177,33 @@ impl Shape {
             "alias Kept = vec4<f32>;\nfn kept(x: vec4<f32>) -> Kept {\n    return x;\n}\n"
         };
         text
+    }
+
+    /// The declaration of the scene buffer, and `quad`, which reads it.
+    fn write_scene_access(&self, text: &mut String) {
+        const QUAD: &str = "fn quad(i: u32) -> vec4<u32>";
+        if self.is_software {
+            let mask = (1_u32 << TEXTURE_SHIFT) - 1;
+            let _ = writeln!(text, "@group(0) @binding({FIRST_CHUNK}) var quads: texture_2d<u32>;");
+            let load = format!("textureLoad(quads, vec2(i & {mask}u, i >> {TEXTURE_SHIFT}u), 0)");
+            let _ = writeln!(text, "{QUAD} {{\n    return {load};\n}}");
+            return;
+        }
+        for chunk in 0..self.chunks {
+            let binding = FIRST_CHUNK + chunk;
+            let _ = writeln!(text, "@group(0) @binding({binding}) var<storage, read> quads{chunk}: array<vec4<u32>>;");
+        }
+        let _ = writeln!(text, "{QUAD} {{");
+        if self.chunks > 1 {
+            let (shift, mask) = (self.chunk_shift, (1_u32 << self.chunk_shift) - 1);
+            let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {shift}u {{");
+            for chunk in 1..self.chunks {
+                let _ = writeln!(text, "        case {chunk}u: {{ return quads{chunk}[within]; }}");
+            }
+            *text += "        default: { return quads0[within]; }\n    }\n}\n";
+        } else {
+            *text += "    return quads0[i];\n}\n";
+        }
     }
 }
 
