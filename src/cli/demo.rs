@@ -104,7 +104,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         file,
         sheet,
         bytes: bytes.len() as u64,
-        parameters: scene.parameter_count(),
+        parameters: scene.nonzero_parameter_count(),
         seconds_dataset,
         seconds_training,
         report,

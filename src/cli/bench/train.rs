@@ -92,6 +92,7 @@ struct Point {
     /// \[scale\] cells of a tensor along each axis.
     resolutions: Vec<[u32; 3]>,
     tensors: usize,
+    /// Those of components that are not zero, which a step works on.
     parameters: u64,
     #[serde(flatten)]
     measured: Measured,
@@ -214,7 +215,7 @@ impl Point {
             name,
             resolutions: scene.scales.iter().map(|s| s.cloud.resolution).collect(),
             tensors: scene.scales.iter().map(|s| s.cloud.len()).sum(),
-            parameters: scene.parameter_count(),
+            parameters: scene.nonzero_parameter_count(),
             measured,
         }
     }
