@@ -3,42 +3,47 @@
 
     tools/measure/sizes.py full.strivec lego.strivec small.strivec --dataset LEGO --out docs/images/sizes
 
-writes OUT.csv and OUT.svg. `strivec bench render` measures frames of 800x800, in rounds over all scenes, and the memory of
-the process at its peak; `strivec eval` measures PSNR on the dataset's test views. Needs matplotlib, and this project's command
-in target/release (or --command FILE).
+writes OUT.csv and OUT.svg. `strivec bench render` measures frames of 800x800, in rounds over all scenes, and in another run
+their memory: what the process takes at its peak more than before it opens the scene's field. `strivec eval` measures PSNR on the
+dataset's test views. Needs matplotlib, and this project's command in target/release (or --command FILE).
 """
 
 import argparse
 import csv
 import json
+import os
 import statistics
 import subprocess
 from pathlib import Path
 
 COLUMNS = ["scene", "parameters", "bytes", "frame_ms", "memory_bytes", "psnr"]
+# Makes glibc give memory back as soon as it is free. Else, what was read of the file before would be used again and not count.
+GIVES_MEMORY_BACK = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_TRIM_THRESHOLD_": "65536"}
 
 
-def said(words):
-    return json.loads(subprocess.run(words, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, check=True).stdout)
+def said(words, **environment):
+    environment = os.environ | environment
+    process = subprocess.run(words, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, check=True, env=environment)
+    return json.loads(process.stdout)
 
 
 def measure(arguments, scene):
-    """One row, without a frame's time and memory."""
+    """One row, without a frame's time."""
     quiet = [arguments.command, "--quiet", "--json"]
     of_views = ["--split", "test", "--every", str(arguments.every)]
     return {
         "scene": scene.stem,
         "parameters": said([*quiet, "info", scene])["nonzero_parameters"],
         "bytes": scene.stat().st_size,
+        "memory_bytes": frame(arguments, scene, runs=1, **GIVES_MEMORY_BACK)["peak_bytes"],
         "psnr": said([*quiet, "eval", scene, arguments.dataset, *of_views])["psnr"],
     }
 
 
-def frame(arguments, scene):
-    """Median milliseconds, and bytes at the peak."""
-    words = [arguments.command, "--quiet", "--json", "bench", "render", scene, "--size", "800x800", "--runs", "3"]
-    [frame] = said(words)["frames"]
-    return 1e3 * frame["seconds"]["median"], frame["peak_bytes"]
+def frame(arguments, scene, runs, **environment):
+    """What `bench render` says of frames of 800x800."""
+    words = [arguments.command, "--quiet", "--json", "bench", "render", scene, "--size", "800x800", "--runs", str(runs)]
+    return said(words, **environment)["frames"][0]
 
 
 def plot(path, rows):
@@ -75,10 +80,10 @@ def main():
     parser.add_argument("--rounds", type=int, default=5, help="measured frames are medians of so many rounds (default: %(default)s)")
     parser.add_argument("--command", type=Path, default=Path("target/release/strivec"))
     arguments = parser.parse_args()
-    rounds = [[frame(arguments, scene) for scene in arguments.scenes] for _ in range(arguments.rounds)]
+    frames = [[frame(arguments, scene, runs=3) for scene in arguments.scenes] for _ in range(arguments.rounds)]
     rows = [measure(arguments, scene) for scene in arguments.scenes]
-    for row, frames in zip(rows, zip(*rounds)):
-        row["frame_ms"], row["memory_bytes"] = (statistics.median(values) for values in zip(*frames))
+    for row, of_scene in zip(rows, zip(*frames)):
+        row["frame_ms"] = 1e3 * statistics.median(frame["seconds"]["median"] for frame in of_scene)
     rows.sort(key=lambda row: row["parameters"])
     with arguments.out.with_suffix(".csv").open("w", newline="") as file:
         table = csv.DictWriter(file, COLUMNS)
