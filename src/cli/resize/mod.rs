@@ -29,7 +29,7 @@ use crate::train::{GrowRound, GrowStep, Growing, ShrinkGoal, TrainConfig, Traine
 
 const SHRINK_EXAMPLES: &str = "\
 Examples:
-  strivec shrink lego.strivec lego -o half.strivec --max-params 14M
+  strivec shrink lego.strivec lego -o 3M.strivec --max-params 3M
   strivec shrink lego.strivec lego -o lean.strivec --max-loss 0.1
   strivec shrink lego.strivec lego -o lean.strivec --resume
   strivec shrink small.strivec lego -o smaller.strivec --downscale 4 --config quarter.toml --max-loss 0.2
