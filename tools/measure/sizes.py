@@ -83,7 +83,7 @@ def main():
     frames = [[frame(arguments, scene, runs=3) for scene in arguments.scenes] for _ in range(arguments.rounds)]
     rows = [measure(arguments, scene) for scene in arguments.scenes]
     for row, of_scene in zip(rows, zip(*frames)):
-        row["frame_ms"] = 1e3 * statistics.median(frame["seconds"]["median"] for frame in of_scene)
+        row["frame_ms"] = 1e3 * statistics.median(measured["seconds"]["median"] for measured in of_scene)
     rows.sort(key=lambda row: row["parameters"])
     with arguments.out.with_suffix(".csv").open("w", newline="") as file:
         table = csv.DictWriter(file, COLUMNS)
