@@ -10,7 +10,7 @@ use crate::train::Exposure;
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
 /// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
-const BEST_STEPS: u64 = 43_000;
+const BEST_STEPS: u64 = 39_000;
 const BEST_BATCH: usize = 2048;
 /// The factor by which learning rates fall over a run (paper, Implementation).
 const DECAY: f64 = 0.1;
