@@ -66,9 +66,10 @@ struct Scene {
     grid_cells_per_unit: vec3<f32>,
     padding1: u32,
     grid_cells: vec3<i32>,
-    padding2: u32,
+    // The scene's own thresholds, where an approximation raises them (src/render/approximation.rs).
+    own_min_weight: f32,
     grid_bricks: vec3<i32>,
-    padding3: u32,
+    own_min_transmittance: f32,
     layers: array<Layer, LAYERS>,
     scales: array<Scale, SCALES>,
     // The coefficients of red, green and blue of each polynomial in sky.wgsl. Without a sky, one of zeros.
@@ -133,6 +134,11 @@ struct Ray {
     // ray has an empty one whose unit is negative.
     scale: f32,
     first: f32,
+    // Σ w of the samples that are not shaded but would be with the scene's own thresholds.
+    skipped_weights: f32,
+    padding1: u32,
+    padding2: u32,
+    padding3: u32,
 }
 
 // Lengths of the batch's lists.

@@ -76,6 +76,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             used += 1u;
             ray.shaded += 1u;
             ray.shaded_weights += weight;
+        } else if weight > scene.own_min_weight {
+            ray.skipped_weights += weight;
         }
         if ray.transmittance < scene.min_transmittance {
             is_finished = true;

@@ -5,7 +5,7 @@ mod scenes;
 
 use strivec::geometry::{Aabb, Camera};
 use strivec::model::{Coverage, DecoderMode, Occupancy, Reduction, Scene};
-use strivec::render::{Approximation, CpuRenderer, Picture, Renderer};
+use strivec::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
 use strivec::train::TrainConfig;
 
 fn scene() -> Scene {
@@ -82,6 +82,67 @@ fn a_strong_option_shows() {
         let change = difference(&picture(&scene, option), &exact);
         assert!(change > 3e-4, "{option:?}: {change}");
     }
+}
+
+/// The formula of `OwnThresholds`, from traces of the reference renderer.
+#[test]
+fn shaded_samples_stand_for_what_raised_thresholds_leave_out() {
+    let mut scene = scene();
+    (scene.rules.min_weight, scene.rules.min_transmittance) = (0.005, 0.02);
+    let raised = Approximation { min_weight: Some(0.04), min_transmittance: Some(0.3), ..EXACT };
+    let rays: Vec<_> = (0..39).flat_map(|y| (0..45).filter_map(move |x| camera().ray(x, y))).collect();
+    let background = scene.frame.background.map(f64::from);
+    for mode in DecoderMode::ALL {
+        scene.decoder.mode = mode;
+        let mut shown = scene.clone();
+        (shown.rules.min_weight, shown.rules.min_transmittance) = (0.04, 0.3);
+        shown.frame.background = [0.0; 3];
+        // Its colors are sums of weights.
+        let mut white = shown.clone();
+        let last = white.decoder.layers.last_mut().unwrap();
+        last.weights.fill(0.0);
+        last.bias.fill(100.0);
+        let mut white_by_own_weight = white.clone();
+        white_by_own_weight.rules.min_weight = 0.005;
+
+        let renderer = CpuRenderer::<f64>::with_approximation(scene.clone(), &raised).unwrap();
+        let (pixels, fast) = (renderer.trace(&rays), CpuRenderer::<f32>::with_approximation(scene.clone(), &raised));
+        let fast = fast.unwrap().trace(&rays);
+        let (mut skipping, mut ended, mut planted) = (0, 0, 0.0f64);
+        for (ray, (pixel, fast)) in rays.iter().zip(pixels.iter().zip(&fast)) {
+            let [trace, white, by_own_weight] =
+                [&shown, &white, &white_by_own_weight].map(|scene| ReferenceRenderer::new(scene).trace_one(ray));
+            if trace.margin.min(by_own_weight.margin) < 1e-4 {
+                continue;
+            }
+            let (shaded, skipped) = (white.color[0], by_own_weight.color[0] - white.color[0]);
+            let remaining = 1.0 - trace.opacity;
+            let left = if shaded > 0.0 && remaining < 0.3 { remaining.min(0.02) } else { remaining };
+            let scale = if shaded > 0.0 { 1.0 + (remaining - left + skipped) / shaded } else { 1.0 };
+            for c in 0..3 {
+                let expected = scale * trace.color[c] + left * background[c];
+                assert!((f64::from(pixel.color[c]) - expected).abs() < 1e-6, "{mode:?}: {pixel:?}, {expected}");
+                assert!((f64::from(fast.color[c]) - expected).abs() < 1e-4, "{mode:?}: {fast:?}, {expected}");
+                planted = planted.max((trace.color[c] + remaining * background[c] - expected).abs());
+            }
+            assert!((f64::from(pixel.opacity) - (1.0 - left)).abs() < 1e-6, "{mode:?}: {pixel:?}, {left}");
+            skipping += u32::from(skipped > 0.01 && shaded > 0.0);
+            ended += u32::from(left < remaining);
+        }
+        assert!(skipping > 50 && ended > 20, "{mode:?}: {skipping}, {ended}");
+        assert!(planted > 0.05, "{mode:?}: pictures that leave it out go unnoticed: {planted}");
+    }
+}
+
+#[test]
+fn a_file_keeps_the_scenes_thresholds_unless_they_get_lower() {
+    let mut scene = scene();
+    (scene.rules.min_weight, scene.rules.min_transmittance) = (0.005, 0.02);
+    let option = Approximation { min_weight: Some(0.04), min_transmittance: Some(0.01), ..EXACT };
+    assert!(option.raises_thresholds(&scene));
+    let rules = option.applied(scene.clone()).rules;
+    assert_eq!([rules.min_weight, rules.min_transmittance], [0.005, 0.01]);
+    assert!(!Approximation { min_weight: Some(0.005), ..EXACT }.raises_thresholds(&scene));
 }
 
 #[test]

@@ -115,6 +115,35 @@ fn the_device_computes_the_cameras_rays() {
     }
 }
 
+/// Thresholds above the scene's own, with a sky and without; a picture that leaves out what they skip shows.
+#[test]
+fn raised_thresholds_have_the_pixels_of_the_cpu() {
+    let gpu = gpu();
+    let cases = scenes::rule_cases();
+    let with_sky = &cases.iter().find(|(_, scene)| scene.rules.sky.is_some()).expect("a scene with a sky").1;
+    let of_each_mode = DecoderMode::ALL.map(|mode| (&cases[0].1, mode));
+    for (scene, mode) in of_each_mode.into_iter().chain([(with_sky, with_sky.decoder.mode)]) {
+        let mut scene = scene.clone();
+        (scene.rules.min_weight, scene.rules.min_transmittance, scene.decoder.mode) = (0.005, 0.02, mode);
+        let raised = Approximation { min_weight: Some(0.04), min_transmittance: Some(0.3), ..Approximation::default() };
+        let mut baked = scene.clone();
+        (baked.rules.min_weight, baked.rules.min_transmittance) = (0.04, 0.3);
+        let camera = scenes::camera(40, 1.0);
+        let device = GpuRenderer::new(&gpu, scene.clone(), &raised, Precision::F32);
+        let drawn = Unwrapped(RefCell::new(device.unwrap())).render(&camera).pixels;
+        let expected = CpuRenderer::<f32>::with_approximation(scene, &raised).unwrap().render(&camera).pixels;
+        let left_out = CpuRenderer::new(&baked).render(&camera).pixels;
+        let far = |of: &[Pixel]| {
+            let is_far = |(a, b): &(&Pixel, &Pixel)| {
+                (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4) || (a.opacity - b.opacity).abs() > 1e-4
+            };
+            of.iter().zip(&drawn).filter(is_far).count()
+        };
+        assert!(far(&expected) <= 8, "{mode:?}: {}", far(&expected));
+        assert!(far(&left_out) > 100, "{mode:?}: {}", far(&left_out));
+    }
+}
+
 #[test]
 fn cameras_with_lenses_have_the_pixels_of_the_cpu() {
     let (_, scene) = scenes::rule_cases().swap_remove(0);

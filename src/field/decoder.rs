@@ -70,13 +70,13 @@ impl<T: Real> Activations<T> {
         self.ray_terms[ray] as usize..self.ray_terms[ray + 1] as usize
     }
 
-    /// The color of `ray`: its terms composited over `behind`.
+    /// The color of `ray`: its terms, of `scale` times their weights, composited over `behind`.
     #[inline(always)]
-    pub fn pixel(&self, ray: usize, behind: [T; 3]) -> [T; 3] {
+    pub fn pixel(&self, ray: usize, scale: T, behind: [T; 3]) -> [T; 3] {
         let mut color = behind;
         for term in self.terms_of_ray(ray) {
             for (sum, &value) in color.iter_mut().zip(&self.colors[term]) {
-                *sum += self.weights[term] * value;
+                *sum += scale * self.weights[term] * value;
             }
         }
         color

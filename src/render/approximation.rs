@@ -1,7 +1,7 @@
 //! Approximations: options that trade exactness for speed. All are off by default.
 
 use super::components::keep_components;
-use crate::model::{DecoderMode, Scene};
+use crate::model::{DecoderMode, Rules, Scene};
 
 /// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -15,9 +15,9 @@ pub struct Approximation {
     pub components: Option<f64>,
     /// The factor by which march steps, and the intervals they stand for, are longer than the scene's, 0.25 to 64.
     pub step_scale: f64,
-    /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's.
+    /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's. See [`OwnThresholds`].
     pub min_weight: Option<f64>,
-    /// The transmittance below which rays end, in [0, 1); `None`: the scene's.
+    /// The transmittance below which rays end, in [0, 1); `None`: the scene's. See [`OwnThresholds`].
     pub min_transmittance: Option<f64>,
     /// The decoder's mode; `None`: the scene's.
     pub decoder: Option<DecoderMode>,
@@ -38,6 +38,27 @@ impl Default for Approximation {
             decoder: None,
             density_cache: None,
         }
+    }
+}
+
+/// A scene's own thresholds, where an approximation raises them. What a ray then leaves out, and the scene would show,
+/// takes the color of what it still shades. Otherwise pictures would darken, and the background would shine through.
+///
+/// Let T be a ray's transmittance at its end, Tₛ and wₛ the scene's thresholds, and S the sum of the weights of the
+/// shaded samples. If the ray ended early, T' = min(T, Tₛ) is left of it; otherwise T' = T. The weights of the shaded
+/// samples are multiplied by 1 + (T − T' + Σ w) / S, over the samples that are not shaded and whose weight exceeds wₛ.
+/// The background shows with T', and opacity is 1 − T'. If no sample is shaded, nothing changes, and with the scene's own
+/// thresholds no bit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct OwnThresholds {
+    pub(super) min_weight: f64,
+    pub(super) min_transmittance: f64,
+}
+
+impl OwnThresholds {
+    /// Those of `rules`.
+    pub(super) fn of(rules: &Rules) -> Self {
+        Self { min_weight: rules.min_weight, min_transmittance: rules.min_transmittance }
     }
 }
 
@@ -106,15 +127,26 @@ impl Approximation {
         Ok(())
     }
 
-    /// Applies every approximation except the density cache. `scene` must have passed [`Scene::check`] and
-    /// [`Self::check`].
+    /// Applies what a scene can store: every approximation except the density cache and raised thresholds, which need
+    /// the scene's own. `scene` must have passed [`Scene::check`] and [`Self::check`].
     pub fn applied(&self, mut scene: Scene) -> Scene {
-        self.reduce(&mut scene);
+        let own = self.reduce(&mut scene);
+        let rules = &mut scene.rules;
+        rules.min_weight = rules.min_weight.min(own.min_weight);
+        rules.min_transmittance = rules.min_transmittance.min(own.min_transmittance);
         scene
     }
 
-    /// Applies every approximation except the density cache to `scene`.
-    pub(super) fn reduce(&self, scene: &mut Scene) {
+    /// True if a threshold is above that of `scene`.
+    pub fn raises_thresholds(&self, scene: &Scene) -> bool {
+        let own = OwnThresholds::of(&scene.rules);
+        self.min_weight.is_some_and(|w| w > own.min_weight)
+            || self.min_transmittance.is_some_and(|t| t > own.min_transmittance)
+    }
+
+    /// Applies every approximation except the density cache to `scene`. Returns the thresholds it had.
+    pub(super) fn reduce(&self, scene: &mut Scene) -> OwnThresholds {
+        let own = OwnThresholds::of(&scene.rules);
         if let Some(scales) = self.scales {
             scene.scales.truncate(scales as usize);
         }
@@ -129,5 +161,6 @@ impl Approximation {
         rules.min_weight = self.min_weight.unwrap_or(rules.min_weight);
         rules.min_transmittance = self.min_transmittance.unwrap_or(rules.min_transmittance);
         scene.decoder.mode = self.decoder.unwrap_or(scene.decoder.mode);
+        own
     }
 }

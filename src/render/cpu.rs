@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::approximation::OwnThresholds;
 use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
 use crate::field::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
 use crate::geometry::{Camera, Ray};
@@ -36,6 +37,7 @@ const MAX_ROWS: usize = 768;
 #[derive(Clone, Debug)]
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
+    own: OwnThresholds,
 }
 
 /// A traced ray: its pixel, its cost and its normal.
@@ -66,7 +68,7 @@ struct Tile<'a> {
 impl CpuRenderer<f32> {
     /// Prepares `scene`, which must have passed [`Scene::check`].
     pub fn new(scene: &Scene) -> Self {
-        Self { field: Field::new(scene) }
+        Self::from_field(Field::new(scene))
     }
 }
 
@@ -79,12 +81,12 @@ impl<T: Real> CpuRenderer<T> {
     /// If an option is out of range for this scene.
     pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
         approximation.check(&scene)?;
-        approximation.reduce(&mut scene);
+        let own = approximation.reduce(&mut scene);
         let mut field = Field::taking(&mut scene);
         if let Some(cells) = approximation.density_cache {
             field.cache_density(cells);
         }
-        Ok(Self { field })
+        Ok(Self { field, own })
     }
 
     /// The most bytes of memory that tracing a ray takes.
@@ -94,7 +96,8 @@ impl<T: Real> CpuRenderer<T> {
 
     /// A renderer of `field`.
     pub fn from_field(field: Field<T>) -> Self {
-        Self { field }
+        let own = OwnThresholds::of(&field.rules);
+        Self { field, own }
     }
 
     /// Begins rays at the distance `near`, in model units, from now on.
@@ -181,11 +184,11 @@ impl<T: Real> CpuRenderer<T> {
         samples: &Samples<T>,
         activations: &Activations<T>,
     ) -> Pixel {
-        let remaining = samples.remaining[ray];
+        let (left, scale) = self.left_and_scale(ray, samples);
         let behind = self.field.behind(line, self.field.background);
-        let color = activations.pixel(decoded, behind.map(|c| remaining * c));
+        let color = activations.pixel(decoded, scale, behind.map(|c| left * c));
         // The sky is a part of the picture.
-        let opacity = if self.field.sky.is_some() { T::one() } else { T::one() - remaining };
+        let opacity = if self.field.sky.is_some() { T::one() } else { T::one() - left };
         let (mut weights, mut distances) = (T::zero(), T::zero());
         // Kahan compensations.
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
@@ -196,6 +199,32 @@ impl<T: Real> CpuRenderer<T> {
         }
         let depth = if weights > T::zero() { distances / weights } else { T::zero() };
         Pixel { color: color.map(T::f32), opacity: opacity.f32(), depth: depth.f32() }
+    }
+
+    /// The transmittance left of `ray`, and the factor of the weights of its shaded samples (see [`OwnThresholds`]).
+    #[inline(always)]
+    fn left_and_scale(&self, ray: usize, samples: &Samples<T>) -> (T, T) {
+        let (rules, own) = (&self.field.rules, &self.own);
+        let remaining = samples.remaining[ray];
+        if OwnThresholds::of(rules) == *own {
+            return (remaining, T::one());
+        }
+        let [min_weight, own_weight] = [rules.min_weight, own.min_weight].map(T::of);
+        let (mut shaded, mut skipped) = (T::zero(), T::zero());
+        for &slot in &samples.order[samples.ray_range(ray)] {
+            let weight = samples.weight(slot as usize);
+            if weight > min_weight {
+                shaded = shaded + weight;
+            } else if weight > own_weight {
+                skipped = skipped + weight;
+            }
+        }
+        if shaded == T::zero() {
+            return (remaining, T::one());
+        }
+        let has_ended = remaining < T::of(rules.min_transmittance);
+        let left = if has_ended { remaining.min(T::of(own.min_transmittance)) } else { remaining };
+        (left, T::one() + (remaining - left + skipped) / shaded)
     }
 
     /// As [`Renderer::render`], with time and counts by stage.

@@ -165,7 +165,7 @@ impl<T: Real> Chunk<T> {
         term_gradients.clear();
         for (ray, target) in targets.iter().enumerate() {
             let remaining = samples.remaining[ray];
-            let color = activations.pixel(ray, behind[ray].map(|c| remaining * c));
+            let color = activations.pixel(ray, T::one(), behind[ray].map(|c| remaining * c));
             self.colors.push(color.map(|c| c.f64() as f32));
             let map = terms.maps.get(target.view as usize);
             let seen = map.map_or(color, |map| map.apply(color.map(T::f64)).map(T::of));

@@ -89,7 +89,7 @@ pub(super) fn colors(field: &Field<f32>, rays: &[Ray], background: impl Fn(usize
                     for (ray, color) in colors.iter_mut().enumerate() {
                         let remaining = samples.remaining[ray];
                         let behind = field.behind(&rays[ray], background(n * RAYS_PER_CHUNK + ray));
-                        *color = activations.pixel(ray, behind.map(|c| remaining * c));
+                        *color = activations.pixel(ray, 1.0, behind.map(|c| remaining * c));
                     }
                 },
             );

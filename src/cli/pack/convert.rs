@@ -89,9 +89,11 @@ fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> 
     if let Some(scales) = approximation.scales {
         document = pack::keep_scales(document, scales as usize);
     }
+    let raises_thresholds = approximation.raises_thresholds(&document.scene);
     document.scene = approximation.applied(document.scene);
-    if approximation.density_cache.is_some() || divisor != 1 {
-        let message = "a density cache and smaller pictures cannot be stored in a file; pass them when rendering";
+    if approximation.density_cache.is_some() || divisor != 1 || raises_thresholds {
+        let message = "a file cannot store a density cache, smaller pictures, or weights and transmittances above which \
+                       samples count that are larger than the scene's; pass them when rendering";
         session.console.say(&format!("{}: {message}", path.display()));
     }
     Ok(document)

@@ -57,9 +57,9 @@ pub(super) struct SceneHead {
     pub(super) grid_cells_per_unit: [f32; 3],
     pub(super) padding1: u32,
     pub(super) grid_cells: [i32; 3],
-    pub(super) padding2: u32,
+    pub(super) own_min_weight: f32,
     pub(super) grid_bricks: [i32; 3],
-    pub(super) padding3: u32,
+    pub(super) own_min_transmittance: f32,
 }
 
 /// The uniforms of a batch of rays.
@@ -106,6 +106,10 @@ pub(super) struct Ray {
     pub(super) used: u32,
     pub(super) scale: f32,
     pub(super) first: f32,
+    pub(super) skipped_weights: f32,
+    pub(super) padding1: u32,
+    pub(super) padding2: u32,
+    pub(super) padding3: u32,
 }
 
 /// Lengths of the batch's lists.
@@ -154,7 +158,7 @@ mod tests {
             source, "Scene", SceneHead,
             bounds_min, near, bounds_max, far, background, position_error, step, density_shift, depth_scale, min_weight,
             min_transmittance, appearance, grid_masks, grid_distances, grid_min, shell, grid_cells_per_unit,
-            grid_cells, grid_bricks
+            grid_cells, own_min_weight, grid_bricks, own_min_transmittance
         );
         let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
         let expected = head + layer * shape.layers + scale * shape.scales + 16 * shape.sky_terms();
@@ -174,7 +178,7 @@ mod tests {
         assert_same_layout!(
             source, "Ray", Ray,
             start, entry, direction, length, transmittance, weights, distances, evaluated, outputs, shaded_weights,
-            first_block, first_row, shaded, compacted_ray, lost, next, block, used, scale, first
+            first_block, first_row, shaded, compacted_ray, lost, next, block, used, scale, first, skipped_weights
         );
         assert_same_layout!(source, "Counters", Counters, blocks, rows, shaded_rays, unfinished);
     }

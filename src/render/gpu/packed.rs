@@ -5,6 +5,7 @@ use super::layout::{Layer, Scale, SceneHead};
 use super::shader::{Extensions, Precision, Shape, TEXTURE_SHIFT};
 use crate::field::{Dense, Field, FieldFactors, FieldScale, FieldSky};
 use crate::model::Form;
+use crate::render::approximation::OwnThresholds;
 
 /// A device's limits for a scene.
 #[derive(Clone, Copy, Debug)]
@@ -34,8 +35,13 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs `field` within `limits`.
-    pub(super) fn new(field: &Field<f32>, precision: Precision, limits: BufferLimits) -> Result<Self, GpuError> {
+    /// Packs `field` within `limits`; its scene's thresholds were `own` (see [`OwnThresholds`]).
+    pub(super) fn new(
+        field: &Field<f32>,
+        own: &OwnThresholds,
+        precision: Precision,
+        limits: BufferLimits,
+    ) -> Result<Self, GpuError> {
         let mut words = Words::default();
         let mut component_quads = 0;
         let has_matrices = field.scales.iter().any(|scale| scale.density.iter().any(|block| block.form() != Form::Cp));
@@ -59,7 +65,7 @@ impl Packed {
             ..shape_of(field, precision, limits, &scales, &layers)
         };
         check_limits(&shape, &words, limits)?;
-        let head = SceneHead { appearance, grid_masks, grid_distances, ..head_of(field) };
+        let head = SceneHead { appearance, grid_masks, grid_distances, ..head_of(field, own) };
         let sky = sky_of(field);
         let parts: [&[u8]; 4] = [
             bytemuck::bytes_of(&head),
@@ -113,7 +119,7 @@ fn shape_of(
 }
 
 /// The head of `field`, with the indices of `appearance` and of the grid unset.
-fn head_of(field: &Field<f32>) -> SceneHead {
+fn head_of(field: &Field<f32>, own: &OwnThresholds) -> SceneHead {
     let relative = |v: glam::DVec3| (v - field.origin).to_array().map(|v| v as f32);
     let rules = &field.rules;
     let cells = field.cells();
@@ -137,9 +143,9 @@ fn head_of(field: &Field<f32>) -> SceneHead {
         grid_cells_per_unit: cells.map_or([1.0; 3], |c| c.cells_per_unit),
         padding1: 0,
         grid_cells: cells.map_or([0; 3], |c| c.cells),
-        padding2: 0,
+        own_min_weight: own.min_weight as f32,
         grid_bricks: cells.map_or([0; 3], |c| c.bricks),
-        padding3: 0,
+        own_min_transmittance: own.min_transmittance as f32,
     }
 }
 

@@ -86,9 +86,9 @@ impl GpuRenderer {
             let (option, expected, found) = ("density_cache", "unset on a graphics device".into(), cells.to_string());
             return Err(ApproximationError { option, expected, found }.into());
         }
-        approximation.reduce(&mut scene);
+        let own = approximation.reduce(&mut scene);
         let field = Field::<f32>::taking(&mut scene);
-        let packed = Packed::new(&field, precision, limits)?;
+        let packed = Packed::new(&field, &own, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         let scene_buffer = if limits.is_software {
@@ -308,6 +308,7 @@ mod tests {
     use super::super::shader::Extensions;
     use super::*;
     use crate::container;
+    use crate::render::approximation::OwnThresholds;
 
     fn fixture(bytes: &[u8]) -> (Scene, Camera) {
         let scene = container::decode(bytes).unwrap();
@@ -347,7 +348,8 @@ mod tests {
             assert_eq!(whole, split);
         }
         let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.scene_limits() };
-        let refused = Packed::new(&Field::new(&scene.0), Precision::F32, small).err();
+        let refused =
+            Packed::new(&Field::new(&scene.0), &OwnThresholds::of(&scene.0.rules), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of scene data", limit: 512, .. })),
             "{refused:?}"
