@@ -84,7 +84,7 @@ fn a_strong_option_shows() {
     }
 }
 
-/// The formula of `OwnThresholds`, from traces of the reference renderer.
+/// The formula in the documentation of `Approximation`, from traces of the reference renderer.
 #[test]
 fn shaded_samples_stand_for_what_raised_thresholds_leave_out() {
     let mut scene = scene();

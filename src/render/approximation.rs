@@ -4,6 +4,13 @@ use super::components::keep_components;
 use crate::model::{DecoderMode, Rules, Scene};
 
 /// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
+///
+/// What a ray leaves out by thresholds above the scene's own, and the scene would show, takes the color of what the ray
+/// still shades; otherwise pictures would darken, and the background would shine through. Let T be a ray's transmittance
+/// at its end, Tₛ and wₛ the scene's thresholds, and S the sum of the weights of the shaded samples. If the ray ended
+/// early, T' = min(T, Tₛ) is left of it; otherwise T' = T. The weights of the shaded samples are multiplied by
+/// 1 + (T − T' + Σ w) / S, over the samples that are not shaded and whose weight exceeds wₛ. The background shows with T',
+/// and opacity is 1 − T'. If no sample is shaded, nothing changes; with the scene's own thresholds no bit does.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
@@ -15,9 +22,9 @@ pub struct Approximation {
     pub components: Option<f64>,
     /// The factor by which march steps, and the intervals they stand for, are longer than the scene's, 0.25 to 64.
     pub step_scale: f64,
-    /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's. See [`OwnThresholds`].
+    /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's.
     pub min_weight: Option<f64>,
-    /// The transmittance below which rays end, in [0, 1); `None`: the scene's. See [`OwnThresholds`].
+    /// The transmittance below which rays end, in [0, 1); `None`: the scene's.
     pub min_transmittance: Option<f64>,
     /// The decoder's mode; `None`: the scene's.
     pub decoder: Option<DecoderMode>,
@@ -41,14 +48,7 @@ impl Default for Approximation {
     }
 }
 
-/// A scene's own thresholds, where an approximation raises them. What a ray then leaves out, and the scene would show,
-/// takes the color of what it still shades. Otherwise pictures would darken, and the background would shine through.
-///
-/// Let T be a ray's transmittance at its end, Tₛ and wₛ the scene's thresholds, and S the sum of the weights of the
-/// shaded samples. If the ray ended early, T' = min(T, Tₛ) is left of it; otherwise T' = T. The weights of the shaded
-/// samples are multiplied by 1 + (T − T' + Σ w) / S, over the samples that are not shaded and whose weight exceeds wₛ.
-/// The background shows with T', and opacity is 1 − T'. If no sample is shaded, nothing changes, and with the scene's own
-/// thresholds no bit.
+/// The thresholds of a scene's own rules, where an approximation may raise them (see [`Approximation`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct OwnThresholds {
     pub(super) min_weight: f64,

@@ -201,7 +201,7 @@ impl<T: Real> CpuRenderer<T> {
         Pixel { color: color.map(T::f32), opacity: opacity.f32(), depth: depth.f32() }
     }
 
-    /// The transmittance left of `ray`, and the factor of the weights of its shaded samples (see [`OwnThresholds`]).
+    /// The transmittance left of `ray`, and the factor of the weights of its shaded samples (see [`Approximation`]).
     #[inline(always)]
     fn left_and_scale(&self, ray: usize, samples: &Samples<T>) -> (T, T) {
         let (rules, own) = (&self.field.rules, &self.own);
@@ -214,9 +214,9 @@ impl<T: Real> CpuRenderer<T> {
         for &slot in &samples.order[samples.ray_range(ray)] {
             let weight = samples.weight(slot as usize);
             if weight > min_weight {
-                shaded = shaded + weight;
+                shaded += weight;
             } else if weight > own_weight {
-                skipped = skipped + weight;
+                skipped += weight;
             }
         }
         if shaded == T::zero() {

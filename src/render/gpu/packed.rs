@@ -35,7 +35,7 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs `field` within `limits`; its scene's thresholds were `own` (see [`OwnThresholds`]).
+    /// Packs `field` within `limits`; its scene's thresholds were `own` (see [`Approximation`]).
     pub(super) fn new(
         field: &Field<f32>,
         own: &OwnThresholds,
