@@ -35,7 +35,7 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Packs `field` within `limits`; its scene's thresholds were `own` (see [`Approximation`]).
+    /// Packs `field` within `limits`; its scene's thresholds were `own` (see [`crate::render::Approximation`]).
     pub(super) fn new(
         field: &Field<f32>,
         own: &OwnThresholds,
