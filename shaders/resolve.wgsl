@@ -14,7 +14,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if sees_sky {
         behind = sky_color(ray.direction);
     }
-    // With thresholds above the scene's own, shaded samples stand for what the ray leaves out.
+    // Samples skipped by thresholds above the scene's own give their weight to the shaded ones.
     var left = ray.transmittance;
     var weight_scale = 1.0;
     if ray.shaded > 0u {

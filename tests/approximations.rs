@@ -86,7 +86,7 @@ fn a_strong_option_shows() {
 
 /// The formula in the documentation of `Approximation`, from traces of the reference renderer.
 #[test]
-fn shaded_samples_stand_for_what_raised_thresholds_leave_out() {
+fn skipped_samples_give_their_weight_to_the_shaded_ones() {
     let mut scene = scene();
     (scene.rules.min_weight, scene.rules.min_transmittance) = (0.005, 0.02);
     let raised = Approximation { min_weight: Some(0.04), min_transmittance: Some(0.3), ..EXACT };
@@ -130,7 +130,7 @@ fn shaded_samples_stand_for_what_raised_thresholds_leave_out() {
             ended += u32::from(left < remaining);
         }
         assert!(skipping > 50 && ended > 20, "{mode:?}: {skipping}, {ended}");
-        assert!(planted > 0.05, "{mode:?}: pictures that leave it out go unnoticed: {planted}");
+        assert!(planted > 0.05, "{mode:?}: pictures without that weight go unnoticed: {planted}");
     }
 }
 

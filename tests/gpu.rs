@@ -115,7 +115,7 @@ fn the_device_computes_the_cameras_rays() {
     }
 }
 
-/// Thresholds above the scene's own, with a sky and without; a picture that leaves out what they skip shows.
+/// Thresholds above the scene's own, with a sky and without; a picture without the weight that they skip shows.
 #[test]
 fn raised_thresholds_have_the_pixels_of_the_cpu() {
     let gpu = gpu();

@@ -25,7 +25,7 @@ pub(super) struct Approximations {
     /// Multiply the length of march steps, 0.25 to 64 [default: 1]
     #[arg(long, value_name = "FACTOR")]
     step_scale: Option<f64>,
-    /// Skip the color of samples whose weight is at most W; the others stand for them [default: the scene's]
+    /// Skip the color of samples whose weight is at most W; the others get their weight [default: the scene's]
     #[arg(long, value_name = "W")]
     min_weight: Option<f64>,
     /// End rays below transmittance T, as if opaque; 0 never ends them early [default: the scene's]

@@ -5,12 +5,13 @@ use crate::model::{DecoderMode, Rules, Scene};
 
 /// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
 ///
-/// What a ray leaves out by thresholds above the scene's own, and the scene would show, takes the color of what the ray
-/// still shades; otherwise pictures would darken, and the background would shine through. Let T be a ray's transmittance
-/// at its end, Tₛ and wₛ the scene's thresholds, and S the sum of the weights of the shaded samples. If the ray ended
-/// early, T' = min(T, Tₛ) is left of it; otherwise T' = T. The weights of the shaded samples are multiplied by
-/// 1 + (T − T' + Σ w) / S, over the samples that are not shaded and whose weight exceeds wₛ. The background shows with T',
-/// and opacity is 1 − T'. If no sample is shaded, nothing changes; with the scene's own thresholds no bit does.
+/// A threshold above the scene's own skips samples that the scene would shade, or ends rays early. The weight of these
+/// samples goes to the shaded samples of the ray; if it were lost, pictures would darken, and the background would
+/// shine through. Let T be a ray's transmittance at its end, Tₛ and wₛ the scene's thresholds, and S the sum of the
+/// weights of the shaded samples. If the ray ended early, T' = min(T, Tₛ) is left of it; otherwise T' = T. The weights
+/// of the shaded samples are multiplied by 1 + (T − T' + Σ w) / S, over the samples that are not shaded and whose
+/// weight exceeds wₛ. The background shows with T', and opacity is 1 − T'. If no sample is shaded, nothing changes;
+/// with the scene's own thresholds no bit does.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
