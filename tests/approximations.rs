@@ -3,8 +3,8 @@
 
 mod scenes;
 
-use strivec::geometry::{Aabb, Camera};
-use strivec::model::{Coverage, DecoderMode, Occupancy, Reduction, Scene};
+use strivec::geometry::Camera;
+use strivec::model::{DecoderMode, Scene};
 use strivec::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
 use strivec::train::TrainConfig;
 
@@ -37,7 +37,6 @@ const EXACT: Approximation = Approximation {
     min_weight: None,
     min_transmittance: None,
     decoder: None,
-    density_cache: None,
 };
 
 #[test]
@@ -77,7 +76,6 @@ fn a_strong_option_shows() {
         Approximation { min_transmittance: Some(0.9), ..EXACT },
         Approximation { decoder: Some(DecoderMode::PerRay), ..EXACT },
         Approximation { decoder: Some(DecoderMode::Residual), ..EXACT },
-        Approximation { density_cache: Some(8), ..EXACT },
     ] {
         let change = difference(&picture(&scene, option), &exact);
         assert!(change > 3e-4, "{option:?}: {change}");
@@ -158,48 +156,6 @@ fn longer_steps_keep_the_opacity() {
 }
 
 #[test]
-fn a_finer_density_cache_is_closer() {
-    let mut config = scenes::config();
-    for (reduction, coverage) in [(Reduction::Sum, Coverage::All), (Reduction::Mean, Coverage::Any)] {
-        config.field.density_reduction = reduction;
-        config.field.appearance_reduction = reduction;
-        config.field.coverage = coverage;
-        for occupied in [false, true] {
-            let mut scene = scenes::scene(&config);
-            if occupied {
-                scene.occupancy = Some(everywhere(scene.bounds));
-            }
-            let exact = CpuRenderer::new(&scene).render(&camera());
-            let change = |cells| {
-                let cached = picture(&scene, Approximation { density_cache: Some(cells), ..EXACT });
-                assert!(cached.pixels.iter().all(|p| p.color.iter().all(|c| c.is_finite())));
-                difference(&cached, &exact)
-            };
-            let (coarse, fine) = (change(16), change(120));
-            assert!(fine < 0.5 * coarse && fine < 0.03, "{reduction:?}, occupied {occupied}: {fine}, {coarse}");
-        }
-    }
-}
-
-fn everywhere(bounds: Aabb) -> Occupancy {
-    let mut occupancy = Occupancy::empty(bounds, glam::UVec3::splat(9));
-    (0..729).for_each(|n| occupancy.set(glam::UVec3::new(n % 9, n / 9 % 9, n / 81)));
-    occupancy
-}
-
-#[test]
-fn the_density_cache_reports_its_bytes() {
-    let bytes = |cells| {
-        let option = Approximation { density_cache: Some(cells), ..EXACT };
-        CpuRenderer::<f32>::with_approximation(scene(), &option).unwrap().density_cache_bytes().unwrap()
-    };
-    // 8³ cells to a brick, 9³ vertices of 4 bytes.
-    assert_eq!(bytes(8), 4 * (1 + 729));
-    assert!(bytes(128) > 20 * bytes(32));
-    assert_eq!(CpuRenderer::new(&scene()).density_cache_bytes(), None);
-}
-
-#[test]
 fn options_out_of_range_are_refused_by_name() {
     let scene = scene();
     let (nan, infinite) = (f64::NAN, f64::INFINITY);
@@ -216,8 +172,6 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { min_weight: Some(1.0), ..EXACT }, "min_weight", "a number in [0, 1)"),
         (Approximation { min_weight: Some(nan), ..EXACT }, "min_weight", "a number in [0, 1)"),
         (Approximation { min_transmittance: Some(-0.1), ..EXACT }, "min_transmittance", "a number in [0, 1)"),
-        (Approximation { density_cache: Some(7), ..EXACT }, "density_cache", "8 to 2048"),
-        (Approximation { density_cache: Some(2049), ..EXACT }, "density_cache", "8 to 2048"),
     ] {
         let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).expect_err("a refusal");
         assert_eq!((error.option, error.expected.as_str()), (name, expected), "{error}");
@@ -231,7 +185,7 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
         EXACT,
         Approximation { decoder: Some(DecoderMode::PerRay), ..EXACT },
         Approximation { decoder: Some(DecoderMode::Residual), ..EXACT },
-        Approximation { density_cache: Some(64), step_scale: 2.0, ..EXACT },
+        Approximation { step_scale: 2.0, ..EXACT },
     ] {
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

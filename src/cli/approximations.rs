@@ -34,9 +34,6 @@ pub(super) struct Approximations {
     /// Evaluate the color network in this mode [default: the scene's]
     #[arg(long, value_name = "MODE", value_parser = one_of(DecoderMode::ALL, DecoderMode::name))]
     decoder: Option<DecoderMode>,
-    /// Bake density into a grid of N cells along the longest edge, 8 to 2048; --json reports its memory [default: no grid]
-    #[arg(long, value_name = "N")]
-    density_cache: Option<u32>,
     /// Render pictures N times smaller and upsample them bilinearly [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     divisor: Option<u32>,
@@ -90,7 +87,6 @@ impl Approximations {
         approximation.min_weight = self.min_weight.or(approximation.min_weight);
         approximation.min_transmittance = self.min_transmittance.or(approximation.min_transmittance);
         approximation.decoder = self.decoder.or(approximation.decoder);
-        approximation.density_cache = self.density_cache.or(approximation.density_cache);
         settings.divisor = self.divisor.unwrap_or(settings.divisor);
         settings.approximation.check(&scene_file.scene)?;
         Ok(settings)

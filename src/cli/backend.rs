@@ -159,8 +159,6 @@ pub(super) struct Drawn {
     adapter: Option<String>,
     /// Bytes of the scene and its index; on a graphics device with its buffers.
     memory_bytes: u64,
-    /// Bytes of the density cache.
-    density_cache_bytes: Option<u64>,
     /// Mean of all pictures, on graphics devices that report times.
     stages: Option<Vec<StageMilliseconds>>,
 }
@@ -230,17 +228,12 @@ impl Prepared {
             Drawing::Gpu { adapter, .. } => Some(adapter.clone()),
             Drawing::Cpu(_) | Drawing::CpuF64(_) | Drawing::Reference(_) => None,
         };
-        let density_cache_bytes = match &self.drawing {
-            Drawing::Cpu(renderer) => renderer.density_cache_bytes(),
-            Drawing::CpuF64(renderer) => renderer.density_cache_bytes(),
-            _ => None,
-        };
         let memory_bytes = self.memory_bytes();
         let pictures = f64::from(self.pictures.max(1));
         let mean =
             |stage: StageMilliseconds| StageMilliseconds { milliseconds: stage.milliseconds / pictures, ..stage };
         let stages = (!self.stages.is_empty()).then(|| self.stages.into_iter().map(mean).collect());
-        Drawn { backend: self.backend, half: self.half, adapter, memory_bytes, density_cache_bytes, stages }
+        Drawn { backend: self.backend, half: self.half, adapter, memory_bytes, stages }
     }
 }
 

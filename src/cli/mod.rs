@@ -32,6 +32,7 @@ mod prior;
 mod progress;
 mod quantity;
 mod refined_poses;
+mod removed;
 mod render;
 mod resize;
 mod scale_table;
@@ -126,7 +127,7 @@ enum Command {
 
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
-    run_command("strivec", Cli::try_parse().map(|cli| (cli.globals, cli.command)), run)
+    run_command("strivec", removed::parsed(Cli::try_parse()).map(|cli| (cli.globals, cli.command)), run)
 }
 
 /// Runs the command of `strivec` that `arguments` name, without the program's name, within another program. Returns its results:
@@ -137,7 +138,7 @@ pub fn main() -> ExitCode {
 /// Those of the command; [`Error::Usage`] for arguments that it does not have.
 pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     let words = std::iter::once(OsString::from("strivec")).chain(arguments.iter().cloned());
-    run_call(Cli::try_parse_from(words).map(|cli| (cli.globals, cli.command)), call, run)
+    run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)
 }
 
 fn run(command: &Command, session: &Session) -> Result<(), Error> {

@@ -67,7 +67,7 @@ struct Report {
     drawn: Drawn,
     #[serde(flatten)]
     settings: RenderSettings,
-    /// Preparation of the renderer, with the density cache.
+    /// Preparation of the renderer.
     seconds_preparing: f64,
     seconds: f64,
     /// Depth of a gray value of 1, in dataset units; absent for an unbounded scene.

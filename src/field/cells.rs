@@ -170,6 +170,7 @@ impl<T: Real> OccupancyCells<T> {
     }
 
     /// True if any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
+    #[cfg(feature = "toolkit")]
     pub(super) fn any_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         let slack = T::of(0.01);
         let (min, max) = (self.in_cells(min), self.in_cells(max));

@@ -109,8 +109,6 @@ impl<T: Real> Field<T> {
     /// Computes the colors of `activations.shaded`, which selects from the `samples` of `rays`.
     #[inline(always)]
     pub fn decode(&self, rays: &[Ray], samples: &mut Samples<T>, activations: &mut Activations<T>) {
-        self.find_shaded_contributions(&activations.shaded.slots, samples);
-        samples.clock.lap(Stage::Neighbors);
         self.compose_rows(activations);
         samples.clock.lap(Stage::Composite);
         Arch::new().dispatch(GatherAppearance { field: self, samples, activations });

@@ -40,28 +40,9 @@ impl<T: Real> Field<T> {
     }
 
     /// False if no sample between `min` and `max`, relative to the field's origin, counts.
+    #[cfg(feature = "toolkit")]
     pub(crate) fn may_count_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         self.cells().is_none_or(|cells| cells.any_in(min, max))
-    }
-
-    /// Finds the contributions to the shaded samples at `slots`, if the march read density features from the cache and
-    /// left the contributions out.
-    #[inline(always)]
-    pub(super) fn find_shaded_contributions(&self, slots: &[u32], samples: &mut Samples<T>) {
-        if self.density_cache.is_none() {
-            return;
-        }
-        let positions = std::mem::take(&mut samples.positions);
-        samples.set_pending(slots.iter().map(|&slot| (T::zero(), positions[slot as usize])));
-        samples.positions = positions;
-        self.find_neighbors(samples);
-        let Samples { pending_neighborhoods, neighborhoods, .. } = samples;
-        let scales = self.scales.len();
-        for (index, &slot) in slots.iter().enumerate() {
-            for s in 0..scales {
-                neighborhoods[slot as usize * scales + s] = pending_neighborhoods[s * slots.len() + index];
-            }
-        }
     }
 
     /// Appends the contributions to the pending samples.

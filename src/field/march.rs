@@ -4,10 +4,8 @@
 //! Rays advance together, a few samples each at a time: every stage is a loop over hundreds of samples, and few samples
 //! behind a surface are evaluated.
 
-use std::ops::Range;
-
-use super::samples::{ActiveRay, Neighborhood, Run, count_contributions};
-use super::{DensityCache, Field, RayMarcher, Real, Samples, Stage, add_compensated};
+use super::samples::{ActiveRay, Run, count_contributions};
+use super::{Field, RayMarcher, Real, Samples, Stage, add_compensated};
 use crate::geometry::Ray;
 
 /// Samples that a ray advances by at a time; samples behind its end are discarded.
@@ -42,14 +40,10 @@ impl<T: Real> Field<T> {
         while !samples.active.is_empty() {
             self.advance_rays(samples);
             samples.clock.lap(Stage::March);
-            if self.density_cache.is_none() {
-                self.find_neighbors(samples);
-            }
+            self.find_neighbors(samples);
             self.assign_slots(samples);
             samples.clock.lap(Stage::Neighbors);
-            if self.density_cache.is_none() {
-                self.gather_density(samples);
-            }
+            self.gather_density(samples);
             samples.clock.lap(Stage::DensityGather);
             self.composite(samples);
             samples.clock.lap(Stage::Composite);
@@ -105,7 +99,7 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Assigns slots to the pending samples that are in the model, with contributions or cached density features.
+    /// Assigns slots to the pending samples that are in the model.
     #[inline(always)]
     fn assign_slots(&self, samples: &mut Samples<T>) {
         let mut next = 0;
@@ -114,27 +108,9 @@ impl<T: Real> Field<T> {
             let first = samples.positions.len() as u32;
             let pending = next..next + pending as usize;
             next = pending.end;
-            match &self.density_cache {
-                Some(cache) => self.assign_cached_slots(cache, samples, pending),
-                None => self.assign_covered_slots(samples, pending),
-            }
+            self.assign_covered_slots(samples, pending);
             samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
         }
-    }
-
-    /// Assigns slots to those of the `pending` samples that are in the model, with cached density features and without
-    /// contributions.
-    #[inline(always)]
-    fn assign_cached_slots(&self, cache: &DensityCache<T>, samples: &mut Samples<T>, pending: Range<usize>) {
-        for index in pending {
-            let position = samples.pending_positions.get(index);
-            if let Some(feature) = cache.feature(position) {
-                samples.features.push(feature);
-                samples.distances.push(samples.pending[index]);
-                samples.positions.push(position);
-            }
-        }
-        samples.neighborhoods.resize(samples.positions.len() * self.scales.len(), Neighborhood::default());
     }
 
     /// Opacities of the newest samples and the transmittance in front of each; removes rays that have ended.

@@ -10,8 +10,6 @@ mod compact;
 mod decoder;
 mod decoder_weights;
 mod density;
-mod density_bake;
-mod density_cache;
 mod factors;
 mod gather;
 mod index;
@@ -33,7 +31,6 @@ pub use cells::OccupancyCells;
 pub use compact::{Roulette, ShadedSamples};
 pub use decoder::Activations;
 pub use decoder_weights::{Dense, FieldDecoder};
-pub use density_cache::DensityCache;
 pub(crate) use factors::Holding;
 pub use factors::{Contribution, FieldFactors, HeldComponents};
 pub use index::CellIndex;
@@ -94,8 +91,6 @@ pub struct Field<T> {
     pub occupancy: Option<OccupancyCells<T>>,
     /// If there is no occupancy and coverage is *all*: the cells that tensors of the finest scale reach into.
     covered: Option<OccupancyCells<T>>,
-    /// Baked density features, which replace interpolation from factors; for rendering only.
-    density_cache: Option<DensityCache<T>>,
     /// Bound of the rounding error of positions, in model units.
     position_error: T,
 }
@@ -179,7 +174,6 @@ impl<T: Real> Field<T> {
         Self {
             origin,
             covered,
-            density_cache: None,
             position_error: T::of(reach),
             bounds: scene.bounds,
             near_far: [scene.frame.near, scene.frame.far],

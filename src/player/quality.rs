@@ -8,20 +8,13 @@ use crate::render::{Approximation, ParetoFront, RenderSettings};
 
 /// Removes the scales of `scene` that `approximation` leaves out, and corrects the others by the file's `prefixes`.
 /// Returns the scene, and the rest of the approximation for a renderer. The approximation may exceed the scene, as two
-/// compared scenes share it: neighbors are then clamped, and a decoder mode that the scene lacks is dropped. The
-/// density cache is dropped unless `has_cache`; graphics devices have none.
-pub fn adapted(
-    scene: &Scene,
-    prefixes: &[Option<Prefix>],
-    approximation: &Approximation,
-    has_cache: bool,
-) -> (Scene, Approximation) {
+/// compared scenes share it: neighbors are then clamped, and a decoder mode that the scene lacks is dropped.
+pub fn adapted(scene: &Scene, prefixes: &[Option<Prefix>], approximation: &Approximation) -> (Scene, Approximation) {
     let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let left = Approximation {
         top_k: approximation.top_k.map(|n| n.min(most)),
         scales: None,
         decoder: approximation.decoder.filter(|mode| scene.features() >= mode.min_features()),
-        density_cache: approximation.density_cache.filter(|_| has_cache),
         ..*approximation
     };
     (first_scales(scene.clone(), prefixes, approximation.scales), left)
@@ -43,13 +36,11 @@ mod tests {
     #[test]
     fn scenes_are_adapted_to_and_files_name_choices() {
         let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
-        let wild =
-            Approximation { top_k: Some(99), scales: Some(1), density_cache: Some(64), ..Approximation::default() };
-        let (one, left) = adapted(&scene, &[], &wild, false);
-        assert_eq!((one.scales.len(), left.density_cache), (1, None));
+        let wild = Approximation { top_k: Some(99), scales: Some(1), ..Approximation::default() };
+        let (one, left) = adapted(&scene, &[], &wild);
+        assert_eq!(one.scales.len(), 1);
         assert!(left.check(&one).is_ok(), "{left:?}");
-        assert_eq!(adapted(&scene, &[], &wild, true).1.density_cache, Some(64));
-        assert_eq!(adapted(&scene, &[], &Approximation::default(), true).0, scene);
+        assert_eq!(adapted(&scene, &[], &Approximation::default()).0, scene);
 
         let choice = RenderSettings { approximation: wild, divisor: 2 };
         let point = ParetoPoint { names: Vec::new(), settings: choice, milliseconds: 1.0, psnr: 30.0 };

@@ -29,9 +29,6 @@ pub struct Approximation {
     pub min_transmittance: Option<f64>,
     /// The decoder's mode; `None`: the scene's.
     pub decoder: Option<DecoderMode>,
-    /// The number of cells along the longest edge of the bounds of a grid on which density features are baked, 8 to
-    /// 2048; `None`: no grid.
-    pub density_cache: Option<u32>,
 }
 
 impl Default for Approximation {
@@ -44,7 +41,6 @@ impl Default for Approximation {
             min_weight: None,
             min_transmittance: None,
             decoder: None,
-            density_cache: None,
         }
     }
 }
@@ -88,11 +84,9 @@ impl Approximation {
     /// If an option is out of range. The error names the first one.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
         let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
-        for (option, value, [min, max]) in [
-            ("top_k", self.top_k, [1, max_top_k]),
-            ("scales", self.scales, [1, scene.scales.len() as u32]),
-            ("density_cache", self.density_cache, [8, 2048]),
-        ] {
+        for (option, value, [min, max]) in
+            [("top_k", self.top_k, [1, max_top_k]), ("scales", self.scales, [1, scene.scales.len() as u32])]
+        {
             if let Some(found) = value.filter(|v| !(min..=max).contains(v)) {
                 let expected = format!("{min} to {max}");
                 return Err(ApproximationError { option, expected, found: found.to_string() });
@@ -128,8 +122,8 @@ impl Approximation {
         Ok(())
     }
 
-    /// Applies what a scene can store: every approximation except the density cache and raised thresholds, which need
-    /// the scene's own. `scene` must have passed [`Scene::check`] and [`Self::check`].
+    /// Applies what a scene can store: every approximation except raised thresholds, which need the scene's own.
+    /// `scene` must have passed [`Scene::check`] and [`Self::check`].
     pub fn applied(&self, mut scene: Scene) -> Scene {
         let own = self.reduce(&mut scene);
         let rules = &mut scene.rules;
@@ -145,7 +139,7 @@ impl Approximation {
             || self.min_transmittance.is_some_and(|t| t > own.min_transmittance)
     }
 
-    /// Applies every approximation except the density cache to `scene`. Returns the thresholds it had.
+    /// Applies every approximation to `scene`. Returns the thresholds it had.
     pub(super) fn reduce(&self, scene: &mut Scene) -> OwnThresholds {
         let own = OwnThresholds::of(&scene.rules);
         if let Some(scales) = self.scales {

@@ -82,11 +82,7 @@ impl<T: Real> CpuRenderer<T> {
     pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
         approximation.check(&scene)?;
         let own = approximation.reduce(&mut scene);
-        let mut field = Field::taking(&mut scene);
-        if let Some(cells) = approximation.density_cache {
-            field.cache_density(cells);
-        }
-        Ok(Self { field, own })
+        Ok(Self { field: Field::taking(&mut scene), own })
     }
 
     /// The most bytes of memory that tracing a ray takes.
@@ -105,14 +101,9 @@ impl<T: Real> CpuRenderer<T> {
         self.field.near_far[0] = near;
     }
 
-    /// Bytes of the cached density features; `None` if they are not cached.
-    pub fn density_cache_bytes(&self) -> Option<u64> {
-        self.field.density_cache_bytes()
-    }
-
-    /// Bytes of the factors, appearance matrices and decoder layers, and of cached density features.
+    /// Bytes of the factors, appearance matrices and decoder layers.
     pub fn memory_bytes(&self) -> u64 {
-        self.field.parameter_bytes() + self.density_cache_bytes().unwrap_or(0)
+        self.field.parameter_bytes()
     }
 
     /// As [`Renderer::trace`], with sample counts and, if `has_normals`, normals.

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::Approximation;
 use crate::psnr::psnr_of_mse;
@@ -16,6 +17,9 @@ const VERSION: u32 = 1;
 const FAST_LOSS: f64 = 2.0;
 /// Largest number of points of a stored front.
 const MAX_POINTS: usize = 256;
+
+/// Fields that approximations had once. Notes of that time hold them, as null in points that do not use them.
+const REMOVED: [&str; 1] = ["density_cache"];
 
 /// Settings of a renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -107,8 +111,12 @@ impl ParetoFront {
 
     fn parse(text: &str) -> Result<Self, ParetoError> {
         let note = format!("note {TRADE_NOTE}");
-        let trade: Self =
-            serde_json::from_str(text).map_err(|e| ParetoError::new(&note, "a Pareto front as JSON", e))?;
+        let trade: Self = serde_json::from_str(text)
+            .and_then(|mut front| {
+                drop_removed(&mut front);
+                serde_json::from_value(front)
+            })
+            .map_err(|e| ParetoError::new(&note, "a Pareto front as JSON", e))?;
         if trade.version != VERSION {
             return Err(ParetoError::new(note + " version", VERSION.to_string(), trade.version));
         }
@@ -201,6 +209,15 @@ impl ParetoFront {
     }
 }
 
+/// Drops [`REMOVED`] fields from the `front` of a note, and the points that use one of them.
+fn drop_removed(front: &mut Value) {
+    let Some(points) = front.get_mut("points").and_then(Value::as_array_mut) else { return };
+    points.retain_mut(|point| {
+        let fields = point.pointer_mut("/settings/approximation").and_then(Value::as_object_mut);
+        fields.is_none_or(|fields| REMOVED.iter().all(|name| fields.remove(*name).is_none_or(|value| value.is_null())))
+    });
+}
+
 /// The indices of the points of a front named fast, balanced and best; `None` if there are no points.
 fn named(points: &[ParetoPoint], scene_error: f64) -> Option<[usize; 3]> {
     let psnrs: Vec<f64> = points.iter().map(|p| psnr_of_mse(10f64.powf(-p.psnr / 10.0) + scene_error)).collect();
@@ -277,6 +294,18 @@ mod tests {
         {
             let error = pick(wish, [80, 60]).unwrap_err();
             assert!(error.expected.contains("fast, balanced, best") || error.expected.contains("35.00 dB"), "{error}");
+        }
+    }
+
+    #[test]
+    fn stored_points_that_use_removed_settings_are_left_out() {
+        let trade = trade();
+        let with = |note: &str, text: String| note.replacen("\"step_scale\"", &(text + ",\"step_scale\""), 1);
+        for name in REMOVED {
+            let (off, on) = (format!("\"{name}\":null"), format!("\"{name}\":2"));
+            assert_eq!(ParetoFront::parse(&with(&trade.to_note(), off)).as_ref(), Ok(&trade));
+            let rest = ParetoFront::parse(&with(&trade.to_note(), on)).unwrap();
+            assert_eq!(rest.points, trade.points[1..]);
         }
     }
 

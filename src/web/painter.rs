@@ -46,7 +46,7 @@ fn renderer(
     prefixes: &[Option<Prefix>],
     approximation: &Approximation,
 ) -> Result<GpuRenderer, GpuError> {
-    let (drawn, approximation) = adapted(scene, prefixes, approximation, false);
+    let (drawn, approximation) = adapted(scene, prefixes, approximation);
     GpuRenderer::new(&device.gpu, drawn, &approximation, Precision::default())
 }
 

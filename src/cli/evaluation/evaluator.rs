@@ -31,7 +31,7 @@ pub(in crate::cli) struct Evaluated {
     drawn: Drawn,
     #[serde(flatten)]
     settings: RenderSettings,
-    /// Preparation of the renderer, with the density cache.
+    /// Preparation of the renderer.
     seconds_preparing: f64,
     /// Mean time of rendering a view.
     pub(in crate::cli) seconds_per_view: f64,

@@ -91,9 +91,9 @@ fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> 
     }
     let raises_thresholds = approximation.raises_thresholds(&document.scene);
     document.scene = approximation.applied(document.scene);
-    if approximation.density_cache.is_some() || divisor != 1 || raises_thresholds {
-        let message = "a file cannot store a density cache, smaller pictures or raised thresholds of weight and \
-                       transmittance; pass them when rendering";
+    if divisor != 1 || raises_thresholds {
+        let message = "a file cannot store smaller pictures or raised thresholds of weight and transmittance; pass them \
+                       when rendering";
         session.console.say(&format!("{}: {message}", path.display()));
     }
     Ok(document)

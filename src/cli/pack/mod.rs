@@ -24,7 +24,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 pub(super) use packaging::{Extras, JUDGED, PROBED, Packing};
 
 use super::session::{Globals, Session, run_call, run_command};
-use super::{Call, Error};
+use super::{Call, Error, removed};
 use crate::version::version;
 
 const EXIT_CODES: &str = "\
@@ -82,7 +82,7 @@ pub(super) fn command() -> clap::Command {
 
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
-    run_command("strivec-pack", Cli::try_parse().map(|cli| (cli.globals, cli.command)), run)
+    run_command("strivec-pack", removed::parsed(Cli::try_parse()).map(|cli| (cli.globals, cli.command)), run)
 }
 
 /// Runs the command of `strivec-pack` that `arguments` name, without the program's name, within another program. Returns its results:
@@ -93,7 +93,7 @@ pub fn main() -> ExitCode {
 /// As for [`call`](super::call).
 pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     let words = std::iter::once(OsString::from("strivec-pack")).chain(arguments.iter().cloned());
-    run_call(Cli::try_parse_from(words).map(|cli| (cli.globals, cli.command)), call, run)
+    run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)
 }
 
 fn run(command: &Command, session: &Session) -> Result<(), Error> {

@@ -46,7 +46,7 @@ impl Candidate {
             parts.push(sources[self.source].clone());
         }
         let Approximation { top_k, scales, components, step_scale, .. } = self.settings.approximation;
-        let Approximation { min_weight, min_transmittance, decoder, density_cache, .. } = self.settings.approximation;
+        let Approximation { min_weight, min_transmittance, decoder, .. } = self.settings.approximation;
         parts.extend(top_k.map(|n| format!("top-k {n}")));
         parts.extend(scales.map(|n| format!("scales {n}")));
         parts.extend(components.map(|share| format!("components {:.0} %", 100.0 * share)));
@@ -56,7 +56,6 @@ impl Candidate {
         parts.extend(min_weight.map(|w| format!("weight > {w}")));
         parts.extend(min_transmittance.map(|t| format!("T < {t}")));
         parts.extend(decoder.map(|mode| format!("decoder {}", mode.name())));
-        parts.extend(density_cache.map(|cells| format!("cache {cells}")));
         if self.settings.divisor != 1 {
             parts.push(format!("1/{} size", self.settings.divisor));
         }

@@ -59,10 +59,6 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
                 .map(|mode| Approximation { decoder: Some(mode), ..exact })
                 .collect(),
         ),
-        approximations(
-            "density cache",
-            [128, 192, 256].map(|cells| Approximation { density_cache: Some(cells), ..exact }).into(),
-        ),
     ];
     let others = |name, candidates: Vec<Candidate>| Knob { name, candidates };
     all.push(others(
@@ -185,7 +181,6 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
         min_weight: either(p.min_weight, q.min_weight)?,
         min_transmittance: either(p.min_transmittance, q.min_transmittance)?,
         decoder: either(p.decoder, q.decoder)?,
-        density_cache: either(p.density_cache, q.density_cache)?,
     };
     let divisor = one(f64::from(a.settings.divisor), f64::from(b.settings.divisor))? as u32;
     let source = match (a.source, b.source) {

@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let (sources, checksums) = sources(own, &metadata, crc32fast::hash(&bytes), args, session)?;
 
     make_folder(&args.out)?;
-    let belongs = Belongs { version: 1, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
+    let belongs = Belongs { version: 2, files: checksums, views: format!("{}, {:?}", views.what, views.size()) };
     let log = Log::open(&args.out.join("visits.jsonl"), &belongs, session.force)?;
     let threads = rayon::current_num_threads();
     let backend = *args.backend.first().unwrap_or(&Backend::Cpu);

@@ -68,7 +68,7 @@ impl SceneRenderer {
         prefixes: &[Option<Prefix>],
         approximation: &Approximation,
     ) -> Result<Self, GpuError> {
-        let (drawn, approximation) = adapted(scene, prefixes, approximation, !device.draws);
+        let (drawn, approximation) = adapted(scene, prefixes, approximation);
         Ok(match &device.gpu {
             Some((gpu, _)) if device.draws => {
                 Self::Gpu(Box::new(GpuRenderer::new(gpu, drawn, &approximation, device.precision)?))

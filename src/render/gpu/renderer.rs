@@ -10,7 +10,7 @@ use super::workspace::{StageTime, Workspace};
 use crate::field::Field;
 use crate::geometry::{Aabb, Camera, Contraction, Ray, RayPath};
 use crate::model::Scene;
-use crate::render::{Approximation, ApproximationError, Picture, Pixel};
+use crate::render::{Approximation, Picture, Pixel};
 
 /// Renders a scene on a graphics device: whole pictures, or batch by batch with [`GpuRenderer::begin`] and
 /// [`GpuRenderer::advance`].
@@ -68,7 +68,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// If an option is out of range, `density_cache` is set, or the scene exceeds a limit of the device.
+    /// If an option is out of range, or the scene exceeds a limit of the device.
     pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
         Self::with_limits(gpu, scene, approximation, precision, gpu.scene_limits())
     }
@@ -82,10 +82,6 @@ impl GpuRenderer {
         limits: BufferLimits,
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
-        if let Some(cells) = approximation.density_cache {
-            let (option, expected, found) = ("density_cache", "unset on a graphics device".into(), cells.to_string());
-            return Err(ApproximationError { option, expected, found }.into());
-        }
         let own = approximation.reduce(&mut scene);
         let field = Field::<f32>::taking(&mut scene);
         let packed = Packed::new(&field, &own, precision, limits)?;
