@@ -29,15 +29,8 @@ fn difference(a: &Picture, b: &Picture) -> f64 {
     (sum / (3 * a.pixels.len()) as f64).sqrt()
 }
 
-const EXACT: Approximation = Approximation {
-    top_k: None,
-    scales: None,
-    components: None,
-    step_scale: 1.0,
-    min_weight: None,
-    min_transmittance: None,
-    decoder: None,
-};
+const EXACT: Approximation =
+    Approximation { step_scale: 1.0, min_weight: None, min_transmittance: None, decoder: None };
 
 #[test]
 fn nothing_is_left_out_by_default() {
@@ -51,9 +44,6 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { top_k: Some(4), ..EXACT },
-        Approximation { scales: Some(3), ..EXACT },
-        Approximation { components: Some(1.0), ..EXACT },
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
         Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
         Approximation { decoder: Some(scene.decoder.mode), ..EXACT },
@@ -68,9 +58,6 @@ fn a_strong_option_shows() {
     let scene = scene();
     let exact = CpuRenderer::new(&scene).render(&camera());
     for option in [
-        Approximation { top_k: Some(1), ..EXACT },
-        Approximation { scales: Some(1), ..EXACT },
-        Approximation { components: Some(0.4), ..EXACT },
         Approximation { step_scale: 8.0, ..EXACT },
         Approximation { min_weight: Some(0.05), ..EXACT },
         Approximation { min_transmittance: Some(0.9), ..EXACT },
@@ -160,12 +147,6 @@ fn options_out_of_range_are_refused_by_name() {
     let scene = scene();
     let (nan, infinite) = (f64::NAN, f64::INFINITY);
     for (option, name, expected) in [
-        (Approximation { top_k: Some(0), ..EXACT }, "top_k", "1 to 4"),
-        (Approximation { top_k: Some(5), ..EXACT }, "top_k", "1 to 4"),
-        (Approximation { scales: Some(0), ..EXACT }, "scales", "1 to 3"),
-        (Approximation { scales: Some(4), ..EXACT }, "scales", "1 to 3"),
-        (Approximation { components: Some(0.0), ..EXACT }, "components", "a number in (0, 1]"),
-        (Approximation { components: Some(nan), ..EXACT }, "components", "a number in (0, 1]"),
         (Approximation { step_scale: 0.0, ..EXACT }, "step_scale", "0.25 to 64"),
         (Approximation { step_scale: nan, ..EXACT }, "step_scale", "0.25 to 64"),
         (Approximation { step_scale: infinite, ..EXACT }, "step_scale", "0.25 to 64"),

@@ -98,9 +98,9 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert_eq!(approximated["approximation"]["decoder"], "per-ray");
     assert!((approximated["psnr"].as_f64().unwrap() - psnr).abs() > 1e-3, "{approximated}");
     for (wrong, expected) in [
-        (["--top-k", "17"], "--top-k: expected 1 to "),
+        (["--top-k", "3"], "--top-k was removed; --step-scale"),
         (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
-        (["--renderer=reference", "--scales=1"], "--backend reference renders without approximations"),
+        (["--renderer=reference", "--step-scale=2"], "--backend reference renders without approximations"),
     ] {
         let output = strivec(folder, &[&["eval", "a.strivec", "data", "--quiet"][..], &wrong].concat());
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -13,15 +13,6 @@ use crate::render::{ApproximationError, ParetoError, ParetoFront, QualitySelecto
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Approximations (none by default)")]
 pub(super) struct Approximations {
-    /// Interpolate from the N nearest tensors of each scale only [default: the scene's]
-    #[arg(long, value_name = "N")]
-    top_k: Option<u32>,
-    /// Use the N coarsest scales only [default: all]
-    #[arg(long, value_name = "N")]
-    scales: Option<u32>,
-    /// Use this share of each tensor's components, largest first, from 0 to 1 [default: 1, all]
-    #[arg(long, value_name = "SHARE")]
-    components: Option<f64>,
     /// Multiply the length of march steps, 0.25 to 64 [default: 1]
     #[arg(long, value_name = "FACTOR")]
     step_scale: Option<f64>,
@@ -80,9 +71,6 @@ impl Approximations {
             None => RenderSettings::default(),
         };
         let approximation = &mut settings.approximation;
-        approximation.top_k = self.top_k.or(approximation.top_k);
-        approximation.scales = self.scales.or(approximation.scales);
-        approximation.components = self.components.or(approximation.components);
         approximation.step_scale = self.step_scale.unwrap_or(approximation.step_scale);
         approximation.min_weight = self.min_weight.or(approximation.min_weight);
         approximation.min_transmittance = self.min_transmittance.or(approximation.min_transmittance);

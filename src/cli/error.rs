@@ -260,7 +260,7 @@ mod tests {
     fn fields_become_flags() {
         assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
         assert_eq!(with_flags("`factor_learning_rate` is 0"), "`factor_learning_rate` is 0");
-        assert_eq!((flag_of("step_scale"), flag_of("top_k")), ("--step-scale".into(), "--top-k".into()));
+        assert_eq!((flag_of("step_scale"), flag_of("min_weight")), ("--step-scale".into(), "--min-weight".into()));
         assert_eq!(with_flags("`top_k` is 0"), "`top_k` is 0", "training has no such flag");
         assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
         assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");

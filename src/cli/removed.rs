@@ -5,8 +5,12 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// What each removed option, value of an option or command is replaced by.
-const REMOVED: [(&str, &str); 1] =
-    [("--density-cache", "--step-scale, --min-weight and --min-transmittance save more time and cost less")];
+const REMOVED: [(&str, &str); 4] = [
+    ("--components", "strivec shrink makes a scene of fewer parameters that looks better"),
+    ("--density-cache", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
+    ("--scales", "strivec-pack crop --scales writes a file of the coarsest scales"),
+    ("--top-k", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
+];
 
 /// `parsed`; an error that names something removed shows the hint instead of similar names.
 pub(super) fn parsed<C>(parsed: Result<C, Error>) -> Result<C, Error> {

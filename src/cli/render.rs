@@ -133,7 +133,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let size = cameras.first().map_or([0, 0], |named| [named.camera.width, named.camera.height]);
     let settings = args.approximations.settings(&scene_file, &args.file, size)?;
-    let scene = scene_file::with_scales_of(scene_file, &settings.approximation);
+    let scene = scene_file.scene;
     let video = args.video.as_deref().map(|file| Video::plan(file, size)).transpose()?;
     let file = |name: &str, kind: &str| args.out.join(format!("{name}{kind}.png"));
 

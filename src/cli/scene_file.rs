@@ -7,8 +7,6 @@ use std::{fs, io};
 use super::Error;
 use super::console::Console;
 use crate::container::{self, Limits, Metadata, SceneFile};
-use crate::model::Scene;
-use crate::render::Approximation;
 
 /// The bytes of the file `path`, or of standard input for `-`.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
@@ -42,9 +40,4 @@ pub(super) fn scene_error(metadata: &Metadata) -> f64 {
     const USUAL_PSNR: f64 = 36.0;
     let known = metadata.quality.as_ref().and_then(|q| q.test);
     10f64.powf(-known.unwrap_or(USUAL_PSNR) / 10.0)
-}
-
-/// The scene with the scales that `approximation` keeps, with the file's correction for this prefix.
-pub(super) fn with_scales_of(document: SceneFile, approximation: &Approximation) -> Scene {
-    container::first_scales(document.scene, &document.metadata.prefixes, approximation.scales)
 }

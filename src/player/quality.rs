@@ -2,22 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::container::{Prefix, first_scales};
 use crate::model::Scene;
 use crate::render::{Approximation, ParetoFront, RenderSettings};
 
-/// Removes the scales of `scene` that `approximation` leaves out, and corrects the others by the file's `prefixes`.
-/// Returns the scene, and the rest of the approximation for a renderer. The approximation may exceed the scene, as two
-/// compared scenes share it: neighbors are then clamped, and a decoder mode that the scene lacks is dropped.
-pub fn adapted(scene: &Scene, prefixes: &[Option<Prefix>], approximation: &Approximation) -> (Scene, Approximation) {
-    let most = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
-    let left = Approximation {
-        top_k: approximation.top_k.map(|n| n.min(most)),
-        scales: None,
-        decoder: approximation.decoder.filter(|mode| scene.features() >= mode.min_features()),
-        ..*approximation
-    };
-    (first_scales(scene.clone(), prefixes, approximation.scales), left)
+/// `approximation` without a decoder mode that `scene` lacks: two compared scenes share an approximation.
+pub fn adapted(scene: &Scene, approximation: &Approximation) -> Approximation {
+    let decoder = approximation.decoder.filter(|mode| scene.features() >= mode.min_features());
+    Approximation { decoder, ..*approximation }
 }
 
 /// The render settings that a file's `notes` store by name, as written by `strivec trade --store`; none if they are
@@ -31,16 +22,17 @@ pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSet
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::DecoderMode;
     use crate::render::{ParetoPoint, TRADE_NOTE};
 
     #[test]
     fn scenes_are_adapted_to_and_files_name_choices() {
         let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
-        let wild = Approximation { top_k: Some(99), scales: Some(1), ..Approximation::default() };
-        let (one, left) = adapted(&scene, &[], &wild);
-        assert_eq!(one.scales.len(), 1);
-        assert!(left.check(&one).is_ok(), "{left:?}");
-        assert_eq!(adapted(&scene, &[], &Approximation::default()).0, scene);
+        let wild = Approximation { step_scale: 2.0, decoder: Some(DecoderMode::Residual), ..Approximation::default() };
+        assert_eq!(adapted(&scene, &wild), wild);
+        let mut narrow = scene.clone();
+        narrow.scales.iter_mut().for_each(|scale| scale.appearance_matrix.features = 1);
+        assert_eq!(adapted(&narrow, &wild), Approximation { decoder: None, ..wild });
 
         let choice = RenderSettings { approximation: wild, divisor: 2 };
         let point = ParetoPoint { names: Vec::new(), settings: choice, milliseconds: 1.0, psnr: 30.0 };

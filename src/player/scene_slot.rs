@@ -2,7 +2,7 @@
 
 use super::first_view::extent;
 use super::{Fact, Step, clock, facts, named_choices, scale_count};
-use crate::container::{Prefix, SceneFile, TrainingCamera};
+use crate::container::{SceneFile, TrainingCamera};
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::render::gpu::GpuError;
@@ -13,17 +13,12 @@ pub trait Painter: Sized {
     /// The device that it draws on.
     type Device;
 
-    /// Prepares `scene` for drawing. `prefixes` are the file's corrections for leaving out fine scales.
+    /// Prepares `scene` for drawing.
     ///
     /// # Errors
     ///
     /// If the device is too small for the scene, or if the approximation is out of range.
-    fn new(
-        device: &Self::Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<Self, GpuError>;
+    fn new(device: &Self::Device, scene: &Scene, approximation: &Approximation) -> Result<Self, GpuError>;
 
     /// Draws with `approximation` from now on. The finished picture stays.
     ///
@@ -34,7 +29,6 @@ pub trait Painter: Sized {
         &mut self,
         device: &Self::Device,
         scene: &Scene,
-        prefixes: &[Option<Prefix>],
         approximation: &Approximation,
     ) -> Result<(), GpuError>;
 
@@ -101,7 +95,6 @@ pub struct SceneSlot<P> {
     pub choices: Vec<(String, RenderSettings)>,
     /// Draws the scene.
     pub painter: P,
-    prefixes: Vec<Option<Prefix>>,
     /// The camera of the picture that is being drawn.
     drawing: Option<Camera>,
     /// When that picture was begun, in seconds of the clock.
@@ -129,7 +122,7 @@ impl<P: Painter> SceneSlot<P> {
             scene.frame.near = 0.0;
         }
         scene.frame.far = scene.frame.far.max(1e4 * scene.bounds.size().max_element());
-        let painter = P::new(device, &scene, &metadata.prefixes, approximation)?;
+        let painter = P::new(device, &scene, approximation)?;
         Ok(Self {
             scene,
             near_far,
@@ -140,7 +133,6 @@ impl<P: Painter> SceneSlot<P> {
             cameras: metadata.cameras,
             choices: named_choices(&metadata.notes),
             painter,
-            prefixes: metadata.prefixes,
             drawing: None,
             begun: 0.0,
             done: 0,
@@ -159,7 +151,7 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// As [`Painter::approximate`].
     pub fn approximate(&mut self, device: &P::Device, approximation: &Approximation) -> Result<(), GpuError> {
-        self.painter.approximate(device, &self.scene, &self.prefixes, approximation)?;
+        self.painter.approximate(device, &self.scene, approximation)?;
         self.drawing = None;
         Ok(())
     }
@@ -224,10 +216,5 @@ impl<P: Painter> SceneSlot<P> {
         self.painter.keep(&camera);
         self.drawing = None;
         Ok(Some(now - self.begun))
-    }
-
-    /// Largest top-k of the scales: the number of neighbors of an exact picture.
-    pub fn max_top_k(&self) -> u32 {
-        self.scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1)
     }
 }

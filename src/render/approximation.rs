@@ -1,6 +1,5 @@
 //! Approximations: options that trade exactness for speed. All are off by default.
 
-use super::components::keep_components;
 use crate::model::{DecoderMode, Rules, Scene};
 
 /// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
@@ -15,12 +14,6 @@ use crate::model::{DecoderMode, Rules, Scene};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Approximation {
-    /// The most neighbors of a point in a scale; `None`: the scene's `top_k`.
-    pub top_k: Option<u32>,
-    /// The number of scales used, the coarsest first; `None`: all.
-    pub scales: Option<u32>,
-    /// The share of each tensor's components used, the largest, in (0, 1]; `None`: all.
-    pub components: Option<f64>,
     /// The factor by which march steps, and the intervals they stand for, are longer than the scene's, 0.25 to 64.
     pub step_scale: f64,
     /// The weight that a sample must exceed to be shaded, in [0, 1); `None`: the scene's.
@@ -33,15 +26,7 @@ pub struct Approximation {
 
 impl Default for Approximation {
     fn default() -> Self {
-        Self {
-            top_k: None,
-            scales: None,
-            components: None,
-            step_scale: 1.0,
-            min_weight: None,
-            min_transmittance: None,
-            decoder: None,
-        }
+        Self { step_scale: 1.0, min_weight: None, min_transmittance: None, decoder: None }
     }
 }
 
@@ -83,15 +68,6 @@ impl Approximation {
     ///
     /// If an option is out of range. The error names the first one.
     pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
-        let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(0);
-        for (option, value, [min, max]) in
-            [("top_k", self.top_k, [1, max_top_k]), ("scales", self.scales, [1, scene.scales.len() as u32])]
-        {
-            if let Some(found) = value.filter(|v| !(min..=max).contains(v)) {
-                let expected = format!("{min} to {max}");
-                return Err(ApproximationError { option, expected, found: found.to_string() });
-            }
-        }
         if let Some(mode) = self.decoder.filter(|mode| scene.features() < mode.min_features()) {
             let [features, needed] = [scene.features(), mode.min_features()];
             let expected = format!("a mode for {features} appearance features");
@@ -102,12 +78,6 @@ impl Approximation {
         for (option, value, valid, expected) in [
             ("step_scale", Some(self.step_scale), (0.25..=64.0).contains(&self.step_scale), "0.25 to 64"),
             ("min_weight", self.min_weight, self.min_weight.is_none_or(fraction), "a number in [0, 1)"),
-            (
-                "components",
-                self.components,
-                self.components.is_none_or(|share| share > 0.0 && share <= 1.0),
-                "a number in (0, 1]",
-            ),
             (
                 "min_transmittance",
                 self.min_transmittance,
@@ -142,15 +112,6 @@ impl Approximation {
     /// Applies every approximation to `scene`. Returns the thresholds it had.
     pub(super) fn reduce(&self, scene: &mut Scene) -> OwnThresholds {
         let own = OwnThresholds::of(&scene.rules);
-        if let Some(scales) = self.scales {
-            scene.scales.truncate(scales as usize);
-        }
-        for scale in &mut scene.scales {
-            scale.top_k = self.top_k.map_or(scale.top_k, |n| n.min(scale.top_k));
-            if let Some(share) = self.components {
-                keep_components(scale, share);
-            }
-        }
         let rules = &mut scene.rules;
         rules.step *= self.step_scale;
         rules.min_weight = self.min_weight.unwrap_or(rules.min_weight);

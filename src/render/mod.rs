@@ -1,7 +1,6 @@
 //! Renderers, behind one small trait; camera paths as JSON; and the Pareto front of render settings.
 
 mod approximation;
-mod components;
 mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;

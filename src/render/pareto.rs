@@ -19,7 +19,7 @@ const FAST_LOSS: f64 = 2.0;
 const MAX_POINTS: usize = 256;
 
 /// Fields that approximations had once. Notes of that time hold them, as null in points that do not use them.
-const REMOVED: [&str; 1] = ["density_cache"];
+const REMOVED: [&str; 4] = ["top_k", "scales", "components", "density_cache"];
 
 /// Settings of a renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

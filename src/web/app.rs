@@ -250,9 +250,6 @@ impl App {
             "is_recording": session.recorder.is_recording(),
             "is_playing": session.recorder.is_playing(),
             "quality": {
-                "top_k": session.approximation.top_k.unwrap_or(slot.max_top_k()),
-                "max_top_k": slot.max_top_k(),
-                "scales": session.approximation.scales.unwrap_or(slot.scene.scales.len() as u32),
                 "step": session.approximation.step_scale,
                 "threshold": session.approximation.min_weight.unwrap_or(own.min_weight),
                 "own_threshold": own.min_weight,

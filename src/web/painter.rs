@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::container::Prefix;
 use crate::geometry::Camera;
 use crate::model::Scene;
 use crate::player::{BoxLines, Painter, Screen, adapted};
@@ -40,39 +39,22 @@ fn next_number() -> u64 {
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-fn renderer(
-    device: &Device,
-    scene: &Scene,
-    prefixes: &[Option<Prefix>],
-    approximation: &Approximation,
-) -> Result<GpuRenderer, GpuError> {
-    let (drawn, approximation) = adapted(scene, prefixes, approximation);
-    GpuRenderer::new(&device.gpu, drawn, &approximation, Precision::default())
+fn renderer(device: &Device, scene: &Scene, approximation: &Approximation) -> Result<GpuRenderer, GpuError> {
+    GpuRenderer::new(&device.gpu, scene.clone(), &adapted(scene, approximation), Precision::default())
 }
 
 impl Painter for PagePainter {
     type Device = Device;
 
-    fn new(
-        device: &Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<Self, GpuError> {
-        let renderer = Some(renderer(device, scene, prefixes, approximation)?);
+    fn new(device: &Device, scene: &Scene, approximation: &Approximation) -> Result<Self, GpuError> {
+        let renderer = Some(renderer(device, scene, approximation)?);
         let screen = Screen::new(&device.gpu, device.format);
         let boxes = BoxLines::new(&device.gpu, scene, device.format);
         Ok(Self { screen, boxes, renderer, number: next_number(), near: None })
     }
 
-    fn approximate(
-        &mut self,
-        device: &Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<(), GpuError> {
-        self.renderer = Some(renderer(device, scene, prefixes, approximation)?);
+    fn approximate(&mut self, device: &Device, scene: &Scene, approximation: &Approximation) -> Result<(), GpuError> {
+        self.renderer = Some(renderer(device, scene, approximation)?);
         (self.number, self.near) = (next_number(), None);
         Ok(())
     }

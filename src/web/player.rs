@@ -270,17 +270,8 @@ impl Player {
     /// # Errors
     ///
     /// If one of them is out of range.
-    pub fn set_quality(
-        &self,
-        neighbors: Option<u32>,
-        scales: Option<u32>,
-        step: f64,
-        threshold: Option<f64>,
-        finest: u32,
-    ) -> Result<(), JsError> {
-        let exact = Approximation::default();
-        let approximation =
-            Approximation { top_k: neighbors, scales, step_scale: step, min_weight: threshold, ..exact };
+    pub fn set_quality(&self, step: f64, threshold: Option<f64>, finest: u32) -> Result<(), JsError> {
+        let approximation = Approximation { step_scale: step, min_weight: threshold, ..Approximation::default() };
         let settings = RenderSettings { approximation, divisor: finest.clamp(1, 16) };
         Ok(self.app.borrow_mut().session.approximate(&settings)?)
     }

@@ -98,7 +98,7 @@ impl Evaluator<'_> {
         let console = &self.session.console;
         let size = views.first().map_or([0, 0], |view| [view.camera.width, view.camera.height]);
         let settings = self.approximations.settings(&scene_file, &path, size)?;
-        let scene = scene_file::with_scales_of(scene_file, &settings.approximation);
+        let scene = scene_file.scene;
         let frame = scene.frame.clone();
         let whole = self.parity.then(|| scene.clone());
         let start = Instant::now();

@@ -12,7 +12,6 @@ use crate::cli::{Error, Session};
 use crate::container::{SceneFile, VERSION};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
-use crate::pack;
 use crate::render::{ParetoFront, QualitySelector, RenderSettings};
 
 /// Arguments of `strivec-pack convert`.
@@ -86,9 +85,6 @@ fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> 
     let RenderSettings { approximation, divisor } =
         stored_settings(&QualitySelector::Name(name.to_owned()), &document, path, size)?;
     approximation.check(&document.scene)?;
-    if let Some(scales) = approximation.scales {
-        document = pack::keep_scales(document, scales as usize);
-    }
     let raises_thresholds = approximation.raises_thresholds(&document.scene);
     document.scene = approximation.applied(document.scene);
     if divisor != 1 || raises_thresholds {

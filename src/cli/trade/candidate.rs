@@ -45,11 +45,7 @@ impl Candidate {
         if self.source != base.source {
             parts.push(sources[self.source].clone());
         }
-        let Approximation { top_k, scales, components, step_scale, .. } = self.settings.approximation;
-        let Approximation { min_weight, min_transmittance, decoder, .. } = self.settings.approximation;
-        parts.extend(top_k.map(|n| format!("top-k {n}")));
-        parts.extend(scales.map(|n| format!("scales {n}")));
-        parts.extend(components.map(|share| format!("components {:.0} %", 100.0 * share)));
+        let Approximation { step_scale, min_weight, min_transmittance, decoder } = self.settings.approximation;
         if step_scale != 1.0 {
             parts.push(format!("step x{step_scale}"));
         }

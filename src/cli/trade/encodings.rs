@@ -19,7 +19,7 @@ pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> 
     let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
         let bytes = encode_scene_file(scene, &Metadata::default(), options).map_err(failed)?;
         let scene = decode_scene_file(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;
-        Ok(Source { name, scene, prefixes: Vec::new(), bytes: bytes.len() as u64 })
+        Ok(Source { name, scene, bytes: bytes.len() as u64 })
     };
     let mut sources = Vec::new();
     let mut balanced = scene.clone();

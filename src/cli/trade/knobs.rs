@@ -32,17 +32,7 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
             .collect(),
     };
     let exact = Approximation::default();
-    let max_top_k = scene.scales.iter().map(|s| s.top_k).max().unwrap_or(1);
     let mut all = vec![
-        approximations("neighbors", (1..max_top_k).map(|n| Approximation { top_k: Some(n), ..exact }).collect()),
-        approximations(
-            "scales",
-            (1..scene.scales.len() as u32).map(|n| Approximation { scales: Some(n), ..exact }).collect(),
-        ),
-        approximations(
-            "components",
-            [0.75, 0.5, 0.25].map(|share| Approximation { components: Some(share), ..exact }).into(),
-        ),
         approximations("step", [1.5, 2.0, 3.0, 4.0].map(|by| Approximation { step_scale: by, ..exact }).into()),
         approximations(
             "smallest weight",
@@ -174,9 +164,6 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
     }
     let one = |a: f64, b: f64| if a != 1.0 && b != 1.0 { None } else { Some(a * b) };
     let approximation = Approximation {
-        top_k: either(p.top_k, q.top_k)?,
-        scales: either(p.scales, q.scales)?,
-        components: either(p.components, q.components)?,
         step_scale: one(p.step_scale, q.step_scale)?,
         min_weight: either(p.min_weight, q.min_weight)?,
         min_transmittance: either(p.min_transmittance, q.min_transmittance)?,
@@ -209,7 +196,7 @@ mod tests {
         let knobs = [
             knob("step", Approximation { step_scale: 2.0, ..exact }),
             knob("smallest weight", Approximation { min_weight: Some(0.01), ..exact }),
-            knob("neighbors", Approximation { top_k: Some(1), ..exact }),
+            knob("decoder", Approximation { decoder: Some(DecoderMode::Residual), ..exact }),
         ];
         let measured = |ratio, error| Measured {
             milliseconds: Spread::of(&[100.0 * ratio]).unwrap(),
@@ -229,6 +216,6 @@ mod tests {
         assert_eq!(of_own.len(), 1);
         let RenderSettings { approximation, .. } = of_own[0].settings;
         assert_eq!((approximation.step_scale, approximation.min_weight), (2.0, Some(0.01)));
-        assert_eq!(approximation.top_k, None, "it loses more than 6 dB");
+        assert_eq!(approximation.decoder, None, "it loses more than 6 dB");
     }
 }

@@ -103,12 +103,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     // The difference to photographs includes the scene's error already.
     let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&metadata) };
     let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let own = Source {
-        name: name.clone(),
-        scene: scene.clone(),
-        prefixes: metadata.prefixes.clone(),
-        bytes: bytes.len() as u64,
-    };
+    let own = Source { name: name.clone(), scene: scene.clone(), bytes: bytes.len() as u64 };
     let (sources, checksums) = sources(own, &metadata, crc32fast::hash(&bytes), args, session)?;
 
     make_folder(&args.out)?;
@@ -153,10 +148,10 @@ fn sources(
 ) -> Result<(Vec<Source>, Vec<u32>), Error> {
     let (mut sources, mut checksums) = (vec![own], vec![checksum]);
     for path in &args.also {
-        let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(path, &session.console)?;
+        let (SceneFile { scene, .. }, bytes) = scene_file::read(path, &session.console)?;
         checksums.push(crc32fast::hash(&bytes));
         let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        sources.push(Source { name, scene, prefixes: metadata.prefixes, bytes: bytes.len() as u64 });
+        sources.push(Source { name, scene, bytes: bytes.len() as u64 });
     }
     if args.encodings {
         sources.extend(encodings::encoded(&sources[0].scene, metadata, session)?);

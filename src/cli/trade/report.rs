@@ -218,7 +218,7 @@ impl Report {
         let mut rows = Vec::new();
         for point in self.front.points.iter().filter(|p| !p.names.is_empty()) {
             let approximation = &point.settings.approximation;
-            let scene = source.with_scales_of(approximation);
+            let scene = source.scene.clone();
             let mut renderer = base.engine.prepare(scene, approximation, &session.console)?;
             let small = renderer.render(&view.camera.downscaled(point.settings.divisor))?;
             let drawn = colors(&upsample_bilinear(&small, size));

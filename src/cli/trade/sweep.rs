@@ -12,7 +12,6 @@ use crate::cli::progress::Progress;
 use crate::cli::render::colors;
 use crate::cli::table::plural;
 use crate::cli::{Error, Session};
-use crate::container::{Prefix, first_scales};
 use crate::measure::{Error as MeasureError, mse, ssim};
 use crate::model::Scene;
 use crate::render::{Approximation, upsample_bilinear};
@@ -21,17 +20,8 @@ use crate::render::{Approximation, upsample_bilinear};
 pub(super) struct Source {
     pub(super) name: String,
     pub(super) scene: Scene,
-    /// \[scale\] correction of the prefix that ends with this scale.
-    pub(super) prefixes: Vec<Option<Prefix>>,
     /// Size of its file.
     pub(super) bytes: u64,
-}
-
-impl Source {
-    /// The scene with the scales that `approximation` keeps, corrected as its file says.
-    pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
-        first_scales(self.scene.clone(), &self.prefixes, approximation.scales)
-    }
 }
 
 impl Engine {
@@ -104,7 +94,7 @@ impl Sweep<'_> {
             pool.map_err(|e| Error::Runtime(format!("cannot start {}: {e}", plural(candidate.threads, "thread"))))?;
         pool.install(|| {
             let approximation = &candidate.settings.approximation;
-            let scene = self.sources[candidate.source].with_scales_of(approximation);
+            let scene = self.sources[candidate.source].scene.clone();
             let start = Instant::now();
             let mut renderer = candidate.engine.prepare(scene, approximation, quiet)?;
             let preparing_ms = 1e3 * start.elapsed().as_secs_f64();

@@ -1,6 +1,5 @@
 //! Drawing a scene on the graphics device or on the CPU, and displaying it in the window.
 
-use crate::container::Prefix;
 use crate::geometry::{Camera, Ray};
 use crate::model::Scene;
 use crate::player::{BoxLines, Painter, Screen, adapted};
@@ -62,13 +61,8 @@ pub(super) struct CpuPainter {
 }
 
 impl SceneRenderer {
-    fn new(
-        device: &Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<Self, GpuError> {
-        let (drawn, approximation) = adapted(scene, prefixes, approximation);
+    fn new(device: &Device, scene: &Scene, approximation: &Approximation) -> Result<Self, GpuError> {
+        let (drawn, approximation) = (scene.clone(), adapted(scene, approximation));
         Ok(match &device.gpu {
             Some((gpu, _)) if device.draws => {
                 Self::Gpu(Box::new(GpuRenderer::new(gpu, drawn, &approximation, device.precision)?))
@@ -87,26 +81,15 @@ impl SceneRenderer {
 impl Painter for DesktopPainter {
     type Device = Device;
 
-    fn new(
-        device: &Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<Self, GpuError> {
-        let renderer = SceneRenderer::new(device, scene, prefixes, approximation)?;
+    fn new(device: &Device, scene: &Scene, approximation: &Approximation) -> Result<Self, GpuError> {
+        let renderer = SceneRenderer::new(device, scene, approximation)?;
         let screen =
             device.gpu.as_ref().map(|(gpu, format)| (Screen::new(gpu, *format), BoxLines::new(gpu, scene, *format)));
         Ok(Self { renderer, screen, photograph: None })
     }
 
-    fn approximate(
-        &mut self,
-        device: &Device,
-        scene: &Scene,
-        prefixes: &[Option<Prefix>],
-        approximation: &Approximation,
-    ) -> Result<(), GpuError> {
-        let mut renderer = SceneRenderer::new(device, scene, prefixes, approximation)?;
+    fn approximate(&mut self, device: &Device, scene: &Scene, approximation: &Approximation) -> Result<(), GpuError> {
+        let mut renderer = SceneRenderer::new(device, scene, approximation)?;
         if let (SceneRenderer::Cpu(old), SceneRenderer::Cpu(new)) = (&mut self.renderer, &mut renderer) {
             new.kept = old.kept.take();
         }

@@ -185,7 +185,6 @@ fn comparison(app: &mut App, ui: &mut Ui) {
 fn quality(app: &mut App, ui: &mut Ui) {
     let session = &app.session;
     let Some(slot) = &session.slots[0] else { return };
-    let (scales, most) = (slot.scene.scales.len() as u32, slot.max_top_k());
     let weight = slot.scene.rules.min_weight.max(1e-6);
     let choices = slot.choices.clone();
     // While a slider is dragged, the settings do not change yet.
@@ -195,17 +194,11 @@ fn quality(app: &mut App, ui: &mut Ui) {
         let response = ui.add(slider).on_hover_text(help);
         is_done |= response.drag_stopped() || (response.changed() && !response.dragged());
     };
-    let mut neighbors = wanted.top_k.unwrap_or(most);
-    row(ui, Slider::new(&mut neighbors, 1..=most).text("Neighbors"), "Tensors of a scale that a sample interpolates");
-    let mut used = wanted.scales.unwrap_or(scales);
-    row(ui, Slider::new(&mut used, 1..=scales).text("Scales"), "Scales that are drawn, the coarsest first");
     let step = Slider::new(&mut wanted.step_scale, 0.5..=8.0).logarithmic(true).text("Step");
     row(ui, step, "Step of the ray march, in steps of the scene");
     let mut threshold = wanted.min_weight.unwrap_or(weight).max(1e-6);
     let slider = Slider::new(&mut threshold, 1e-6..=0.05).logarithmic(true).text("Color threshold");
     row(ui, slider, "Least weight of a sample whose color is computed");
-    wanted.top_k = (neighbors < most).then_some(neighbors);
-    wanted.scales = (used < scales).then_some(used);
     wanted.min_weight = ((threshold - weight).abs() > 1e-9).then_some(threshold);
     let mut finest = session.finest.trailing_zeros();
     let resolution = |v: f64, _: std::ops::RangeInclusive<usize>| format!("1/{}", 1 << v as u32);

@@ -100,8 +100,6 @@ export class Panel {
   readonly #boxes = element("input", { type: "checkbox" });
   readonly #boxesOf = element("div", { className: "row" });
   readonly #facts = element("dl", { id: "facts" });
-  readonly #topK = slider("Neighbors", 1, 4, 1, (v) => `${v}`);
-  readonly #scales = slider("Scales", 1, 1, 1, (v) => `${v}`);
   readonly #step = slider("Step", -1, 3, 0.25, (v) => `×${(2 ** v).toFixed(2)}`);
   readonly #threshold = slider("Color threshold", -20, -4, 0.25, (v) => (2 ** v).toExponential(0));
   readonly #finest = slider("Resolution", 0, 4, 1, (v) => `1/${2 ** v}`);
@@ -133,10 +131,10 @@ export class Panel {
     });
     this.#boxes.addEventListener("change", () => this.#do((player) => player.set_boxes(this.#boxes.checked)));
 
-    for (const { input } of [this.#topK, this.#scales, this.#step, this.#threshold, this.#finest]) {
+    for (const { input } of [this.#step, this.#threshold, this.#finest]) {
       input.addEventListener("change", () => this.#setQuality());
     }
-    const exact = this.#button("exact", (player) => player.set_quality(undefined, undefined, 1, undefined, 1));
+    const exact = this.#button("exact", (player) => player.set_quality(1, undefined, 1));
     this.#frameTime.show(FRAME_TIME);
     this.#frameTime.input.addEventListener("change", () =>
       this.#do((player) => player.set_frame_time(this.#frameTime.input.valueAsNumber)),
@@ -175,8 +173,6 @@ export class Panel {
       ),
       section(
         "Quality",
-        this.#topK.row,
-        this.#scales.row,
         this.#step.row,
         this.#threshold.row,
         this.#finest.row,
@@ -221,10 +217,6 @@ export class Panel {
     this.#showBoxes(state);
     this.#showChoices(state);
     const { quality } = state;
-    this.#topK.input.max = `${quality.max_top_k}`;
-    this.#topK.show(quality.top_k);
-    this.#scales.input.max = `${state.scales}`;
-    this.#scales.show(quality.scales);
     this.#step.show(Math.log2(quality.step));
     this.#threshold.show(Math.log2(Math.max(quality.threshold, 2 ** -20)));
     this.#finest.show(Math.log2(quality.finest));
@@ -300,19 +292,11 @@ export class Panel {
     if (!state) return;
     const { quality } = state;
     const value = (slider: Slider): number => slider.input.valueAsNumber;
-    const topK = value(this.#topK);
-    const scales = value(this.#scales);
     const threshold = 2 ** value(this.#threshold);
     // The slider's nearest position to the scene's own value means that value.
     const isOwn = Math.abs(Math.log2(threshold / Math.max(quality.own_threshold, 2 ** -20))) < 0.13;
     this.#do((player) =>
-      player.set_quality(
-        topK < quality.max_top_k ? topK : undefined,
-        scales < state.scales ? scales : undefined,
-        2 ** value(this.#step),
-        isOwn ? undefined : threshold,
-        2 ** value(this.#finest),
-      ),
+      player.set_quality(2 ** value(this.#step), isOwn ? undefined : threshold, 2 ** value(this.#finest)),
     );
   }
 

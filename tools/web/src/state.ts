@@ -1,9 +1,6 @@
 // The state of the player (`Player.state`), as the panel shows it.
 
 export interface Quality {
-  top_k: number;
-  max_top_k: number;
-  scales: number;
   step: number;
   threshold: number;
   own_threshold: number;

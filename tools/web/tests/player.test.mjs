@@ -157,11 +157,11 @@ test("the panel shows facts, and its controls work by keyboard", async () => {
   await page.getByRole("radio", { name: "depth" }).focus();
   await page.keyboard.press("Space");
   assert.equal(await viewer.call((v) => v.state.view), "depth");
-  await page.getByRole("slider", { name: "scales" }).focus();
-  await page.keyboard.press("ArrowLeft");
-  assert.equal(await viewer.call((v) => v.state.quality.scales), 1);
+  await page.getByRole("slider", { name: "resolution" }).focus();
+  await page.keyboard.press("ArrowRight");
+  assert.equal(await viewer.call((v) => v.state.quality.finest), 2);
   await page.getByRole("button", { name: "exact" }).press("Enter");
-  assert.equal(await viewer.call((v) => v.state.quality.scales), 2);
+  assert.equal(await viewer.call((v) => v.state.quality.finest), 1);
   await page.getByRole("checkbox", { name: "tensor boxes" }).check();
   assert.equal(await viewer.call((v) => v.state.has_boxes), true);
   await viewer.rest();
