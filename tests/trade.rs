@@ -40,7 +40,7 @@ fn a_sweep_measures_reports_and_stores_settings_that_render_accepts() {
     let row = |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("{name}: {report:#}"));
     let psnr = |name: &str| row(name)["psnr"].as_f64().unwrap();
     assert_eq!(psnr("exact"), 99.0, "its own pictures are the same");
-    assert!(psnr("cpu-f64") > 60.0 && psnr("step x4") < psnr("step x1.5"));
+    assert!(psnr("step x4") < psnr("step x1.5"));
     assert!(row("grid6")["bytes"].as_u64() < row("f16")["bytes"].as_u64());
     assert!(psnr("grid6") < psnr("f16"));
     for row in rows {

@@ -27,10 +27,6 @@ pub(super) enum Backend {
     /// Fast renderer on the processor, 32-bit floating point
     #[default]
     Cpu,
-    /// Fast renderer on the processor, 64-bit floating point
-    #[value(name = "cpu-f64")]
-    #[serde(rename = "cpu-f64")]
-    CpuF64,
     /// Graphics processor, 32-bit floating point; in builds with the feature `gpu`
     Gpu,
     /// Direct implementation of the specification, 64-bit floating point, slow
@@ -67,7 +63,6 @@ impl BackendOptions {
     ) -> Result<Prepared, Error> {
         let drawing = match self.backend {
             Backend::Cpu => Drawing::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
-            Backend::CpuF64 => Drawing::CpuF64(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
             Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
             Backend::Reference => {
                 return Err(Error::Usage(
@@ -83,9 +78,7 @@ impl BackendOptions {
     pub(super) fn check(&self) -> Result<(), Error> {
         match self.backend {
             Backend::Gpu if cfg!(not(feature = "gpu")) => Err(no_gpu()),
-            Backend::Cpu | Backend::CpuF64 | Backend::Reference if self.half => {
-                Err(Error::Usage("--half needs --backend gpu".into()))
-            }
+            Backend::Cpu | Backend::Reference if self.half => Err(Error::Usage("--half needs --backend gpu".into())),
             _ => Ok(()),
         }
     }
@@ -138,10 +131,8 @@ pub(super) struct Prepared {
 }
 
 enum Drawing {
-    /// The fast renderer in 32 bits.
+    /// The fast renderer.
     Cpu(Box<CpuRenderer>),
-    /// The fast renderer in 64 bits.
-    CpuF64(Box<CpuRenderer<f64>>),
     /// The renderer on a graphics device.
     #[cfg(feature = "gpu")]
     Gpu { renderer: Box<GpuRenderer>, adapter: String },
@@ -176,7 +167,6 @@ impl Prepared {
         self.pictures += 1;
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(renderer.render(camera)),
-            Drawing::CpuF64(renderer) => Ok(renderer.render(camera)),
             Drawing::Reference(scene) => Ok(ReferenceRenderer::new(scene).render(camera)),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => {
@@ -198,7 +188,6 @@ impl Prepared {
     pub(super) fn parity(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<Parity, Error> {
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
-            Drawing::CpuF64(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
             Drawing::Reference(_) => Ok(measure::parity(scene, &CpuRenderer::new(scene), cameras, F32_POSITION_ERROR)),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => {
@@ -214,7 +203,6 @@ impl Prepared {
     pub(super) fn memory_bytes(&self) -> u64 {
         match &self.drawing {
             Drawing::Cpu(renderer) => renderer.memory_bytes(),
-            Drawing::CpuF64(renderer) => renderer.memory_bytes(),
             Drawing::Reference(scene) => 4 * scene.parameter_count(),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => renderer.memory_bytes().iter().sum(),
@@ -226,7 +214,7 @@ impl Prepared {
         let adapter = match &self.drawing {
             #[cfg(feature = "gpu")]
             Drawing::Gpu { adapter, .. } => Some(adapter.clone()),
-            Drawing::Cpu(_) | Drawing::CpuF64(_) | Drawing::Reference(_) => None,
+            Drawing::Cpu(_) | Drawing::Reference(_) => None,
         };
         let memory_bytes = self.memory_bytes();
         let pictures = f64::from(self.pictures.max(1));

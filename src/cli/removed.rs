@@ -5,11 +5,12 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// What each removed option, value of an option or command is replaced by.
-const REMOVED: [(&str, &str); 4] = [
+const REMOVED: [(&str, &str); 5] = [
     ("--components", "strivec shrink makes a scene of fewer parameters that looks better"),
     ("--density-cache", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
     ("--scales", "strivec-pack crop --scales writes a file of the coarsest scales"),
     ("--top-k", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
+    ("cpu-f64", "cpu shows the same picture; reference computes it in 64 bits"),
 ];
 
 /// `parsed`; an error that names something removed shows the hint instead of similar names.
@@ -40,9 +41,12 @@ mod tests {
 
     #[test]
     fn removed_names_are_refused_with_a_hint() {
-        let command = || clap::Command::new("strivec").subcommand(clap::Command::new("render"));
-        for (name, instead) in REMOVED.iter().filter(|(name, _)| name.starts_with("--")) {
-            let error = parsed(command().try_get_matches_from(["strivec", "render", name, "9"])).unwrap_err();
+        let backend = || clap::Arg::new("backend").long("backend").value_parser(["cpu", "gpu"]);
+        let command = || clap::Command::new("strivec").subcommand(clap::Command::new("render").arg(backend()));
+        for (name, instead) in REMOVED {
+            let words = if name.starts_with("--") { [name, "9"] } else { ["--backend", name] };
+            let words = ["strivec", "render"].into_iter().chain(words);
+            let error = parsed(command().try_get_matches_from(words)).unwrap_err();
             let message = error.to_string();
             assert!(message.contains(&format!("{name} was removed; {instead}")), "{message}");
         }

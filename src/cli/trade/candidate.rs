@@ -30,7 +30,6 @@ impl Engine {
     pub(super) fn name(self) -> &'static str {
         match (self.backend, self.half) {
             (Backend::Cpu, _) => "cpu",
-            (Backend::CpuF64, _) => "cpu-f64",
             (Backend::Gpu, false) => "gpu",
             (Backend::Gpu, true) => "gpu-half",
             (Backend::Reference, _) => "reference",

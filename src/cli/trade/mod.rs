@@ -193,10 +193,10 @@ fn measure(
     Ok(measured)
 }
 
-/// The engines of `backends`, and the CPU in 64-bit floating point, except `base`.
+/// The engines of `backends`, except `base`.
 fn engines(backends: &[Backend], base: Engine) -> Vec<Engine> {
     let mut engines = Vec::new();
-    for &backend in [Backend::CpuF64].iter().chain(backends) {
+    for &backend in backends {
         let half = (backend == Backend::Gpu).then_some(true);
         for engine in [Some(false), half].into_iter().flatten().map(|half| Engine { backend, half }) {
             if engine != base && !engines.contains(&engine) {

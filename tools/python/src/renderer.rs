@@ -24,7 +24,6 @@ pub(crate) struct NativeRenderer {
 
 enum Drawing {
     Cpu(CpuRenderer),
-    CpuF64(CpuRenderer<f64>),
     Reference(Arc<Scene>),
     Gpu(Box<Mutex<GpuRenderer>>),
 }
@@ -47,7 +46,6 @@ impl NativeRenderer {
             let usage = |e: strivec::render::ApproximationError| Failure::usage(format!("approximation: {e}"));
             Ok(match backend.as_str() {
                 "cpu" => Drawing::Cpu(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?),
-                "cpu-f64" => Drawing::CpuF64(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?),
                 "reference" if approximation.is_exact() => Drawing::Reference(scene),
                 "reference" => return Err(Failure::usage("the reference renders without approximations")),
                 "gpu" => {
@@ -56,7 +54,7 @@ impl NativeRenderer {
                     Drawing::Gpu(Box::new(Mutex::new(renderer.map_err(of_gpu)?)))
                 }
                 _ => {
-                    let message = format!("backend must be cpu, cpu-f64, gpu or reference; found {backend}");
+                    let message = format!("backend must be cpu, gpu or reference; found {backend}");
                     return Err(Failure::usage(message));
                 }
             })
@@ -93,7 +91,6 @@ impl NativeRenderer {
         let pixels = detached(py, move || {
             let picture = match &*drawing {
                 Drawing::Cpu(renderer) => renderer.render(&camera),
-                Drawing::CpuF64(renderer) => renderer.render(&camera),
                 Drawing::Reference(scene) => ReferenceRenderer::new(scene).render(&camera),
                 Drawing::Gpu(renderer) => locked(renderer).render(&camera).map_err(of_gpu)?,
             };
@@ -130,7 +127,6 @@ impl NativeRenderer {
         let pixels = detached(py, move || {
             Ok(match &*drawing {
                 Drawing::Cpu(renderer) => renderer.trace(&rays),
-                Drawing::CpuF64(renderer) => renderer.trace(&rays),
                 Drawing::Reference(scene) => ReferenceRenderer::new(scene).trace(&rays),
                 Drawing::Gpu(renderer) => locked(renderer).trace(&rays).map_err(of_gpu)?,
             })

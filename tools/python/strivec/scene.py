@@ -194,7 +194,7 @@ class Scene:
     ) -> Picture:
         """The picture of `camera`, at another `size` (width, height) if one is given, on another `background`.
 
-        `backend` is cpu, cpu-f64, gpu or reference. `approximation` trades exactness for speed, as in the file's render settings: for
+        `backend` is cpu, gpu or reference. `approximation` trades exactness for speed, as in the file's render settings: for
         example {"step_scale": 2.0, "min_weight": 0.01}.
         """
         if size is not None:
