@@ -28,15 +28,36 @@ impl<T: Real> Field<T> {
         samples: &mut Samples<T>,
         mut take: impl FnMut(usize, T),
     ) {
-        samples.clear(0);
-        // Without a ray these samples have no distance; `distances` holds their indices instead.
-        samples.set_pending(positions.enumerate().map(|(index, position)| (T::of_i32(index as i32), position)));
-        self.find_neighbors(samples);
-        self.assign_covered_slots(samples, 0..samples.pending.len());
+        self.assign_tagged_slots((0..).zip(positions), samples);
         self.gather_density(samples);
-        for (index, &feature) in samples.distances.iter().zip(&samples.features) {
-            take(index.floor_i32() as usize, feature);
+        for (&index, &feature) in samples.tags.iter().zip(&samples.features) {
+            take(index as usize, feature);
         }
+    }
+
+    /// Assigns slots to those of the tagged `positions` that are in the model, with neighbors and without features.
+    /// `samples.tags` gets the tag of each slot.
+    #[inline(always)]
+    pub(super) fn assign_tagged_slots(&self, positions: impl Iterator<Item = (u32, [T; 3])>, samples: &mut Samples<T>) {
+        samples.clear(0);
+        samples.clear_pending();
+        let mut tags = std::mem::take(&mut samples.tags);
+        tags.clear();
+        for (tag, position) in positions {
+            tags.push(tag);
+            // There is no ray, and so no distance along it.
+            samples.push_pending(T::zero(), position);
+        }
+        samples.pending_positions.pad();
+        self.find_neighbors(samples);
+        let mut slots = 0;
+        self.assign_covered_slots(samples, 0..tags.len(), |index| {
+            // A slot is never behind its pending sample.
+            tags[slots] = tags[index];
+            slots += 1;
+        });
+        tags.truncate(slots);
+        samples.tags = tags;
     }
 
     /// False if no sample between `min` and `max`, relative to the field's origin, counts.
@@ -57,9 +78,15 @@ impl<T: Real> Field<T> {
         Arch::new().dispatch(GatherDensity { field: self, samples });
     }
 
-    /// Assigns slots to those of the `pending` samples that are in the model (spec 4.1).
+    /// Assigns slots to those of the `pending` samples that are in the model (spec 4.1). Calls `assigned` with the index
+    /// of each among the pending ones, in the order of the slots.
     #[inline(always)]
-    pub(super) fn assign_covered_slots(&self, samples: &mut Samples<T>, pending: Range<usize>) {
+    pub(super) fn assign_covered_slots(
+        &self,
+        samples: &mut Samples<T>,
+        pending: Range<usize>,
+        mut assigned: impl FnMut(usize),
+    ) {
         let scales = self.scales.len();
         let needed = match self.rules.coverage {
             Coverage::All => scales,
@@ -76,6 +103,7 @@ impl<T: Real> Field<T> {
             }
             samples.distances.push(samples.pending[index]);
             samples.positions.push(samples.pending_positions.get(index));
+            assigned(index);
         }
     }
 

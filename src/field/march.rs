@@ -108,7 +108,7 @@ impl<T: Real> Field<T> {
             let first = samples.positions.len() as u32;
             let pending = next..next + pending as usize;
             next = pending.end;
-            self.assign_covered_slots(samples, pending);
+            self.assign_covered_slots(samples, pending, |_| ());
             samples.runs.push(Run { ray, first, count: samples.positions.len() as u32 - first });
         }
     }

@@ -31,8 +31,8 @@ impl<T: Real> Field<T> {
             #[inline(always)]
             |Scratch { samples, .. }, densities| {
                 self.gather_density(samples);
-                for (index, &feature) in samples.distances.iter().zip(&samples.features) {
-                    densities[index.floor_i32() as usize] = self.density(feature);
+                for (&index, &feature) in samples.tags.iter().zip(&samples.features) {
+                    densities[index as usize] = self.density(feature);
                 }
             },
         );
@@ -58,15 +58,15 @@ impl<T: Real> Field<T> {
                     Matrix::new(&self.decoder.appearance, width, ranks, ranks).transposed(),
                     false,
                 );
-                for (index, row) in samples.distances.iter().zip(features.chunks_exact(width)) {
-                    values[index.floor_i32() as usize * width..][..width].copy_from_slice(row);
+                for (&index, row) in samples.tags.iter().zip(features.chunks_exact(width)) {
+                    values[index as usize * width..][..width].copy_from_slice(row);
                 }
             },
         );
     }
 
     /// Writes to \[point\]\[width\] `values` what `evaluate` makes of chunks of points, by the samples at those that count; their
-    /// distances are their places in the chunk. Zeros for the others.
+    /// tags are their places in the chunk. Zeros for the others.
     #[inline(always)]
     fn at_points(
         &self,
@@ -91,18 +91,16 @@ impl<T: Real> Field<T> {
         });
     }
 
-    /// Makes samples of the `points` that count, with their indices as distances.
+    /// Makes samples of the `points` that count, with their indices as tags.
     #[inline(always)]
     fn locate(&self, points: impl Iterator<Item = DVec3>, samples: &mut Samples<T>) {
-        samples.clear(0);
-        samples.set_pending(points.enumerate().filter_map(|(index, point)| {
+        let counting = (0..).zip(points).filter_map(|(index, point)| {
             let position = self.rules.contracted(point);
             let relative = self.relative(position);
             let is_occupied = || self.occupancy.as_ref().is_none_or(|cells| cells.contains(relative));
-            (self.bounds.contains(position) && is_occupied()).then_some((T::of_i32(index as i32), relative))
-        }));
-        self.find_neighbors(samples);
-        self.assign_covered_slots(samples, 0..samples.pending.len());
+            (self.bounds.contains(position) && is_occupied()).then_some((index, relative))
+        });
+        self.assign_tagged_slots(counting, samples);
     }
 }
 

@@ -12,6 +12,8 @@ pub struct Samples<T> {
     pub distances: Vec<T>,
     /// \[slot\] position relative to the field's origin.
     pub positions: Vec<[T; 3]>,
+    /// \[slot\] the tag of a sample that is on no ray; not used by marches.
+    pub(super) tags: Vec<u32>,
     /// \[slot\] the density feature f (spec 4.5).
     pub features: Vec<T>,
     /// \[slot\] the opacity α = 1 − exp(−σ·δ·distance_scale).
@@ -127,16 +129,6 @@ impl<T: Real> Samples<T> {
         self.marchers.clear();
         self.runs.clear();
         self.clock.restart();
-    }
-
-    /// Replaces the pending samples by those of these distances and positions.
-    #[inline(always)]
-    pub(super) fn set_pending(&mut self, samples: impl Iterator<Item = (T, [T; 3])>) {
-        self.clear_pending();
-        for (distance, position) in samples {
-            self.push_pending(distance, position);
-        }
-        self.pending_positions.pad();
     }
 
     #[inline(always)]
