@@ -271,13 +271,6 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     // The bytes differ in the stated rounding error alone, which is 0 the second time.
     let scene = |name: &str| strivec::container::decode(&fs::read(folder.path().join(name)).unwrap()).unwrap();
     assert!(scene("same.strivec") == scene("b.strivec"), "the scene changed");
-
-    let grow = ["grow", "b.strivec", "data", "-o", "c.strivec", "--config", "small.toml", "--steps", "20"];
-    let result = quiet(&[&grow[..], &["--max-params", "45k", "--json"]].concat());
-    assert_eq!(code(&result), 0, "{}", text(&result.stderr));
-    let grown: serde_json::Value = serde_json::from_slice(&result.stdout).unwrap();
-    let (before, now) = (grown["parameters"][0].as_u64().unwrap(), grown["parameters"][1].as_u64().unwrap());
-    assert!(before == after && now > after && now <= 45_000, "{grown}");
 }
 
 /// A folder with a scene, `scene.strivec`.

@@ -33,12 +33,12 @@ mod progress;
 mod quantity;
 mod refined_poses;
 mod render;
-mod resize;
 mod scale_table;
 mod scene_file;
 mod session;
 mod settings;
 mod shell;
+mod shrink;
 mod state_file;
 mod synth;
 mod table;
@@ -87,9 +87,7 @@ enum Command {
     /// Train a scene from photographs
     Train(train::Args),
     /// Remove the parameters that a scene needs least
-    Shrink(resize::ShrinkArgs),
-    /// Add parameters to a small scene where its error is largest
-    Grow(resize::GrowArgs),
+    Shrink(shrink::Args),
     /// Estimate size, memory and time of a training
     Plan(plan::Args),
     /// Render pictures or a video of a scene
@@ -145,8 +143,7 @@ fn run(command: &Command, session: &Session) -> Result<(), Error> {
         Command::Demo(args) => demo::run(args, session),
         Command::Pose(args) => pose::run(args, session),
         Command::Train(args) => train::run(args, session),
-        Command::Shrink(args) => resize::run_shrink(args, session),
-        Command::Grow(args) => resize::run_grow(args, session),
+        Command::Shrink(args) => shrink::run(args, session),
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Export(args) => export::run(args, session),
