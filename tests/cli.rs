@@ -159,21 +159,6 @@ fn results_that_cannot_be_written_are_2() {
 }
 
 #[test]
-fn each_point_of_growth_holds_memory_of_its_own() {
-    let folder = TempDir::new().unwrap();
-    let arguments = ["--json", "bench", "growth", "--only", "components", "--runs", "1", "--warm-up", "0"];
-    let output = run(folder.path(), &arguments);
-    assert_eq!(code(&output), 0, "{}", text(&output.stderr));
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let points = report["sweeps"][0]["points"].as_array().unwrap();
-    assert_eq!(points.len(), 4);
-    // Absent if the system does not report it.
-    let bytes: Option<Vec<u64>> = points.iter().map(|point| point["bytes"].as_u64()).collect();
-    // Six times the components: factors, gradients and moments, beside what does not grow.
-    assert!(bytes.is_none_or(|bytes| bytes[3] > 2 * bytes[0]), "{report}");
-}
-
-#[test]
 fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     let folder = TempDir::new().unwrap();
     let synth = ["synth", "toy", "--views", "12", "--test-views", "1", "--size", "32x32", "--quiet"];

@@ -112,7 +112,7 @@ enum Command {
     Info(info::Args),
     /// Make a synthetic dataset with exact geometry
     Synth(synth::Args),
-    /// Measure speed against the machine's peak
+    /// Measure the speed of training, rendering and files
     Bench(bench::Args),
     /// Open scenes in the desktop player
     View(view::Args),
