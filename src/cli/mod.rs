@@ -23,7 +23,6 @@ mod named_value;
 mod numbers;
 mod output;
 pub mod pack;
-mod paper;
 mod picture_size;
 mod plan;
 mod plots;
@@ -106,8 +105,6 @@ enum Command {
     Compare(compare::Args),
     /// Measure speed against quality and store render settings in the file
     Trade(trade::Args),
-    /// Train and measure the tables of the paper
-    Paper(paper::Args),
     /// Print the contents of scene files
     Info(info::Args),
     /// Make a synthetic dataset with exact geometry
@@ -153,7 +150,6 @@ fn run(command: &Command, session: &Session) -> Result<(), Error> {
         Command::Eval(args) => eval::run(args, session),
         Command::Compare(args) => compare::run(args, session),
         Command::Trade(args) => trade::run(args, session),
-        Command::Paper(args) => paper::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
         Command::Bench(args) => bench::run(args, session),
