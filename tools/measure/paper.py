@@ -326,9 +326,11 @@ def measured(file, scene, photographs, options):
         report = json.loads(strivec(options.strivec, *words, quiet=options.quiet))
         found = {name: report[name] for name in ("psnr", "ssim", "seconds_per_view")}
         if options.lpips:
-            import lpips
+            sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "lpips"))
+            import measure
 
-            found.update(lpips.means(Path(sheets), options.lpips, options.lpips_weights))
+            means, _ = measure.measured(sheets, options.lpips, options.lpips_weights)
+            found.update({f"lpips_{network}": mean for network, mean in means.items()})
         return {"views": len(report["views"]), **found}
 
 
