@@ -326,12 +326,19 @@ def measured(file, scene, photographs, options):
         report = json.loads(strivec(options.strivec, *words, quiet=options.quiet))
         found = {name: report[name] for name in ("psnr", "ssim", "seconds_per_view")}
         if options.lpips:
-            sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "lpips"))
-            import measure
-
-            means, _ = measure.measured(sheets, options.lpips, options.lpips_weights)
+            means, _ = lpips().measured(sheets, options.lpips, options.lpips_weights)
             found.update({f"lpips_{network}": mean for network, mean in means.items()})
         return {"views": len(report["views"]), **found}
+
+
+def lpips():
+    """The module tools/lpips/measure.py."""
+    folder = str(Path(__file__).resolve().parents[1] / "lpips")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    import measure
+
+    return measure
 
 
 def every_nth(scene, options):
@@ -437,6 +444,11 @@ def main(words=None):
     parser.add_argument("--quiet", action="store_true")
     parser.add_argument("--force", action="store_true", help="train again what is recorded")
     options = parser.parse_args(words)
+    if options.lpips:
+        if not (options.lpips_weights and options.lpips_weights.is_file()):
+            parser.error("--lpips needs the file of tools/lpips/convert.py by --lpips-weights")
+        # Fails here without NumPy, not after a training.
+        lpips()
     try:
         rows, scenes, outcomes = chosen(TABLES[options.table](), options.only), datasets(options.data, options), []
         for number, row in enumerate(rows, 1):
