@@ -1,33 +1,18 @@
 //! The commands `strivec eval` and `strivec compare` with the files that they write, on scenes of the fixtures.
 #![cfg(feature = "cli")]
 
+mod command;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
-use serde_json::Value;
+use command::{json, run, strivec};
 use tempfile::TempDir;
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/f32.strivec");
 /// A scene of the same background with a sky, which views of the dataset show.
 const WITH_SKY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/sky.strivec");
 const OTHER_BACKGROUND: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
-
-fn strivec(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
-    command.current_dir(folder).args(arguments).output().unwrap()
-}
-
-/// Standard output of a command that must succeed.
-fn run(folder: &Path, arguments: &[&str]) -> String {
-    let output = strivec(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn json(folder: &Path, arguments: &[&str]) -> Value {
-    serde_json::from_str(&run(folder, &[arguments, &["--json", "--quiet"]].concat())).unwrap()
-}
 
 /// A folder with the scenes `a.strivec` and `b.strivec`, and a dataset of three test views in `data`.
 fn folder() -> TempDir {
