@@ -1,6 +1,6 @@
 //! Benchmarks of single kernels on one thread: `cargo bench`, or `cargo bench -- march` for those of this name.
 //!
-//! `strivec bench` measures whole steps and frames, on all threads, against the machine's peak.
+//! `strivec bench` measures whole steps and frames, on all threads.
 
 use std::sync::LazyLock;
 

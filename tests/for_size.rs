@@ -1,10 +1,13 @@
 //! Training of scenes for files of a given size.
 #![cfg(feature = "cli")]
 
+mod command;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
+use command::{PACK, STRIVEC, json, output_of, run, run_program};
 use strivec::container::{self, Limits};
 use tempfile::TempDir;
 
@@ -37,33 +40,17 @@ top_k = 2
 from = 1.0
 ";
 
-fn command(program: &str, folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(program).current_dir(folder).args(arguments).arg("--quiet").output().unwrap()
-}
-
-/// Standard output of a command of `strivec` or `strivec-pack` that must succeed.
-#[track_caller]
-fn run(program: &str, folder: &Path, arguments: &[&str]) -> String {
-    let output = command(program, folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-const STRIVEC: &str = env!("CARGO_BIN_EXE_strivec");
-const PACK: &str = env!("CARGO_BIN_EXE_strivec-pack");
-
 /// A folder with a dataset and the settings.
 fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("tiny.toml"), SETTINGS).unwrap();
     let synth = ["synth", "data", "--views", "16", "--test-views", "4", "--size", "32x32", "--seed", "3"];
-    run(STRIVEC, folder.path(), &synth);
+    run(folder.path(), &[&synth[..], &["--quiet"]].concat());
     folder
 }
 
 fn psnr(folder: &Path, file: &str) -> f64 {
-    let text = run(STRIVEC, folder, &["eval", file, "data", "--split", "test", "--json"]);
-    serde_json::from_str::<serde_json::Value>(&text).unwrap()["psnr"].as_f64().unwrap()
+    json(folder, &["eval", file, "data", "--split", "test"])["psnr"].as_f64().unwrap()
 }
 
 fn bytes(folder: &Path, file: &str) -> u64 {
@@ -74,25 +61,28 @@ fn bytes(folder: &Path, file: &str) -> u64 {
 fn a_scene_tuned_for_its_file_keeps_the_size_and_its_pictures() {
     let temporary = folder();
     let folder = temporary.path();
-    run(STRIVEC, folder, &["train", "data", "-o", "whole.strivec", "--config", "tiny.toml"]);
+    run(folder, &["train", "data", "-o", "whole.strivec", "--config", "tiny.toml"]);
     let pack = ["pack", "whole.strivec", "--target-size", "65kB", "--effort", "0.1", "--probes", "4", "-o"];
-    run(PACK, folder, &[&pack[..], &["packed.strivec"]].concat());
+    run_program(PACK, folder, &[&pack[..], &["packed.strivec"]].concat());
     let tune = ["--tune", "data", "--tune-steps", "40"];
-    run(PACK, folder, &[&pack[..], &["tuned.strivec"], &tune].concat());
+    run_program(PACK, folder, &[&pack[..], &["tuned.strivec"], &tune].concat());
     let [whole, packed, tuned] = ["whole", "packed", "tuned"].map(|name| psnr(folder, &format!("{name}.strivec")));
     let sizes = ["whole.strivec", "packed.strivec", "tuned.strivec"].map(|file| bytes(folder, file));
     println!("{whole:.2} dB whole, {packed:.2} packed, {tuned:.2} tuned; {sizes:?} bytes");
     assert!(sizes[2] <= 65_000 && sizes[0] > 130_000, "{sizes:?} bytes");
     assert!(tuned > packed - 0.1, "{packed} dB packed, {tuned} dB tuned");
-    run(PACK, folder, &["verify", "tuned.strivec", "--render"]);
+    run_program(PACK, folder, &["verify", "tuned.strivec", "--render"]);
 
     // Its numbers are integers times steps that the file has, so that packing them again loses nothing.
     let file =
         container::decode_scene_file(&fs::read(folder.join("tuned.strivec")).unwrap(), Limits::default()).unwrap();
     assert!(matches!(file.encoding.density[0].array.encoding, container::Encoding::Grid(16)));
 
-    let output =
-        command(PACK, folder, &["pack", "whole.strivec", "--target-size", "3kB", "--tune", "data", "-o", "x.strivec"]);
+    let output = output_of(
+        PACK,
+        folder,
+        &["pack", "whole.strivec", "--target-size", "3kB", "--tune", "data", "-o", "x.strivec"],
+    );
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(4) && message.contains("is too small; the smallest has about"), "{message}");
 }
@@ -102,7 +92,7 @@ fn training_keeps_the_size_and_goes_on_to_the_same_file() {
     let temporary = folder();
     let folder = temporary.path();
     let train = ["train", "data", "--config", "tiny.toml", "--max-size", "100kB"];
-    run(STRIVEC, folder, &[&train[..], &["-o", "whole.strivec"]].concat());
+    run(folder, &[&train[..], &["-o", "whole.strivec"]].concat());
     let size = bytes(folder, "whole.strivec");
     assert!((60_000..=100_000).contains(&size), "{size} bytes");
     let scene = container::decode(&fs::read(folder.join("whole.strivec")).unwrap()).unwrap();
@@ -121,7 +111,7 @@ fn training_keeps_the_size_and_goes_on_to_the_same_file() {
     child.wait().unwrap();
     assert!(killed, "the training ended before its first checkpoint with rounded factors");
     let resume = ["train", "data", "-o", "cut.strivec", "--resume", "--threads", "1"];
-    run(STRIVEC, folder, &resume);
+    run(folder, &resume);
     assert!(fs::read(folder.join("whole.strivec")).unwrap() == fs::read(folder.join("cut.strivec")).unwrap());
     assert!(!state.exists(), "a finished run leaves no state");
 }

@@ -7,8 +7,8 @@
 #![cfg(feature = "toolkit")]
 
 use strivec::measure::{
-    DepthCode, Error, PairedDifference, PictureMeasure, Report, SsimConvention, ViewReport, color_png, depth_png,
-    error_map, mse, opacity_png, psnr, ssim,
+    DepthCode, Error, PairedDifference, Report, SsimConvention, ViewReport, color_png, depth_png, error_map, mse,
+    opacity_png, psnr, ssim,
 };
 use strivec::psnr::psnr_of_mse;
 
@@ -120,8 +120,7 @@ fn each_convention_of_ssim_is_that_of_its_program() {
 #[test]
 fn measures_on_request_are_in_the_report_under_their_names() {
     let [a, b] = pictures();
-    let measures =
-        [PictureMeasure::Ssim(SsimConvention::GaussianSplatting), PictureMeasure::Ssim(SsimConvention::ScikitImage)];
+    let measures = [SsimConvention::GaussianSplatting, SsimConvention::ScikitImage];
     let mut view = ViewReport::new("r_0", SIZE, &a, &b, None).unwrap();
     view.add(&measures, SIZE, &a, &b, None).unwrap();
     let mut same = ViewReport::new("r_1", SIZE, &a, &a, None).unwrap();

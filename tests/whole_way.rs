@@ -1,10 +1,12 @@
 //! Photographs in, a file and pictures out: the commands one after another, on a tiny synthetic scene.
 #![cfg(feature = "cli")]
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
+mod command;
 
+use std::fs;
+use std::process::Command;
+
+use command::{json, run, strivec};
 use tempfile::TempDir;
 
 /// Small enough for seconds; the prior sees 32×32 pictures. Faint samples count to the end, so that few pixels are exactly
@@ -33,21 +35,6 @@ top_k = 2
 [finish]
 from = 1.0
 ";
-
-fn strivec(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_strivec")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-/// Standard output of a command that must succeed.
-fn run(folder: &Path, arguments: &[&str]) -> String {
-    let output = strivec(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
-    serde_json::from_str(&run(folder, &[arguments, &["--json", "--quiet"]].concat())).unwrap()
-}
 
 #[test]
 fn synth_train_info_render_and_eval_agree_with_each_other() {

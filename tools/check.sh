@@ -181,6 +181,7 @@ for renderer in gpu cpu memory; do
 done
 step cargo test --locked "${light[@]}"
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
+step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
 step tools/web/build.sh
 step env CARGO_TARGET_DIR="$target" "$python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \

@@ -20,7 +20,7 @@ use crate::measure::{PairedDifference, ViewReport};
 const EXAMPLES: &str = "\
 Examples:
   strivec compare lego.strivec small.strivec lego --split test
-  strivec compare a.strivec b.strivec c.strivec lego --lpips vgg --csv views.csv --report compared.html
+  strivec compare a.strivec b.strivec c.strivec lego --ssim 3dgs --csv views.csv --report compared.html
 
 Files are named A, B, C in their order. B − A is the mean over the views of B's number less A's, and its standard error.";
 /// The most files that letters name.
@@ -91,7 +91,6 @@ impl Differences {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
     args.outputs.check(session)?;
-    let measures = args.measures.load()?;
     let scenes: Vec<_> =
         args.files.iter().map(|file| SceneToEvaluate::read(file, session)).collect::<Result<_, _>>()?;
     let Dataset { name, views, .. } = args.photographs.load()?;
@@ -101,7 +100,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         session,
         backend: &args.backend,
         approximations: &args.approximations,
-        measures: &measures,
+        ssim: &args.measures.ssim,
         parity: false,
     };
     let mut pictures = args.outputs.pictures(views.len());

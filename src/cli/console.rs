@@ -1,7 +1,7 @@
 //! Results on standard output, messages on standard error; or both to the program that a command runs within.
 
 use std::io::{self, Write};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::Serialize;
@@ -18,8 +18,6 @@ pub(super) struct Console {
     json: bool,
     /// The reader of standard output has closed the pipe, as `head` does.
     closed: AtomicBool,
-    /// Rows of the picture that was drawn last; 0 if there is a message below it.
-    drawn_rows: AtomicU32,
     embedding: Option<Embedding>,
 }
 
@@ -32,7 +30,7 @@ struct Embedding {
 impl Console {
     /// No messages if `quiet`; results as JSON if `json`.
     pub(super) fn new(name: &'static str, quiet: bool, json: bool) -> Self {
-        Self { name, quiet, json, closed: AtomicBool::new(false), drawn_rows: AtomicU32::new(0), embedding: None }
+        Self { name, quiet, json, closed: AtomicBool::new(false), embedding: None }
     }
 
     /// Keeps results, as JSON, and passes messages to `host`, unless `quiet`.
@@ -100,24 +98,9 @@ impl Console {
         if let Some(host) = self.host() {
             host.message(&escaped(message));
         } else if !self.quiet {
-            self.drawn_rows.store(0, Ordering::Relaxed);
             // A failure to write to standard error cannot be reported.
             let _ = writeln!(io::stderr().lock(), "{}", escaped(message));
         }
-    }
-
-    /// Draws a picture of `rows` rows on standard error, which is a terminal, by the characters of `sequence`. It takes the
-    /// place of the picture before, if no message came between.
-    pub(super) fn draw(&self, sequence: &str, rows: u32) {
-        if self.embedding.is_some() {
-            return;
-        }
-        let up = match self.drawn_rows.swap(rows, Ordering::Relaxed) {
-            0 => String::new(),
-            before => format!("\x1b[{before}A\r"),
-        };
-        // A failure to write to standard error cannot be reported.
-        let _ = writeln!(io::stderr().lock(), "{up}{sequence}");
     }
 
     /// Prints the error of a command in one line, and the lines that belong to it below.

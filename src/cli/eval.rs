@@ -23,10 +23,11 @@ const EXAMPLES: &str = "\
 Examples:
   strivec eval lego.strivec lego --split test
   strivec eval lego.strivec lego --split test --downscale 4 --every 10 --sheets sheets --json
-  strivec eval lego.strivec lego --lpips alex,vgg --lpips-weights lpips.safetensors --csv lego.csv --report lego.html
+  strivec eval lego.strivec lego --ssim 3dgs,skimage --csv lego.csv --report lego.html
 
 The mean PSNR is the mean of the views' PSNR, as papers print it. SSIM uses an 11x11 Gaussian window (sigma 1.5).
-The PSNR after a color fit is that after the best affine map of a view's colors: without its exposure and white balance.";
+The PSNR after a color fit is that after the best affine map of a view's colors: without its exposure and white balance.
+LPIPS of the views in --sheets is printed by tools/lpips/measure.py.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -66,7 +67,6 @@ struct Evaluation<'a> {
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     args.backend.check()?;
     args.outputs.check(session)?;
-    let measures = args.measures.load()?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
     let Dataset { name, views, .. } = args.photographs.load()?;
     if let Some(folder) = &args.sheets {
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         session,
         backend: &args.backend,
         approximations: &args.approximations,
-        measures: &measures,
+        ssim: &args.measures.ssim,
         parity: args.parity,
     };
     let mut pictures = args.outputs.pictures(views.len());

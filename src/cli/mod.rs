@@ -23,7 +23,6 @@ mod named_value;
 mod numbers;
 mod output;
 pub mod pack;
-mod paper;
 mod picture_size;
 mod plan;
 mod plots;
@@ -34,12 +33,12 @@ mod quantity;
 mod refined_poses;
 mod removed;
 mod render;
-mod resize;
 mod scale_table;
 mod scene_file;
 mod session;
 mod settings;
 mod shell;
+mod shrink;
 mod state_file;
 mod synth;
 mod table;
@@ -88,9 +87,7 @@ enum Command {
     /// Train a scene from photographs
     Train(train::Args),
     /// Remove the parameters that a scene needs least
-    Shrink(resize::ShrinkArgs),
-    /// Add parameters to a small scene where its error is largest
-    Grow(resize::GrowArgs),
+    Shrink(shrink::Args),
     /// Estimate size, memory and time of a training
     Plan(plan::Args),
     /// Render pictures or a video of a scene
@@ -109,13 +106,11 @@ enum Command {
     Compare(compare::Args),
     /// Measure speed against quality and store render settings in the file
     Trade(trade::Args),
-    /// Train and measure the tables of the paper
-    Paper(paper::Args),
     /// Print the contents of scene files
     Info(info::Args),
     /// Make a synthetic dataset with exact geometry
     Synth(synth::Args),
-    /// Measure speed against the machine's peak
+    /// Measure the speed of training, rendering and files
     Bench(bench::Args),
     /// Open scenes in the desktop player
     View(view::Args),
@@ -146,8 +141,7 @@ fn run(command: &Command, session: &Session) -> Result<(), Error> {
         Command::Demo(args) => demo::run(args, session),
         Command::Pose(args) => pose::run(args, session),
         Command::Train(args) => train::run(args, session),
-        Command::Shrink(args) => resize::run_shrink(args, session),
-        Command::Grow(args) => resize::run_grow(args, session),
+        Command::Shrink(args) => shrink::run(args, session),
         Command::Plan(args) => plan::run(args, session),
         Command::Render(args) => render::run(args, session),
         Command::Export(args) => export::run(args, session),
@@ -157,7 +151,6 @@ fn run(command: &Command, session: &Session) -> Result<(), Error> {
         Command::Eval(args) => eval::run(args, session),
         Command::Compare(args) => compare::run(args, session),
         Command::Trade(args) => trade::run(args, session),
-        Command::Paper(args) => paper::run(args, session),
         Command::Info(args) => info::run(args, session),
         Command::Synth(args) => synth::run(args, session),
         Command::Bench(args) => bench::run(args, session),

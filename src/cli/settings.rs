@@ -268,16 +268,6 @@ pub(super) enum Preset {
     /// Two scales in contracted space, 120 000 steps, for captures without an edge
     #[value(name = "360")]
     P360,
-    /// TensoRF's VM-192: one tensor over the scene, whose components have a vector and a matrix
-    TensorfVm,
-    /// TensoRF's CP-384: one tensor over the scene, whose components have three vectors
-    TensorfCp,
-    /// The paper's VM-Cloud (0.3): one scale of tensors with matrices, 6 components each
-    #[value(name = "vm-cloud-6")]
-    VmCloud6,
-    /// The same with 12 components
-    #[value(name = "vm-cloud-12")]
-    VmCloud12,
 }
 
 impl Preset {
@@ -294,10 +284,6 @@ impl Preset {
             Self::Preview => "preview",
             Self::Scannet => "scannet",
             Self::P360 => "360",
-            Self::TensorfVm => "tensorf-vm",
-            Self::TensorfCp => "tensorf-cp",
-            Self::VmCloud6 => "vm-cloud-6",
-            Self::VmCloud12 => "vm-cloud-12",
         }
     }
 }

@@ -6,7 +6,7 @@ use super::output::remove_file;
 use super::{Error, Session, check_output, write_atomically};
 use crate::container::{self, EncodeOptions, Encoding};
 use crate::model::Scene;
-use crate::train::{Checkpoint, CheckpointError, GrowState, Trainer};
+use crate::train::{Checkpoint, Trainer};
 
 /// The state of an unfinished run that writes a scene file.
 pub(super) struct StateFile(PathBuf);
@@ -34,23 +34,13 @@ impl StateFile {
         read_state(&self.0)
     }
 
-    /// A growing's state, and its scene.
-    pub(super) fn read_growing(&self) -> Result<(GrowState, Scene), Error> {
-        read(&self.0, GrowState::from_bytes)
-    }
-
-    /// Writes `bytes`, those of `scene`'s own file, as `state` packs them.
-    pub(super) fn write(&self, scene: &Scene, state: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<(), Error> {
+    /// Writes the checkpoint of `trainer`, with the scene's own file in it.
+    pub(super) fn write_training(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
         // 32-bit factors, so that the resumed run is byte-identical; weak compression, because it is fast.
         let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
-        let scene =
-            container::encode(scene, &options).map_err(|e| Error::Runtime(format!("{}: {e}", self.0.display())))?;
-        write_atomically(&self.0, &state(&scene), true)
-    }
-
-    /// Writes the checkpoint of `trainer`.
-    pub(super) fn write_training(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
-        self.write(&trainer.unrounded_scene(), |scene| trainer.checkpoint().to_bytes(scene))
+        let scene = container::encode(&trainer.unrounded_scene(), &options)
+            .map_err(|e| Error::Runtime(format!("{}: {e}", self.0.display())))?;
+        write_atomically(&self.0, &trainer.checkpoint().to_bytes(&scene), true)
     }
 
     /// Removes the file of a finished run.
@@ -62,26 +52,13 @@ impl StateFile {
     pub(super) fn interrupted(&self, what: &str) -> Error {
         Error::Runtime(format!("interrupted after {what}; --resume continues from {}", self.0.display()))
     }
-
-    /// The error of a state that does not fit.
-    pub(super) fn refused(&self, error: &CheckpointError) -> Error {
-        Error::malformed(&self.0)(error)
-    }
 }
 
 /// The checkpoint file `path` of an unfinished training, and its scene.
 pub(super) fn read_state(path: &Path) -> Result<(Checkpoint, Scene), Error> {
-    read(path, Checkpoint::from_bytes)
-}
-
-/// A state and its scene's own file from bytes.
-type Parse<S> = fn(&[u8]) -> Result<(S, Vec<u8>), CheckpointError>;
-
-/// The state in the file `path`, read by `parse`, and its scene.
-fn read<S>(path: &Path, parse: Parse<S>) -> Result<(S, Scene), Error> {
     let bytes = std::fs::read(path).map_err(Error::io("read", path))?;
-    let (state, scene) = parse(&bytes).map_err(Error::malformed(path))?;
-    Ok((state, container::decode(&scene).map_err(Error::malformed(path))?))
+    let (checkpoint, scene) = Checkpoint::from_bytes(&bytes).map_err(Error::malformed(path))?;
+    Ok((checkpoint, container::decode(&scene).map_err(Error::malformed(path))?))
 }
 
 /// The path of `output` with `ending` behind it.

@@ -81,8 +81,7 @@ pub(super) struct Args {
     /// Encoding of the factors
     #[arg(long, value_enum, default_value_t)]
     pub(super) encoding: Precision,
-    /// Show a view beside its photograph while the scene is trained, the first test view if there are any: in this PNG file,
-    /// and in terminals that display pictures
+    /// Write a view beside its photograph to this PNG file while the scene is trained: the first test view if there are any
     #[arg(long, value_name = "PNG")]
     pub(super) watch: Option<PathBuf>,
     /// Measure PSNR on up to 20 test views every N steps [default: never]
@@ -357,7 +356,7 @@ impl Run<'_> {
                     self.write_log()?;
                 }
                 if let Some(watch) = self.watch.as_mut().filter(|_| shows) {
-                    meter.suspend(|| watch.show(trainer, self.session))?;
+                    meter.suspend(|| watch.show(trainer))?;
                 }
                 if stop || due(self.args.checkpoint_every) {
                     self.files.state.write_training(trainer)?;

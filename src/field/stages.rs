@@ -1,4 +1,4 @@
-//! Time by stage and counts of work, of a training step or a picture. Benchmarks divide one by the other.
+//! Time by stage and counts of work, of a training step or a picture.
 //!
 //! Always on: the clock is read a few dozen times per chunk of rays, which costs no measurable time.
 

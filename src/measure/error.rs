@@ -22,20 +22,6 @@ pub enum Error {
         /// Columns and rows.
         found: [u32; 2],
     },
-    /// A picture smaller than the network of LPIPS can compare.
-    #[error(
-        "LPIPS with the network {network} needs pictures of at least {smallest}x{smallest} pixels, not {}x{}",
-        found[0],
-        found[1]
-    )]
-    SmallerThanNetwork {
-        /// The network's name.
-        network: &'static str,
-        /// The least number of columns and of rows.
-        smallest: usize,
-        /// Columns and rows.
-        found: [u32; 2],
-    },
     /// A picture that cannot be encoded.
     #[error("cannot encode the PNG file: {0}")]
     Png(#[from] image::ImageError),

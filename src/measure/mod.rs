@@ -1,4 +1,4 @@
-//! Quality of pictures: PSNR, SSIM, LPIPS, reports, and PNG files of pictures and their errors. Speed of rendering and
+//! Quality of pictures: PSNR, SSIM, reports, and PNG files of pictures and their errors. Speed of rendering and
 //! training: [`mod@bench`].
 //!
 //! In: colors as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
@@ -9,10 +9,8 @@ pub mod bench;
 mod cells;
 mod error;
 mod error_map;
-mod lpips;
 mod paired;
 mod parity;
-mod picture_measure;
 mod png;
 mod probes;
 mod psnr;
@@ -24,10 +22,8 @@ mod ssim;
 pub use cells::{Cell, CellMap, FLAT};
 pub use error::Error;
 pub use error_map::{ERROR_FULL, error_map, ramp};
-pub use lpips::{Lpips, LpipsNetwork, LpipsWeightsError};
 pub use paired::PairedDifference;
 pub use parity::{F32_POSITION_ERROR, Parity, parity};
-pub use picture_measure::PictureMeasure;
 pub use png::{DepthCode, color_jpeg, color_png, depth_png, opacity_png};
 pub use probes::{
     CheckedProbes, OverBudget, PROBE_MARGIN, ProbeLimits, ProbeReport, check_probes, check_probes_within, make_probes,

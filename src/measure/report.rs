@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Error, PictureMeasure, ssim};
+use super::{Error, SsimConvention, ssim};
 use crate::color_map::ColorFit;
 use crate::psnr::psnr_of_mse;
 
@@ -59,22 +59,22 @@ impl ViewReport {
         Self::compared(name, size, [&covered, truth], mse, mse_after_color_fit(&kept[0], &kept[1]))
     }
 
-    /// Adds `measures` of the same pictures. Each takes the pixels that do not count as identical.
+    /// Adds SSIM of the same pictures by `conventions`. Each takes the pixels that do not count as identical.
     ///
     /// # Errors
     ///
-    /// Those of [`PictureMeasure::of`].
+    /// Those of [`SsimConvention::mean`].
     pub fn add(
         &mut self,
-        measures: &[PictureMeasure],
+        conventions: &[SsimConvention],
         size: [u32; 2],
         rendered: &[[f32; 3]],
         truth: &[[f32; 3]],
         mask: Option<&[bool]>,
     ) -> Result<(), Error> {
         let rendered = covered(rendered, truth, mask);
-        for measure in measures {
-            self.others.insert(measure.name(), measure.of(size, &rendered, truth)?);
+        for convention in conventions {
+            self.others.insert(convention.result_name(), convention.mean(size, &rendered, truth)?);
         }
         Ok(())
     }

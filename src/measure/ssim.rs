@@ -38,12 +38,21 @@ impl SsimConvention {
     /// All conventions.
     pub const ALL: [Self; 3] = [Self::Nerf, Self::GaussianSplatting, Self::ScikitImage];
 
-    /// Its name in options and, after `ssim_`, in results.
+    /// Its name in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nerf => "nerf",
             Self::GaussianSplatting => "3dgs",
             Self::ScikitImage => "skimage",
+        }
+    }
+
+    /// Its name in results.
+    pub fn result_name(self) -> &'static str {
+        match self {
+            Self::Nerf => "ssim_nerf",
+            Self::GaussianSplatting => "ssim_3dgs",
+            Self::ScikitImage => "ssim_skimage",
         }
     }
 

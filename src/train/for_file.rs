@@ -1,8 +1,8 @@
 //! The end of a run for a file that holds integers (`train/rounding.rs`).
 
 use super::network_rounding::UnroundedNetworks;
-use super::resize::tuned;
 use super::rounding::Unrounded;
+use super::shrink::tuned;
 use super::{Checkpoint, Rounding, Trainer};
 use crate::container::NetworkSteps;
 use crate::field::FieldScale;

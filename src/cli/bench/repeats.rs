@@ -1,8 +1,8 @@
 //! Options for repeated measurements on several numbers of threads.
 
+use crate::cli::Error;
 use crate::cli::table::plural;
-use crate::cli::{Error, Session};
-use crate::measure::bench::{Peak, Runs};
+use crate::measure::bench::Runs;
 
 /// Numbers of runs and of threads.
 #[derive(Clone, Debug, clap::Args)]
@@ -29,23 +29,11 @@ impl Repeats {
     }
 
     /// The numbers of threads to measure on.
-    pub(super) fn threads(&self) -> Vec<usize> {
+    fn threads(&self) -> Vec<usize> {
         if self.threads_list.is_empty() {
             return vec![rayon::current_num_threads()];
         }
         self.threads_list.iter().map(|&threads| threads.into()).collect()
-    }
-
-    /// Calls `measure` with the peak of each pool of threads, within that pool.
-    pub(super) fn on_each_pool<R: Send>(
-        &self,
-        session: &Session,
-        mut measure: impl FnMut(&Peak) -> Result<R, Error> + Send,
-    ) -> Result<Vec<R>, Error> {
-        self.in_each_pool(|| {
-            session.console.say(&format!("bench: peak of {}", plural(rayon::current_num_threads(), "thread")));
-            measure(&Peak::measure())
-        })
     }
 
     /// Calls `measure` within each pool of threads.

@@ -1,61 +1,29 @@
 //! Measurements as text.
 
 use crate::cli::table::{Table, plural};
-use crate::measure::bench::{Measured, Peak, Rate, Spread};
+use crate::digits::grouped;
+use crate::measure::bench::{Measured, Spread};
 
-/// The machine's limits.
-pub(super) fn peak(peak: &Peak) -> String {
-    let mut table = Table::new(["peak", "one thread", &plural(peak.threads, "thread"), "unit"]);
-    let mut row = |name: String, rate: Rate, unit: &str| {
-        table.row([name, format!("{:.1}", 1e-9 * rate.one), format!("{:.1}", 1e-9 * rate.all), unit.to_owned()]);
-    };
-    row("multiply-adds in registers".into(), peak.registers, "GFLOP/s");
-    for product in &peak.products {
-        let [rows, inner, columns] = product.shape;
-        row(format!("product {rows}x{inner} by {inner}x{columns}"), product.flops, "GFLOP/s");
-    }
-    row("copy, read and write".into(), peak.copy, "GB/s");
-    table.text()
-}
-
-/// The stages of a step or frame. Rates and shares are those of one thread during the stage.
+/// The stages of a step or frame.
 pub(super) fn stages(measured: &Measured) -> String {
     let total = &measured.stages.total;
     if measured.stages.rows.is_empty() {
         return "no stages were recorded\n".into();
     }
-    let columns = ["stage", "core ms", "share", "GFLOP", "GB", "GFLOP/s", "of peak", "of copy", "bound by"];
-    let mut table = Table::new(columns);
+    let mut table = Table::new(["stage", "core ms", "share"]);
     for row in &measured.stages.rows {
-        table.row([
-            row.stage.to_owned(),
-            format!("{:.1}", row.core_ms),
-            percent(row.share),
-            format!("{:.3}", row.gflop),
-            format!("{:.3}", row.gb),
-            format!("{:.1}", row.gflops_per_core),
-            percent(row.flop_share),
-            percent(row.bandwidth_share),
-            row.bound.name().to_owned(),
-        ]);
+        table.row([row.stage.to_owned(), format!("{:.1}", row.core_ms), percent(row.share)]);
     }
-    let is_cached = measured.stages.rows.iter().any(|row| row.flop_share.max(row.bandwidth_share) > 1.0);
-    let note = if is_cached {
-        "Shares above 100 %: the stage reads from caches, which are faster than the copy.\n"
-    } else {
-        ""
-    };
+    let count = |count: f64| grouped(count.round() as u64);
     format!(
-        "{}total: {:.1} ms on {}, {} of it idle or not recorded; {:.2} GFLOP take {:.1} ms at the peak: {}; stages at the nearer of \
-         their limits: {}\n{note}",
+        "{}total: {:.1} ms on {}, {} of it idle or not recorded; {} rays, {} samples evaluated, {} shaded\n",
         table.text(),
         total.wall_ms,
         plural(total.threads, "thread"),
         percent(total.idle_share),
-        total.gflop,
-        total.flop_limit_ms,
-        percent(total.flop_share),
-        percent(total.limit_share),
+        count(total.rays),
+        count(total.evaluated),
+        count(total.shaded),
     )
 }
 
@@ -100,7 +68,7 @@ pub(super) fn percent(share: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::bench::{Bound, StageRow, StageTable, Total};
+    use crate::measure::bench::{StageRow, StageTable, Total};
 
     fn measured(threads: usize, milliseconds: f64, rows: Vec<StageRow>) -> Measured {
         let total = Total {
@@ -108,48 +76,25 @@ mod tests {
             threads,
             core_ms: 150.0,
             idle_share: 0.25,
-            gflop: 8.0,
-            flop_limit_ms: 40.0,
-            flop_share: 0.4,
-            limit_share: 0.6,
+            rays: 4096.0,
+            evaluated: 90_000.4,
+            shaded: 20_000.0,
         };
         let seconds = Spread::of(&[1e-3 * milliseconds]).expect("one");
         Measured { threads, seconds, stages: StageTable { rows, total }, peak_bytes: Some(5_000_000) }
     }
 
-    fn decoder() -> StageRow {
-        StageRow {
-            stage: "decoder",
-            core_ms: 150.0,
-            share: 1.0,
-            gflop: 8.0,
-            gb: 0.5,
-            gflops_per_core: 53.3,
-            flop_share: 0.533,
-            bandwidth_share: 0.3,
-            bound: Bound::Arithmetic,
-        }
-    }
-
     #[test]
     fn a_stage_is_a_line_and_the_total_the_last() {
-        let text = stages(&measured(2, 100.0, vec![decoder()]));
-        assert!(!text.contains("above 100 %"), "{text}");
+        let decoder = StageRow { stage: "decoder", core_ms: 150.0, share: 1.0 };
+        let text = stages(&measured(2, 100.0, vec![decoder]));
         let words = |line: usize| text.lines().nth(line).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(words(1), "decoder 150.0 100.0 % 8.000 0.500 53.3 53.3 % 30.0 % arithmetic");
+        assert_eq!(words(1), "decoder 150.0 100.0 %");
         assert_eq!(
             words(2),
-            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not recorded; 8.00 GFLOP take 40.0 ms at the peak: 40.0 %; stages at the nearer of their limits: 60.0 %"
+            "total: 100.0 ms on 2 threads, 25.0 % of it idle or not recorded; 4 096 rays, 90 000 samples evaluated, 20 000 shaded"
         );
         assert_eq!(stages(&measured(2, 100.0, Vec::new())), "no stages were recorded\n");
-    }
-
-    #[test]
-    fn a_note_explains_shares_above_the_copy() {
-        let gather = StageRow { bandwidth_share: 2.0, ..decoder() };
-        let text = stages(&measured(1, 100.0, vec![gather]));
-        assert!(text.ends_with("Shares above 100 %: the stage reads from caches, which are faster than the copy.\n"));
-        assert!(text.contains("100.0 ms on 1 thread,"), "{text}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::cli::table::plural;
 use crate::cli::training::begin;
 use crate::cli::{Error, Session, scene_file};
 use crate::dataset::{self, Dataset, View};
-use crate::measure::bench::{Measured, MemoryMark, Peak, at_rest, ball, ball_views, training_steps};
+use crate::measure::bench::{Measured, MemoryMark, at_rest, ball, ball_views, training_steps};
 use crate::model::Scene;
 use crate::train::{TrainConfig, Trainer};
 
@@ -80,8 +80,10 @@ struct Start {
 pub(super) struct Report {
     subject: String,
     batch_rays: usize,
-    peaks: Vec<Peak>,
     points: Vec<Point>,
+    /// Pools of threads on which the points were measured, one after the other.
+    #[serde(skip)]
+    pools: usize,
 }
 
 /// A point of a run.
@@ -136,36 +138,35 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
     let load = |folder: &Path| dataset::load(folder, "train", &args.photographs.load_options(args.downscale));
     let mut dataset = args.dataset.as_deref().map(load).transpose()?;
     let subject = Subject { args, config, session };
-    let measured = args.repeats.on_each_pool(session, |peak| {
-        let points = match (&mut dataset, &state, &scene) {
+    let measured = args.repeats.in_each_pool(|| {
+        Ok(match (&mut dataset, &state, &scene) {
             (Some(dataset), Some((progress, scene)), _) => {
                 let memory = MemoryMark::set();
                 let mut progress = progress.clone();
                 progress.config = at_rest(&subject.config);
                 let name = format!("step {}", progress.step);
                 let trainer = Trainer::resume(progress, scene.clone(), &dataset.views)?;
-                vec![subject.point(name, trainer, peak, memory)?]
+                vec![subject.point(name, trainer, memory)?]
             }
             (Some(dataset), None, Some(scene)) => {
                 let name = format!("the scene of step {}", scene.provenance.steps);
-                vec![subject.at_rest(name, scene.clone(), &dataset.views, peak)?]
+                vec![subject.at_rest(name, scene.clone(), &dataset.views)?]
             }
-            (Some(dataset), None, None) => subject.on_the_way(dataset, peak)?,
+            (Some(dataset), None, None) => subject.on_the_way(dataset)?,
             (None, ..) => {
                 let views = ball_views(BALL_VIEWS, BALL_SIZE);
                 let point = |&n: &usize| {
                     let scene = ball(&subject.config, n)?;
-                    subject.at_rest(format!("after {}", plural(n, "upsampling")), scene, &views, peak)
+                    subject.at_rest(format!("after {}", plural(n, "upsampling")), scene, &views)
                 };
                 upsampled.iter().map(point).collect::<Result<Vec<_>, Error>>()?
             }
-        };
-        Ok((peak.clone(), points))
+        })
     })?;
-    let (peaks, points): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
     let name = dataset.map_or_else(|| format!("a ball, preset {preset}"), |dataset| dataset.name);
-    let points = points.into_iter().flatten().collect();
-    Ok(Report { subject: name, batch_rays: subject.config.batch_rays, peaks, points })
+    let pools = measured.len();
+    let points = measured.into_iter().flatten().collect();
+    Ok(Report { subject: name, batch_rays: subject.config.batch_rays, points, pools })
 }
 
 /// The subject of the measurement.
@@ -177,20 +178,20 @@ struct Subject<'a> {
 
 impl Subject<'_> {
     /// Measures steps that leave `scene` unchanged.
-    fn at_rest(&self, name: String, scene: Scene, views: &[View], peak: &Peak) -> Result<Point, Error> {
+    fn at_rest(&self, name: String, scene: Scene, views: &[View]) -> Result<Point, Error> {
         let memory = MemoryMark::set();
         let trainer = Trainer::new(at_rest(&self.config), scene, views)?;
-        self.point(name, trainer, peak, memory)
+        self.point(name, trainer, memory)
     }
 
-    fn point(&self, name: String, mut trainer: Trainer<'_>, peak: &Peak, memory: MemoryMark) -> Result<Point, Error> {
+    fn point(&self, name: String, mut trainer: Trainer<'_>, memory: MemoryMark) -> Result<Point, Error> {
         self.session.console.say(&format!("bench: training, {name}"));
-        let measured = training_steps(&mut trainer, self.args.repeats.runs(), peak, memory)?;
+        let measured = training_steps(&mut trainer, self.args.repeats.runs(), memory)?;
         Ok(Point::new(name, &trainer.scene(), measured))
     }
 
     /// Trains on `dataset` and measures after the steps of `--at`.
-    fn on_the_way(&self, dataset: &mut Dataset, peak: &Peak) -> Result<Vec<Point>, Error> {
+    fn on_the_way(&self, dataset: &mut Dataset) -> Result<Vec<Point>, Error> {
         let memory = MemoryMark::set();
         let mut trainer = begin(self.config.clone(), dataset, &AtomicBool::new(false), self.session)?;
         let mut stops = self.args.start.at.clone().unwrap_or_default();
@@ -202,7 +203,7 @@ impl Subject<'_> {
             }
             let name = format!("step {}", trainer.steps_done());
             self.session.console.say(&format!("bench: training, {name}"));
-            let measured = training_steps(&mut trainer, self.args.repeats.runs(), peak, memory)?;
+            let measured = training_steps(&mut trainer, self.args.repeats.runs(), memory)?;
             points.push(Point::new(name, &trainer.scene(), measured));
         }
         Ok(points)
@@ -224,7 +225,7 @@ impl Point {
 impl Report {
     /// The report as text.
     pub(super) fn text(&self) -> String {
-        let mut text: String = self.peaks.iter().map(|peak| report::peak(peak) + "\n").collect();
+        let mut text = String::new();
         for point in &self.points {
             text += &format!(
                 "training {}, {}: {} tensors, {:.1} M parameters, {} rays per step, {}\n{}, {}\n{}\n",
@@ -240,7 +241,7 @@ impl Report {
             );
         }
         // The same points come once for each number of threads.
-        let each = self.points.len() / self.peaks.len().max(1);
+        let each = self.points.len() / self.pools.max(1);
         for first in 0..each {
             let same: Vec<_> = self.points[first..].iter().step_by(each).map(|point| &point.measured).collect();
             text += &report::scaling(&same);

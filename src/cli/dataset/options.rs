@@ -39,11 +39,6 @@ fn angle(text: &str) -> Result<f64, String> {
 const MAX_MEMORY: &str = "8GB";
 
 impl DatasetOptions {
-    /// These options, turned by so many `degrees` instead.
-    pub(in crate::cli) fn turned(&self, degrees: f64) -> Self {
-        Self { turn: degrees, ..self.clone() }
-    }
-
     /// Options to load all views, downscaled `downscale` times.
     pub(in crate::cli) fn load_options(&self, downscale: u32) -> LoadOptions {
         LoadOptions {

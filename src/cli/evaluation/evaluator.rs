@@ -12,7 +12,7 @@ use crate::cli::render::colors;
 use crate::cli::{Error, Session, scene_file};
 use crate::container::SceneFile;
 use crate::dataset::View;
-use crate::measure::{self, PictureMeasure, Region, RegionErrors, RegionReport, ViewReport, counted};
+use crate::measure::{self, Region, RegionErrors, RegionReport, SsimConvention, ViewReport, counted};
 use crate::render::{RenderSettings, upsample_bilinear};
 
 /// A scene file that was read.
@@ -59,7 +59,7 @@ pub(in crate::cli) struct Evaluator<'a> {
     pub(in crate::cli) session: &'a Session,
     pub(in crate::cli) backend: &'a BackendOptions,
     pub(in crate::cli) approximations: &'a Approximations,
-    pub(in crate::cli) measures: &'a [PictureMeasure],
+    pub(in crate::cli) ssim: &'a [SsimConvention],
     /// Compare the renderer with the reference, too.
     pub(in crate::cli) parity: bool,
 }
@@ -118,7 +118,7 @@ impl Evaluator<'_> {
             let mask = view.mask.as_deref();
             let mut report = ViewReport::new(&view.name, size, &rendered, &photograph, mask)?;
             let unmeasured = |error| Error::Usage(format!("view {}: {error}", view.name));
-            report.add(self.measures, size, &rendered, &photograph, mask).map_err(unmeasured)?;
+            report.add(self.ssim, size, &rendered, &photograph, mask).map_err(unmeasured)?;
             let regions = Region::from_photograph(size, &photograph, &view.pixels.opacities())?;
             match mask {
                 None => errors.add(&regions, &rendered, &photograph)?,

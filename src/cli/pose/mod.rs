@@ -3,7 +3,6 @@
 //! Four stages: the pictures are placed in the folder of the capture, COLMAP finds features in them, matches pairs, and
 //! computes poses and points. Each finished stage is recorded, so that the same command resumes.
 
-mod database;
 mod folder;
 mod frames;
 mod model;
@@ -23,7 +22,7 @@ use super::output::make_folder;
 use super::progress::Progress;
 use super::table::plural;
 use super::{Error, Session, write_atomically};
-use folder::{Capture, DATABASE, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
+use folder::{Capture, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
 use frames::Video;
 use options::{Mapper, Matching, Options, name_of};
 use photographs::Photographs;
@@ -187,11 +186,10 @@ impl Work<'_> {
         let names: Vec<String> = names.lines().map(str::to_owned).collect();
         let count = names.len();
 
-        let database = self.capture.path(DATABASE);
         self.stage(Stage::Features, count as u64, |work, progress| {
             let scaled = |line: &str| process::counter(line).map(|[done, _]| done);
             work.program("features", colmap.features(options, threads), progress, &scaled)?;
-            report::features_found(&database, count)
+            Ok(plural(count, "picture"))
         })?;
 
         let pairs = options.matching.of(count);
@@ -202,7 +200,7 @@ impl Work<'_> {
             }
             let scaled = |line: &str| process::counter(line).map(|[done, of]| done * total / of.max(1));
             work.program("matching", colmap.matching(options, pairs, threads), progress, &scaled)?;
-            Ok(format!("{}, {}", report::matching_found(&database)?, name_of(pairs)))
+            Ok(name_of(pairs))
         })?;
 
         self.stage(Stage::Mapping, count as u64, |work, progress| {

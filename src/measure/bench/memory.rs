@@ -11,15 +11,10 @@ pub struct MemoryMark {
 impl MemoryMark {
     /// Begins now: resets the system's high-water mark to the resident memory.
     pub fn set() -> Self {
-        Self { resident: status("VmRSS:") }.again()
-    }
-
-    /// Resets the peak and keeps the mark. Data made since the mark counts; temporary memory of making it does not.
-    pub fn again(self) -> Self {
         // "5" resets the peak (proc_pid_clear_refs(5)). If that fails, the peak may be an older one and is not
         // reported.
         let reset = fs::write("/proc/self/clear_refs", "5").is_ok();
-        Self { resident: self.resident.filter(|_| reset) }
+        Self { resident: status("VmRSS:").filter(|_| reset) }
     }
 
     /// Peak of resident memory above the mark, in bytes; `None` if the system does not report it.

@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use serde::Serialize;
 
-use super::{FieldShape, MemoryMark, Peak, Runs, Spread, StageTable};
+use super::{MemoryMark, Runs, Spread, StageTable};
 use crate::field::{Field, Work};
 use crate::geometry::Camera;
 use crate::model::Scene;
@@ -18,7 +18,7 @@ pub struct Measured {
     pub threads: usize,
     /// Seconds of a step or frame.
     pub seconds: Spread,
-    /// Time and cost by stage.
+    /// Time by stage.
     pub stages: StageTable,
     /// Peak memory above that before the work, in bytes; `None` if the system does not report it.
     pub peak_bytes: Option<u64>,
@@ -37,43 +37,30 @@ pub fn at_rest(config: &TrainConfig) -> TrainConfig {
     }
 }
 
-/// Measures the next steps of `trainer`; `memory` was set before the trainer was made.
+/// Measures the next steps of `trainer` on the threads of the current pool; `memory` was set before the trainer was made.
 ///
 /// # Errors
 ///
 /// As [`Trainer::step`].
-pub fn training_steps(
-    trainer: &mut Trainer<'_>,
-    runs: Runs,
-    peak: &Peak,
-    memory: MemoryMark,
-) -> Result<Measured, TrainError> {
+pub fn training_steps(trainer: &mut Trainer<'_>, runs: Runs, memory: MemoryMark) -> Result<Measured, TrainError> {
     let (seconds, reports) = runs.time(|| trainer.step())?;
     let peak_bytes = memory.peak();
-    let shape = FieldShape::new(&Field::<f32>::new(&trainer.scene()));
-    Ok(measured(seconds, reports.into_iter().map(|report| report.work), &shape, peak, peak_bytes))
+    Ok(measured(seconds, reports.into_iter().map(|report| report.work), peak_bytes))
 }
 
-/// Measures frames of `scene` from `camera`, in the model's space, with the fast renderer.
-pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, peak: &Peak, memory: MemoryMark) -> Measured {
-    let field = Field::<f32>::new(scene);
-    let shape = FieldShape::new(&field);
-    let renderer = CpuRenderer::from_field(field);
+/// Measures frames of `scene` from `camera`, in the model's space, with the fast renderer on the threads of the current
+/// pool.
+pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, memory: MemoryMark) -> Measured {
+    let renderer = CpuRenderer::from_field(Field::<f32>::new(scene));
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.render_with_work(camera).1));
     let Ok((seconds, works)) = timed;
-    measured(seconds, works.into_iter(), &shape, peak, memory.peak())
+    measured(seconds, works.into_iter(), memory.peak())
 }
 
-fn measured(
-    seconds: Spread,
-    works: impl Iterator<Item = Work>,
-    shape: &FieldShape,
-    peak: &Peak,
-    peak_bytes: Option<u64>,
-) -> Measured {
-    let mut all = Work::default();
+fn measured(seconds: Spread, works: impl Iterator<Item = Work>, peak_bytes: Option<u64>) -> Measured {
+    let (mut all, threads) = (Work::default(), rayon::current_num_threads());
     works.for_each(|work| all.add(&work));
     // The mean, like that of the stages: with the median, one slow run would hide the idle time.
-    let stages = StageTable::new(&all, seconds.count, shape, peak, seconds.mean);
-    Measured { threads: peak.threads, seconds, stages, peak_bytes }
+    let stages = StageTable::new(&all, seconds.count, threads, seconds.mean);
+    Measured { threads, seconds, stages, peak_bytes }
 }

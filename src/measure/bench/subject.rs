@@ -34,15 +34,7 @@ const FOCAL: f64 = 1.39;
 ///
 /// If `config` has no tensors, or they cannot cover the ball.
 pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
-    ball_on(&shell(VOXEL), config, upsampled)
-}
-
-/// [`ball`], with tensors on `boxes`.
-///
-/// # Errors
-///
-/// As [`ball`]'s.
-pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
+    let boxes = shell(VOXEL);
     let mut config = config.clone();
     for scale in &mut config.scales {
         // The resolution stays the same after the last upsampling.
@@ -51,7 +43,7 @@ pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Re
     }
     let clouds = (config.scales.iter())
         .map(|s| {
-            prior::place_on_boxes(boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
+            prior::place_on_boxes(&boxes, &ScaleShape { pitch: s.pitch, edge: s.edge, resolution: s.resolutions[0] })
         })
         .collect::<Result<Vec<_>, _>>()?;
     let frame = Frame {
@@ -87,7 +79,7 @@ pub fn ball_views(count: u32, size: u32) -> Vec<View> {
 }
 
 /// The voxels of edge `voxel` whose centers are in the shell around the ball's surface.
-pub fn shell(voxel: f64) -> VoxelBoxes {
+fn shell(voxel: f64) -> VoxelBoxes {
     let cells = (2.0 * SHELL[1] / voxel).ceil() as u32;
     let lattice = Lattice { origin: DVec3::splat(-0.5 * f64::from(cells) * voxel), pitch: DVec3::splat(voxel) };
     let inside = |cell: &UVec3| {
@@ -96,12 +88,6 @@ pub fn shell(voxel: f64) -> VoxelBoxes {
     };
     let all = (0..cells).flat_map(|z| (0..cells).flat_map(move |y| (0..cells).map(move |x| UVec3::new(x, y, z))));
     VoxelBoxes { lattice, cells: all.filter(inside).collect() }
-}
-
-/// The voxel edge at which the shell has about `count` voxels.
-pub fn voxel_for(count: u64) -> f64 {
-    let volume = 4.0 / 3.0 * std::f64::consts::PI * (SHELL[1].powi(3) - SHELL[0].powi(3));
-    (volume / count as f64).cbrt()
 }
 
 /// Makes the first density component of `scale` a Gaussian of height `peak` that is `peak / PEAK_IN_SHIFTS` at the ball's surface.

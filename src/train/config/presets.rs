@@ -51,22 +51,7 @@ impl Default for TrainConfig {
 
 impl TrainConfig {
     /// The presets' names.
-    pub const PRESETS: [&str; 14] = [
-        "12",
-        "24",
-        "48",
-        "96",
-        "fast",
-        "per-ray",
-        "best",
-        "preview",
-        "scannet",
-        "360",
-        "tensorf-vm",
-        "tensorf-cp",
-        "vm-cloud-6",
-        "vm-cloud-12",
-    ];
+    pub const PRESETS: [&str; 10] = ["12", "24", "48", "96", "fast", "per-ray", "best", "preview", "scannet", "360"];
     /// The preset of settings that name none.
     pub const DEFAULT_PRESET: &str = "best";
 
@@ -112,10 +97,6 @@ impl TrainConfig {
                 preset.field.step_cells = FieldConfig::default().step_cells;
                 preset
             }
-            "tensorf-vm" => tensorf(FactorKind::Vm, [48, 144], 299, 4e-5),
-            "tensorf-cp" => tensorf(FactorKind::Cp, [96, 288], 499, 1e-5),
-            "vm-cloud-6" => vm_cloud(6),
-            "vm-cloud-12" => vm_cloud(12),
             _ => return Err(ConfigError::UnknownPreset { name: name.into(), known: Self::PRESETS.join(", ") }),
         };
         preset.preset = name.into();
@@ -180,35 +161,6 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         bootstrap: BootstrapOptions::default(),
         scales: preset_scales(appearance_rank),
     }
-}
-
-/// TensoRF's model for bounded scenes (Chen et al., ECCV 2022; its settings for lego): one tensor over the scene's box, whose cells
-/// grow from 128³ to those of a cube with `last` along an edge.
-fn tensorf(factors: FactorKind, [density_rank, appearance_rank]: [u32; 2], last: u32, density_l1: f64) -> TrainConfig {
-    let mut preset = paper(appearance_rank);
-    let growth = |n: u32| (127.0 * (f64::from(last) / 127.0).powf(f64::from(n) / 5.0)).round() as u32;
-    preset.density_l1 = density_l1;
-    preset.factor_deviation = 0.1;
-    preset.scales = vec![ScaleConfig {
-        whole_scene: true,
-        // The size of the scene's box takes their place.
-        pitch: [1.0; 3],
-        edge: [1.0; 3],
-        resolutions: (0..6).map(|n| [growth(n); 3]).collect(),
-        factors,
-        density_rank,
-        appearance_rank,
-        top_k: 1,
-    }];
-    preset
-}
-
-/// One scale of tensors with as many components with a matrix, of density and of appearance (paper, appendix A: VM-Cloud (0.3)).
-fn vm_cloud(rank: u32) -> TrainConfig {
-    let mut preset = paper(rank);
-    preset.scales =
-        vec![ScaleConfig { factors: FactorKind::Vm, ..scale([0.2, 0.3], [11, 17, 27, 35, 41, 47], [rank; 2], 4) }];
-    preset
 }
 
 /// The best quality: the paper's model of 48 components with a decoder per ray and a residual per sample.

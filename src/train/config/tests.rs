@@ -103,12 +103,18 @@ fn the_documents_settings_are_valid() {
     }
 }
 
+/// The settings of the document `name`.
+fn of_document(name: &str) -> TrainConfig {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("docs/configs/{name}.toml"));
+    TrainConfig::from_toml(&std::fs::read_to_string(path).unwrap(), None).unwrap()
+}
+
 #[test]
 fn a_tensor_over_the_whole_scene_has_its_box_and_as_many_cells_as_a_cube() {
     let lattice = Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(0.1) };
     let cells = [UVec3::ZERO, UVec3::new(9, 19, 39)].to_vec();
     let occupied = VoxelBoxes { lattice, cells };
-    let config = TrainConfig::preset("tensorf-vm").unwrap().fitted(&occupied).unwrap();
+    let config = of_document("tensorf-vm").fitted(&occupied).unwrap();
     let scale = &config.scales[0];
     assert!((scale.edge[1] / scale.edge[0] - 2.0).abs() < 1e-9 && (scale.edge[2] / scale.edge[0] - 4.0).abs() < 1e-9);
     // One and two times the cube's; half of it is a number and a half.
@@ -119,7 +125,7 @@ fn a_tensor_over_the_whole_scene_has_its_box_and_as_many_cells_as_a_cube() {
     let shape = ScaleShape { pitch: scale.pitch, edge: scale.edge, resolution: scale.resolutions[0] };
     assert_eq!(place_on_boxes(&occupied.mapped(&map), &shape).unwrap().len(), 1);
     assert_eq!(config.fitted(&occupied).unwrap(), config, "once");
-    let ranks = |kind: &str| TrainConfig::preset(kind).unwrap().scales[0].forms();
+    let ranks = |name: &str| of_document(name).scales[0].forms();
     assert_eq!(ranks("tensorf-vm")[1], [(Form::Vm(0), 48), (Form::Vm(1), 48), (Form::Vm(2), 48)]);
     assert_eq!(ranks("tensorf-cp")[1], [(Form::Cp, 288)]);
 }

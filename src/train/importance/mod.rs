@@ -2,15 +2,12 @@
 //!
 //! | question | estimate | used by |
 //! |---|---|---|
-//! | error of the pictures if a component is removed | `train::lean` | training, `train::resize::shrink` |
-//! | error that training a new component may save | [`ComponentImportance::of_addition`] | `train::resize::grow` |
+//! | error of the pictures if a component is removed | `train::lean` | training, `train::shrink` |
 //! | error of the pictures if a factor entry changes, or a component of a trained scene is absent | [`FactorImportance`] | [`mod@crate::pack`] |
 //! | components that no ray depends on | [`prune_dead_components`] | the end of training |
 
-mod components;
 mod dead_components;
 mod factors;
 
-pub(super) use components::ComponentImportance;
 pub use dead_components::{DeadComponents, MAX_LOSS, prune_dead_components};
 pub use factors::{BlockImportance, FactorImportance};

@@ -138,8 +138,8 @@ def plan(dataset: Path, settings: Optional[Settings] = None, **options: Any) -> 
 
 
 def evaluate(scene: Union[Scene, Path], dataset: Path, callback: Optional[Callback] = None, **options: Any) -> Any:
-    """Compares a scene's pictures with photographs. Usual options: split="test", downscale, views, lpips="alex,vgg",
-    lpips_weights, html, csv."""
+    """Compares a scene's pictures with photographs. Usual options: split="test", downscale, views, ssim="3dgs",
+    report, csv."""
     return _with_file(scene, lambda path: command("eval", path, dataset, callback=callback, **options))
 
 

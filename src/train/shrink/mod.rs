@@ -1,9 +1,18 @@
 //! Shrinking: a training of the scene that gives up components and cells (`train/lean.rs`).
+//!
+//! In: a trained scene and its photographs. Out: the same scene with fewer parameters, counted without components of
+//! zeros ([`Scene::nonzero_parameter_count`]). An interrupted shrinking resumes from the trainer's checkpoint.
 
-use super::{Tuning, tuned};
+mod ranks;
+
+use super::{
+    FinishConfig, LeanConfig, ScaleConfig, TrainConfig, TrainError, Trainer, march_step, prune_dead_components,
+};
 use crate::dataset::View;
-use crate::model::Scene;
-use crate::train::{FinishConfig, LeanConfig, TrainConfig, TrainError, Trainer, march_step};
+use crate::model::{Scale, Scene};
+
+/// Learning rates start at this share of the run's: about where those of a preset end.
+const LEARNING_RATE_SHARE: f64 = 0.25;
 
 /// Frames of a shrunk scene are to be faster as well: the march's steps get longer by this factor, up to this share of a cell of
 /// the first scale, and samples are left out below so many times the weight and transmittance of the end of a training, up to
@@ -12,6 +21,15 @@ const LONGER_STEP: f64 = 1.1;
 const LONGEST_STEP_CELLS: f64 = 0.75;
 const LEFT_OUT: f64 = 2.0;
 const MOST_LEFT_OUT: f64 = 0.05;
+
+/// Training of a scene that is shrunk.
+#[derive(Clone, Debug)]
+pub struct Tuning {
+    /// Steps.
+    pub steps: u64,
+    /// Settings of the run that made the scene. Its schedule and scales are not used.
+    pub config: TrainConfig,
+}
 
 /// The size that a scene is shrunk to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +57,7 @@ impl ShrinkGoal {
 
 /// A trainer that shrinks `scene`, which was trained on `views`, to `goal`, at its first step of `tuning.steps`. Unless the
 /// settings switch the march of the end off, it has a faster one than that from the start, and once more when all parameters are
-/// given up. Its checkpoints resume it; [`super::compacted`] is the result of its last step. It always gives the same result, on
+/// given up. Its checkpoints resume it; [`compacted`] is the result of its last step. It always gives the same result, on
 /// any number of threads.
 ///
 /// # Errors
@@ -68,4 +86,43 @@ pub fn shrink<'v>(
         };
     }
     Trainer::new(config, scene, views)
+}
+
+/// The scene of `trainer` without dead components and unused ranks.
+///
+/// # Errors
+///
+/// [`TrainError::EmptyScene`].
+pub fn compacted(trainer: &Trainer<'_>) -> Result<Scene, TrainError> {
+    let mut scene = trainer.scene();
+    prune_dead_components(&mut scene, trainer.sampler(), trainer.config().seed)?;
+    ranks::drop_ranks(&mut scene);
+    Ok(scene)
+}
+
+/// Settings to continue the training of `scene` for `steps`, without any schedule.
+pub(super) fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainConfig {
+    let of_scale = |s: &Scale| ScaleConfig {
+        whole_scene: false,
+        // No tensor is placed.
+        pitch: (2.0 * s.cloud.half_edge).to_array(),
+        edge: (2.0 * s.cloud.half_edge).to_array(),
+        resolutions: vec![s.cloud.resolution],
+        factors: s.factors.kind(),
+        density_rank: s.factors.density_rank(),
+        appearance_rank: s.factors.appearance_rank(),
+        top_k: s.top_k,
+    };
+    TrainConfig {
+        steps,
+        upsample_at: Vec::new(),
+        occupancy_at: Vec::new(),
+        lean: LeanConfig::off(),
+        finish: FinishConfig::off(),
+        factor_learning_rate: LEARNING_RATE_SHARE * config.factor_learning_rate,
+        network_learning_rate: LEARNING_RATE_SHARE * config.network_learning_rate,
+        sky_learning_rate: LEARNING_RATE_SHARE * config.sky_learning_rate,
+        scales: scene.scales.iter().map(of_scale).collect(),
+        ..config.clone()
+    }
 }

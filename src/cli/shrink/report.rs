@@ -1,4 +1,4 @@
-//! The result of resizing.
+//! The result of shrinking.
 
 use std::path::Path;
 
@@ -9,7 +9,6 @@ use crate::cli::table::Table;
 use crate::digits::grouped;
 use crate::escape::escaped_path;
 use crate::model::{Block, Scale};
-use crate::train::GrowRound;
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
@@ -20,8 +19,6 @@ pub(super) struct Report<'a> {
     pub(super) parameters: [u64; 2],
     /// dB on training rays, before and after.
     pub(super) psnr: [f64; 2],
-    /// Those of growing.
-    pub(super) rounds: Vec<GrowRound>,
     pub(super) scales: Vec<[ScaleUse; 2]>,
     /// Cells of space, grouped by the colors that the photographs show there.
     pub(super) cells: Vec<CellKind>,
@@ -89,17 +86,6 @@ impl ScaleUse {
 
 impl Report<'_> {
     pub(super) fn text(&self) -> String {
-        let mut rounds = Table::new(["round", "parameters", "resolutions", "dB before training", "dB after"]);
-        for (n, round) in self.rounds.iter().enumerate() {
-            let resolutions: Vec<String> = round.resolutions.iter().map(|r| r[0].to_string()).collect();
-            rounds.row([
-                (n + 1).to_string(),
-                grouped(round.parameters),
-                resolutions.join(", "),
-                format!("{:.3}", round.psnr_at_once),
-                format!("{:.3}", round.psnr),
-            ]);
-        }
         let mut scales = Table::new(["scale", "tensors", "of rank 0", "cells", "density", "appearance", "parameters"]);
         for (n, [before, after]) in self.scales.iter().enumerate() {
             scales.row(before.row(format!("{n} before")));
@@ -120,11 +106,10 @@ impl Report<'_> {
             ]);
         }
         let ([before, after], [psnr_before, psnr_after]) = (self.parameters, self.psnr);
-        let rounds = if self.rounds.is_empty() { String::new() } else { rounds.text() };
         let unchanged =
             self.unchanged.map_or_else(String::new, |reason| format!("{reason}: it is written unchanged\n"));
         format!(
-            "{rounds}{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
+            "{}{}{unchanged}{}: {:.2} MB, {} parameters ({} before), {psnr_after:.3} dB on training rays ({psnr_before:.3} dB before), {:.1} min\n",
             scales.text(),
             cells.text(),
             escaped_path(self.file),

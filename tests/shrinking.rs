@@ -1,4 +1,4 @@
-//! Shrinking and growing of trained scenes.
+//! Shrinking of trained scenes.
 #![cfg(feature = "toolkit")]
 
 mod scenes;
@@ -12,8 +12,8 @@ use strivec::psnr::psnr_of_mse;
 use strivec::random::Random;
 use strivec::render::{CpuRenderer, Renderer};
 use strivec::train::{
-    Checkpoint, FinishConfig, GrowRound, GrowState, GrowStep, Growing, RayBatch, ShrinkGoal, Target, TrainConfig,
-    TrainError, Trainer, Tuning, compacted, shrink, upsample,
+    Checkpoint, FinishConfig, RayBatch, ShrinkGoal, Target, TrainConfig, TrainError, Trainer, Tuning, compacted,
+    shrink, upsample,
 };
 
 /// As presets have it: a density feature of 0 is empty.
@@ -74,13 +74,12 @@ fn with_idle_components(scene: &Scene, more: usize) -> Scene {
     scene
 }
 
-/// A resized scene.
-struct Resized {
+/// A shrunk scene.
+struct Shrunk {
     scene: Scene,
     /// Before and after.
     parameters: [u64; 2],
     psnr: [f64; 2],
-    rounds: Vec<GrowRound>,
 }
 
 /// `config` with learning rates that hardly change a trained scene.
@@ -100,26 +99,14 @@ fn noisy(views: &[View]) -> Vec<View> {
     (0..).zip(views).map(of_view).collect()
 }
 
-fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, tuning: &Tuning) -> Resized {
+fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, tuning: &Tuning) -> Shrunk {
     let mut trainer = shrink(scene.clone(), views, goal, tuning).unwrap();
     let before = trainer.psnr_of(scene);
     (0..tuning.steps).for_each(|_| drop(trainer.step().unwrap()));
     let small = compacted(&trainer).unwrap();
     small.check().unwrap();
     let parameters = [scene, &small].map(Scene::nonzero_parameter_count);
-    Resized { parameters, psnr: [before, trainer.psnr_of(&small)], scene: small, rounds: Vec::new() }
-}
-
-fn grown(scene: &Scene, views: &[View], most: u64, steps: u64) -> Resized {
-    let tuning = Tuning { steps, config: config() };
-    let mut growing = Growing::begin(scene.clone(), views, most, tuning).unwrap();
-    let mut ignored = |_: &GrowStep| Ok::<(), TrainError>(());
-    while growing.round(&mut ignored).unwrap() {}
-    let large = growing.finish(&mut ignored).unwrap();
-    large.check().unwrap();
-    let parameters = [scene, &large].map(Scene::nonzero_parameter_count);
-    let psnr = [scene, &large].map(|scene| growing.psnr_of(scene));
-    Resized { parameters, psnr, scene: large, rounds: growing.rounds().to_vec() }
+    Shrunk { parameters, psnr: [before, trainer.psnr_of(&small)], scene: small }
 }
 
 /// PSNR of `scene` on `views`, in dB.
@@ -269,69 +256,6 @@ fn resolution_goes_where_cells_are_finer_than_what_is_there() {
 }
 
 #[test]
-fn a_scene_grows_where_its_error_is() {
-    let scene = colorful();
-    let views = views(&scene);
-    // Half of the tensors, those on one side, are left without components.
-    let mut small = scene.clone();
-    for scale in &mut small.scales {
-        let (tensors, bare): (usize, Vec<bool>) =
-            (scale.cloud.len(), scale.cloud.centers().map(|c| c.x < 0.0).collect());
-        for values in [&mut scale.factors.density[0].values, &mut scale.factors.appearance[0].values] {
-            let len = values.len() / tensors;
-            for (tensor, _) in values.chunks_exact_mut(len).zip(&bare).filter(|(_, bare)| **bare) {
-                tensor.fill(0.0);
-            }
-        }
-    }
-    let most = scene.nonzero_parameter_count() * 3 / 4;
-    let grown = grown(&small, &views, most, 30);
-    println!("{:?} parameters, {:?} dB, {:?}", grown.parameters, grown.psnr, grown.rounds);
-    assert!(grown.parameters[0] < grown.parameters[1] && grown.parameters[1] <= most);
-    assert!(grown.psnr[1] > grown.psnr[0] + 3.0);
-    let first = &grown.rounds[0];
-    assert!((first.psnr_at_once - grown.psnr[0]).abs() < 0.01, "new components change nothing at once: {first:?}");
-    // The new components are mostly on the side that lacked them.
-    let held = |scene: &Scene, is_bare: bool| -> usize {
-        let of_scale = |s: &Scale| {
-            let resolution = s.cloud.resolution;
-            let of = |block: &Block| {
-                let held = block.nonzero_components(resolution);
-                let of_tensor = |(n, held): (usize, &[bool])| {
-                    if (s.cloud.center(n).x < 0.0) == is_bare { held.iter().filter(|h| **h).count() } else { 0 }
-                };
-                held.chunks_exact(block.rank as usize).enumerate().map(of_tensor).sum::<usize>()
-            };
-            Form::Cp.rows(resolution) * s.factors.blocks().map(of).sum::<usize>()
-        };
-        scene.scales.iter().map(of_scale).sum()
-    };
-    let [bare, other] = [true, false].map(|side| held(&grown.scene, side) as i64 - held(&small, side) as i64);
-    assert!(2 * bare > 3 * other, "{bare} and {other}");
-}
-
-#[test]
-fn cells_that_are_too_coarse_become_finer() {
-    let scene = colorful();
-    let views = views(&scene);
-    let mut coarse = scene.clone();
-    for scale in &mut coarse.scales {
-        let (from, factors) = (scale.cloud.resolution, &mut scale.factors);
-        let to = from.map(|cells| cells.div_ceil(2));
-        for block in factors.blocks_mut() {
-            block.values = upsample(block.form, &block.values, block.rank as usize, from, to);
-        }
-        scale.cloud.resolution = to;
-    }
-    let grown = grown(&coarse, &views, 3 * coarse.nonzero_parameter_count(), 40);
-    println!("{:?} parameters, {:?} dB, {:?}", grown.parameters, grown.psnr, grown.rounds);
-    let is_finer = |n: usize| grown.scene.scales[n].cloud.resolution > coarse.scales[n].cloud.resolution;
-    assert!((0..scene.scales.len()).any(is_finer));
-    assert!(grown.psnr[1] > grown.psnr[0] + 1.0);
-    assert!((grown.rounds[0].psnr_at_once - grown.psnr[0]).abs() < 0.5, "finer cells change little at once");
-}
-
-#[test]
 fn a_shrunk_scene_has_a_faster_march_unless_that_is_off() {
     let scene = colorful();
     let views = noisy(&views(&scene));
@@ -392,46 +316,6 @@ fn threads_and_interruptions_change_nothing() {
         assert!(trainer.scene() == resumed.scene() && resumed.scene().provenance.steps == scene.provenance.steps + 30);
     }
     assert!(matches!(shrink(scene, &[], goal, &tuning), Err(TrainError::NoRays { .. })));
-}
-
-#[test]
-fn growing_resumes_after_a_round_and_ends_if_its_caller_does() {
-    let scene = colorful();
-    let views = noisy(&views(&scene));
-    let most = scene.nonzero_parameter_count() * 2;
-    let begin = || {
-        let tuning = Tuning { steps: 6, config: config() };
-        Growing::begin(scene.clone(), &views, most, tuning).unwrap()
-    };
-    let mut ignored = |_: &GrowStep| Ok::<(), TrainError>(());
-    let mut growing = begin();
-    assert!(growing.round(&mut ignored).unwrap());
-    let (bytes, halfway) = (growing.state().to_bytes(b"scene"), growing.scene().clone());
-    let (state, file) = GrowState::from_bytes(&bytes).unwrap();
-    assert_eq!((&state, &file[..]), (&growing.state(), &b"scene"[..]));
-    let mut damaged = bytes.clone();
-    *damaged.last_mut().unwrap() ^= 1;
-    assert!(GrowState::from_bytes(&damaged).unwrap_err().to_string().contains("checksum"));
-
-    #[derive(Debug)]
-    struct Ended;
-    impl From<TrainError> for Ended {
-        fn from(_: TrainError) -> Self {
-            panic!("training failed")
-        }
-    }
-    let mut resumed = begin().resume(state.clone(), halfway.clone()).unwrap();
-    let mut stop = |step: &GrowStep| if step.steps[0] == 2 { Err(Ended) } else { Ok(()) };
-    assert!(matches!(resumed.round(&mut stop), Err(Ended)) && *resumed.scene() == halfway);
-    let mut resumed = begin().resume(state.clone(), halfway.clone()).unwrap();
-    let finished = |growing: &mut Growing<'_>| {
-        while growing.round(&mut |_| Ok::<(), TrainError>(())).unwrap() {}
-        growing.finish(&mut |_| Ok::<(), TrainError>(())).unwrap()
-    };
-    assert!(finished(&mut growing) == finished(&mut resumed));
-
-    let other = Growing::begin(halfway.clone(), &views, most, Tuning { steps: 6, config: config() }).unwrap();
-    assert!(other.resume(state, halfway).unwrap_err().to_string().contains("the scene that grows"));
 }
 
 #[test]

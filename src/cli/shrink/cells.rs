@@ -1,4 +1,4 @@
-//! Cells of space, grouped by the colors seen there, with their parameters and errors before and after resizing.
+//! Cells of space, grouped by the colors seen there, with their parameters and errors before and after shrinking.
 
 use serde::Serialize;
 
@@ -44,7 +44,7 @@ impl Cells {
         [("before", &self.0[0]), ("after", &self.0[1])]
     }
 
-    /// The groups; cells are grouped by the scene before resizing.
+    /// The groups; cells are grouped by the scene before shrinking.
     pub(super) fn kinds(&self) -> Vec<CellKind> {
         let [before, after] = &self.0;
         let sum = |map: &CellMap, numbers: &[usize], value: fn(&Cell) -> f64| {
