@@ -9,6 +9,11 @@ pub fn grouped(number: u64) -> String {
     groups.collect::<Vec<_>>().join(" ")
 }
 
+/// `count` and its `noun`, with an s unless it is one thing.
+pub fn plural(count: usize, noun: &str) -> String {
+    format!("{} {noun}{}", grouped(count as u64), if count == 1 { "" } else { "s" })
+}
+
 /// A number, with an exponent if it would have many digits.
 pub fn number<T: Copy + Into<f64> + Display + LowerExp>(value: T) -> String {
     let size = value.into().abs();

@@ -12,7 +12,8 @@
 //!    rendering and training share.
 //! 3. `render`: pictures of a scene. `train`: a scene from photographs.
 //! 4. `measure`: PSNR, SSIM, speed. `pack`: making files small. `interop`: other programs' files from a scene.
-//! 5. `cli`: the commands. `player`: interactive views. `web`: bindings for a page in a browser.
+//! 5. `recipe`: the whole way from photographs to a scene file.
+//! 6. `cli`: the commands. `player`: interactive views. `web`: bindings for a page in a browser.
 //!
 //! With `default-features = false` only layers 0, 1 and `container` are built. The feature `render` adds `field` and
 //! the CPU renderers, `gpu` those for GPUs, `toolkit` datasets, priors, training and packing.
@@ -62,6 +63,8 @@ pub mod npy;
 pub mod pack;
 #[cfg(feature = "toolkit")]
 pub mod prior;
+#[cfg(feature = "toolkit")]
+pub mod recipe;
 #[cfg(feature = "render")]
 pub mod render;
 #[cfg(feature = "toolkit")]

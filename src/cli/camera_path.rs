@@ -51,9 +51,6 @@ pub(super) enum Way<'a> {
 }
 
 impl CameraPathOptions {
-    /// No path.
-    pub(super) const NONE: Self = Self { path: None, frames: None, fps: FPS };
-
     /// The path, if any.
     pub(super) fn way(&self) -> Option<Way<'_>> {
         let path = self.path.as_deref()?;

@@ -5,15 +5,16 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::observer::ConsoleObserver;
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
 use super::table::plural;
-use super::training::{encode, train_through};
 use super::{Error, Session, write_atomically};
-use crate::container::Encoding;
+use crate::container::{self, EncodeOptions, Encoding};
 use crate::dataset::{self, LoadOptions, SynthOptions};
 use crate::escape::escaped_path;
 use crate::measure::{self, Canvas, ERROR_FULL, ViewReport, color_png, error_map, side_by_side, stacked};
+use crate::recipe::{self, Recipe};
 use crate::render::{CpuRenderer, Renderer};
 use crate::train::TrainConfig;
 
@@ -79,9 +80,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let load = |split| dataset::load(&folder, split, &LoadOptions::default());
     let (mut training, held_out) = (load("train")?, load("test")?);
     let start = Instant::now();
-    let scene = train_through(config, &mut training, &*session.interrupts()?, session)?;
+    let interrupted = session.interrupts()?;
+    let mut observer = ConsoleObserver::new(&session.console, &interrupted);
+    let start_of_training = Recipe::new(config).prepare(&mut training, &mut observer)?;
+    let mut trainer = start_of_training.trainer(&training, &mut observer)?;
+    recipe::run_steps(&mut trainer, None, &mut observer)?;
+    let scene = trainer.scene();
     let seconds_training = start.elapsed().as_secs_f64();
-    let bytes = encode(&scene, Encoding::F16, &file)?;
+    let bytes = container::encode(&scene, &EncodeOptions::uniform(Encoding::F16));
+    let bytes = bytes.map_err(|e| Error::container(&file, e))?;
     write_atomically(&file, &bytes, session.force)?;
 
     let renderer = CpuRenderer::new(&scene);

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{container, dataset, import, interop, measure, prior, train};
+use crate::{container, dataset, import, interop, measure, prior, recipe, train};
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -89,6 +89,17 @@ impl Error {
         }
     }
 
+    /// For `map_err` if no scene was trained or packed for the file `path`.
+    pub(super) fn recipe(path: &Path) -> impl FnOnce(recipe::Error) -> Self {
+        move |error| match error {
+            recipe::Error::Encode(error) => Self::container(path, error),
+            recipe::Error::TooSmall { .. } | recipe::Error::OutOfReach { .. } => {
+                Self::Runtime(format!("{}: {error}", path.display()))
+            }
+            error => error.into(),
+        }
+    }
+
     /// For `map_err` if the content of `path` was refused.
     pub(super) fn malformed<E: Display>(path: &Path) -> impl FnOnce(E) -> Self {
         move |error| Self::Malformed(format!("{}: {error}", path.display()))
@@ -163,6 +174,42 @@ impl From<train::TrainError> for Error {
     }
 }
 
+impl From<recipe::FileError> for Error {
+    fn from(error: recipe::FileError) -> Self {
+        let message = with_flags(&error.to_string());
+        if error.is_io() { Self::Io(message) } else { Self::Usage(message) }
+    }
+}
+
+impl From<recipe::PosesError> for Error {
+    fn from(error: recipe::PosesError) -> Self {
+        match error {
+            recipe::PosesError::File(error) => error.into(),
+            recipe::PosesError::Malformed { .. } => Self::Malformed(error.to_string()),
+        }
+    }
+}
+
+impl From<recipe::Error> for Error {
+    fn from(error: recipe::Error) -> Self {
+        let message = with_flags(&error.to_string());
+        match error {
+            recipe::Error::Dataset(error) => error.into(),
+            recipe::Error::Prior(error) => error.into(),
+            recipe::Error::Prepare(error) => error.into(),
+            recipe::Error::Train(error) => error.into(),
+            recipe::Error::Thumbnail(error) => error.into(),
+            recipe::Error::File(error) => error.into(),
+            recipe::Error::Observer(error) => error.downcast().map_or_else(|_| Self::Runtime(message), |error| *error),
+            recipe::Error::Checkpoint { .. } | recipe::Error::CheckpointScene { .. } => Self::Malformed(message),
+            recipe::Error::Encode(_)
+            | recipe::Error::TooSmall { .. }
+            | recipe::Error::OutOfReach { .. }
+            | recipe::Error::Interrupted { .. } => Self::Runtime(message),
+        }
+    }
+}
+
 /// The known format whose files begin with `bytes`, else the bytes.
 fn format_of(bytes: &[u8]) -> String {
     const KNOWN: [(&[u8], &str); 10] = [
@@ -195,7 +242,7 @@ const RENAMED: [(&str, &str); 6] = [
     ("sky_degree", "--sky"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 24] = [
+const SAME: [&str; 26] = [
     "alpha",
     "background",
     "bounds",
@@ -204,6 +251,7 @@ const SAME: [&str; 24] = [
     "dilate",
     "downscale",
     "every",
+    "force",
     "max_memory",
     "min_alpha",
     "min_confidence",
@@ -211,6 +259,7 @@ const SAME: [&str; 24] = [
     "min_track",
     "outliers",
     "resolution",
+    "resume",
     "scale",
     "seed",
     "skip_missing",

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::observer::ConsoleObserver;
 use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::training::{import, reconstruct};
 use super::{Error, Session};
 use crate::dataset;
 use crate::digits::grouped;
@@ -89,15 +89,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
     let interrupted = session.interrupts()?;
     let start = Instant::now();
-    let (occupied, prior_seconds) = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
+    let prior = args.prior.prior()?;
+    let mut observer = ConsoleObserver::new(&session.console, &interrupted);
+    let (occupied, prior_seconds) = match prior.from_files(&mut config, &cameras, &mut observer)? {
         Some(occupied) => (occupied, None),
         None => {
             let mut dataset = dataset::load(&args.dataset, "train", &options)?;
-            let occupied = reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?;
+            let occupied = prior.from_photographs(&mut config, &mut dataset, &mut observer)?;
             (occupied, Some(start.elapsed().as_secs_f64()))
         }
     };
-    let (config, occupied, mut reasons) = args.fitting.reasoned(config, &cameras, occupied)?;
+    let (config, occupied, mut reasons) = args.fitting.fitting().fit(config, &cameras, occupied)?;
     if args.print_config {
         reasons.iter().for_each(|reason| session.console.say(reason));
         return session.console.print(&config.to_toml());

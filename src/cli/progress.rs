@@ -37,6 +37,11 @@ impl<'a> Progress<'a> {
         Self { console, task: task.to_owned(), bar, last_line }
     }
 
+    /// The name of the task.
+    pub(super) fn task(&self) -> &str {
+        &self.task
+    }
+
     /// Shows `done` steps and `detail`, such as "41000 rays/s, train 28.31 dB".
     pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
         if !self.bar.is_hidden() {
@@ -73,6 +78,11 @@ impl<'a> Progress<'a> {
     /// Calls `work`, which writes to standard error, while there is no bar.
     pub(super) fn suspend<R>(&self, work: impl FnOnce() -> R) -> R {
         self.bar.suspend(work)
+    }
+
+    /// Ends the task and removes the bar.
+    pub(super) fn clear(self) {
+        self.bar.finish_and_clear();
     }
 
     /// Ends the task, removes the bar, and prints a message.

@@ -7,13 +7,14 @@ use clap::ValueEnum;
 use super::dataset::DatasetOptions;
 use super::named_value::one_of;
 use super::numbers::boxed;
+use super::observer::ConsoleObserver;
 use super::{Error, Session, quantity};
 use crate::container::Encoding;
-use crate::dataset::{self, LoadOptions};
-use crate::geometry::{Aabb, Camera};
+use crate::dataset::LoadOptions;
+use crate::geometry::Aabb;
 use crate::model::Sky;
-use crate::prior::VoxelBoxes;
-use crate::train::{self, Budget, Exposure, LeanConfig, TrainConfig};
+use crate::recipe::{self, Photographs};
+use crate::train::{Budget, Exposure, LeanConfig, TrainConfig};
 
 /// Width of the shell of unbounded scenes (paper: the authors' runs).
 const DEFAULT_SHELL: f64 = 0.4;
@@ -124,29 +125,9 @@ impl Basics {
         max_side: Option<u32>,
         session: &Session,
     ) -> Result<LoadOptions, Error> {
-        let options = LoadOptions { every: self.every, ..self.dataset.load_options(self.downscale.unwrap_or(1)) };
-        if self.downscale.is_some() {
-            return Ok(options);
-        }
-        if let Some(most) = max_side {
-            let cameras = dataset::load_cameras(folder, "train", None, &options)?;
-            let side = cameras.iter().map(|named| named.camera.width.max(named.camera.height)).max().unwrap_or(0);
-            let downscale = side.div_ceil(most.max(1)).max(1);
-            if downscale > 1 {
-                session
-                    .console
-                    .say(&format!("--downscale {downscale}: the settings ask for at most {most} pixels a side"));
-            }
-            return Ok(LoadOptions { downscale, ..options });
-        }
-        let (downscale, bytes) = dataset::fitting_downscale(folder, "train", &options)?;
-        if downscale > 1 {
-            let [full, most] = [bytes, options.max_memory].map(|bytes| bytes as f64 / 1e9);
-            session.console.say(&format!(
-                "--downscale {downscale}: photographs at full size take {full:.1} GB, and --max-memory is {most:.1} GB"
-            ));
-        }
-        Ok(LoadOptions { downscale, ..options })
+        let options = LoadOptions { every: self.every, ..self.dataset.load_options(1) };
+        let photographs = Photographs { options, downscale: self.downscale };
+        Ok(photographs.load_options(folder, max_side, &mut ConsoleObserver::unstoppable(&session.console))?)
     }
 
     /// The settings: `preset`, overridden by the file, overridden by single arguments.
@@ -209,34 +190,10 @@ impl Fitting {
         self.auto && self.max_params.is_none() && self.max_size.is_none()
     }
 
-    /// `config` and `occupied` fitted to photographs and budget, and the reasons: one line per choice.
-    pub(super) fn reasoned(
-        &self,
-        mut config: TrainConfig,
-        cameras: &[Camera],
-        mut occupied: VoxelBoxes,
-    ) -> Result<(TrainConfig, VoxelBoxes, Vec<String>), Error> {
-        let mut reasons = Vec::new();
-        if self.auto {
-            (config, occupied, reasons) = train::fit_to_photographs(&config, cameras, &occupied)?;
-        }
+    /// The library's options.
+    pub(super) fn fitting(&self) -> recipe::Fitting {
         let budget = Budget { parameters: self.max_params, file_bytes: self.max_size };
-        let (config, given_up) = train::fit_to_budget(&config, &occupied, budget)?;
-        reasons.extend(given_up);
-        Ok((config, occupied, reasons))
-    }
-
-    /// The same, with the reasons as messages.
-    pub(super) fn fit(
-        &self,
-        config: TrainConfig,
-        cameras: &[Camera],
-        occupied: VoxelBoxes,
-        session: &Session,
-    ) -> Result<(TrainConfig, VoxelBoxes), Error> {
-        let (config, occupied, reasons) = self.reasoned(config, cameras, occupied)?;
-        reasons.iter().for_each(|reason| session.console.say(reason));
-        Ok((config, occupied))
+        recipe::Fitting { to_photographs: self.auto, budget }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tables on the terminal.
 
-use crate::digits::grouped;
+pub(super) use crate::digits::plural;
 use crate::escape::escaped;
 
 /// Text in columns: the first aligned to the left, the others to the right.
@@ -34,11 +34,6 @@ impl Table {
         };
         self.rows.iter().map(line).collect()
     }
-}
-
-/// `count` and its `noun`, with an s unless it is one thing.
-pub(super) fn plural(count: usize, noun: &str) -> String {
-    format!("{} {noun}{}", grouped(count as u64), if count == 1 { "" } else { "s" })
 }
 
 /// A number of at most four significant digits, or all digits before the point, without trailing zeros.

@@ -1,34 +1,27 @@
 //! `strivec train`: train a scene from photographs.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 use serde::Serialize;
 
-use super::background::background_of;
+use super::observer::ConsoleObserver;
 use super::output::check_scene_name;
-use super::pack::{Extras, Packing};
 use super::prior::Inputs;
-use super::render::colors;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Precision, Settings};
-use super::state_file::{StateFile, beside};
 use super::table::plural;
-use super::training::{Meter, cameras, find_distances, import, is_opaque, place, reconstruct, step};
+use super::training_curve::{CurveObserver, CurvePoint};
 use super::view_selection::evenly_spaced;
 use super::watch::Watch;
-use super::{Error, Session, check_output, refined_poses, write_atomically};
-use crate::container::{self, EncodeOptions, Encoding, Metadata, TrainingCamera};
+use super::{Error, Session, check_output};
 use crate::dataset::{self, Dataset, LoadOptions, View};
 use crate::digits::grouped;
 use crate::escape::escaped_path;
-use crate::geometry::Camera;
-use crate::measure::ViewReport;
-use crate::model::{Frame, Scene};
-use crate::psnr::psnr_of_mse;
-use crate::render::{CpuRenderer, Renderer, Turntable};
-use crate::train::{DeadComponents, TrainConfig, Trainer};
+use crate::recipe::{self, CheckpointFile, Recipe, Trained};
+use crate::train::{DeadComponents, TrainConfig};
+
+/// Maximum held-out views that an evaluation during the run renders.
+const HELD_OUT: usize = 20;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -95,102 +88,56 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     if args.print_config {
         return session.console.print(&config.to_toml());
     }
-    session.console.result(&trained(args, config, session)?, Trained::text)
+    session.console.result(&trained(args, config, session)?, Report::text)
 }
 
 /// Trains a scene by `config` and writes it, as `args` say.
-pub(super) fn trained<'a>(args: &'a Args, mut config: TrainConfig, session: &Session) -> Result<Trained<'a>, Error> {
+pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Session) -> Result<Report<'a>, Error> {
     let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
         return Err(Error::Usage("give a dataset and --output".into()));
     };
-    let files = Files::new(args, output, session)?;
+    let recipe = args.recipe(config, output, session)?;
     let interrupted = session.interrupts()?;
-    let saved = if args.resume { Some(files.state.read_training()?) } else { None };
-    let max_side = saved.as_ref().map_or(&config, |(checkpoint, _)| &checkpoint.config).max_photograph_side;
-    let options = args.settings.basics.photographs(folder, max_side, session)?;
-    let mut dataset = dataset::load(folder, "train", &options)?;
-    session.console.say(&contents(&dataset));
+    let training = recipe.begin()?;
+    let options = args.settings.basics.photographs(folder, training.max_photograph_side(), session)?;
+    let mut console = ConsoleObserver::new(&session.console, &interrupted);
+    let mut dataset = recipe::load(folder, &options, &mut console)?;
     let held_out = match args.eval_every {
         Some(_) => held_out(folder, &options)?,
         None => Vec::new(),
     };
-    let watch = args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &config)).transpose()?;
+    let watch = args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &recipe.config)).transpose()?;
+    let mut observer = CurveObserver::new(console, args, session, &held_out, watch);
+    let trained = training.run(&mut dataset, &mut observer).map_err(Error::recipe(output))?;
+    trained.write(output, session.force, &mut observer)?;
+    Ok(Report::new(output, trained, observer.into_curve()))
+}
 
-    let start = Instant::now();
-    let mut trainer = match saved {
-        Some((progress, scene)) => {
-            find_distances(&progress.config, &mut dataset, session)?;
-            Trainer::resume(progress, scene, &dataset.views).map_err(Error::from)?
-        }
-        None => {
-            let cameras = cameras(&dataset);
-            let occupied = match import(&mut config, &args.prior, &cameras, &interrupted, session)? {
-                Some(occupied) => {
-                    find_distances(&config, &mut dataset, session)?;
-                    occupied
-                }
-                None => reconstruct(&mut config, &mut dataset, args.prior.bootstrap, &interrupted, session)?,
-            };
-            let (config, occupied) = args.fitting.fit(config, &cameras, occupied, session)?;
-            place(config, &dataset, &occupied, session)?
-        }
-    };
-    trainer.add_seconds(start.elapsed().as_secs_f64());
-    let mut run = Run { args, session, files: &files, held_out: &held_out, watch, curve: Vec::new() };
-    run.train(&mut trainer, &interrupted)?;
-
-    let mut scene = trainer.unrounded_scene();
-    let cameras = model_cameras(&dataset, &scene.frame);
-    let extras = Extras::usual(trainer.config().seed);
-    let packing = |scene| Packing::new(scene, Metadata::default(), cameras.clone(), None, &extras, &session.console);
-    let max_bytes = trainer.config().max_file_bytes;
-    let is_free = trainer.config().background == TrainConfig::default().background;
-    let with_background = |mut scene: Scene| {
-        if is_free && scene.rules.sky.is_none() && is_opaque(&dataset) {
-            // Where no tensor is, training had a color for which no wall passes.
-            scene.frame.background = background_of(&scene, &dataset.views);
-        }
-        scene
-    };
-    let mut dead_components = None;
-    let mut finished = None;
-    if trainer.rounding().is_none() {
-        dead_components = (!args.keep_dead).then(|| trainer.prune_dead_components(&mut scene)).transpose()?;
-        let seen = with_background(scene.clone());
-        let bytes = encode_with_views(&seen, &cameras, args.encoding.factors(), output)?;
-        match max_bytes.filter(|&most| bytes.len() as u64 > most) {
-            None => finished = Some((seen, bytes)),
-            Some(most) => {
-                let steps = trainer.config().steps_for_size();
-                packing(scene).begin_for_size(&mut trainer, most, steps, output)?;
+impl Args {
+    /// The recipe of these arguments and of `config`. Checks that all output files can be written, before any work.
+    fn recipe(&self, config: TrainConfig, output: &Path, session: &Session) -> Result<Recipe, Error> {
+        check_scene_name(output)?;
+        Trained::check_output(output, session.force)?;
+        let checkpoint = match &self.checkpoint {
+            Some(path) => CheckpointFile::new(path),
+            None => CheckpointFile::beside(output),
+        };
+        if !self.resume {
+            checkpoint.check_new(session.force)?;
+            for path in [&self.log, &self.watch].into_iter().flatten() {
+                check_output(path, session.force)?;
             }
         }
+        Ok(Recipe {
+            prior: self.prior.prior()?,
+            fitting: self.fitting.fitting(),
+            keep_dead: self.keep_dead,
+            encoding: self.encoding.factors(),
+            checkpoint: Some(CheckpointFile { every: self.checkpoint_every, ..checkpoint }),
+            resume: self.resume,
+            ..Recipe::new(config)
+        })
     }
-    let (scene, bytes) = match finished {
-        Some(finished) => finished,
-        None => {
-            run.train(&mut trainer, &interrupted)?;
-            let scene = with_background(trainer.unrounded_scene());
-            let (scene, bytes, _) = packing(scene).finish_for_size(&trainer, max_bytes.unwrap_or(u64::MAX), output)?;
-            (scene, bytes)
-        }
-    };
-    write_atomically(output, &bytes, session.force)?;
-    if let Some(refined) = trainer.refined_cameras() {
-        refined_poses::write(&files.poses, &dataset.views, &refined, session)?;
-    }
-    files.state.remove()?;
-    Ok(Trained {
-        file: output,
-        bytes: bytes.len() as u64,
-        parameters: scene.nonzero_parameter_count(),
-        given_up: scene.parameter_count() - scene.nonzero_parameter_count(),
-        steps: trainer.steps_in_all(),
-        seconds: trainer.checkpoint().seconds,
-        scales: scale_table::rows(&scene),
-        dead_components,
-        curve: run.curve,
-    })
 }
 
 /// Up to [`HELD_OUT`] test views in `folder`, evenly spread.
@@ -214,48 +161,9 @@ fn watch(
     Watch::new(path.to_path_buf(), view, config.background)
 }
 
-/// The cameras of `dataset` in the space of the model of `frame`.
-fn model_cameras(dataset: &Dataset, frame: &Frame) -> Vec<TrainingCamera> {
-    let map = frame.model_from_dataset;
-    cameras(dataset).iter().map(|camera| TrainingCamera::from(&camera.mapped(&map))).collect()
-}
-
-/// The bytes of `scene`'s file: with viewpoints by the photographs' `cameras`, unless these are all around the scene.
-fn encode_with_views(
-    scene: &Scene,
-    cameras: &[TrainingCamera],
-    factors: Encoding,
-    path: &Path,
-) -> Result<Vec<u8>, Error> {
-    let turn = Turntable::of(scene, None, cameras);
-    let views = turn.map(|turn| turn.views(Turntable::POSES, Turntable::SECONDS));
-    let metadata = Metadata { views, ..Metadata::default() };
-    let bytes = container::encode_scene_file(scene, &metadata, &EncodeOptions::uniform(factors));
-    bytes.map_err(|e| Error::Runtime(format!("{}: {e}", path.display())))
-}
-
-/// One line on the photographs that are trained on.
-fn contents(dataset: &Dataset) -> String {
-    let Dataset { name, views, lost, left_out, .. } = dataset;
-    let largest = |extent: fn(&Camera) -> u32| views.iter().map(|view| extent(&view.camera)).max().unwrap_or(0);
-    let [width, height] = [largest(|camera| camera.width), largest(|camera| camera.height)];
-    let photographs = plural(views.len(), "photograph");
-    let mut text = format!("{name}: {photographs} to train on, {width}x{height} pixels at most");
-    let distorted = views.iter().filter(|view| !view.camera.lens.is_pinhole()).count();
-    let masked = views.iter().filter(|view| view.mask.is_some()).count();
-    for (count, what) in
-        [(distorted, "with a lens"), (masked, "with a mask"), (*lost, "without a pose"), (left_out.len(), "missing")]
-    {
-        if count > 0 {
-            text += &format!(", {count} {what}");
-        }
-    }
-    text
-}
-
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
-pub(super) struct Trained<'a> {
+pub(super) struct Report<'a> {
     file: &'a Path,
     pub(super) bytes: u64,
     /// Those in the file.
@@ -271,7 +179,22 @@ pub(super) struct Trained<'a> {
     curve: Vec<CurvePoint>,
 }
 
-impl Trained<'_> {
+impl<'a> Report<'a> {
+    fn new(file: &'a Path, trained: Trained, curve: Vec<CurvePoint>) -> Self {
+        let Trained { scene, bytes, steps, seconds, dead_components, .. } = trained;
+        Self {
+            file,
+            bytes: bytes.len() as u64,
+            parameters: scene.nonzero_parameter_count(),
+            given_up: scene.parameter_count() - scene.nonzero_parameter_count(),
+            steps,
+            seconds,
+            scales: scale_table::rows(&scene),
+            dead_components,
+            curve,
+        }
+    }
+
     fn text(&self) -> String {
         let table = scale_table::text(&self.scales);
         let dead = self.dead_components.as_ref().map_or_else(String::new, dead_text);
@@ -297,127 +220,4 @@ fn dead_text(dead: &DeadComponents) -> String {
         plural(tensors_dropped as usize, "empty tensor"),
         grouped(parameters_saved),
     )
-}
-
-/// A row of the log.
-#[derive(Clone, Copy, Serialize)]
-struct CurvePoint {
-    step: u64,
-    seconds: f64,
-    /// PSNR over the steps since the previous row.
-    train_psnr: f64,
-    test_psnr: Option<f64>,
-}
-
-/// A run with its checkpoints and its log.
-struct Run<'a> {
-    args: &'a Args,
-    session: &'a Session,
-    files: &'a Files,
-    held_out: &'a [View],
-    watch: Option<Watch>,
-    curve: Vec<CurvePoint>,
-}
-
-/// Maximum rows of the log, besides those of evaluations.
-const ROWS: u64 = 500;
-/// Maximum held-out views that an evaluation during the run renders.
-const HELD_OUT: usize = 20;
-
-impl Run<'_> {
-    fn train(&mut self, trainer: &mut Trainer<'_>, interrupted: &AtomicBool) -> Result<(), Error> {
-        let steps = trainer.config().steps;
-        let row_every = (steps / ROWS).max(1);
-        self.write_log()?;
-        let mut meter = Meter::start(&self.session.console, trainer);
-        let (mut error_sum, mut error_count) = (0.0, 0.0);
-        let mut since = Instant::now();
-        while trainer.steps_done() < steps {
-            let report = step(trainer)?;
-            meter.add(&report, trainer);
-            error_sum += report.mean_squared_error;
-            error_count += 1.0;
-            let step = report.step;
-            let stop = interrupted.load(Ordering::SeqCst) && step < steps;
-            let due = |every: Option<u64>| every.is_some_and(|n| step.is_multiple_of(n));
-            let evaluates = self.args.eval_every.is_some() && (due(self.args.eval_every) || step == steps);
-            let has_row = evaluates || due(Some(row_every)) || step == steps;
-            let shows = self.watch.as_ref().is_some_and(|watch| step == steps || watch.is_due());
-            if stop || due(self.args.checkpoint_every) || has_row || shows {
-                trainer.add_seconds(since.elapsed().as_secs_f64());
-                since = Instant::now();
-                if has_row {
-                    let test_psnr = evaluates.then(|| self.evaluate(&trainer.scene()));
-                    let train_psnr = psnr_of_mse(error_sum / error_count);
-                    let seconds = trainer.checkpoint().seconds;
-                    let step = trainer.steps_in_all();
-                    self.curve.push(CurvePoint { step, seconds, train_psnr, test_psnr });
-                    (error_sum, error_count) = (0.0, 0.0);
-                    self.write_log()?;
-                }
-                if let Some(watch) = self.watch.as_mut().filter(|_| shows) {
-                    meter.suspend(|| watch.show(trainer))?;
-                }
-                if stop || due(self.args.checkpoint_every) {
-                    self.files.state.write_training(trainer)?;
-                }
-                meter.skip(since.elapsed());
-                since = Instant::now();
-            }
-            if stop {
-                return Err(self.files.state.interrupted(&format!("step {step}")));
-            }
-        }
-        meter.finish();
-        Ok(())
-    }
-
-    /// The mean PSNR over the held-out views.
-    fn evaluate(&self, scene: &Scene) -> f64 {
-        let renderer = CpuRenderer::new(scene);
-        let background = scene.frame.background;
-        let psnrs: Vec<f64> = (self.held_out.iter())
-            .map(|view| {
-                let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
-                let size = [picture.width, picture.height];
-                let (photograph, mask) = (view.pixels.colors(background), view.mask.as_deref());
-                ViewReport::new(&view.name, size, &colors(&picture), &photograph, mask).map_or(f64::NAN, |r| r.psnr)
-            })
-            .collect();
-        psnrs.iter().sum::<f64>() / psnrs.len() as f64
-    }
-
-    fn write_log(&self) -> Result<(), Error> {
-        let Some(path) = &self.args.log else { return Ok(()) };
-        let mut text = String::from("step,seconds,train_psnr,test_psnr\n");
-        for row in &self.curve {
-            let test = row.test_psnr.map_or_else(String::new, |p| format!("{p:.3}"));
-            text += &format!("{},{:.1},{:.3},{test}\n", row.step, row.seconds, row.train_psnr);
-        }
-        // The start of the run checked that the file may be written.
-        write_atomically(path, text.as_bytes(), true)
-    }
-}
-
-/// The files of a run that change before its end.
-struct Files {
-    /// The checkpoint.
-    state: StateFile,
-    /// The refined poses.
-    poses: PathBuf,
-}
-
-impl Files {
-    /// Checks that all output files can be written, before any work.
-    fn new(args: &Args, output: &Path, session: &Session) -> Result<Self, Error> {
-        check_scene_name(output)?;
-        check_output(output, session.force)?;
-        let poses = beside(output, ".poses.json");
-        check_output(&poses, session.force)?;
-        let state = StateFile::new(args.checkpoint.as_deref(), output, args.resume, session)?;
-        for path in [&args.log, &args.watch].into_iter().flatten().filter(|_| !args.resume) {
-            check_output(path, session.force)?;
-        }
-        Ok(Self { state, poses })
-    }
 }

@@ -1,21 +1,14 @@
 //! Viewpoints: the cameras of a dataset, an orbit, one pose, or a path, all in the dataset's space.
 
-use std::f64::consts::TAU;
 use std::path::PathBuf;
-
-use glam::DVec3;
 
 use super::camera_path::{CameraPathOptions, Way, numbered};
 use super::dataset::DatasetOptions;
 use super::{Error, picture_size};
 use crate::dataset::{self, NamedCamera};
 use crate::geometry::{Aabb, Camera};
-use crate::model::{Frame, Scene, UpAxis};
-use crate::render::Turntable;
-
-/// Default horizontal field of view and elevation of an orbit, in degrees.
-const FOV: f64 = 40.0;
-const ELEVATION: f64 = 30.0;
+use crate::model::{Frame, Scene};
+use crate::render::{Orbit, Turntable};
 
 /// Viewpoints and their pictures.
 #[derive(Clone, Debug, clap::Args)]
@@ -118,38 +111,18 @@ impl Viewpoints {
 
     /// The focal length of a picture of `size`, in pixels.
     fn focal(&self, size: [u32; 2]) -> f64 {
-        Camera::focal_of_angle(size[0], self.fov.unwrap_or(FOV).to_radians())
+        Camera::focal_of_angle(size[0], self.fov.map_or(Orbit::default().horizontal_angle, f64::to_radians))
     }
 
     /// The first camera of an orbit with the defaults of the command line, for pictures of `size` of `scene`, in model
     /// space. Neither cameras nor viewpoints of the scene are known.
     pub(super) fn first_of_orbit(scene: &Scene, size: [u32; 2]) -> Camera {
         let turn = Turntable::of(scene, None, &[]);
-        Self::default_orbit(&scene.frame, &scene.bounds, turn.as_ref(), 1, size)[0]
-            .mapped(&scene.frame.model_from_dataset)
-    }
-
-    /// All `count` cameras of an orbit with those defaults, in the dataset's space.
-    pub(super) fn default_orbit(
-        frame: &Frame,
-        bounds: &Aabb,
-        turn: Option<&Turntable>,
-        count: u32,
-        size: [u32; 2],
-    ) -> Vec<Camera> {
-        let defaults = Self {
-            cameras: None,
-            orbit: Some(count),
-            pose: None,
-            path: CameraPathOptions::NONE,
-            downscale: 1,
-            dataset: DatasetOptions::default(),
-            size: None,
-            fov: None,
-            elevation: None,
-            radius: None,
-        };
-        defaults.circle(frame, bounds, turn, count, size)
+        if let Some(turn) = turn {
+            return turn.camera_at(0.0, size, turn.focal(size), turn.distance(), turn.elevation());
+        }
+        let cameras = Orbit::default().cameras(&scene.frame, &scene.bounds, 1, size);
+        cameras[0].mapped(&scene.frame.model_from_dataset)
     }
 
     /// `count` cameras evenly around the scene, or along `turn`.
@@ -170,50 +143,24 @@ impl Viewpoints {
             let camera = |n: u32| turn.camera_at(share(n), size, focal, distance, elevation);
             return (0..count).map(|n| camera(n).mapped(&dataset_from_model)).collect();
         }
-        let focal = self.focal(size);
-        let target = dataset_from_model.point(bounds.center());
-        let radius = self.radius.unwrap_or_else(|| orbit_radius(frame, bounds, size, focal));
-        // The first two span the horizon, the third points up.
-        let [ahead, aside, up] = match frame.up {
-            UpAxis::X => [DVec3::Y, DVec3::Z, DVec3::X],
-            UpAxis::Y => [DVec3::Z, DVec3::X, DVec3::Y],
-            UpAxis::Z => [DVec3::X, DVec3::Y, DVec3::Z],
-            UpAxis::MinusX => [DVec3::Z, DVec3::Y, -DVec3::X],
-            UpAxis::MinusY => [DVec3::X, DVec3::Z, -DVec3::Y],
-            UpAxis::MinusZ => [DVec3::Y, DVec3::X, -DVec3::Z],
+        let default = Orbit::default();
+        let orbit = Orbit {
+            horizontal_angle: self.fov.map_or(default.horizontal_angle, f64::to_radians),
+            elevation: self.elevation.map_or(default.elevation, f64::to_radians),
+            radius: self.radius,
         };
-        let (rise, level) = self.elevation.unwrap_or(ELEVATION).to_radians().sin_cos();
-        let camera = |n: u32| {
-            let (sin, cos) = (TAU * share(n)).sin_cos();
-            let direction = level * (cos * ahead + sin * aside) + rise * up;
-            Camera::looking_at(size, focal, target + radius * direction, target, up)
-        };
-        (0..count).map(camera).collect()
+        orbit.cameras(frame, bounds, count, size)
     }
-}
-
-/// The distance, in dataset units, at which the sphere around the scene's bounds fills the picture. It is clamped so
-/// that the bounds lie between the scene's near and far, if possible.
-fn orbit_radius(frame: &Frame, bounds: &Aabb, size: [u32; 2], focal: f64) -> f64 {
-    let reach = 0.5 * bounds.size().length();
-    let half_angle = (0.5 * f64::from(size[0].min(size[1])) / focal).atan();
-    let (nearest, farthest) = (frame.near + reach, frame.far - reach);
-    let radius = if nearest <= farthest {
-        (reach / half_angle.sin()).clamp(nearest, farthest)
-    } else {
-        0.5 * (frame.near + frame.far)
-    };
-    radius / frame.model_from_dataset.scale
 }
 
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use glam::DQuat;
+    use glam::{DQuat, DVec3};
 
     use super::*;
     use crate::geometry::Similarity;
-    use crate::model::ColorSpace;
+    use crate::model::{ColorSpace, UpAxis};
 
     #[derive(Parser)]
     struct Command {

@@ -5,6 +5,7 @@ mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod keyframes;
+mod orbit;
 mod pareto;
 mod reference;
 mod turntable;
@@ -13,6 +14,7 @@ mod upsample;
 pub use approximation::{Approximation, ApproximationError};
 pub use cpu::{CpuRenderer, TraceInfo};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
+pub use orbit::Orbit;
 pub use pareto::{ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
 pub use reference::{ReferenceRenderer, Trace};
 pub use turntable::{Gaze, Turntable};

@@ -1,21 +1,21 @@
 //! `strivec bench train`: training steps by stage.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
 use crate::cli::dataset::DatasetOptions;
+use crate::cli::observer::ConsoleObserver;
 use crate::cli::settings::Preset;
 use crate::cli::state_file::read_state;
 use crate::cli::table::plural;
-use crate::cli::training::begin;
 use crate::cli::{Error, Session, scene_file};
 use crate::dataset::{self, Dataset, View};
 use crate::measure::bench::{Measured, MemoryMark, at_rest, ball, ball_views, training_steps};
 use crate::model::Scene;
+use crate::recipe::Recipe;
 use crate::train::{TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
@@ -193,7 +193,9 @@ impl Subject<'_> {
     /// Trains on `dataset` and measures after the steps of `--at`.
     fn on_the_way(&self, dataset: &mut Dataset) -> Result<Vec<Point>, Error> {
         let memory = MemoryMark::set();
-        let mut trainer = begin(self.config.clone(), dataset, &AtomicBool::new(false), self.session)?;
+        let mut observer = ConsoleObserver::unstoppable(&self.session.console);
+        let start = Recipe::new(self.config.clone()).prepare(dataset, &mut observer)?;
+        let mut trainer = start.trainer(dataset, &mut observer)?;
         let mut stops = self.args.start.at.clone().unwrap_or_default();
         stops.sort_unstable();
         let mut points = Vec::new();

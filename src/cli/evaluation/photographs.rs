@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::cli::Error;
 use crate::cli::view_selection::ViewSelection;
-use crate::cli::{Error, refined_poses};
 use crate::dataset::{self, Dataset, LoadOptions, View};
+use crate::recipe::RefinedPoses;
 
 /// The selected views of a dataset.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,7 +38,7 @@ impl Photographs {
         if let Some(path) = &self.aligned_to {
             let all = LoadOptions { views: None, every: 1, ..options };
             let cameras = dataset::load_cameras(&self.dataset, "train", None, &all)?;
-            let (map, focal_scale) = refined_poses::alignment(path, &cameras)?;
+            let (map, focal_scale) = RefinedPoses::alignment(path, &cameras)?;
             for View { camera, .. } in &mut dataset.views {
                 *camera = camera.mapped(&map);
                 camera.focal = camera.focal.map(|focal| focal_scale * focal);

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
-use super::packaging::JUDGED;
 use crate::cli::{Error, Session};
 use crate::container;
 use crate::model::{Scale, Scene};
 use crate::pack::{Distortion, probe_views};
 use crate::psnr::psnr_of_mse;
+use crate::recipe::JUDGED;
 
 /// Arguments of `strivec-pack diff`.
 #[derive(Debug, clap::Args)]

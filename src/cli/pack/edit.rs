@@ -7,7 +7,6 @@ use glam::DQuat;
 use super::convert::rewrite;
 use super::encoding::{LayoutArgs, Plain};
 use super::input::Inputs;
-use super::packaging::{JUDGED, PROBED};
 use super::rewriting::{Edit, rewritten};
 use crate::cli::numbers::{boxed, numbers};
 use crate::cli::table::short;
@@ -15,6 +14,7 @@ use crate::cli::{Error, Session};
 use crate::container::{self, SceneFile};
 use crate::geometry::{Aabb, Similarity};
 use crate::pack::{self, probe_views};
+use crate::recipe::{JUDGED, PROBED};
 
 /// Inputs and outputs of edits.
 #[derive(Debug, clap::Args)]

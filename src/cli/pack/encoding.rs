@@ -1,8 +1,8 @@
 //! Options of encodings.
 
 use crate::cli::Error;
-use crate::container::{self, ArrayOptions, EncodeOptions, Encoding, FactorOptions, Filter, SceneFile};
-use crate::pack;
+use crate::container::{self, EncodeOptions, Encoding, FactorOptions, SceneFile};
+use crate::pack::{self, FileLayout, arranged};
 use clap::ValueEnum;
 
 /// Encodings that depend on the numbers alone.
@@ -45,9 +45,6 @@ impl Plain {
     }
 }
 
-/// The level of what is compressed if no other is asked for.
-const LEVEL: u8 = 19;
-
 /// How bodies are compressed, and scenes cut.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct LayoutArgs {
@@ -70,40 +67,10 @@ impl LayoutArgs {
         }
     }
 
-    /// True if every section is to be compressed anew.
-    pub(super) fn recompresses(&self) -> bool {
-        self.level.is_some()
+    /// The library's options.
+    pub(super) fn layout(&self) -> FileLayout {
+        FileLayout { level: self.level, chunk_tensors: self.chunk_tensors }
     }
-
-    /// `options` for a new file: compressed by default, in chunks of the default size.
-    pub(super) fn for_new(&self, options: EncodeOptions) -> Result<EncodeOptions, Error> {
-        let layout = Self { level: self.level.or(Some(LEVEL)), ..self.clone() };
-        layout.apply(EncodeOptions { chunks: Vec::new(), ..options }, true)
-    }
-
-    /// `options` with this level and chunk size. By default a file is compressed if it was, and keeps its chunks.
-    pub(super) fn apply(&self, options: EncodeOptions, was_compressed: bool) -> Result<EncodeOptions, Error> {
-        self.check()?;
-        let level = self.level.unwrap_or(if was_compressed { LEVEL } else { 0 });
-        let mut options = EncodeOptions { zstd_level: (level > 0).then_some(i32::from(level)), ..options };
-        if let Some(tensors) = self.chunk_tensors {
-            options.chunks.clear();
-            options.chunk_tensors = tensors as usize;
-        }
-        if self.recompresses() {
-            let factors = options.density.iter_mut().chain(&mut options.appearance).map(|factors| &mut factors.array);
-            for array in factors.chain([&mut options.networks]) {
-                *array = arranged(array.encoding, level > 0);
-            }
-        }
-        Ok(options)
-    }
-}
-
-/// `encoding`, floats in the arrangement that compresses best or, without compression, that can be mapped.
-fn arranged(encoding: Encoding, is_compressed: bool) -> ArrayOptions {
-    let best = ArrayOptions::best(encoding);
-    if is_compressed { best } else { ArrayOptions { filter: Filter::None, ..best } }
 }
 
 /// Options that write factors in `encoding`, and lose nothing of the rest of `file`. Factors that have this encoding stay as

@@ -85,7 +85,8 @@ pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Err
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let mut document = Folder(&args.input).document()?;
     let options = options_for(args.encoding, &mut document, true).map_err(|e| Error::container(&args.input, e))?;
-    let options = args.layout.for_new(options)?;
+    args.layout.check()?;
+    let options = args.layout.layout().for_new(options);
     let bytes = container::encode_scene_file(&document.scene, &document.metadata, &options)
         .map_err(|e| Error::container(&args.input, e))?;
     let output = outputs.write(&args.input, &bytes)?;

@@ -6,22 +6,19 @@ mod diff;
 mod edit;
 mod encoding;
 mod extract;
+mod extras;
 mod info;
 mod input;
 mod notes;
 mod package;
-mod packaging;
 mod rewriting;
 mod schema;
-mod showing;
 mod verify;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
-
-pub(super) use packaging::{Extras, JUDGED, PROBED, Packing};
 
 use super::session::{Globals, Session, run_call, run_command};
 use super::{Call, Error, removed};

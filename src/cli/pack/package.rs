@@ -6,14 +6,14 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use super::convert::warn_of_growth;
+use super::extras::Extras;
 use super::input::{self, Inputs, LimitArgs, Outputs};
-use super::packaging::{Extras, Packing};
 use crate::cli::dataset::DatasetOptions;
+use crate::cli::observer::ConsoleObserver;
 use crate::cli::progress::Progress;
 use crate::cli::scene_file::scene_error;
-use crate::cli::state_file::{StateFile, read_state};
+use crate::cli::state_file::{StateFile, read_state, run_steps};
 use crate::cli::table::plural;
-use crate::cli::training::run_steps;
 use crate::cli::{Error, Session, quantity};
 use crate::container::{EncodeOptions, Metadata, Quality, SceneFile, TrainingCamera};
 use crate::dataset::{self, Dataset, LoadOptions, View};
@@ -22,6 +22,7 @@ use crate::escape::escaped_path;
 use crate::model::Scene;
 use crate::pack::{self, Candidate, Goal, MAX_TRIED, search};
 use crate::psnr::psnr_of_mse;
+use crate::recipe::{PackOptions, Packing};
 use crate::train::{FactorImportance, TrainConfig, Trainer};
 
 /// Arguments of `strivec-pack pack`.
@@ -210,6 +211,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             "--tune keeps its state beside the output: give a file or a folder, and no --dry-run".into(),
         ));
     }
+    let options = args.extras.options()?;
     let interrupted = args.tuning.tune.as_ref().map(|_| session.interrupts()).transpose()?;
     let photographs = args.data.load()?;
     let mut rows = Vec::new();
@@ -222,18 +224,20 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
             // Corrections are fitted anew.
             options.network_steps.prefixes.clear();
         }
-        let packing = measured(document, args, photographs.as_ref(), session)?;
+        let packing = measured(document, args, photographs.as_ref(), &options)?;
         let mut state = None;
         let (bytes, quality) = match (lossless, &interrupted) {
             (Some(options), _) => {
                 let (scene, decoded) = (packing.scene.clone(), packing.scene.clone());
-                packing.finish(&Candidate::unmeasured(scene, decoded, options, bytes_before), path)?
+                let candidate = Candidate::unmeasured(scene, decoded, options, bytes_before);
+                let mut observer = ConsoleObserver::unstoppable(&session.console);
+                packing.finish(&candidate, &mut observer).map_err(Error::recipe(path))?
             }
             (None, Some(interrupted)) => {
                 let state = state.insert(StateFile::new(None, &outputs.path_of(path), args.tuning.resume, session)?);
                 tuned(&packing, args, state, interrupted, session, path)?
             }
-            (None, None) => pack(&packing, args, path)?,
+            (None, None) => pack(&packing, args, session, path)?,
         };
         let output = outputs.write(path, &bytes)?;
         state.map_or(Ok(()), |state| state.remove())?;
@@ -269,7 +273,7 @@ fn measured<'a>(
     document: SceneFile,
     args: &'a Args,
     photographs: Option<&'a (Vec<View>, String)>,
-    session: &'a Session,
+    options: &'a PackOptions,
 ) -> Result<Packing<'a>, Error> {
     let SceneFile { scene, mut metadata, .. } = document;
     let mut cameras = Vec::new();
@@ -279,17 +283,18 @@ fn measured<'a>(
         // A dataset may lack the training split.
         cameras = known;
     }
-    Ok(Packing::new(scene, metadata, cameras, photographs, &args.extras, &session.console))
+    Ok(Packing::new(scene, metadata, cameras, photographs, options))
 }
 
 /// The file without training, and what was measured of it.
-fn pack(packing: &Packing<'_>, args: &Args, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
-    let importance = packing.importance(&packing.scene);
-    let beside = |target| packing.bytes_beside(&importance, target, path);
-    let mut reserved = args.goal.target_size.map_or(Ok(0), beside)?;
+fn pack(packing: &Packing<'_>, args: &Args, session: &Session, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
+    let mut observer = ConsoleObserver::unstoppable(&session.console);
+    let importance = packing.importance(&packing.scene, &mut observer);
+    let beside = |target| packing.bytes_beside(&importance, target, &mut observer);
+    let mut reserved = args.goal.target_size.map_or(Ok(0), beside).map_err(Error::recipe(path))?;
     loop {
-        let candidate = find(packing, &args.goal, &importance, reserved, path)?;
-        let (bytes, quality) = packing.finish(&candidate, path)?;
+        let candidate = find(packing, &args.goal, &importance, reserved, session, path)?;
+        let (bytes, quality) = packing.finish(&candidate, &mut observer).map_err(Error::recipe(path))?;
         match args.goal.target_size.map(|target| bytes.len() as u64 - target.min(bytes.len() as u64)) {
             Some(excess) if excess > 0 => reserved += excess,
             _ => return Ok((bytes, quality)),
@@ -303,6 +308,7 @@ fn find(
     args: &GoalArgs,
     importance: &FactorImportance,
     reserved: u64,
+    session: &Session,
     path: &Path,
 ) -> Result<Candidate, Error> {
     // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
@@ -312,7 +318,7 @@ fn find(
         }
         _ => (&packing.own, goal(args, &packing.metadata)),
     };
-    let progress = Progress::start(packing.console, "encodings", MAX_TRIED as u64);
+    let progress = Progress::start(&session.console, "encodings", MAX_TRIED as u64);
     let (mut count, mut smallest) = (0, None);
     let mut tried = |candidate: &Candidate| {
         count += 1;
@@ -346,6 +352,7 @@ fn tuned(
         return Err(Error::Usage("--tune needs --target-size".into()));
     };
     let Dataset { views, .. } = dataset::load(folder, "train", &args.data.dataset.load_options(args.data.downscale))?;
+    let mut observer = ConsoleObserver::unstoppable(&session.console);
     let mut trainer = if args.tuning.resume {
         let (checkpoint, scene) = state.read_training()?;
         Trainer::resume(checkpoint, scene, &views)?
@@ -356,11 +363,13 @@ fn tuned(
         let config = TrainConfig { seed: args.extras.seed, ..config };
         let steps = args.tuning.tune_steps.unwrap_or_else(|| config.steps_for_size());
         let mut trainer = Trainer::new(config, packing.scene.clone(), &views)?;
-        packing.begin_for_size(&mut trainer, target, steps, path)?;
+        let begun = packing.begin_for_size(&mut trainer, target, steps, &mut observer);
+        begun.map_err(Error::recipe(path))?;
         trainer
     };
     run_steps(&mut trainer, state, None, interrupted, session)?;
-    let (_, bytes, quality) = packing.finish_for_size(&trainer, target, path)?;
+    let finished = packing.finish_for_size(&trainer, target, &mut observer);
+    let (_, bytes, quality) = finished.map_err(Error::recipe(path))?;
     Ok((bytes, quality))
 }
 

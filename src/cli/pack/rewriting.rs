@@ -33,7 +33,7 @@ pub(super) fn rewritten(
     let sections = container::sections(bytes).map_err(container_error)?.sections;
     let was_compressed = sections.iter().any(|section| section.codec != Codec::Stored);
     let options = options_for(edit.encoding, &mut after, was_compressed).map_err(container_error)?;
-    let options = edit.layout.apply(options, was_compressed)?;
+    let options = edit.layout.layout().apply(options, was_compressed);
     let SceneFile { scene, mut metadata, .. } = after;
     let decoded = match edit.encoding {
         Plain::Keep => None,
@@ -43,7 +43,7 @@ pub(super) fn rewritten(
     if *seen != before.scene {
         forget_measurements(&mut metadata, seen, path, edit.session);
     }
-    let written = if edit.layout.recompresses() {
+    let written = if edit.layout.layout().recompresses() {
         container::encode_scene_file(&scene, &metadata, &options)
     } else {
         let original = Original { bytes, scene: &before.scene, metadata: &before.metadata, encoding: &before.encoding };

@@ -9,16 +9,17 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub(super) use inputs::Inputs;
-use inputs::NEVER;
 use shaping::Shaping;
 
 use super::error::with_flags;
+use super::observer::ConsoleObserver;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
 use crate::cli::dataset::DatasetOptions;
 use crate::dataset;
 use crate::escape::escaped_path;
 use crate::prior::{self, Counts};
+use crate::recipe;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -94,11 +95,13 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let Some(output) = &args.output else { return Err(Error::Usage("give --output".into())) };
     check_output(output, session.force)?;
-    let built = inputs::build(&args.inputs, &args.shaping, &NEVER, session)?;
+    let mut observer = ConsoleObserver::unstoppable(&session.console);
+    let built = recipe::build_prior(&args.inputs, &args.shaping.options()?, &mut observer)?;
     let sight = match &args.data {
         Some(folder) => {
             let cameras = dataset::load_cameras(folder, "train", None, &args.dataset.load_options(1))?;
-            Some(inputs::check_sight(&built.boxes, cameras.into_iter().map(|named| named.camera), session))
+            let cameras: Vec<_> = cameras.into_iter().map(|named| named.camera).collect();
+            Some(recipe::check_sight(&built.boxes, &cameras, &mut observer))
         }
         None => None,
     };

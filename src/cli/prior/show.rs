@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::inputs::{NEVER, build};
 use super::shaping::Shaping;
 use crate::cli::error::with_flags;
+use crate::cli::observer::ConsoleObserver;
 use crate::cli::table::{plural, short};
 use crate::cli::view_selection::ViewSelection;
 use crate::cli::{Error, Session, check_output, write_atomically};
@@ -15,6 +15,7 @@ use crate::escape::escaped_path;
 use crate::geometry::Camera;
 use crate::measure::{Canvas, color_png, side_by_side, stacked};
 use crate::prior::{self, Built, PriorVisibility, Shading, SparseVoxelTree};
+use crate::recipe;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -71,7 +72,11 @@ struct Shown<'a> {
 /// Writes the sheet.
 pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     check_output(&args.out, session.force)?;
-    let Built { boxes, colors, .. } = build(&args.inputs, &args.shaping, &NEVER, session)?;
+    let Built { boxes, colors, .. } = recipe::build_prior(
+        &args.inputs,
+        &args.shaping.options()?,
+        &mut ConsoleObserver::unstoppable(&session.console),
+    )?;
     let mut options = args.selection.options(args.downscale);
     if options.views.is_none() && options.every == 1 {
         let count = dataset::load_cameras(&args.data, &args.split, None, &options)?.len();

@@ -12,8 +12,7 @@ use report::{Report, ScaleUse};
 
 use super::output::check_scene_name;
 use super::settings::{Basics, Precision, Preset};
-use super::state_file::StateFile;
-use super::training::run_steps;
+use super::state_file::{StateFile, run_steps};
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
 use crate::container::{self, EncodeOptions, Metadata};
 use crate::dataset;

@@ -1,11 +1,11 @@
 //! The scene as decoded from other encodings.
 
 use super::sweep::Source;
-use crate::cli::pack::{JUDGED, PROBED};
 use crate::cli::{Error, Session};
 use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use crate::model::Scene;
 use crate::pack::{Distortion, Goal, balance, probe_views, search};
+use crate::recipe::{JUDGED, PROBED};
 
 /// Encodings that treat all factors alike, and their names.
 const PLAIN: [(&str, Encoding); 3] =

@@ -1,13 +1,10 @@
-//! Default views and thumbnail of a packed file.
+//! Viewpoints and thumbnail of a file.
 
-use crate::cli::Error;
-use crate::cli::render::colors;
-use crate::cli::viewpoints::Viewpoints;
 use crate::container::{Pose, Thumbnail, ThumbnailFormat, TrainingCamera, Views};
 use crate::geometry::Viewpoint;
-use crate::measure::color_jpeg;
+use crate::measure::{self, color_jpeg};
 use crate::model::Scene;
-use crate::render::{CpuRenderer, Renderer, Turntable};
+use crate::render::{CpuRenderer, Orbit, Renderer, Turntable};
 
 /// Edge of a thumbnail in pixels.
 const THUMBNAIL: u32 = 256;
@@ -21,7 +18,7 @@ pub(super) fn default_views(scene: &Scene, cameras: &[TrainingCamera]) -> Views 
     if let Some(turn) = Turntable::of(scene, None, cameras) {
         return turn.views(count, seconds);
     }
-    let cameras = Viewpoints::default_orbit(&scene.frame, &scene.bounds, None, count, [THUMBNAIL; 2]);
+    let cameras = Orbit::default().cameras(&scene.frame, &scene.bounds, count, [THUMBNAIL; 2]);
     let path: Vec<Pose> =
         cameras.iter().map(|camera| Pose::from(&camera.mapped(&scene.frame.model_from_dataset))).collect();
     let angle_of_view = 2.0 * (0.5 * f64::from(THUMBNAIL) / cameras[0].focal[1]).atan();
@@ -29,11 +26,12 @@ pub(super) fn default_views(scene: &Scene, cameras: &[TrainingCamera]) -> Views 
 }
 
 /// The picture from the initial pose of `views`.
-pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, Error> {
+pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, measure::Error> {
     let Pose { position, rotation } = views.first;
     let camera = Viewpoint { position, rotation, vertical_angle: views.angle_of_view }.camera([THUMBNAIL; 2]);
     let picture = CpuRenderer::<f32>::new(scene).render(&camera);
     let size = [picture.width, picture.height];
-    let file = color_jpeg(size, &colors(&picture), JPEG_QUALITY)?;
+    let colors: Vec<[f32; 3]> = picture.pixels.iter().map(|pixel| pixel.color).collect();
+    let file = color_jpeg(size, &colors, JPEG_QUALITY)?;
     Ok(Thumbnail { format: ThumbnailFormat::Jpeg, size: size.map(|n| n as u16), file })
 }
