@@ -1,4 +1,4 @@
-//! The same photographs in each layout: cameras, splits, masks, missing pictures, and everything that can be wrong.
+//! One set of photographs in each layout: cameras, splits, masks, missing pictures, and everything that can be wrong.
 #![cfg(feature = "toolkit")]
 
 use std::fs;

@@ -36,7 +36,7 @@ fn ball() -> Scene {
     ball_of(FactorKind::Cp)
 }
 
-/// The same with components of this kind.
+/// A ball of two scales with components of this kind, partly opaque, small as a file.
 fn ball_of(factors: FactorKind) -> Scene {
     let scale = |pitch: f64, resolution, density_rank, appearance_rank| ScaleConfig {
         whole_scene: false,

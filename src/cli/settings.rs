@@ -226,7 +226,7 @@ impl Fitting {
         Ok((config, occupied, reasons))
     }
 
-    /// The same, with the reasons as messages.
+    /// Fits `config` to the budget and prints as messages what was given up.
     pub(super) fn fit(
         &self,
         config: TrainConfig,

@@ -29,7 +29,7 @@ enum Encoder {
 }
 
 impl Format {
-    /// By the extension of `file`.
+    /// The format by the extension of `file`.
     fn from_path(path: &Path) -> Result<Self, Error> {
         let is = |known: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(known));
         if is("mp4") {

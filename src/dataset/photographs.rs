@@ -39,11 +39,11 @@ pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset
 }
 
 /// The cameras of the same photographs in the same order; no picture is decoded. `size` (columns and rows, before
-/// downscaling) is for datasets that do not say how large their pictures are.
+/// downscaling) is for datasets without the size of their pictures.
 ///
 /// # Errors
 ///
-/// As [`load`]'s, but for pictures; and if no size is known.
+/// The errors of [`load`], but for pictures; and if no size is known.
 pub fn load_cameras(
     folder: &Path,
     split: &str,
@@ -57,7 +57,7 @@ pub fn load_cameras(
 ///
 /// # Errors
 ///
-/// As [`load_cameras`]'.
+/// The errors of [`load_cameras`].
 pub fn load_transforms_cameras(
     json: &Path,
     size: Option<[u32; 2]>,
@@ -71,7 +71,7 @@ pub fn load_transforms_cameras(
 ///
 /// # Errors
 ///
-/// As [`load`]'s, but for pictures.
+/// The errors of [`load`], but for pictures.
 pub fn fitting_downscale(folder: &Path, split: &str, options: &LoadOptions) -> Result<(u32, u64), Error> {
     let options = LoadOptions { downscale: 1, ..options.clone() };
     let capture = capture(folder, split, &options)?;

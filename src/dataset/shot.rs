@@ -43,7 +43,7 @@ impl Split {
     /// All splits.
     pub(super) const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
 
-    /// Its name on the command line.
+    /// Name of the split on the command line.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Train => "train",
@@ -67,7 +67,7 @@ pub(super) struct Intrinsics {
     /// Columns and rows of the pictures that the numbers are for; `None` if they are for any picture's own size.
     pub(super) size: Option<[u32; 2]>,
     pub(super) focal: Focal,
-    /// In pixels; `None` for the picture's middle.
+    /// Principal point, in pixels; `None` for the picture's middle.
     pub(super) principal: [Option<f64>; 2],
     pub(super) lens: Lens,
 }
@@ -75,9 +75,9 @@ pub(super) struct Intrinsics {
 /// How a layout states the focal length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Focal {
-    /// In pixels along columns and rows.
+    /// Focal lengths in pixels, along columns and rows.
     Pixels([f64; 2]),
-    /// By the angles, in radians, that the picture's width and height span; without the second, pixels are square.
+    /// The angles, in radians, that the picture's width and height span; without the second, pixels are square.
     Angles(f64, Option<f64>),
     /// The whole sphere, as wide as the picture.
     Panorama,

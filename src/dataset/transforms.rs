@@ -101,7 +101,7 @@ pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<
 ///
 /// # Errors
 ///
-/// Those of the JSON file.
+/// If the JSON file cannot be read or breaks a rule of its layout.
 pub fn depth_maps(json: &Path) -> Result<Vec<DepthMap>, Error> {
     Transforms::read(json)?.depth_maps(json)
 }

@@ -44,14 +44,14 @@ struct Cube {
 pub(super) struct Span<T> {
     /// True if samples in it count.
     pub(super) occupied: bool,
-    /// Its approximate length along the path, in model units or, along a line, in steps.
+    /// Approximate length of the span along the path, in model units or, along a line, in steps.
     pub(super) distance: T,
 }
 
 /// A straight path, in cells. Its samples are a step apart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line<T> {
-    /// Where its first sample is.
+    /// Position of the first sample, in cells.
     first: [T; 3],
     /// The way from a sample to the next.
     per_step: [T; 3],

@@ -66,8 +66,9 @@ impl<T: Real> Field<T> {
         self.select_some_shaded(samples, 0, usize::MAX, roulette, shaded);
     }
 
-    /// As [`Field::select_shaded`], for the most rays from `first_ray` on that together have at most `max_shaded`
-    /// shaded samples, but at least one ray. Returns the number of rays. `shaded` counts rays from `first_ray`.
+    /// Selects shaded samples like [`Field::select_shaded`], for the most rays from `first_ray` on that together have
+    /// at most `max_shaded` shaded samples, but at least one ray. Returns the number of rays. `shaded` counts rays from
+    /// `first_ray`.
     #[inline(always)]
     pub fn select_some_shaded(
         &self,

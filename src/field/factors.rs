@@ -171,19 +171,19 @@ pub struct Contribution<T> {
 /// Which components of a tensor a field holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Holding {
-    /// Those that are not zero.
+    /// Components that are not zero.
     Nonzero,
-    /// All up to the last that is not zero, so that they are the first of the scale.
+    /// All components up to the last that is not zero, so that they are the first of the scale.
     UpToLast,
 }
 
 impl<T: Real> FieldFactors<T> {
-    /// The components of `block`, of tensors of `resolution` cells, that `holding` says.
+    /// The components of `block`, of tensors of `resolution` cells, that `holding` selects.
     pub(super) fn new(holding: Holding, block: &Block, resolution: [u32; 3]) -> Self {
         Self::without(holding, block, resolution, |_, _| false)
     }
 
-    /// As [`FieldFactors::new`]; the components of a tensor for which `is_zero`(tensor, component) count as zero.
+    /// Holds components like [`FieldFactors::new`]; those for which `is_zero`(tensor, component) count as zero.
     pub(crate) fn without(
         holding: Holding,
         block: &Block,
@@ -245,7 +245,7 @@ impl<T: Real> FieldFactors<T> {
         &self.values[..self.held.value_count()]
     }
 
-    /// As [`FieldFactors::values`], to change.
+    /// \[tensor\]\[row\]\[held component\] the factors, to change.
     pub fn values_mut(&mut self) -> &mut [T] {
         let count = self.held.value_count();
         &mut self.values[..count]
@@ -414,7 +414,7 @@ pub(super) struct Vectors<T: Real, S: Simd> {
 pub(super) struct VectorAndMatrix<T: Real, S: Simd> {
     /// The lower of two rows of the vector, and of those of the matrix at the lower and the upper vertex of its second axis.
     lower: [*const T; 3],
-    /// Those of the vector and of the axes of the matrix.
+    /// Fractions between two vertices along the axis of the vector and the two axes of the matrix.
     fractions: [T::Register<S>; 3],
 }
 
@@ -432,7 +432,7 @@ unsafe fn between<T: Real, S: Simd>(
     fraction: T::Register<S>,
 ) -> T::Register<S> {
     let lower = lower.wrapping_add(first);
-    // SAFETY: The caller says so.
+    // SAFETY: The caller guarantees it.
     let (lower, upper) = unsafe {
         let upper = lower.wrapping_add(rank);
         (lower.cast::<T::Register<S>>().read_unaligned(), upper.cast::<T::Register<S>>().read_unaligned())
@@ -445,7 +445,7 @@ impl<T: Real, S: Simd> Factorized<T, S> for Vectors<T, S> {
     unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
         let mut product = weight;
         for a in 0..3 {
-            // SAFETY: The caller says so.
+            // SAFETY: The caller guarantees it.
             let value = unsafe { between(simd, self.lower[a], rank, first, self.fractions[a]) };
             product = T::times(simd, product, value);
         }
@@ -457,7 +457,7 @@ impl<T: Real, S: Simd> Factorized<T, S> for VectorAndMatrix<T, S> {
     #[inline(always)]
     unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
         let [of_vector, of_first, of_second] = self.fractions;
-        // SAFETY: The caller says so.
+        // SAFETY: The caller guarantees it.
         let (vector, lower, upper) = unsafe {
             (
                 between(simd, self.lower[0], rank, first, of_vector),

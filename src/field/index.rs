@@ -54,7 +54,7 @@ impl<T: Real> CellIndex<T> {
         Self::within(cloud, origin, u64::MAX).expect("no limit")
     }
 
-    /// As [`Self::new`]; `None` if it takes more than `memory` bytes.
+    /// The index of `cloud`, as [`Self::new`] makes it; `None` if it takes more than `memory` bytes.
     pub(crate) fn within(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Option<Self> {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };

@@ -138,8 +138,8 @@ impl<T: Real> Field<T> {
         steps.saturating_mul(sample as u64)
     }
 
-    /// As [`Field::new`], but takes each scale's factors out of `scene` as soon as they are converted, which keeps about one
-    /// copy of them in memory at any time.
+    /// The field of `scene` like [`Field::new`], but takes each scale's factors out of `scene` as soon as they are
+    /// converted, which keeps about one copy of them in memory at any time.
     pub fn taking(scene: &mut Scene) -> Self {
         let taken = |scale: &mut Scale| {
             let factors = held_factors(scale);

@@ -15,7 +15,7 @@ use crate::model::{Aggregation, MAX_TOP_K};
 /// The neighbors found for a batch of samples, and scratch.
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
-    /// Those of all samples are appended to these.
+    /// Contributions of all samples found so far; those of the next are appended.
     contributions: &'a mut Contributions<T>,
     /// \[scale × samples + sample\] the sample's neighbors.
     neighborhoods: &'a mut Vec<Neighborhood>,

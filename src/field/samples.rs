@@ -20,7 +20,7 @@ pub struct Samples<T> {
     pub transmittances: Vec<T>,
     /// \[slot × scales + scale\] the sample's neighbors in that scale.
     pub(super) neighborhoods: Vec<Neighborhood>,
-    /// Those of a sample and a scale are together.
+    /// Contributions of all samples; those of a sample and a scale are adjacent.
     pub(super) contributions: Contributions<T>,
     /// \[ray\] the ray's first index in `order`; then the length of `order`.
     pub ray_starts: Vec<u32>,

@@ -133,7 +133,7 @@ impl<T: Real> FieldScale<T> {
         self.density.iter().chain(&self.appearance)
     }
 
-    /// As [`FieldScale::blocks`], to change.
+    /// The blocks of density, then those of appearance, to change.
     pub fn blocks_mut(&mut self) -> impl Iterator<Item = &mut FieldFactors<T>> {
         self.density.iter_mut().chain(&mut self.appearance)
     }

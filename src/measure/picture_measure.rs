@@ -12,7 +12,7 @@ pub enum PictureMeasure {
 }
 
 impl PictureMeasure {
-    /// Its name in results: `ssim_3dgs`, `lpips_vgg`.
+    /// Name of the measure in results: `ssim_3dgs`, `lpips_vgg`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Ssim(SsimConvention::Nerf) => "ssim_nerf",

@@ -63,7 +63,7 @@ impl ViewReport {
     ///
     /// # Errors
     ///
-    /// Those of [`PictureMeasure::of`].
+    /// The errors of [`PictureMeasure::of`].
     pub fn add(
         &mut self,
         measures: &[PictureMeasure],

@@ -29,7 +29,7 @@ pub trait Painter: Sized {
     ///
     /// # Errors
     ///
-    /// As [`Painter::new`].
+    /// The errors of [`Painter::new`].
     fn approximate(
         &mut self,
         device: &Self::Device,
@@ -117,7 +117,7 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// # Errors
     ///
-    /// As [`Painter::new`].
+    /// The errors of [`Painter::new`].
     pub fn new(step: Step, device: &P::Device, approximation: &Approximation) -> Result<Self, GpuError> {
         let Step { file, contents, scales, is_whole } = step;
         let facts = facts(&file, &contents, contents.file_length);
@@ -157,7 +157,7 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// # Errors
     ///
-    /// As [`Painter::approximate`].
+    /// The errors of [`Painter::approximate`].
     pub fn approximate(&mut self, device: &P::Device, approximation: &Approximation) -> Result<(), GpuError> {
         self.painter.approximate(device, &self.scene, &self.prefixes, approximation)?;
         self.drawing = None;

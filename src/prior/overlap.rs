@@ -21,7 +21,7 @@ pub(super) struct Parallelepiped {
 
 /// A convex body that [`meets`] a box or does not.
 pub(super) trait Convex {
-    /// Its corners.
+    /// Corners of the body.
     fn corners(&self) -> &[DVec3];
 
     /// The smallest axis-aligned box that contains it.

@@ -57,7 +57,7 @@ pub(super) struct OwnThresholds {
 }
 
 impl OwnThresholds {
-    /// Those of `rules`.
+    /// The thresholds of `rules`.
     pub(super) fn of(rules: &Rules) -> Self {
         Self { min_weight: rules.min_weight, min_transmittance: rules.min_transmittance }
     }

@@ -115,7 +115,7 @@ impl<T: Real> CpuRenderer<T> {
         self.field.parameter_bytes() + self.density_cache_bytes().unwrap_or(0)
     }
 
-    /// As [`Renderer::trace`], with sample counts and, if `has_normals`, normals.
+    /// The pixels of `rays`, as [`Renderer::trace`] returns them, with sample counts and, if `has_normals`, normals.
     pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
         map_chunks(
             rays,
@@ -227,7 +227,7 @@ impl<T: Real> CpuRenderer<T> {
         (left, T::one() + (remaining - left + skipped) / shaded)
     }
 
-    /// As [`Renderer::render`], with time and counts by stage.
+    /// Renders like [`Renderer::render`], and returns time and counts by stage as well.
     pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];

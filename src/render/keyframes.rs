@@ -29,7 +29,7 @@ pub enum KeyframesError {
     /// Invalid JSON, or JSON of another layout. The source names line and column.
     #[error("not the JSON of a camera path: {0}")]
     Json(#[from] serde_json::Error),
-    /// Another format.
+    /// The key `format` has another value.
     #[error("`format` must be {FORMAT:?}, but is {0:?}")]
     Format(String),
     /// A version that this build does not support.

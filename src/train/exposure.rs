@@ -42,7 +42,7 @@ const FITTED_FROM: f64 = 0.05;
 const DECIDED_AT: f64 = 0.1;
 /// Steps between two fits.
 const FIT_EVERY: u64 = 10;
-/// By how much an older step counts less than the next one.
+/// The factor by which an older step counts less than the next one.
 const FADING: f64 = 0.99;
 /// The weight of the identity in a fit, in rays.
 const RIDGE: f64 = 20.0;
@@ -60,7 +60,7 @@ pub struct Exposures {
 }
 
 impl Exposures {
-    /// Those of `views` photographs, not known yet.
+    /// The exposures of `views` photographs, not known yet.
     pub(super) fn new(setting: Exposure, views: usize) -> Self {
         Self { setting, sums: vec![ColorFit::default(); views], maps: Vec::new() }
     }

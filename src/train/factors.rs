@@ -208,7 +208,7 @@ impl<'a, T: Real> BlockGeometry<'a, T> {
         field.scales.iter().map(&mut of_scale).collect()
     }
 
-    /// The same, of tensors with these centers.
+    /// The geometry of this block's tensors with these centers.
     pub(super) fn at<'b>(self, centers: &'b [[T; 3]]) -> BlockGeometry<'b, T>
     where
         'a: 'b,

@@ -48,7 +48,7 @@ impl Trainer<'_> {
         self.checkpoint.rounding.as_ref()
     }
 
-    /// The same, to change the loss of a bit.
+    /// How factors are rounded, if they are, to change the loss of a bit.
     pub fn rounding_mut(&mut self) -> Option<&mut Rounding> {
         self.checkpoint.rounding.as_mut()
     }

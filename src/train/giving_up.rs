@@ -1,4 +1,4 @@
-//! The rounds in which a run gives up components and cells; `lean.rs` tells which.
+//! The rounds in which a run gives up components and cells; `lean.rs` chooses them.
 
 use super::lean::{self, Kept, Ranking, Worth};
 use super::{Checkpoint, RayBatch, Trainer, march_step, upsample};
@@ -17,7 +17,7 @@ impl Trainer<'_> {
         self.measuring_rays(&self.field).psnr(&self.field)
     }
 
-    /// As [`Trainer::psnr`], of another `scene`.
+    /// PSNR of another `scene` on the rays of [`Trainer::psnr`], in dB.
     pub fn psnr_of(&self, scene: &Scene) -> f64 {
         let field = Field::new(scene);
         self.measuring_rays(&field).psnr(&field)

@@ -99,7 +99,7 @@ pub(super) struct Ranking {
 
 /// A component that can be given up.
 struct Candidate {
-    /// Its worth, in dB of PSNR per parameter.
+    /// Worth of the component, in dB of PSNR per parameter.
     worth: f64,
     /// Scale, block, tensor; and the component.
     index: [usize; 3],

@@ -14,7 +14,7 @@ const LARGEST: f32 = ((1 << (NETWORK_BITS - 1)) - 1) as f32;
 /// The unrounded shared weights of a trainer, without the sky's coefficients, which no file rounds.
 #[derive(Debug)]
 pub(super) struct UnroundedNetworks {
-    /// In the order of the flat vector ([`super::NetworkLayout`]).
+    /// Unrounded weights, in the order of the flat vector ([`super::NetworkLayout`]).
     values: Vec<f32>,
     /// \[row\] the length of each group that has one step in a file (spec 3.3), in the same order.
     rows: Vec<usize>,

@@ -24,7 +24,7 @@ pub fn estimate_occupancy<T: Real>(field: &Field<T>, cell: DVec3) -> Occupancy {
     occupancy
 }
 
-/// As [`estimate_occupancy`], as tight as its vertices allow: on the cells that have an opacity over one step, with the
+/// An occupancy as tight as its vertices allow: on the cells that have an opacity over one step, with the
 /// distance scale, of at least `min_alpha` at any of eight points in them, half a cell apart. A vertex occupies the eight
 /// cells around it, so few others are occupied beside them.
 pub(super) fn tight_occupancy<T: Real>(field: &Field<T>, cell: DVec3, min_alpha: f64) -> Occupancy {

@@ -12,7 +12,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Those of photographs of these widths and heights.
+    /// The blocks of photographs of these widths and heights, in pixels.
     pub(super) fn new(sizes: impl Iterator<Item = [u32; 2]>) -> Self {
         let mut blocks = Self::default();
         for size in sizes {

@@ -40,7 +40,7 @@ pub enum PrepareError {
 ///
 /// # Errors
 ///
-/// As [`prior::coarse::reconstruct`].
+/// The errors of [`prior::coarse::reconstruct`].
 pub fn reconstruct_prior(
     config: &TrainConfig,
     dataset: &Dataset,
@@ -86,7 +86,7 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
 ///
 /// # Errors
 ///
-/// As [`place_scene`].
+/// The errors of [`place_scene`].
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
@@ -108,7 +108,7 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
 ///
 /// # Errors
 ///
-/// As [`place_scene`].
+/// The errors of [`place_scene`].
 pub fn with_far_cells(
     config: &TrainConfig,
     dataset: &Dataset,

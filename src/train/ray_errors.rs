@@ -28,7 +28,7 @@ pub(super) struct DrawnPixel {
 }
 
 impl RayErrors {
-    /// Those of `blocks` blocks, not known yet.
+    /// The errors of `blocks` blocks of pixels, not known yet.
     pub(super) fn unknown(blocks: usize) -> Self {
         Self(vec![-1.0; blocks])
     }

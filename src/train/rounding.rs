@@ -25,11 +25,11 @@ pub struct Rounding {
     pub(super) codes: Vec<Vec<Vec<u8>>>,
     /// The loss of a bit, in mean squared error.
     pub bit: f64,
-    /// That at the start.
+    /// The loss of a bit at the start.
     pub first_bit: f64,
     /// The bytes that the scene should have, without metadata.
     pub goal: u64,
-    /// Those that it had at the start.
+    /// The bytes that the scene had at the start, without metadata.
     pub start: u64,
 }
 

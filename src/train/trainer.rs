@@ -136,7 +136,7 @@ impl<'a> Trainer<'a> {
         self.checkpoint.restart(&self.field);
     }
 
-    /// As [`Trainer::continue_from`], counting steps from 0 again.
+    /// Continues with `scene` like [`Trainer::continue_from`], counting steps from 0 again.
     pub(super) fn restart_from(&mut self, scene: Scene, steps: u64) {
         self.steps_before += self.checkpoint.step;
         self.checkpoint.step = 0;
@@ -159,7 +159,7 @@ impl<'a> Trainer<'a> {
         self.checkpoint.step
     }
 
-    /// Those, and the steps of the trainings before this run.
+    /// Steps of this run and of the trainings that it continues.
     pub fn steps_in_all(&self) -> u64 {
         self.steps_before + self.checkpoint.step
     }

@@ -14,7 +14,7 @@ fn constant(feature: f64, mode: DecoderMode) -> Scene {
     constant_of(FactorKind::Cp, feature, mode)
 }
 
-/// The same with factors of this kind.
+/// A tensor of factors of this kind whose density feature is `feature` everywhere.
 fn constant_of(kind: FactorKind, feature: f64, mode: DecoderMode) -> Scene {
     let root = match kind {
         FactorKind::Cp => feature.abs().cbrt(),

@@ -12,7 +12,7 @@ use crate::render::TRADE_NOTE;
 
 /// How edited files are written.
 pub(super) struct Edit<'a> {
-    /// Of the factors.
+    /// Encoding of the factors.
     pub(super) encoding: Plain,
     pub(super) layout: &'a LayoutArgs,
     pub(super) session: &'a Session,

@@ -151,7 +151,7 @@ struct Resized {
     scene: Scene,
     /// dB on training rays, before and after.
     psnr: [f64; 2],
-    /// Those of growing.
+    /// Rounds of growing; empty for shrinking.
     rounds: Vec<GrowRound>,
     /// Why the scene is the one before, if it is.
     unchanged: Option<&'static str>,

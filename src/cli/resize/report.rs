@@ -16,11 +16,11 @@ use crate::train::GrowRound;
 pub(super) struct Report<'a> {
     pub(super) file: &'a Path,
     pub(super) bytes: u64,
-    /// Before and after.
+    /// Number of parameters before and after.
     pub(super) parameters: [u64; 2],
     /// dB on training rays, before and after.
     pub(super) psnr: [f64; 2],
-    /// Those of growing.
+    /// Rounds of growing; empty for shrinking.
     pub(super) rounds: Vec<GrowRound>,
     pub(super) scales: Vec<[ScaleUse; 2]>,
     /// Cells of space, grouped by the colors that the photographs show there.

@@ -35,7 +35,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 ///
 /// # Errors
 ///
-/// As [`read`].
+/// The errors of [`read`].
 pub fn read_normals(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     read_after(Before::named(&["x", "y", "z", "nx", "ny", "nz"]), input, options, visitor)
 }
@@ -44,7 +44,7 @@ pub fn read_normals(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut 
 ///
 /// # Errors
 ///
-/// As [`read`].
+/// The errors of [`read`].
 pub fn read_colors(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     read_after(Before::named(&["x", "y", "z", "r", "g", "b"]), input, options, visitor)
 }

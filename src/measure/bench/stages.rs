@@ -42,7 +42,7 @@ impl Bound {
 /// One stage of a step or a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageRow {
-    /// Its name.
+    /// Name of the stage.
     pub stage: &'static str,
     /// Core milliseconds: summed over threads.
     pub core_ms: f64,
@@ -77,7 +77,7 @@ pub struct Total {
     pub gflop: f64,
     /// Time of these operations on all threads at the peak.
     pub flop_limit_ms: f64,
-    /// That time as a share of the wall time.
+    /// Time of the operations at the peak, as a share of the wall time.
     pub flop_share: f64,
     /// Share of wall time × threads that the stages need if each reaches the nearer of its limits, arithmetic or memory
     /// bandwidth. A stage above the memory bandwidth counts as being at it.

@@ -41,7 +41,7 @@ pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareErro
 ///
 /// # Errors
 ///
-/// As [`ball`]'s.
+/// The errors of [`ball`].
 pub fn ball_on(boxes: &VoxelBoxes, config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareError> {
     let mut config = config.clone();
     for scale in &mut config.scales {

@@ -59,7 +59,7 @@ impl Gpu {
         Ok(Self { device, queue, info, adapter, is_software, uncaptured_error })
     }
 
-    /// The same device, with the shaders of a graphics processor also if it is a software device. Pictures stay the same;
+    /// This device, with the shaders of a graphics processor also if it is a software device. Pictures stay the same;
     /// for tests.
     #[must_use]
     pub fn as_hardware(self) -> Self {

@@ -73,7 +73,7 @@ impl GpuRenderer {
         Self::with_limits(gpu, scene, approximation, precision, gpu.scene_limits())
     }
 
-    /// As [`GpuRenderer::new`], within `limits`.
+    /// Prepares `scene` like [`GpuRenderer::new`], within `limits`.
     fn with_limits(
         gpu: &Gpu,
         mut scene: Scene,
@@ -134,11 +134,12 @@ impl GpuRenderer {
         Ok(Picture { width: camera.width, height: camera.height, pixels })
     }
 
-    /// As [`GpuRenderer::render_async`], with the time of each stage; no stages if the device has no timestamps.
+    /// Renders like [`GpuRenderer::render_async`], and returns the time of each stage; no stages if the device has no
+    /// timestamps.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render_async`].
+    /// The errors of [`GpuRenderer::render_async`].
     pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         if self.gpu.has_timestamps() {
             self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
@@ -152,7 +153,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render_async`].
+    /// The errors of [`GpuRenderer::render_async`].
     pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         self.begin_rays(rays.iter().map(|ray| self.device_ray(ray)).collect())?;
         self.finish().await?;

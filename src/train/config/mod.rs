@@ -173,7 +173,7 @@ pub struct LeanConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {
-    /// They hold from the first estimate of the occupancy after this share of the steps on; 1: never. 0 is for runs that
+    /// Share of the steps after whose next estimate of the occupancy these settings hold; 1: never. 0 is for runs that
     /// begin with a trained scene: where all this is left out, its occupancy stays.
     pub from: f64,
     /// See [`Rules::min_transmittance`].

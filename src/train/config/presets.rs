@@ -14,7 +14,8 @@ const BEST_STEPS: u64 = 39_000;
 const BEST_BATCH: usize = 2048;
 /// The factor by which learning rates fall over a run (paper, Implementation).
 const DECAY: f64 = 0.1;
-/// The same for the best quality, and the share of its steps at the end in which learning rates fall to 0.
+/// The factor by which learning rates of the best quality fall over a run
+/// (docs/experiments/2026-11-26-learning-rates.md).
 const BEST_DECAY: f64 = 0.25;
 const BEST_COOLDOWN: f64 = 0.15;
 /// The most that one percent of the parameters may cost, in dB: half of the parameters cost 0.1 dB.
@@ -122,7 +123,7 @@ impl TrainConfig {
         Ok(preset)
     }
 
-    /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
+    /// This run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
     /// hardly any density has grown by then, and no march of the end begins before step 1000.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;

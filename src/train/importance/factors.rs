@@ -46,7 +46,7 @@ impl BlockImportance {
         }
     }
 
-    /// The same laid out as the scene's factors.
+    /// These importances laid out as the scene's factors: also of components that the field does not hold, as 0.
     fn dense(&self, factors: &FieldFactors<f32>) -> Self {
         let held = factors.held();
         let mut components = vec![0.0; held.tensors() * held.rank()];

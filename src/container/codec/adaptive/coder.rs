@@ -60,7 +60,7 @@ impl Counter {
         self.0 = moved + u32::from(seen < MEMORY - 1);
     }
 
-    /// As [`Counter::learn`], without a branch.
+    /// Learns `bit` like [`Counter::learn`], without a branch.
     #[inline(always)]
     fn learn_even(&mut self, bit: bool) {
         let (probability, seen) = (self.0 >> SEEN_BITS, self.seen());
@@ -80,7 +80,7 @@ pub(super) trait Coder {
     /// `counters` learn it.
     fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool;
 
-    /// As [`Coder::code_in`], for a bit that no processor can expect: a decoder does not branch on it.
+    /// Codes a bit like [`Coder::code_in`] whose value no processor can predict: a decoder does not branch on it.
     fn code_even(&mut self, bit: bool, counter: &mut Counter) -> bool;
 
     /// True for a decoder that is behind the end of its bytes: what it would still read does not matter.
@@ -296,7 +296,7 @@ mod tests {
         (0..count).map(|n| random.uniform(n) < 0.125).collect()
     }
 
-    /// In `contexts` contexts by turns.
+    /// `bits` encoded in `contexts` contexts by turns.
     fn encoded(bits: &[bool], contexts: usize) -> Vec<u8> {
         let (mut encoder, mut counters) = (Encoder::new(), vec![Counter::default(); contexts]);
         for (n, &bit) in bits.iter().enumerate() {
