@@ -1,4 +1,4 @@
-// Cells in which samples can count (spec 4.8), one bit per cell, in bricks of 4³ cells that know their distance to the
+// Cells in which samples can count (spec 4.8), one bit per cell, in bricks of 4³ cells that store their distance to the
 // nearest such cells. Twin: src/field/cells.rs.
 
 // A span of a ray's path over which occupancy does not change.

@@ -16,7 +16,7 @@ use tempfile::TempDir;
 const SIZE: [u32; 2] = [24, 16];
 const PHOTOGRAPHS: usize = 10;
 
-/// Cameras around the origin: all layouts can say these.
+/// Cameras around the origin: all layouts can express these.
 fn cameras() -> Vec<Camera> {
     let place = |n: usize| {
         let angle = 0.6 * n as f64;

@@ -31,7 +31,7 @@ struct Frame {
     transform_matrix: [[f64; 4]; 4],
 }
 
-/// Writes the `refined` cameras of `views`, and says how far they moved.
+/// Writes the `refined` cameras of `views`, and prints how far they moved.
 pub(super) fn write(path: &Path, views: &[View], refined: &[Camera], session: &Session) -> Result<(), Error> {
     let frame = |(view, camera): (&View, &Camera)| Frame {
         file_path: view.name.clone(),

@@ -1,4 +1,4 @@
-//! The table that says per scale what a scene is made of.
+//! The table of what a scene is made of, a row per scale.
 
 use serde::Serialize;
 

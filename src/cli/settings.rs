@@ -226,7 +226,7 @@ impl Fitting {
         Ok((config, occupied, reasons))
     }
 
-    /// Fits `config` to the budget and prints as messages what was given up.
+    /// `config` and `occupied` fitted to photographs and budget; prints the reason of each choice as a message.
     pub(super) fn fit(
         &self,
         config: TrainConfig,

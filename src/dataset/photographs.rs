@@ -130,7 +130,7 @@ fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) ->
 }
 
 /// The cameras of the split `split` of `capture` that `options` select. `size` (columns and rows) is for pictures that do
-/// not exist and whose size the layout does not say.
+/// not exist and whose size is not in the layout's files.
 pub(super) fn cameras(
     capture: &Capture,
     split: &str,
@@ -158,8 +158,8 @@ fn existing<'a>(capture: &'a Capture, split: &str, options: &LoadOptions) -> Res
     fitted(&shots, &capture.listing, None, options)
 }
 
-/// `shots` with the cameras of their pictures. Pictures that do not exist are as large as the layout says, else as those
-/// that do, else of `size`.
+/// `shots` with the cameras of their pictures. Pictures that do not exist are as large as in the layout's files, else
+/// as those that do, else of `size`.
 fn fitted<'a>(
     shots: &[&'a Shot],
     listing: &Path,
@@ -182,7 +182,7 @@ fn fitted<'a>(
         .collect()
 }
 
-/// Checks that pictures whose size the layout does not say have one size.
+/// Checks that pictures whose size is not in the layout's files have one size.
 fn check_sizes<'a>(pictures: impl Iterator<Item = (&'a Shot, Header)>) -> Result<(), Error> {
     let mut unsized_pictures = pictures.filter(|(shot, _)| shot.intrinsics.size.is_none());
     let Some((first, Header { size: expected, .. })) = unsized_pictures.next() else { return Ok(()) };

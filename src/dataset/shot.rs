@@ -141,7 +141,7 @@ impl Intrinsics {
     }
 
     /// The focal lengths and the principal point, in pixels, for pictures of `size`. Pictures may have been made smaller
-    /// or larger than the layout says, as in COLMAP's `images_4`.
+    /// or larger than in the layout's files, as in COLMAP's `images_4`.
     pub(super) fn for_size(&self, size: [u32; 2]) -> ([f64; 2], [f64; 2]) {
         let declared = self.size.unwrap_or(size).map(f64::from);
         let scale = [0, 1].map(|a| f64::from(size[a]) / declared[a]);
@@ -205,7 +205,7 @@ pub(super) fn lens_of(model: &str, parameters: &[f64]) -> Option<Lens> {
     }
 }
 
-/// The camera models that [`lens_of`] knows, for messages.
+/// The camera models that [`lens_of`] supports, for messages.
 pub(super) const MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, SIMPLE_FISHEYE, \
     FISHEYE, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE or EQUIRECTANGULAR";
 

@@ -80,7 +80,7 @@ struct CameraKeys {
     p2: Option<f64>,
 }
 
-/// The photographs of `json`. `split` is that of all of them, if the file's name says so. Pictures that were made
+/// The photographs of `json`. `split` is that of all of them, if the file's name contains one. Pictures that were made
 /// `downscale` times smaller beforehand, as nerfstudio's in `images_4`, are used if they are there.
 pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<Capture, Error> {
     let transforms = Transforms::read(json)?;

@@ -1,5 +1,5 @@
-//! Cells in which samples can count (spec 4.8), one bit per cell, in bricks that know their distance to the nearest such
-//! cells: for lookup and for empty-space skipping. Twin: `shaders/cells.wgsl`.
+//! Cells in which samples can count (spec 4.8), one bit per cell, in bricks that store their distance to the nearest
+//! such cells: for lookup and for empty-space skipping. Twin: `shaders/cells.wgsl`.
 
 use glam::{DVec3, UVec3};
 

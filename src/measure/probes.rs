@@ -132,9 +132,9 @@ pub struct OverBudget {
 pub struct CheckedProbes {
     /// Probes that were traced before the deadline.
     pub traced: usize,
-    /// Errors of the reference.
+    /// Differences of the reference renderer to the probes.
     pub reference: ProbeReport,
-    /// Errors of the CPU renderer.
+    /// Differences of the CPU renderer to the probes.
     pub cpu: ProbeReport,
     /// Largest error of the density feature, as [`probe_density_error`] measures it, of the probes that were traced.
     pub density_error: f64,

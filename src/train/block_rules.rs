@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::field::FieldFactors;
 use crate::model::Form;
 
-/// What the optimizer needs to know of the factors of a block.
+/// The rules of the optimizer for the factors of a block.
 #[derive(Clone, Debug)]
 pub(super) struct BlockRules(Arc<Rules>);
 

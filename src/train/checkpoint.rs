@@ -32,7 +32,7 @@ pub struct Checkpoint {
     pub(super) factors: Vec<Vec<Moments<f32>>>,
     pub(super) networks: Moments<f32>,
     pub(super) worth: Worth,
-    /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] asks for it.
+    /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] is set.
     pub(super) psnr_at_start: Option<f64>,
     /// How factors are rounded, if they are; the scene beside the checkpoint then has the unrounded ones.
     pub(super) rounding: Option<Rounding>,

@@ -139,7 +139,7 @@ impl Refinement<'_> {
         Step { cost: cost(&here), reduced: reduced(system) }
     }
 
-    /// The best camera after a growth of its focal lengths, moved as `step` says or not, and its cost.
+    /// The best camera after a growth of its focal lengths, moved by `step` or not, and its cost.
     fn best(&self, step: &Step, growth: f64) -> (Camera, f64) {
         let mut by = [0.0; 7];
         by[GROWTH] = growth;

@@ -77,7 +77,7 @@ impl Trainer<'_> {
         self.field.set_space(&self.scene);
     }
 
-    /// Removes the tensors that meet no occupied cell, if the settings ask for it.
+    /// Removes the tensors that meet no occupied cell, if the settings enable it.
     fn drop_unoccupied(&mut self) {
         if self.config.prune {
             let mut scene = self.scene();

@@ -384,7 +384,7 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// The loss that `config` says, on `field`.
+/// The loss of `config`, on `field`.
 fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
     let mut backward = Backward::new(field);
     (backward.distance_weight, backward.sky_of_open_rays) = (config.distance_weight, true);

@@ -294,7 +294,7 @@ fn skies_of_every_degree_and_size() {
     }
 }
 
-/// Terms of a thousand that cancel: f32 does not resolve their sum, as the reference's condition says.
+/// Terms of a thousand that cancel: f32 does not resolve their sum, as the reference's condition shows.
 #[test]
 fn errors_of_canceling_factors_are_within_their_condition() {
     let size = 10.0;

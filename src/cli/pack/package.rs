@@ -297,7 +297,7 @@ fn pack(packing: &Packing<'_>, args: &Args, path: &Path) -> Result<(Vec<u8>, Qua
     }
 }
 
-/// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
+/// The requirements of the goal, with `reserved` bytes for what is beside the scene.
 fn find(
     packing: &Packing<'_>,
     args: &GoalArgs,

@@ -28,7 +28,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// The scene with the scales that `approximation` keeps, corrected as its file says.
+    /// The scene with the scales that `approximation` keeps, with the corrections of its file.
     pub(super) fn with_scales_of(&self, approximation: &Approximation) -> Scene {
         first_scales(self.scene.clone(), &self.prefixes, approximation.scales)
     }

@@ -58,7 +58,7 @@ pub(in crate::container) fn decompress(
     Ok(content)
 }
 
-/// What a frame's header says (RFC 8878, section 3.1.1.1), and nothing of its window.
+/// The contents of a frame's header (RFC 8878, section 3.1.1.1), and nothing of its window.
 struct Header {
     /// Bytes of the content, where they are declared.
     content: Option<u64>,
@@ -67,7 +67,7 @@ struct Header {
 
 impl Header {
     /// Reads the header that `frame` has after its magic number; what follows it. `None` where it is cut short, from the
-    /// future, or asks for a dictionary.
+    /// future, or needs a dictionary.
     fn read(frame: &[u8]) -> Option<(Self, &[u8])> {
         let (&descriptor, mut rest) = frame.split_first()?;
         let is_one_segment = descriptor & 0x20 != 0;

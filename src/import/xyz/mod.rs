@@ -1,4 +1,4 @@
-//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC, and Open3D's XYZN and XYZRGB, whose names tell their columns.
+//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC, and Open3D's XYZN and XYZRGB, whose names define their columns.
 //!
 //! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else runs of blanks. A
 //! line or comment before the numbers may name the columns. Without names, the first three columns are x, y and z. The

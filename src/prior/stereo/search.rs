@@ -23,7 +23,7 @@ const MIN_SIMILARITY: f32 = 0.75;
 const UNIQUE: f32 = 0.08;
 /// The widest peak, in depths from its top to either side.
 const WIDEST: usize = 8;
-/// The difference in pixels of another photograph that is less than what photographs tell.
+/// The difference in pixels of another photograph that is below the resolution of the photographs.
 const TOLERANCE: f64 = 0.5;
 
 /// The least similarity on a continued plane before it is refined.
@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
         (self.range[0] - self.range[1]) / self.pixels
     }
 
-    /// The difference of 1/depth that is less than what the photographs tell.
+    /// The difference of 1/depth that is below the resolution of the photographs.
     pub(super) fn tolerance(&self) -> f64 {
         TOLERANCE * self.pixel()
     }

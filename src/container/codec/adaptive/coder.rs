@@ -7,7 +7,7 @@ use crate::container::Error;
 
 /// Bits of a counter's probability.
 const PRECISION: u32 = 22;
-/// The most bits that a counter has seen: from then on it forgets the oldest.
+/// The most bits that a counter has seen: from then on the oldest lose their weight.
 const MEMORY: u32 = 255;
 
 /// Bits of a [`Counter`] for the bits seen.
@@ -108,7 +108,7 @@ fn width_of_one(width: u64, probability: u32) -> u64 {
     (width >> 16) * u64::from(probability)
 }
 
-/// True if an interval has fewer numbers than a word more would tell apart.
+/// True if an interval has fewer numbers than a word more would distinguish.
 #[inline(always)]
 fn is_narrow(width: u64) -> bool {
     width >> WORD_BITS == 0

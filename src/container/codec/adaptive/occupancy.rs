@@ -168,7 +168,7 @@ struct Contexts {
     /// Counters by the near neighbors, and by all.
     near: Vec<Counter>,
     all: Vec<Counter>,
-    /// \[surroundings unset, set\] the counter of the bit that says that a row differs from its surroundings.
+    /// \[surroundings unset, set\] the counter of the bit for whether a row differs from its surroundings.
     differs: [Counter; 2],
 }
 
