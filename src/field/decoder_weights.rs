@@ -69,6 +69,7 @@ impl<T: Real> FieldDecoder<T> {
     pub(super) fn own_color<S: Simd>(&self, simd: S, components: &[T]) -> [T; 3] {
         let (lanes, width) = (T::lanes::<S>(), components.len());
         let whole = width / lanes * lanes;
+        // Three sums at once, so that each component is loaded once.
         let mut sums = [T::splat(simd, T::zero()); 3];
         for first in (0..whole).step_by(lanes) {
             let values = T::load(simd, &components[first..]);
@@ -77,6 +78,7 @@ impl<T: Real> FieldDecoder<T> {
             }
         }
         let mut color = [T::total(simd, sums[0]), T::total(simd, sums[1]), T::total(simd, sums[2])];
+        // The rest one by one: a register would reach into the next row of the matrix.
         for c in whole..width {
             for (p, color) in color.iter_mut().enumerate() {
                 *color += components[c] * self.appearance[p * width + c];

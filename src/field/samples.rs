@@ -59,6 +59,8 @@ impl<T: Real> Contributions<T> {
     }
 
     fn clear(&mut self) {
+        // Overwritten later and not cleared, as part of a shorter march
+        // (docs/experiments/2026-11-26-frame-in-tiles.md).
         self.len = 0;
     }
 
@@ -66,6 +68,7 @@ impl<T: Real> Contributions<T> {
     #[inline(always)]
     pub(super) fn room(&mut self, count: usize) -> &mut [Contribution<T>] {
         let end = self.len + count;
+        // Twice as many, so that growing is rare.
         if self.list.len() < end {
             self.list.resize(2 * end, Contribution::default());
         }
