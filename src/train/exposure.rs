@@ -1,7 +1,8 @@
 //! Exposure and white balance of photographs: an affine map of the scene's colors for each, fitted while the scene trains.
 //!
-//! The maps follow in closed form from sums over the last batches, in which older rays count less and less. Their mean is
-//! the identity, so that the scene has the colors of the mean photograph.
+//! An affine map of least squares needs no learning rate. The maps follow in closed form from sums over the last
+//! batches, in which older rays count less and less. Their mean is the identity, so that the scene has the colors of
+//! the mean photograph.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};

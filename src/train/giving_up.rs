@@ -121,6 +121,8 @@ impl Trainer<'_> {
             {
                 moments.rearrange(block.held(), &held, &order);
                 block.rearrange(held, &order);
+                // Density components are a sum, in any order. Appearance components are columns of the matrix, which
+                // move along.
                 if b < of_density {
                     continue;
                 }

@@ -6,6 +6,9 @@ use crate::container::{NetworkSteps, step, step_code};
 use crate::field::{Field, FieldDecoder};
 
 /// Bits of the numbers of matrices and decoder in a file.
+/// The bytes of finer weights are missing elsewhere in a small file
+/// (docs/experiments/2026-11-27-noise-and-tables.md). Rounding costs 0.03 dB at most
+/// (docs/experiments/2026-11-27-rounded-networks.md).
 pub const NETWORK_BITS: u8 = 8;
 
 /// The largest integer of these bits.

@@ -1,6 +1,7 @@
 //! Square blocks of pixels.
 
 /// Pixels along the sides of a block.
+/// Blocks of 4×4 pixels are no better (docs/experiments/2026-11-26-rays-by-error.md).
 const BLOCK_SIDE: u32 = 8;
 
 /// The blocks of photographs.

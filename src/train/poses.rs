@@ -1,10 +1,11 @@
 //! Refinement of camera poses, and of focal lengths, while a scene trains.
 //!
 //! Every so many steps, each photograph's camera takes a damped Gauss-Newton step toward the pose at which the scene looks
-//! most like the photograph, on random pixels. The derivatives of colors by the pose are central differences of rendered
+//! most like the photograph, on random pixels. Steps of second order are few, and the field needs no derivative by
+//! position, which jumps between cells. The derivatives of colors by the pose are central differences of rendered
 //! colors, half a pixel to either side: they are exact where factors are linear, smooth out what is finer than a pixel,
-//! and need nothing of the field but its colors. Focal lengths grow by one factor for all photographs, which is found with
-//! the poses eliminated: a camera that zooms out and moves closer sees nearly the same.
+//! and need nothing of the field but its colors. Focal lengths grow by one factor for all photographs, which is found
+//! with the poses eliminated: a camera that zooms out and moves closer sees nearly the same.
 
 use glam::{DMat3, DVec3};
 

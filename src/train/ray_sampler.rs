@@ -62,6 +62,7 @@ impl<'a> RaySampler<'a> {
             let camera = &self.cameras[v];
             let first = self.firsts[v] + u64::from(row * camera.width);
             let counts = |column: u32| self.views[v].counts((row * camera.width + column) as usize);
+            // A sky learns from rays that meet nothing.
             let is_active = |column: &u32| {
                 let Some(ray) = camera.ray(*column, row).filter(|_| counts(*column)) else { return false };
                 vectorized(
@@ -151,6 +152,8 @@ impl<'a> RaySampler<'a> {
     /// active, each comes once before any comes again.
     pub fn pixel(&self, order: &Random, draw: u64) -> u64 {
         let active = self.active.len() as u64;
+        // A permutation that is computed, not stored: any draw is known from its index, so that runs resume and
+        // threads share nothing.
         self.active.member(order.substream(draw / active).permuted(draw % active, active))
     }
 

@@ -3,6 +3,9 @@
 //! A factor is an integer times the step of its component. The gradient at the rounded factors moves the unrounded ones
 //! (straight-through estimation; Bengio, Léonard and Courville, 2013). To the loss comes what the integers cost in the
 //! file: their bits, estimated from the differences to their predictions along a vector (spec 2.5).
+//!
+//! Factors are rounded from the first step on. Noise of a step's width in their place, for some of the steps, is no
+//! better (docs/experiments/2026-11-27-noise-and-tables.md).
 
 use std::ops::Range;
 
@@ -10,6 +13,7 @@ use crate::container::step;
 use crate::field::{Field, FieldFactors, FieldScale, HeldComponents};
 
 /// An integer that differs from its prediction by e takes log₂(1 + `GROWTH`·e²)/2 bits more than one that does not.
+/// The coder's own tables in place of this formula gain nothing (docs/experiments/2026-11-27-noise-and-tables.md).
 const GROWTH: f32 = 8.0;
 /// The share of a number that predicts the next one of its vector.
 const PREDICTED: f32 = 0.8;
@@ -108,6 +112,7 @@ impl UnroundedTensor<'_> {
         optimizer: impl FnOnce(&mut [f32], &[f32]),
     ) {
         let Some(unrounded) = unrounded else { return optimizer(factors, gradients) };
+        // Before the optimizer: bits are a part of the loss.
         unrounded.add_bits(bit, vectors, gradients);
         optimizer(unrounded.factors, gradients);
         unrounded.round(factors);

@@ -269,6 +269,7 @@ impl<'a> Trainer<'a> {
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimizer);
+        // A stage that all threads work on is booked as core seconds, like those that tasks time themselves.
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
         let square_weight = lean::square_weight(mean_squared_error, weighted, rays.len());
         self.update_factors(square_weight, &mut clock.work);
@@ -283,8 +284,12 @@ impl<'a> Trainer<'a> {
     fn adam(&self, start: f64, weight_decay: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
+        // Exponential. Along a cosine it brought nothing (docs/experiments/2026-11-21-training-settings.md).
         let decay = self.config.learning_rate_decay.powf(along);
         let left = (self.last_step + 1).saturating_sub(self.checkpoint.step) as f64;
+        // Training rays gain 1.1 dB over the cooldown at full size: much of the error of late steps is their noise
+        // (docs/experiments/2026-11-26-adam.md). Means of parameters do no better
+        // (docs/experiments/2026-11-27-averages.md).
         let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
         Adam::new(start * decay * cooled, weight_decay, since_restart)
     }
@@ -294,6 +299,8 @@ impl<'a> Trainer<'a> {
         let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
+        // Gradients at the rounded weights move the unrounded ones, or steps below half a rounding step would be
+        // lost.
         let mut unrounded = self.unrounded_networks.as_mut().map_or(&mut [][..], UnroundedNetworks::values_mut);
         let Moments { first, second } = &mut self.checkpoint.networks;
         let mut at = 0;
@@ -325,6 +332,7 @@ impl<'a> Trainer<'a> {
         for (s, (scale, geometries)) in self.field.scales.iter_mut().zip(geometries).enumerate() {
             let tensors = scale.len();
             let unrounded = Unrounded::of_scale(&mut self.unrounded, s, scale);
+            // Taken out, because the factors are borrowed to be changed.
             let centers = std::mem::take(&mut scale.centers);
             let states = self.checkpoint.factors[s].iter_mut().zip(&mut self.checkpoint.worth.rises[s]);
             let mut updates = Vec::with_capacity(geometries.len() * tensors);
@@ -353,6 +361,8 @@ impl<'a> Trainer<'a> {
                         #[inline(always)]
                         || {
                             let is_of_density = geometry.appearance.is_none();
+                            // Appearance without a gradient stays as it is, so a tensor without shaded samples needs
+                            // no pass at all. Density has a gradient everywhere, that of its size.
                             if !is_of_density && !gradient.has_samples {
                                 return;
                             }
@@ -361,6 +371,7 @@ impl<'a> Trainer<'a> {
                                 add_squares(rises, values, gradients, rules.first_factor_rows(), square_weight);
                             }
                             rules.add_gradients(values, gradients);
+                            // Adam follows at once, while the tensor and its gradient are in the cache.
                             UnroundedTensor::update(
                                 unrounded,
                                 bit,
