@@ -98,6 +98,7 @@ impl GpuRenderer {
             SceneBuffer::Chunks(chunks.map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage)).collect())
         };
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        // Software devices end long loops early; others march a ray in one pass.
         let strides = match gpu.info().device_type {
             wgpu::DeviceType::Cpu => (MAX_ITERATIONS / packed.iterations_per_sample).max(1),
             _ => u32::MAX,
@@ -179,6 +180,7 @@ impl GpuRenderer {
     pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
         if !camera.lens.is_pinhole() {
             // The device inverts no distortion. A pixel without a ray has an empty one.
+            // A negative unit of spacing marks it, so that it does not see the sky.
             let unseen = DeviceRay { direction: [0.0, 0.0, 1.0], scale: -1.0, ..DeviceRay::default() };
             let ray = |ray: Option<Ray>| ray.map_or(unseen, |ray| self.device_ray(&ray));
             return self.begin_rays(camera.rays(0..camera.height).map(ray).collect());
@@ -189,6 +191,8 @@ impl GpuRenderer {
         self.reserve(rays, u64::from(camera.width) * u64::from(camera.height))?;
         let axis = |column: usize| camera.world_from_camera.col(column).to_array().map(|v| v as f32);
         let frame = Frame {
+            // Relative to the origin in f64, then rounded: a scene's place in the world costs no precision
+            // (docs/numerics.md).
             position: (camera.position - self.origin).to_array().map(|v| v as f32),
             width: camera.width,
             right: axis(0),
@@ -279,6 +283,7 @@ impl GpuRenderer {
         }
         let batch_rays = rays.min(u64::from(self.gpu.max_batch_rays())).max(u64::from(RAY_LANES));
         let batch_rays = (batch_rays as u32).next_multiple_of(RAY_LANES);
+        // Buffers only grow, so that pictures of changing size do not allocate each time.
         if self.workspace.batch_rays() < batch_rays || self.workspace.pixel_count() < pixels {
             let batch_rays = batch_rays.max(self.workspace.batch_rays());
             let pixels = pixels.max(self.workspace.pixel_count());
