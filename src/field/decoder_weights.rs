@@ -39,6 +39,7 @@ impl<T: Real> FieldDecoder<T> {
         let convert = |values: &[f32]| values.iter().map(|&v| T::of_f32(v)).collect::<Vec<T>>();
         let features = scene.features() as usize;
         let mut appearance = Vec::new();
+        // Side by side, so that all scales are one matrix product.
         for p in 0..features {
             for scale in &scene.scales {
                 let rank = scale.factors.appearance_rank() as usize;

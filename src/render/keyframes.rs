@@ -94,6 +94,7 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
     if bytes.len() as u64 > MAX_KEYFRAMES_BYTES {
         return Err(KeyframesError::TooLarge);
     }
+    // First the head alone, so that a file of another format or version is refused as such, not for a missing key.
     let Header { format, version } = serde_json::from_slice(bytes)?;
     if format != FORMAT {
         return Err(KeyframesError::Format(format));

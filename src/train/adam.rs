@@ -71,6 +71,7 @@ impl<T: Real> Adam<T> {
         /// read.
         const RUN: usize = 64;
         for (n, gradients) in gradients.chunks(RUN).enumerate() {
+            // A fold without an early end, which compiles to vector operations.
             if SKIP_ZEROS && !gradients.iter().fold(false, |any, &g| any | (g != T::zero())) {
                 continue;
             }

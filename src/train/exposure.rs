@@ -89,6 +89,8 @@ impl Exposures {
         let at = |share: f64| (share * steps as f64) as u64;
         if self.setting == Exposure::Auto {
             if step >= at(DECIDED_AT).max(1) {
+                // Decided once: photographs of one exposure lose on held-out photographs by maps of their own
+                // (docs/experiments/2026-11-25-exposure-poses.md).
                 self.setting = if self.gain() > WORTHWHILE { Exposure::On } else { Exposure::Off };
             }
         } else if step >= at(FITTED_FROM).max(1) && step.is_multiple_of(FIT_EVERY) {
@@ -112,6 +114,7 @@ impl Exposures {
         let mean: DMat3 = maps.iter().map(|map| share * map.matrix).sum();
         let offset: DVec3 = maps.iter().map(|map| share * map.offset).sum();
         for map in &mut maps {
+            // Otherwise scene and maps could drift together, without a change of any error.
             map.matrix += DMat3::IDENTITY - mean;
             map.offset -= offset;
         }

@@ -59,6 +59,7 @@ impl UnroundedNetworks {
         self.rows.iter().map(move |&length| {
             let (row, after) = rest.split_at(length);
             rest = after;
+            // The finest step that reaches the largest weight, in each step anew: weights grow in training.
             let largest = row.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
             (row, step_code(largest / LARGEST))
         })

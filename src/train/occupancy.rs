@@ -122,6 +122,7 @@ fn dense_vertices<T: Real>(
 
 /// Dilation by one vertex along x and y.
 fn spread_in_layer(layer: &[bool], width: usize, height: usize) -> Vec<bool> {
+    // Axis by axis: three looks for an axis instead of 27.
     let along_x: Vec<bool> = (0..layer.len())
         .map(|i| {
             let x = i % width;

@@ -91,6 +91,7 @@ fn inclusion_probabilities(errors: Vec<f64>, count: usize) -> Vec<f64> {
     let mut sizes = errors;
     let known = sizes.iter().copied().filter(|error| error.is_finite());
     let (number, sum) = known.fold((0, 0.0), |(number, sum), error| (number + 1, sum + error));
+    // Blocks without a ray so far count as the mean: they are neither avoided nor sought.
     let mean = if sum > 0.0 { sum / f64::from(number) } else { 1.0 };
     for size in &mut sizes {
         let relative = if size.is_finite() && sum > 0.0 { *size / mean } else { 1.0 };

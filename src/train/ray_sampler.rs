@@ -55,6 +55,7 @@ impl<'a> RaySampler<'a> {
 
     /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
     pub fn filter_rays<T: Real>(&mut self, field: &Field<T>) {
+        // Rows as tasks: photographs are too few and pixels too many.
         let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
             .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
             .collect();
@@ -179,6 +180,7 @@ impl<'a> RaySampler<'a> {
     pub fn ray(&self, pixel: u64, draw: u64) -> (Ray, Target) {
         let (view, column, row) = self.place(pixel);
         let ray = self.cameras[view].ray(column, row).expect("active pixels have a ray");
+        // By draw, so that a resumed run has the same backgrounds.
         let background = match &self.random {
             Some((random, transparent)) if transparent[view] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
             _ => self.background,

@@ -127,12 +127,15 @@ impl UnroundedTensor<'_> {
                 let is_first = row == vector.start;
                 for (c, &step) in self.steps.iter().enumerate() {
                     let at = row * rank + c;
+                    // A component of zeros has no step and no bits.
                     let per_step = if step > 0.0 { 1.0 / step } else { 0.0 };
                     let predicted = if is_first { 0.0 } else { PREDICTED * self.factors[at - rank] };
                     let e = (self.factors[at] - predicted) * per_step;
+                    // The derivative of log₂(1 + GROWTH·e²)/2.
                     let slope = scale * per_step * e / (1.0 + GROWTH * e * e);
                     gradients[at] += slope;
                     if !is_first {
+                        // A number also moves the prediction of the next one.
                         gradients[at - rank] -= PREDICTED * slope;
                     }
                 }

@@ -53,6 +53,7 @@ impl GpuRenderer {
         };
         back.unmap();
         let limit = self.workspace.blocks();
+        // No picture depends on passes or batches: rays that did not end are drawn anew.
         if counters.unfinished > 0 && counters.blocks <= limit {
             // Repeat these rays with twice the passes, which all later batches then have too.
             if u64::from(self.passes) * u64::from(self.strides) > MAX_STRIDES {

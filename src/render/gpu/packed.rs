@@ -45,6 +45,7 @@ impl Packed {
         let mut words = Words::default();
         let mut component_quads = 0;
         let has_matrices = field.scales.iter().any(|scale| scale.density.iter().any(|block| block.form() != Form::Cp));
+        // Scenes of three vectors alone have one block a scale, and shaders without branches for others.
         let blocks = if has_matrices { 3 } else { 1 };
         let scales: Vec<Scale> = (field.scales.iter())
             .map(|scale| {
@@ -99,6 +100,7 @@ fn shape_of(
         scales: scales.len() as u32,
         top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
         layers: layers.len() as u32,
+        // Sizes of shaders are those of the largest part, as arrays have constant lengths.
         inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
         output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
         component_quads: 0,
@@ -248,6 +250,7 @@ impl Words {
         let mut starts = vec![0];
         let mut candidates: Vec<[u32; 4]> = Vec::new();
         for list in index.candidates() {
+            // Center and tensor are one quad: a candidate is one load.
             candidates.extend(list.map(|([x, y, z], tensor)| [x.to_bits(), y.to_bits(), z.to_bits(), tensor]));
             starts.push(candidates.len() as u32);
         }
@@ -341,6 +344,7 @@ impl Words {
     fn appearance(&mut self, field: &Field<f32>, component_quads: u32) -> u32 {
         let decoder = &field.decoder;
         let (components, width) = (field.component_count(), decoder.features.next_multiple_of(4));
+        // Transposed and padded like the layers' weights.
         let mut transposed = vec![0.0; 4 * component_quads as usize * width];
         let (mut from, mut to) = (0, 0);
         for block in field.scales.iter().flat_map(|scale| &scale.appearance) {
