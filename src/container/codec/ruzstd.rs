@@ -93,8 +93,8 @@ impl Header {
         Some((Self { content, has_checksum: descriptor & 4 != 0 }, rest))
     }
 
-    /// The header, magic number included, of the same frame with a window of its `length` bytes: a declared window could ask
-    /// for more memory than the content ever fills.
+    /// The header, magic number included, of the same frame with a window of its `length` bytes: a declared window could
+    /// take more memory than the content ever fills.
     fn of_one_window(&self, length: usize) -> Vec<u8> {
         let descriptor = 0xe0 | u8::from(self.has_checksum) << 2;
         [&MAGIC[..], &[descriptor], &(length as u64).to_le_bytes()].concat()
